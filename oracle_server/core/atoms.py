@@ -1,0 +1,87 @@
+"""Atoms against signals: which hold at a step, and which values they bind.
+
+The engines see no signals: they get, for each atom of their formula, None where it does not hold, else the canonical
+texts of the values that its variables must have. Types, absence and numbers' spellings end here.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from json.encoder import encode_basestring_ascii
+
+from oracle_server.core.events import Signals
+from oracle_server.core.formula.tree import Any, Atom, Constraint, Ref, Scalar
+
+Match = tuple[str, ...] | None
+"""None: the atom does not hold; else the canonical values of its refs, in their order."""
+Matches = Sequence[Match]
+
+_ORDERED: dict[str, Callable[[float, float], bool]] = {
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+}
+
+
+def canonical(value: Scalar) -> str:
+    """The value as JSON text, one text for all equal values: 7 and 7.0 give `7`, "7" gives `"7"`."""
+    if isinstance(value, str):
+        return encode_basestring_ascii(value)
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float) and value.is_integer():
+        return str(int(value))
+    return str(value)
+
+
+def same(left: Scalar, right: Scalar) -> bool:
+    """Whether two values are equal: numbers by value, never to strings or booleans."""
+    return left == right and isinstance(left, bool) == isinstance(right, bool)
+
+
+def meets(constraint: Constraint, value: Scalar) -> bool:
+    """Whether a present value meets a constraint; a variable is met by every value."""
+    wanted = constraint.value
+    if isinstance(wanted, Any | Ref):
+        return True
+    if constraint.op == "==":
+        return same(value, wanted)
+    if constraint.op == "!=":
+        return not same(value, wanted)
+    if isinstance(value, str | bool) or isinstance(wanted, str | bool):
+        return False
+    return _ORDERED[constraint.op](value, wanted)
+
+
+@dataclass(frozen=True, slots=True)
+class AtomTest:
+    """What is left to test of an atom on one stream: `index` is the atom's place among those of its formula."""
+
+    index: int
+    constraints: tuple[Constraint, ...]
+    refs: tuple[str, ...]
+
+    def match(self, signals: Signals) -> Match:
+        """The values of the atom's refs where it holds, else None."""
+        for constraint in self.constraints:
+            value = signals.get(constraint.key)
+            if value is None or not meets(constraint, value):
+                return None
+        return tuple([canonical(signals[key]) for key in self.refs])
+
+
+def specialise(atoms: Sequence[Atom], known: Signals, possible: Callable[[str], bool]) -> tuple[AtomTest, ...]:
+    """The atoms that can hold on a stream, with what depends on the event alone.
+
+    `known` are the signals that every event of the stream has with the same value; `possible` says whether an
+    event of the stream can have a signal of that name at all.
+    """
+    tests = []
+    for index, atom in enumerate(atoms):
+        if all(meets(c, known[c.key]) if c.key in known else possible(c.key) for c in atom.constraints):
+            left = tuple(c for c in atom.constraints if c.key not in known)
+            tests.append(AtomTest(index, left, tuple(key for key, _ in atom.refs)))
+    return tuple(tests)

@@ -1,0 +1,43 @@
+"""What every engine is: something that is stepped through the judged events and says how its formula stands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+from oracle_server.core.atoms import Matches
+from oracle_server.core.formula.tree import Exists, Forall, Formula, Historically, Once
+from oracle_server.core.spec import Property
+from oracle_server.core.verdicts import Outcome
+
+
+class Engine(Protocol):
+    """The state of one formula in one session."""
+
+    def step(self, time: int, matches: Matches) -> Outcome:
+        """Judge the next step.
+
+        `time` is the step's time in nanoseconds, never less than the one before; `matches` has an entry for each
+        atom of the formula, in the order of `tree.atoms`. Raises `EngineError` where it can't judge any more.
+        """
+        ...
+
+
+EngineFactory = Callable[[Property], Engine]
+"""Makes a fresh engine for a property; may take tens of milliseconds."""
+
+
+def outcome(formula: Formula, holds: bool) -> Outcome:
+    """The outcome of a formula that holds or does not, final in the two plain cases.
+
+    An unbounded `historically` that failed can't mend and an unbounded `once` that held can't break, and no
+    quantifier before them changes that: a new value was among the ones not seen yet, and stood as they did.
+    """
+    while isinstance(formula, Exists | Forall):
+        formula = formula.body
+    match formula:
+        case Historically(_, bound) if bound.upper is None and not holds:
+            return Outcome.FALSE
+        case Once(_, bound) if bound.upper is None and holds:
+            return Outcome.TRUE
+    return Outcome.CURRENTLY_TRUE if holds else Outcome.CURRENTLY_FALSE

@@ -1,0 +1,79 @@
+"""What can be wrong, worded once.
+
+- `OracleError`
+    - `FormulaError`: a formula that can't be read, with its line and column
+    - `ExpressionError`: an expression of a spec that can't be read or is not allowed
+    - `SpecError`: a spec that is refused, with every problem found
+    - `TraceError`: a trace that can't be used
+    - `EngineError`: an engine that can't judge any more
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+
+class OracleError(Exception):
+    """The root: its text is fit to be shown to a person as it is."""
+
+
+class FormulaError(OracleError):
+    """A formula that can't be read; `line` and `column` count from 1 in the formula's own text."""
+
+    def __init__(self, message: str, line: int = 1, column: int = 1) -> None:
+        super().__init__(message)
+        self.message, self.line, self.column = message, line, column
+
+    def __str__(self) -> str:
+        return f"{self.line}:{self.column}: {self.message}"
+
+
+class ExpressionError(OracleError):
+    """A CEL expression that can't be read or is not allowed in a spec."""
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One thing that is wrong with a spec.
+
+    `path` is where it stands, as keys and list indexes; `within` is the line and column inside the text that
+    stands there, from 1, where that is known.
+    """
+
+    path: tuple[str | int, ...]
+    message: str
+    within: tuple[int, int] | None = None
+    severity: Literal["error", "warning"] = "error"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A problem with its place in a file; `line` and `column` count from 1."""
+
+    file: str
+    line: int
+    column: int
+    message: str
+    severity: Literal["error", "warning"] = "error"
+
+    def __str__(self) -> str:
+        mark = "warning: " if self.severity == "warning" else ""
+        return f"{self.file}:{self.line}:{self.column}: {mark}{self.message}"
+
+
+class SpecError(OracleError):
+    """A spec that is refused, with everything that was found."""
+
+    def __init__(self, findings: Sequence[Finding]) -> None:
+        super().__init__("\n".join(str(f) for f in findings))
+        self.findings = tuple(findings)
+
+
+class TraceError(OracleError):
+    """A trace that can't be used."""
+
+
+class EngineError(OracleError):
+    """An engine that can't judge any more: its verdicts are unknown from here on."""

@@ -1,0 +1,67 @@
+"""What was observed. Times are integer nanoseconds since the epoch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+from oracle_server.core.formula.tree import Scalar
+
+Kind = Literal["topic", "request", "response"]
+Order = Literal["publication", "arrival"]
+Signals = Mapping[str, Scalar]
+
+
+class StreamKey(NamedTuple):
+    """A stream of a spec: a topic, or the requests or the responses of a service."""
+
+    name: str
+    kind: Kind
+
+    def __str__(self) -> str:
+        return self.name if self.kind == "topic" else f"{self.name} {self.kind}s"
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """One observed message, request or response, as its monitor reported it.
+
+    `stamp` is the publication time, None where there is none; `seq` the monitor's own number; `call` ties a
+    request to its response; `source` names the publisher; `lost` counts the messages missed just before it;
+    `ask` says that the monitor waits for a decision.
+    """
+
+    stream: StreamKey
+    monitor: str
+    seq: int
+    stamp: int | None
+    arrived: int
+    data: object
+    source: str = ""
+    call: int | None = None
+    lost: int = 0
+    ask: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """An event with what is needed to judge it, once or again: its signals and its place in the order.
+
+    `failed` are the signals whose expressions failed; `stamp` is the publication time, or the arrival where
+    there was none; `skewed` was stamped too far ahead of its arrival, and is ordered at its arrival instead;
+    `late` is older than something already judged; `forced` was judged before its time for want of room.
+    """
+
+    event: Event
+    signals: Signals
+    failed: frozenset[str]
+    stamp: int
+    skewed: bool = False
+    late: bool = False
+    forced: bool = False
+
+    @property
+    def time(self) -> int:
+        """Where the event stands in the order of publication, in nanoseconds."""
+        return self.event.arrived if self.skewed else self.stamp

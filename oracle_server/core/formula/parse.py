@@ -1,0 +1,233 @@
+"""Text to tree: `parse_formula`. What is malformed, unbound, unused or too large is refused with its place."""
+
+from __future__ import annotations
+
+import math
+from decimal import Decimal
+from functools import cache
+from typing import Literal, TypeVar, cast
+
+from lark import Lark, Token, Transformer, UnexpectedInput, v_args
+from lark.exceptions import VisitError
+
+from oracle_server.core.errors import FormulaError
+from oracle_server.core.formula import tree
+from oracle_server.core.formula.grammar import RYE
+from oracle_server.core.formula.tree import ALL_PAST, Atom, Bound, Constraint, Formula, Ref
+
+Time = Literal["steps", "seconds"]
+
+MAX_TEXT = 16_384
+"""Longest formula, in characters."""
+MAX_DEPTH = 100
+"""Deepest nesting of a formula; every walk over a tree stays far from Python's recursion limit."""
+MAX_DISTANCE = 10**18
+"""Largest bound, in steps or nanoseconds (31 years)."""
+
+NANOSECONDS = {"ns": 1, "us": 10**3, "ms": 10**6, "s": 10**9, "min": 60 * 10**9, "h": 3600 * 10**9}
+
+_Quantifier = TypeVar("_Quantifier", tree.Exists, tree.Forall)
+
+
+def parse_formula(text: str, time: Time = "steps") -> Formula:
+    """Read a formula.
+
+    `time` decides what bounds count: judged events (`steps`, whole numbers) or nanoseconds (`seconds`, where the
+    text has seconds or carries units). Raises `FormulaError` with line and column.
+    """
+    if len(text) > MAX_TEXT:
+        raise FormulaError(f"the formula has {len(text)} characters; at most {MAX_TEXT} are read")
+    try:
+        parsed = cast("Formula", _parser(time).parse(text))
+    except UnexpectedInput as error:
+        raise _syntax_error(text, error) from None
+    except VisitError as error:
+        if isinstance(error.orig_exc, FormulaError):
+            raise error.orig_exc from None
+        raise
+    _check_depth(parsed)
+    _check_variables(parsed)
+    return parsed
+
+
+@cache
+def _parser(time: Time) -> Lark:
+    return Lark(RYE, parser="lalr", lexer="contextual", transformer=_Builder(time))
+
+
+def _syntax_error(text: str, error: UnexpectedInput) -> FormulaError:
+    found = error.token if hasattr(error, "token") else None
+    if found is None:
+        where = f"{text[error.pos_in_stream or 0 :][:1]!r} is not expected here"
+    elif found.type == "$END":
+        line = text.count("\n") + 1
+        return FormulaError("the formula ends too early", line, len(text) - text.rfind("\n"))
+    else:
+        shown = found if len(found) <= 40 else found[:40] + "…"
+        where = f"{str(shown)!r} is not expected here"
+    return FormulaError(f"{where}{_expected(error)}", error.line, error.column)
+
+
+_PLAIN = {
+    "LBRACE": "an atom '{…}'", "LPAR": "'('", "RPAR": "')'", "RBRACE": "'}'", "COMMA": "','", "COLON": "':'",
+    "NAME": "a name", "STRING": "a quoted string", "NUMBER": "a number", "VARIABLE": "a variable", "LSQB": "'['",
+    "RSQB": "']'", "DOT": "'.'", "LOWER": "a bound", "UPPER": "a bound", "_IMPLIES": "'->'", "_AND": "'and'",
+    "_OR": "'or'", "SINCE": "'since'",
+}  # fmt: skip
+
+
+def _expected(error: UnexpectedInput) -> str:
+    names = getattr(error, "accepts", None) or getattr(error, "allowed", None) or ()
+    words = dict.fromkeys(_PLAIN[name] for name in sorted(names) if name in _PLAIN)
+    return f"; expected {' or '.join(words)}" if words else ""
+
+
+def _check_depth(formula: Formula) -> None:
+    level: list[Formula] = [formula]
+    for _ in range(MAX_DEPTH):
+        level = [child for node in level for child in tree.children(node)]
+        if not level:
+            return
+    raise FormulaError(f"the formula is nested more than {MAX_DEPTH} deep")
+
+
+def _check_variables(formula: Formula) -> None:
+    _used(formula, frozenset())
+
+
+def _used(node: Formula, bound: frozenset[str]) -> frozenset[str]:
+    """The free variables of a node; refuses those that nothing binds and quantifiers that nothing uses."""
+    if isinstance(node, Atom):
+        for _, name in node.refs:
+            if name not in bound:
+                raise FormulaError(
+                    f"the variable '{name}' is free; bind it with exists[{name}]. or forall[{name}].",
+                    *node.at,
+                )
+        return frozenset(name for _, name in node.refs)
+    if isinstance(node, tree.Exists | tree.Forall):
+        used = _used(node.body, bound | {node.variable})
+        if node.variable not in used:
+            raise FormulaError(f"the variable '{node.variable}' is bound here and used nowhere", *node.at)
+        return used - {node.variable}
+    return frozenset().union(*(_used(child, bound) for child in tree.children(node)))
+
+
+@v_args(inline=True)
+class _Builder(Transformer[Token, Formula]):
+    """Builds the tree bottom-up while lark parses, so that no recursion depends on the text."""
+
+    def __init__(self, time: Time) -> None:
+        super().__init__()
+        self._time = time
+
+    negate, pre = tree.Not, tree.Pre
+    conjoin, disjoin, implies = tree.And, tree.Or, tree.Implies
+
+    def once(self, _word: Token, bound: Bound | None, operand: Formula) -> Formula:
+        return tree.Once(operand, bound or ALL_PAST)
+
+    def historically(self, _word: Token, bound: Bound | None, operand: Formula) -> Formula:
+        return tree.Historically(operand, bound or ALL_PAST)
+
+    def since(self, left: Formula, _word: Token, bound: Bound | None, right: Formula) -> Formula:
+        return tree.Since(left, right, bound or ALL_PAST)
+
+    def exists(self, word: Token, *parts: object) -> Formula:
+        return _quantify(tree.Exists, word, parts)
+
+    def forall(self, word: Token, *parts: object) -> Formula:
+        return _quantify(tree.Forall, word, parts)
+
+    def both_ends(self, lower: Token, upper: Token) -> Bound:
+        bound = Bound(self._distance(lower), self._distance(upper))
+        if bound.upper is not None and bound.upper < bound.lower:
+            raise FormulaError(f"the bound [{lower}:{upper}] is empty: {lower} is more than {upper}", *_place(lower))
+        return bound
+
+    def lower_end(self, lower: Token) -> Bound:
+        return Bound(self._distance(lower), None)
+
+    def upper_end(self, upper: Token) -> Bound:
+        return Bound(0, self._distance(upper))
+
+    def atom(self, brace: Token, *constraints: Constraint) -> Atom:
+        return Atom(constraints, _place(brace))
+
+    def key(self, token: Token) -> str:
+        return _unquoted(token)
+
+    def flag(self, key: str) -> Constraint:
+        return Constraint(key, "==", value=True)
+
+    def equal(self, key: str, value: tree.Scalar | tree.Any | Ref) -> Constraint:
+        return Constraint(key, "==", value)
+
+    def unequal(self, key: str, value: tree.Scalar) -> Constraint:
+        return Constraint(key, "!=", value)
+
+    def compare(self, key: str, op: Token, value: Token) -> Constraint:
+        return Constraint(key, str(op), self.number(value))  # type: ignore[arg-type]
+
+    def ref(self, name: Token) -> Ref:
+        return Ref(str(name))
+
+    def any_value(self) -> tree.Any:
+        return tree.Any.ANY
+
+    def string(self, token: Token) -> str:
+        return _unquoted(token)
+
+    def true(self, _word: Token) -> bool:
+        return True
+
+    def false(self, _word: Token) -> bool:
+        return False
+
+    def number(self, token: Token) -> int | float:
+        if len(token) > 40:
+            raise FormulaError(f"the number {token[:20]}… is too long", *_place(token))
+        if str(token).lstrip("-").isdigit():
+            return int(token)
+        value = float(token)
+        if not math.isfinite(value):
+            raise FormulaError(f"the number {token} is too large", *_place(token))
+        return value
+
+    def _distance(self, token: Token) -> int:
+        text = str(token)
+        if len(text) > 40:
+            raise FormulaError(f"the bound {text[:20]}… is too long", *_place(token))
+        digits = text.rstrip("abcdefghijklmnopqrstuvwxyz")
+        unit = text[len(digits) :]
+        if self._time == "steps":
+            if unit or not digits.isdigit():
+                raise FormulaError(
+                    f"the bound '{text}' is not a number of steps; with `time: steps` write a whole number of judged "
+                    "events, with `time: seconds` a duration",
+                    *_place(token),
+                )
+            distance = int(digits)
+        else:
+            exact = Decimal(digits) * NANOSECONDS[unit or "s"]
+            distance = int(exact)
+            if distance != exact:
+                raise FormulaError(f"the bound '{text}' is finer than a nanosecond", *_place(token))
+        if distance > MAX_DISTANCE:
+            raise FormulaError(f"the bound '{text}' is too large", *_place(token))
+        return distance
+
+
+def _quantify(kind: type[_Quantifier], word: Token, parts: tuple[object, ...]) -> Formula:
+    *names, body = parts
+    for name in reversed(names):
+        body = kind(str(name), body, _place(word))  # type: ignore[arg-type]
+    return body  # type: ignore[return-value]
+
+
+def _place(token: Token) -> tree.Position:
+    return (token.line or 1, token.column or 1)
+
+
+def _unquoted(token: Token) -> str:
+    return str(token[1:-1] if token.type == "STRING" else token)

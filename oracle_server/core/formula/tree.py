@@ -1,0 +1,170 @@
+"""The tree of a formula. Every node is an immutable value; where it stood in the text does not count as part of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Literal
+
+Position = tuple[int, int]
+"""Line and column in the formula's text, both from 1."""
+
+Scalar = str | bool | int | float
+
+
+class Any(Enum):
+    """The value of a constraint that any present value meets: `{key: *}`."""
+
+    ANY = "*"
+
+
+@dataclass(frozen=True, slots=True)
+class Ref:
+    """A quantified variable in a constraint: `{key: *name}`."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Constraint:
+    """One `key op value` of an atom."""
+
+    key: str
+    op: Literal["==", "!=", "<", "<=", ">", ">="]
+    value: Scalar | Any | Ref
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """Distances from now, both ends included: judged events under `time: steps`, nanoseconds under `time: seconds`."""
+
+    lower: int = 0
+    upper: int | None = None
+
+
+ALL_PAST = Bound()
+
+
+@dataclass(frozen=True, slots=True)
+class Atom:
+    """`{k: v, …}`: holds where the step's signals meet every constraint."""
+
+    constraints: tuple[Constraint, ...]
+    at: Position = field(default=(1, 1), compare=False)
+
+    @property
+    def refs(self) -> tuple[tuple[str, str], ...]:
+        """The (key, variable) pairs that quantifiers bind, in their order."""
+        return tuple((c.key, c.value.name) for c in self.constraints if isinstance(c.value, Ref))
+
+
+@dataclass(frozen=True, slots=True)
+class Not:
+    """`not φ`."""
+
+    operand: Formula
+
+
+@dataclass(frozen=True, slots=True)
+class And:
+    """`φ and ψ`."""
+
+    left: Formula
+    right: Formula
+
+
+@dataclass(frozen=True, slots=True)
+class Or:
+    """`φ or ψ`."""
+
+    left: Formula
+    right: Formula
+
+
+@dataclass(frozen=True, slots=True)
+class Implies:
+    """`φ -> ψ`."""
+
+    left: Formula
+    right: Formula
+
+
+@dataclass(frozen=True, slots=True)
+class Pre:
+    """`pre φ`: there is a step before this one and φ held there."""
+
+    operand: Formula
+
+
+@dataclass(frozen=True, slots=True)
+class Once:
+    """`once[a:b] φ`."""
+
+    operand: Formula
+    bound: Bound = ALL_PAST
+
+
+@dataclass(frozen=True, slots=True)
+class Historically:
+    """`historically[a:b] φ`."""
+
+    operand: Formula
+    bound: Bound = ALL_PAST
+
+
+@dataclass(frozen=True, slots=True)
+class Since:
+    """`φ since[a:b] ψ`."""
+
+    left: Formula
+    right: Formula
+    bound: Bound = ALL_PAST
+
+
+@dataclass(frozen=True, slots=True)
+class Exists:
+    """`exists[x]. φ`, over all values: those seen so far and those not seen yet."""
+
+    variable: str
+    body: Formula
+    at: Position = field(default=(1, 1), compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Forall:
+    """`forall[x]. φ`, over all values: those seen so far and those not seen yet."""
+
+    variable: str
+    body: Formula
+    at: Position = field(default=(1, 1), compare=False)
+
+
+Formula = Atom | Not | And | Or | Implies | Pre | Once | Historically | Since | Exists | Forall
+
+
+def children(node: Formula) -> tuple[Formula, ...]:
+    """The direct sub-formulas of a node, from left to right."""
+    match node:
+        case Atom():
+            return ()
+        case Not(operand) | Pre(operand) | Once(operand) | Historically(operand):
+            return (operand,)
+        case And(left, right) | Or(left, right) | Implies(left, right) | Since(left, right):
+            return (left, right)
+        case Exists(_, body) | Forall(_, body):
+            return (body,)
+
+
+def walk(formula: Formula) -> Iterator[Formula]:
+    """Every node of a formula, itself first, from left to right."""
+    stack = [formula]
+    while stack:
+        node = stack.pop()
+        yield node
+        stack.extend(reversed(children(node)))
+
+
+def atoms(formula: Formula) -> tuple[Atom, ...]:
+    """The different atoms of a formula, each once, in the order of their first appearance."""
+    return tuple(dict.fromkeys(node for node in walk(formula) if isinstance(node, Atom)))

@@ -1,0 +1,186 @@
+"""What `check` refuses or warns of: specs that can be read, and would not do what their author wants."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from oracle_server.core.errors import ExpressionError, Problem
+from oracle_server.core.events import StreamKey
+from oracle_server.core.expressions import parse_expression
+from oracle_server.core.formula.render import render_atom
+from oracle_server.core.formula.tree import Atom, atoms
+from oracle_server.core.plan import can_meet, has_reserved
+from oracle_server.core.signals import RESERVED
+from oracle_server.core.spec import Spec, StreamSpec
+from oracle_server.core.withholding import mendable
+
+
+def inspect(spec: Spec) -> list[Problem]:
+    """Everything that is wrong or doubtful in a spec that could be read."""
+    return [
+        *_duplicates(spec),
+        *_signals(spec),
+        *_filters(spec),
+        *_guards(spec),
+        *_atoms(spec),
+        *_deadlocks(spec),
+        *_not_yet(spec),
+    ]
+
+
+def _duplicates(spec: Spec) -> Iterator[Problem]:
+    seen: set[StreamKey] = set()
+    names: dict[str, str] = {}
+    for i, stream in enumerate(spec.streams):
+        side = "topic" if stream.kind == "topic" else "service"
+        if stream.key in seen or names.setdefault(stream.name, side) != side:
+            yield Problem(("streams", i, side), f"'{stream.name}' stands here a second time")
+        seen.add(stream.key)
+    ids: set[str] = set()
+    for i, prop in enumerate(spec.properties):
+        if prop.id in ids:
+            yield Problem(("properties", i, "id"), f"the id '{prop.id}' stands here a second time")
+        ids.add(prop.id)
+
+
+def _signals(spec: Spec) -> Iterator[Problem]:
+    holders: dict[str, str] = {}
+    for i, stream in enumerate(spec.streams):
+        for name, text in (stream.signals or {}).items():
+            path = ("streams", i, "signals", name)
+            if name in RESERVED:
+                yield Problem(path, f"the signal '{name}' is reserved; give yours another name")
+            try:
+                parse_expression(text)
+            except ExpressionError as error:
+                yield Problem(path, f"signal '{name}': {error}")
+        for name in sorted(stream.hold):
+            if stream.signals is not None and name not in stream.signals:
+                yield Problem(("streams", i, "hold"), f"'{name}' is held, but is no signal of {stream.key}")
+            if name in RESERVED:
+                yield Problem(("streams", i, "hold"), f"the signal '{name}' is reserved and can't be held")
+            if holders.setdefault(name, str(stream.key)) != str(stream.key):
+                yield Problem(("streams", i, "hold"), f"'{name}' is held by {holders[name]} already")
+
+
+def _filters(spec: Spec) -> Iterator[Problem]:
+    guarded = frozenset[str]().union(*(p.guards for p in spec.properties))
+    max_delay = spec.ordering.max_delay
+    for i, stream in enumerate(spec.streams):
+        if stream.action != "filter" or stream.kind == "response":
+            continue
+        if stream.name not in guarded:
+            yield Problem(
+                ("streams", i, "action"),
+                f"{stream.name} is filtered, but no property guards it; name it under `guards`",
+            )
+        if stream.ordered and spec.ordering.by != "arrival":
+            if max_delay is not None and stream.decide_within <= max_delay:
+                yield Problem(
+                    ("streams", i, "decide_within"),
+                    f"decide_within of {stream.name} must exceed max_delay, for which an event may wait for older ones",
+                )
+            if max_delay is None:
+                message = f"with `max_delay: none` a decision on {stream.name} can take longer than decide_within"
+                yield Problem(("streams", i, "decide_within"), message, severity="warning")
+
+
+def _guards(spec: Spec) -> Iterator[Problem]:
+    by_name = {stream.name: stream for stream in spec.streams}
+    for i, prop in enumerate(spec.properties):
+        path = ("properties", i, "guards")
+        for name in sorted(prop.guards):
+            stream = by_name.get(name)
+            if stream is None:
+                yield Problem(path, f"property '{prop.id}' guards '{name}', which is no stream of this spec")
+            elif stream.action != "filter":
+                yield Problem(path, f"property '{prop.id}' guards {name}, whose action is `log`: it could deny nothing")
+            elif not mendable(spec, prop, name):
+                yield Problem(
+                    path,
+                    f"property '{prop.id}' can be negative at an event of {name} that withholding would not mend: "
+                    "it would then deny what is not to blame",
+                    severity="warning",
+                )
+
+
+def _atoms(spec: Spec) -> Iterator[Problem]:
+    held = frozenset[str]().union(*(s.hold for s in spec.streams))
+    for i, prop in enumerate(spec.properties):
+        for atom in atoms(prop.formula):
+            reason = _why_never(atom, spec, held)
+            if reason:
+                yield Problem(("properties", i, "formula"), f"formula of '{prop.id}': {reason}", atom.at)
+
+
+def _why_never(atom: Atom, spec: Spec, held: frozenset[str]) -> str | None:
+    """Why an atom names something that the spec does not have, None where it is sound."""
+    for constraint in atom.constraints:
+        if constraint.key in ("topic", "service") and constraint.op == "==" and isinstance(constraint.value, str):
+            names = sorted({s.name for s in spec.streams if (s.kind == "topic") == (constraint.key == "topic")})
+            if constraint.value not in names:
+                known = ", ".join(names) or "none"
+                return f"{constraint.key} '{constraint.value}' is no stream of this spec; it has {known}"
+    streams = [s for s in spec.streams if can_meet(s, atom)]
+    if not streams:
+        return f"no event of this spec can meet {render_atom(atom)}"
+    for constraint in atom.constraints:
+        if not any(_has(s, constraint.key, held) for s in streams):
+            where = ", ".join(str(s.key) for s in streams)
+            declared = sorted({name for s in streams for name in s.signals or ()} | held)
+            return f"unknown signal '{constraint.key}'; {where} declares {', '.join(declared) or 'none'}"
+    if not any(all(_has(s, c.key, held) for c in atom.constraints) for s in streams):
+        return f"no event of this spec has all the signals of {render_atom(atom)}"
+    return None
+
+
+def _has(stream: StreamSpec, key: str, held: frozenset[str]) -> bool:
+    if key in RESERVED:
+        return has_reserved(stream, key)
+    return stream.signals is None or key in stream.signals or key in held
+
+
+def _deadlocks(spec: Spec) -> Iterator[Problem]:
+    """With `max_delay: none`, a filtered stream must not wait for a stream that can't speak before it has passed."""
+    streams = {s.name: s for s in spec.streams}
+    for i, stream in enumerate(spec.streams):
+        if stream.kind == "response":
+            continue
+        for name in stream.causes:
+            if name not in streams:
+                yield Problem(
+                    ("streams", i, "causes"),
+                    f"{stream.name} causes '{name}', which is no stream of this spec",
+                )
+        if stream.action != "filter" or not stream.ordered or spec.ordering.max_delay is not None:
+            continue
+        for path in _consequences(stream.name, streams):
+            if streams[path[-1]].ordered:
+                chain = " -> ".join((*path, path[0]))
+                yield Problem(
+                    ("streams", i, "causes"),
+                    f"deadlock: {chain}: a message on {path[0]} waits in the order for {path[-1]}, which can't "
+                    "speak before that message has passed; give `max_delay` an end, or take one of them out with "
+                    "`ordered: false`",
+                )
+
+
+def _consequences(start: str, streams: dict[str, StreamSpec]) -> Iterator[tuple[str, ...]]:
+    """The paths along `causes` from a stream to each one that depends on it."""
+    seen, todo = {start}, [tuple[str, ...]([start])]
+    while todo:
+        path = todo.pop()
+        for name in streams[path[-1]].causes:
+            if name in streams and name not in seen:
+                seen.add(name)
+                todo.append((*path, name))
+                yield (*path, name)
+
+
+def _not_yet(spec: Spec) -> Iterator[Problem]:
+    for i, stream in enumerate(spec.streams):
+        if stream.on_deny == "undo" and stream.kind != "response":
+            yield Problem(("streams", i, "on_deny"), "`on_deny: undo` is not in this version yet; `keep` is")
+    for i, prop in enumerate(spec.properties):
+        if prop.blame == "caused":
+            yield Problem(("properties", i, "blame"), "`blame: caused` is not in this version yet; `any` is")

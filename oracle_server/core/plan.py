@@ -1,0 +1,106 @@
+"""A spec made ready for judging: what each stream's messages show, and which atoms can hold there.
+
+A plan is shared by all sessions of its spec; it holds no state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from oracle_server.core.atoms import AtomTest, specialise
+from oracle_server.core.events import StreamKey
+from oracle_server.core.formula.tree import Atom, Scalar, atoms
+from oracle_server.core.signals import RESERVED, DefaultProjection, Projection
+from oracle_server.core.spec import Spec, StreamSpec
+
+
+class Projects(Protocol):
+    """Computes a message's signals, and the names of those that failed."""
+
+    @property
+    def fields(self) -> frozenset[str] | None:
+        """The dotted paths of the fields that are read, None for the whole message."""
+        ...
+
+    def __call__(self, message: object) -> tuple[dict[str, Scalar], frozenset[str]]:
+        """The signals by name, and the names of those that failed."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What one property sees of one stream: the atoms to test, and the signals whose failure makes it unknown.
+
+    `size` is the number of the formula's atoms, most of which can't hold on any one stream.
+    """
+
+    size: int
+    tests: tuple[AtomTest, ...]
+    reads: frozenset[str]
+
+
+@dataclass(frozen=True, slots=True)
+class StreamPlan:
+    """One stream made ready; `views` has an entry for each property, `guards` the indexes of those that guard it."""
+
+    spec: StreamSpec
+    project: Projects
+    constants: Mapping[str, Scalar]
+    views: tuple[View, ...]
+    guards: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A spec made ready, stream by stream."""
+
+    spec: Spec
+    streams: Mapping[StreamKey, StreamPlan]
+
+
+def plan(spec: Spec) -> Plan:
+    """Make a spec ready. Raises `ExpressionError` where an expression of its signals can't be read."""
+    formulas = tuple(atoms(p.formula) for p in spec.properties)
+    return Plan(spec, {s.key: _plan_stream(spec, s, formulas) for s in spec.streams})
+
+
+def constants(stream: StreamSpec) -> dict[str, Scalar]:
+    """The signals that every event of a stream has with the same value."""
+    return {"topic" if stream.kind == "topic" else "service": stream.name, "kind": stream.kind}
+
+
+def can_meet(stream: StreamSpec, atom: Atom) -> bool:
+    """Whether some event of a stream can meet an atom, as far as the reserved signals tell."""
+    return bool(specialise([atom], constants(stream), lambda key: key not in RESERVED or has_reserved(stream, key)))
+
+
+def has_reserved(stream: StreamSpec, key: str) -> bool:
+    """Whether every event of a stream has the reserved signal `key`."""
+    return key in constants(stream) or key == "monitor" or (key == "call" and stream.kind != "topic")
+
+
+def named_signals(stream: StreamSpec, formulas: tuple[tuple[Atom, ...], ...], held: frozenset[str]) -> frozenset[str]:
+    """The signals that some atom reads of a stream, with neither the reserved ones nor those that others hold."""
+    met = [atom for formula in formulas for atom in formula if can_meet(stream, atom)]
+    return frozenset(c.key for atom in met for c in atom.constraints) - RESERVED - (held - stream.hold)
+
+
+def _plan_stream(spec: Spec, stream: StreamSpec, formulas: tuple[tuple[Atom, ...], ...]) -> StreamPlan:
+    held = frozenset().union(*(s.hold for s in spec.streams))
+    project: Projects
+    if stream.signals is None:
+        names = named_signals(stream, formulas, held)
+        project = DefaultProjection(sorted(names))
+    else:
+        names = frozenset(stream.signals)
+        project = Projection(stream.signals)
+    known = constants(stream)
+    possible = names | held | {key for key in RESERVED if has_reserved(stream, key)}
+    views = []
+    for formula_atoms in formulas:
+        tests = specialise(formula_atoms, known, possible.__contains__)
+        views.append(View(len(formula_atoms), tests, frozenset(c.key for t in tests for c in t.constraints) - RESERVED))
+    guards = tuple(i for i, p in enumerate(spec.properties) if stream.name in p.guards)
+    return StreamPlan(stream, project, known, tuple(views), guards)

@@ -1,0 +1,168 @@
+"""The reorder buffer: events in, in the order of arrival; events out, in the order of publication.
+
+Each publisher's messages arrive in the order of publication, so its newest stamp is a frontier: nothing older will
+still come from it. An event leaves once the frontiers of all open streams have reached its stamp, or once it has
+waited `max_delay`, or for want of room. What Algorithm 1 of ROSMonitoring 2.0 has released by some arrival, this
+has too, in the same order.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Generic, TypeVar
+
+from oracle_server.core.events import StreamKey
+
+T = TypeVar("T")
+Source = tuple[str, StreamKey]
+"""A monitor and a stream that it observes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Released(Generic[T]):
+    """An item whose turn has come; `late` is older than one before it, `forced` left for want of room."""
+
+    item: T
+    late: bool = False
+    forced: bool = False
+
+
+@dataclass(slots=True)
+class _Frontier:
+    """What is known of one stream of one monitor: its clock and the newest stamp of each of its publishers."""
+
+    clock: int | None = None
+    publishers: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def reached(self) -> int | None:
+        """The time before which nothing can come from here any more; None while nothing is known."""
+        least = min(self.publishers.values(), default=None)
+        if least is None or self.clock is None:
+            return self.clock if least is None else least
+        return max(least, self.clock)
+
+
+class ReorderBuffer(Generic[T]):
+    """Holds items until their turn. All times are integer nanoseconds; every method returns what it releases."""
+
+    def __init__(self, max_delay: int | None, capacity: int) -> None:
+        """Hold items for `max_delay` at most, None for as long as it takes, and `capacity` items at most."""
+        self._max_delay = max_delay
+        self._capacity = capacity
+        self._frontiers: dict[Source, _Frontier] = {}
+        self._slowest: Source | None = None
+        self._limit: int | None = None
+        self._heap: list[tuple[int, int]] = []
+        self._held: dict[int, T] = {}
+        self._deadlines: deque[tuple[int, int, int]] = deque()
+        self._arrivals = 0
+        self.present: int | None = None
+        """The stamp of the newest item released; what is older comes late."""
+
+    def __len__(self) -> int:
+        return len(self._held)
+
+    @property
+    def next_deadline(self) -> int | None:
+        """When `advance` will next release something, None while nothing is held under a bound."""
+        while self._deadlines and self._deadlines[0][2] not in self._held:
+            self._deadlines.popleft()
+        return self._deadlines[0][0] if self._deadlines else None
+
+    @property
+    def frontiers(self) -> dict[Source, int | None]:
+        """Each open stream's frontier, None while it has not spoken."""
+        return {source: frontier.reached for source, frontier in self._frontiers.items()}
+
+    @property
+    def held(self) -> Iterable[T]:
+        """What is held, in the order of arrival."""
+        return self._held.values()
+
+    def open(self, monitor: str, streams: Iterable[StreamKey]) -> list[Released[T]]:
+        """Wait for these streams of a monitor from now on, and for no others of it."""
+        wanted = {(monitor, stream) for stream in streams}
+        for source in [s for s in self._frontiers if s[0] == monitor and s not in wanted]:
+            del self._frontiers[source]
+        for source in wanted:
+            self._frontiers.setdefault(source, _Frontier())
+        self._find_slowest()
+        return self._release()
+
+    def close(self, monitor: str) -> list[Released[T]]:
+        """Wait for a monitor's streams no more; what it sent stays."""
+        return self.open(monitor, ())
+
+    def push(self, item: T, source: Source, publisher: str, stamp: int, now: int) -> list[Released[T]]:
+        """Take an item that arrived now; returned at once where it is late."""
+        frontier = self._frontiers.get(source)
+        if frontier is None:
+            frontier = self._frontiers[source] = _Frontier()
+            self._find_slowest()
+        known = frontier.publishers.get(publisher)
+        if known is None or stamp > known:
+            frontier.publishers[publisher] = stamp
+            self._moved(source, new=known is None)
+        if self.present is not None and stamp < self.present:
+            return [Released(item, late=True), *self._release()]
+        self._arrivals += 1
+        heapq.heappush(self._heap, (stamp, self._arrivals))
+        self._held[self._arrivals] = item
+        if self._max_delay is not None:
+            self._deadlines.append((now + self._max_delay, stamp, self._arrivals))
+        released = self._release()
+        while len(self._held) > self._capacity:
+            released.append(self._pop(forced=True))
+        return released
+
+    def clock(self, source: Source, stamp: int) -> list[Released[T]]:
+        """Learn that nothing older than `stamp` will come from an open stream."""
+        frontier = self._frontiers.get(source)
+        if frontier is None or (frontier.clock is not None and stamp <= frontier.clock):
+            return []
+        frontier.clock = stamp
+        self._moved(source)
+        return self._release()
+
+    def advance(self, now: int) -> list[Released[T]]:
+        """Release what has waited `max_delay`, and all that is older."""
+        released: list[Released[T]] = []
+        while self._deadlines and self._deadlines[0][0] <= now:
+            _, stamp, arrival = self._deadlines.popleft()
+            while self._heap and self._heap[0] <= (stamp, arrival):
+                released.append(self._pop())
+        return released
+
+    def flush(self) -> list[Released[T]]:
+        """Release everything, in order."""
+        return [self._pop() for _ in range(len(self._heap))]
+
+    def _release(self) -> list[Released[T]]:
+        released: list[Released[T]] = []
+        while self._heap and (not self._frontiers or (self._limit is not None and self._heap[0][0] <= self._limit)):
+            released.append(self._pop())
+        return released
+
+    def _pop(self, *, forced: bool = False) -> Released[T]:
+        stamp, arrival = heapq.heappop(self._heap)
+        self.present = stamp
+        return Released(self._held.pop(arrival), forced=forced)
+
+    def _moved(self, source: Source, *, new: bool = False) -> None:
+        """A frontier rises unless a new publisher lowers it, so that the least one changes only where it moved."""
+        if new or source == self._slowest:
+            self._find_slowest()
+
+    def _find_slowest(self) -> None:
+        self._slowest, self._limit = None, None
+        for source, frontier in self._frontiers.items():
+            reached = frontier.reached
+            if reached is None:
+                self._slowest, self._limit = source, None
+                return
+            if self._limit is None or reached < self._limit:
+                self._slowest, self._limit = source, reached

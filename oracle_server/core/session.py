@@ -1,0 +1,124 @@
+"""A session: the events of its monitors, put in order and judged. Synchronous, and without any I/O."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+from oracle_server.core.engine import Engine
+from oracle_server.core.events import Event, Order, Step, StreamKey
+from oracle_server.core.judge import Judge
+from oracle_server.core.plan import Plan
+from oracle_server.core.reorder import Released, ReorderBuffer
+from oracle_server.core.spec import Spec
+from oracle_server.core.stamps import stamp_in
+from oracle_server.core.verdicts import Judged
+
+
+@dataclass(frozen=True, slots=True)
+class ClockReading:
+    """A monitor's word that nothing older than `stamp` (ns) will come from one of its streams."""
+
+    stream: StreamKey
+    stamp: int
+
+
+class Session:
+    """Judges the events of its monitors against the properties of one spec.
+
+    Every method takes the present time in nanoseconds and returns what was judged by it, in order. Time never goes
+    back: an earlier time counts as the latest one seen.
+    """
+
+    def __init__(self, plan: Plan, engines: Sequence[Sequence[Engine]]) -> None:
+        """Start with fresh engines: for each order that `orders` names, one a property."""
+        ordering = plan.spec.ordering
+        numbers = itertools.count(1)
+        self.plan = plan
+        self.judges = {
+            order: Judge(plan, own, order, numbers, decides=order == orders(plan.spec)[0])
+            for order, own in zip(orders(plan.spec), engines, strict=True)
+        }
+        self.buffer: ReorderBuffer[Step] = ReorderBuffer(ordering.max_delay, ordering.capacity)
+        self.now = 0
+
+    @property
+    def next_deadline(self) -> int | None:
+        """When `advance` should be called next, None while nothing waits for time to pass."""
+        return self.buffer.next_deadline
+
+    def attach(self, monitor: str, streams: Iterable[StreamKey], now: int) -> list[Judged]:
+        """Wait for the ordered ones of a monitor's streams from now on, and for no others of it."""
+        ordered = [s for s in streams if self.plan.spec.by_key[s].ordered]
+        return self.advance(now) + self._judge(self.buffer.open(monitor, ordered))
+
+    def detach(self, monitor: str, now: int) -> list[Judged]:
+        """Wait for a monitor no more; its streams leave the order, what it sent stays."""
+        return self.advance(now) + self._judge(self.buffer.close(monitor))
+
+    def ingest(self, event: Event) -> list[Judged]:
+        """Take an event of a stream of the spec, at its time of arrival."""
+        judged = self.advance(event.arrived)
+        step = self._step(event)
+        if "arrival" in self.judges:
+            judged.append(self.judges["arrival"].judge(step, self.now))
+        if "publication" in self.judges:
+            judged += self._order(step)
+        return judged
+
+    def clock(self, monitor: str, readings: Iterable[ClockReading], now: int) -> list[Judged]:
+        """Learn how far a monitor's streams have come."""
+        judged = self.advance(now)
+        for reading in readings:
+            judged += self._judge(self.buffer.clock((monitor, reading.stream), reading.stamp))
+        return judged
+
+    def advance(self, now: int) -> list[Judged]:
+        """Let time pass: judge what has waited its longest."""
+        self.now = max(self.now, now)
+        return self._judge(self.buffer.advance(self.now))
+
+    def finish(self, now: int) -> list[Judged]:
+        """Judge all that is held, in order."""
+        return self.advance(now) + self._judge(self.buffer.flush())
+
+    def rejudge(self, order: Order, step: Step, judged: int) -> Judged:
+        """Judge again what was judged before, in the same sequence, to come back to where a session stood."""
+        if order == "publication" and not step.late and self.plan.spec.by_key[step.event.stream].ordered:
+            self.buffer.present = step.time
+        self.now = max(self.now, judged)
+        return self.judges[order].judge(step, judged)
+
+    def hold(self, step: Step) -> list[Judged]:
+        """Put a step into the order of publication that was there before, and not judged in it yet."""
+        return self._order(step)
+
+    def _order(self, step: Step) -> list[Judged]:
+        event = step.event
+        if not self.plan.spec.by_key[event.stream].ordered:
+            return [self.judges["publication"].judge(step, self.now)]
+        source = (event.monitor, event.stream)
+        return self._judge(self.buffer.push(step, source, event.source, step.time, self.now))
+
+    def _judge(self, released: Iterable[Released[Step]]) -> list[Judged]:
+        return [self.judges["publication"].judge(_marked(r), self.now) for r in released]
+
+    def _step(self, event: Event) -> Step:
+        stream = self.plan.streams[event.stream]
+        signals, failed = stream.project(event.data)
+        stamp = event.stamp or stamp_in(event.data, stream.spec.stamp) or event.arrived
+        skewed = stamp - event.arrived > self.plan.spec.ordering.max_skew
+        return Step(event, signals, failed, stamp, skewed)
+
+
+def orders(spec: Spec) -> tuple[Order, ...]:
+    """The orders that a session of a spec judges in; the first one decides."""
+    by = spec.ordering.by
+    return ("publication", "arrival") if by == "both" else (by,)
+
+
+def _marked(released: Released[Step]) -> Step:
+    if not (released.late or released.forced):
+        return released.item
+    return replace(released.item, late=released.late, forced=released.forced)

@@ -1,0 +1,95 @@
+"""A spec as the rest of the core works from it: frozen, resolved, in nanoseconds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Literal
+
+from oracle_server.core.events import Kind, StreamKey
+from oracle_server.core.formula.parse import Time
+from oracle_server.core.formula.tree import Formula
+
+SECOND = 10**9
+
+
+@dataclass(frozen=True, slots=True)
+class Ordering:
+    """How the events of a session's monitors are put in order; durations in nanoseconds."""
+
+    by: Literal["publication", "arrival", "both"] = "publication"
+    max_delay: int | None = SECOND // 5
+    late: Literal["judge", "skip"] = "judge"
+    max_skew: int = SECOND
+    capacity: int = 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class StreamSpec:
+    """One topic, or the requests or the responses of one service; durations in nanoseconds.
+
+    `stamp` is the dotted path of the publication time in the message, None for the default places; `signals` maps
+    a signal to its expression, None for the default signals. `intercept` is for topics; `proxy` and
+    `denied_response` are for services, whose requests and responses share all but `stamp`, `hold` and `signals`.
+    """
+
+    name: str
+    kind: Kind = "topic"
+    type: str = ""
+    stamp: str | None = None
+    latency: int = SECOND // 50
+    ordered: bool = True
+    causes: tuple[str, ...] = ()
+    hold: frozenset[str] = frozenset()
+    signals: Mapping[str, str] | None = None
+    action: Literal["log", "filter"] = "log"
+    intercept: Literal["publisher", "subscriber"] = "publisher"
+    proxy: str = ""
+    denied_response: Mapping[str, Any] | None = None
+    on_unavailable: Literal["deny", "pass"] = "deny"
+    decide_within: int = 2 * SECOND
+    on_deny: Literal["keep", "undo"] = "keep"
+
+    @property
+    def key(self) -> StreamKey:
+        """The name that events refer to this stream by."""
+        return StreamKey(self.name, self.kind)
+
+
+@dataclass(frozen=True, slots=True)
+class Property:
+    """A named formula; `text` is the formula as its author wrote it."""
+
+    id: str
+    formula: Formula
+    text: str = ""
+    description: str = ""
+    time: Time = "steps"
+    guards: frozenset[str] = frozenset()
+    blame: Literal["any", "caused"] = "any"
+    latch: bool = False
+    engine: Literal["auto", "native", "reelay", "both", "rtamt", "external"] = "auto"
+    url: str | None = None
+
+
+@dataclass(frozen=True)
+class Spec:
+    """Streams to observe and properties that judge them; `digest` is equal for specs of equal meaning."""
+
+    id: str
+    streams: tuple[StreamSpec, ...]
+    properties: tuple[Property, ...]
+    ordering: Ordering = field(default_factory=Ordering)
+    description: str = ""
+    digest: str = ""
+
+    @cached_property
+    def by_key(self) -> Mapping[StreamKey, StreamSpec]:
+        """The streams by name and kind."""
+        return {stream.key: stream for stream in self.streams}
+
+    @cached_property
+    def names(self) -> frozenset[str]:
+        """The names of all topics and services."""
+        return frozenset(stream.name for stream in self.streams)

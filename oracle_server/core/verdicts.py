@@ -1,0 +1,120 @@
+"""What is said of an event: outcomes, verdict records, decisions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, Literal
+
+from oracle_server.core.events import Order, Step
+from oracle_server.core.formula.tree import Scalar
+
+
+class Outcome(StrEnum):
+    """What one property says about one step; `TRUE` and `FALSE` are final, `UNKNOWN` is no judgement."""
+
+    TRUE = "true"
+    CURRENTLY_TRUE = "currently_true"
+    CURRENTLY_FALSE = "currently_false"
+    FALSE = "false"
+    UNKNOWN = "unknown"
+
+
+NEGATIVE = frozenset({Outcome.FALSE, Outcome.CURRENTLY_FALSE})
+FINAL = frozenset({Outcome.TRUE, Outcome.FALSE})
+DENYING = NEGATIVE | {Outcome.UNKNOWN}
+
+Choice = Literal["allow", "deny"]
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """Why a property is negative at a step: what formulas saw of the event, and the formula that it breaks."""
+
+    formula: str
+    signals: Mapping[str, Scalar]
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What one property says about one step; `n` counts a session's verdicts from 1 without gaps.
+
+    `degraded`: something before it is known to be lost, skipped or failed. An explanation is there where the
+    property became negative, and makes the verdict a violation.
+    """
+
+    n: int
+    property: str
+    outcome: Outcome
+    degraded: bool
+    explanation: Explanation | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """What a monitor that asked is told: deny where a guarding property is negative or unknown, else allow."""
+
+    choice: Choice
+    denied_by: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """A step with everything that was said about it.
+
+    `number` counts the session's judged events, and is None where the event was skipped as late; `judged` is the
+    time of judgement in nanoseconds; `decision` is None where nothing was asked.
+    """
+
+    step: Step
+    number: int | None
+    order: Order
+    judged: int
+    verdicts: tuple[Verdict, ...]
+    decision: Decision | None
+
+
+def record(judged: Judged, verdict: Verdict) -> dict[str, Any]:
+    """A record of the history as plain data, one per step and property."""
+    step, event = judged.step, judged.step.event
+    return {
+        "n": verdict.n,
+        "step": judged.number,
+        "property": verdict.property,
+        "order": judged.order,
+        "outcome": verdict.outcome.value,
+        "stream": event.stream.name,
+        "kind": event.stream.kind,
+        "monitor": event.monitor,
+        "seq": event.seq,
+        "stamp": step.stamp,
+        "arrived": event.arrived,
+        "judged": judged.judged,
+        "late": step.late,
+        "skewed": step.skewed,
+        "degraded": verdict.degraded,
+        "decision": judged.decision.choice if judged.decision else None,
+        "passed": None,
+        "violation": verdict.explanation is not None,
+        "explanation": explain(judged, verdict),
+    }
+
+
+def explain(judged: Judged, verdict: Verdict) -> dict[str, Any] | None:
+    """A violation's explanation as plain data, None for any other verdict."""
+    why, event = verdict.explanation, judged.step.event
+    if why is None:
+        return None
+    where = f"{event.stream.name} ({event.stream.kind} {event.seq} of {event.monitor})"
+    seen = {
+        "stream": event.stream.name,
+        "kind": event.stream.kind,
+        "monitor": event.monitor,
+        "seq": event.seq,
+    }
+    return {
+        "text": f"{verdict.property} does not hold at step {judged.number}, {where}: {why.formula}",
+        "formula": why.formula,
+        "event": {**seen, "stamp": judged.step.stamp, "signals": dict(why.signals)},
+    }
