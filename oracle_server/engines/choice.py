@@ -1,0 +1,31 @@
+"""Which engine judges a property."""
+
+from __future__ import annotations
+
+from oracle_server.core.engine import Engine
+from oracle_server.core.errors import EngineError
+from oracle_server.core.plan import Plan
+from oracle_server.core.session import orders
+from oracle_server.core.spec import Property
+from oracle_server.engines.reelay import ReelayEngine
+from oracle_server.engines.reelay import refusal as reelay_refusal
+
+
+def refusal(prop: Property) -> str | None:
+    """Why no engine of this version can judge a property as its spec asks, None where one can."""
+    if prop.engine not in ("auto", "reelay"):
+        return f"`engine: {prop.engine}` is not in this version yet; `auto` and `reelay` are"
+    return reelay_refusal(prop.formula, prop.time)
+
+
+def make_engine(prop: Property) -> Engine:
+    """A fresh engine for a property; takes tens of milliseconds. Raises `EngineError` where there is none."""
+    reason = refusal(prop)
+    if reason:
+        raise EngineError(reason)
+    return ReelayEngine(prop.formula)
+
+
+def make_engines(plan: Plan) -> list[list[Engine]]:
+    """Fresh engines for a session: for each of its orders, one a property."""
+    return [[make_engine(p) for p in plan.spec.properties] for _ in orders(plan.spec)]

@@ -1,0 +1,196 @@
+"""Spec files: YAML to a `Spec`, with everything that is wrong found at once and told with file, line and column."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from oracle_server.core.errors import Finding, FormulaError, Problem, SpecError
+from oracle_server.core.formula.parse import parse_formula
+from oracle_server.core.hazards import inspect
+from oracle_server.core.spec import Ordering, Property, Spec, StreamSpec
+from oracle_server.engines.choice import refusal
+from oracle_server.specmodel import PropertyModel, ServiceModel, SpecModel, TopicModel
+from oracle_server.yamltext import MAX_TEXT, Document, read_yaml
+
+
+@dataclass(frozen=True, slots=True)
+class SpecFile:
+    """A sound spec, the text that it was read from, and what `check` warns of."""
+
+    spec: Spec
+    text: str
+    warnings: tuple[Finding, ...]
+
+
+def load_spec(path: Path) -> SpecFile:
+    """Read and check a spec file. Raises `SpecError` with everything that was found."""
+    try:
+        with path.open("rb") as file:
+            data = file.read(4 * MAX_TEXT + 1)
+        text = data.decode()
+    except OSError as error:
+        raise SpecError([Finding(str(path), 1, 1, f"can't be read: {error.strerror}")]) from None
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise SpecError([Finding(str(path), line, 1, "not UTF-8 text")]) from None
+    return parse_spec(text, str(path))
+
+
+def parse_spec(text: str, file: str) -> SpecFile:
+    """Read and check a spec; `file` is what findings call it. Raises `SpecError`."""
+    document = read_yaml(text, file)
+    try:
+        model = SpecModel.model_validate(document.value if document.value is not None else {})
+    except ValidationError as error:
+        raise SpecError([_model_finding(document, problem) for problem in error.errors()]) from None
+    findings: list[Finding] = []
+    properties = [_property(document, i, p, findings) for i, p in enumerate(model.properties)]
+    if findings:
+        raise SpecError(findings)
+    spec = _spec(model, tuple(p for p in properties if p is not None))
+    problems = [*inspect(spec), *_engines(spec)]
+    findings = sorted((_finding(document, p, spec) for p in problems), key=lambda f: (f.line, f.column))
+    if any(f.severity == "error" for f in findings):
+        raise SpecError(findings)
+    return SpecFile(spec, text, tuple(findings))
+
+
+def _property(document: Document, index: int, model: PropertyModel, findings: list[Finding]) -> Property | None:
+    try:
+        formula = parse_formula(model.formula, model.time)
+    except FormulaError as error:
+        place = document.place(("properties", index, "formula"), (error.line, error.column))
+        findings.append(Finding(document.file, *place, f"formula of '{model.id}': {error.message}"))
+        return None
+    return Property(
+        id=model.id,
+        formula=formula,
+        text=" ".join(model.formula.split()),
+        description=model.description,
+        time=model.time,
+        guards=frozenset(model.guards),
+        blame=model.blame,
+        latch=model.latch,
+        engine=model.engine,
+        url=model.url,
+    )
+
+
+def _spec(model: SpecModel, properties: tuple[Property, ...]) -> Spec:
+    streams = tuple(stream for m in model.streams for stream in _streams(m))
+    ordering = Ordering(**model.ordering.model_dump())
+    meaning = model.model_dump(
+        mode="json",
+        warnings="none",
+        exclude={"description": True, "properties": {"__all__": {"description"}}},
+    )
+    digest = hashlib.sha256(json.dumps(meaning, sort_keys=True).encode()).hexdigest()
+    return Spec(model.id, streams, properties, ordering, model.description, digest)
+
+
+def _streams(model: TopicModel | ServiceModel) -> Iterator[StreamSpec]:
+    common: dict[str, Any] = {
+        "type": model.type,
+        "latency": model.latency,
+        "ordered": model.ordered,
+        "causes": tuple(model.causes),
+        "action": model.action,
+        "on_unavailable": model.on_unavailable,
+        "decide_within": model.decide_within,
+        "on_deny": model.on_deny,
+    }
+    if isinstance(model, TopicModel):
+        yield StreamSpec(
+            name=model.topic,
+            stamp=model.stamp,
+            hold=frozenset(model.hold),
+            signals=model.signals,
+            intercept=model.intercept,
+            **common,
+        )
+        return
+    common |= {"proxy": model.proxy or f"{model.service}_mon", "denied_response": model.denied_response}
+    yield StreamSpec(
+        model.service,
+        "request",
+        stamp=model.request.stamp,
+        hold=frozenset(model.request.hold),
+        signals=model.request.signals,
+        **common,
+    )
+    yield StreamSpec(
+        model.service,
+        "response",
+        stamp=model.response.stamp,
+        hold=frozenset(model.response.hold),
+        signals=model.response.signals,
+        **common,
+    )
+
+
+def _engines(spec: Spec) -> Iterator[Problem]:
+    for i, prop in enumerate(spec.properties):
+        reason = refusal(prop)
+        if reason:
+            key = "engine" if prop.engine not in ("auto", "reelay") else "time" if prop.time != "steps" else "formula"
+            yield Problem(("properties", i, key), f"property '{prop.id}': {reason}")
+
+
+def _finding(document: Document, problem: Problem, spec: Spec) -> Finding:
+    place = document.place(_in_file(problem.path, spec), problem.within)
+    return Finding(document.file, *place, problem.message, problem.severity)
+
+
+def _in_file(path: tuple[str | int, ...], spec: Spec) -> tuple[str | int, ...]:
+    """The path in the file of a path in the spec, where each service is two streams."""
+    if len(path) < 2 or path[0] != "streams" or not isinstance(path[1], int):
+        return path
+    stream = spec.streams[path[1]]
+    index = list(dict.fromkeys(s.name for s in spec.streams)).index(stream.name)
+    own = stream.kind != "topic" and path[2:3] and path[2] in ("stamp", "hold", "signals")
+    return ("streams", index, *((stream.kind,) if own else ()), *path[2:])
+
+
+def _model_finding(document: Document, problem: Any) -> Finding:
+    path = _without_tags(problem["loc"])
+    name = ".".join(str(part) for part in path) or "the file"
+    match problem["type"]:
+        case "extra_forbidden":
+            return Finding(document.file, *document.key_place(path), f"unknown key '{path[-1]}'")
+        case "missing":
+            return Finding(document.file, *document.place(path[:-1]), f"the key '{path[-1]}' is missing")
+        case "value_error":
+            message = str(problem["ctx"]["error"])
+        case "literal_error":
+            message = f"expected {problem['ctx']['expected']}, found {_short(problem['input'])}"
+        case "string_pattern_mismatch":
+            message = f"{_short(problem['input'])} does not read as {problem['ctx']['pattern']}"
+        case "string_type":
+            message = f"expected text, found {_short(problem['input'])}; put it in quotes"
+        case _:
+            message = f"{problem['msg'][:1].lower()}{problem['msg'][1:]}, found {_short(problem['input'])}"
+    return Finding(document.file, *document.place(path), f"{name}: {message}")
+
+
+def _without_tags(loc: tuple[str | int, ...]) -> tuple[str | int, ...]:
+    """A path in the file of a path in the model, which also names the kind of a stream and calls keys `[key]`."""
+    path: list[str | int] = []
+    for i, part in enumerate(loc):
+        if part == "[key]":
+            continue
+        if part in ("topic", "service") and i == 2 and loc[0] == "streams":
+            continue
+        path.append(part)
+    return tuple(path)
+
+
+def _short(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:60] + "…"

@@ -1,0 +1,124 @@
+"""What a spec file may say, as pydantic models: the contract's keys with their defaults, and no others."""
+
+from __future__ import annotations
+
+import re
+from decimal import Decimal
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, StrictBool, StrictStr, Tag
+
+from oracle_server.core.formula.parse import NANOSECONDS
+
+_DURATION = re.compile(r"(\d{1,12}(?:\.\d{1,9})?)(ns|us|ms|s|min|h)")
+_LONGEST = 10**18
+
+
+def duration(value: object) -> int:
+    """Nanoseconds of a duration such as `20ms`, `2s` or `1.5s`. Raises ValueError for anything else."""
+    match = _DURATION.fullmatch(value) if isinstance(value, str) else None
+    if match is None:
+        raise ValueError(f"expected a duration such as 20ms, 2s or 1.5s, found {value!r}")
+    exact = Decimal(match[1]) * NANOSECONDS[match[2]]
+    if exact != int(exact) or exact > _LONGEST:
+        raise ValueError(f"the duration {value} is finer than a nanosecond or too long")
+    return int(exact)
+
+
+def _delay(value: object) -> int | None:
+    return None if value == "none" else duration(value)
+
+
+def _ros_type(value: object) -> object:
+    """`pkg/Type` and `pkg.msg.Type` are read as `pkg/msg/Type`, and so for srv."""
+    return value.replace(".", "/") if isinstance(value, str) else value
+
+
+Duration = Annotated[int, BeforeValidator(duration)]
+Delay = Annotated[int | None, BeforeValidator(_delay)]
+Identifier = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,64}$")]
+RosName = Annotated[str, Field(pattern=r"^[~/A-Za-z][A-Za-z0-9_/{}~]*$", max_length=255)]
+RosType = Annotated[str, BeforeValidator(_ros_type), Field(pattern=r"^(\w+/((msg|srv)/)?\w+)?$")]
+FieldPath = Annotated[str, Field(pattern=r"^\w+(\.\w+)*$")]
+SignalName = Annotated[str, Field(min_length=1, max_length=128)]
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class OrderingModel(_Model):
+    """`ordering:`."""
+
+    by: Literal["publication", "arrival", "both"] = "publication"
+    max_delay: Delay = 200 * 10**6
+    late: Literal["judge", "skip"] = "judge"
+    max_skew: Duration = 10**9
+    capacity: Annotated[int, Field(strict=True, ge=1, le=1_000_000)] = 10_000
+
+
+class _Channel(_Model):
+    stamp: FieldPath | None = None
+    hold: list[SignalName] = []
+    signals: dict[SignalName, StrictStr] | None = None
+
+
+class _Interface(_Model):
+    type: RosType = ""
+    latency: Duration = 20 * 10**6
+    ordered: StrictBool = True
+    causes: list[RosName] = []
+    action: Literal["log", "filter"] = "log"
+    on_unavailable: Literal["deny", "pass"] = "deny"
+    decide_within: Duration = 2 * 10**9
+    on_deny: Literal["keep", "undo"] = "keep"
+
+
+class TopicModel(_Channel, _Interface):
+    """A stream that is a topic."""
+
+    topic: RosName
+    intercept: Literal["publisher", "subscriber"] = "publisher"
+
+
+class ServiceModel(_Interface):
+    """A service: two streams, its requests and its responses."""
+
+    service: RosName
+    proxy: RosName | None = None
+    denied_response: dict[str, Any] | None = None
+    request: _Channel = _Channel()
+    response: _Channel = _Channel()
+
+
+def _stream_kind(value: object) -> str:
+    return "service" if isinstance(value, dict) and "service" in value else "topic"
+
+
+StreamModel = Annotated[
+    Annotated[TopicModel, Tag("topic")] | Annotated[ServiceModel, Tag("service")], Discriminator(_stream_kind)
+]
+
+
+class PropertyModel(_Model):
+    """A property."""
+
+    id: Identifier
+    description: StrictStr = ""
+    formula: StrictStr
+    time: Literal["steps", "seconds"] = "steps"
+    guards: list[RosName] = []
+    blame: Literal["any", "caused"] = "any"
+    latch: StrictBool = False
+    engine: Literal["auto", "native", "reelay", "both", "rtamt", "external"] = "auto"
+    url: Annotated[str, Field(pattern=r"^wss?://")] | None = None
+
+
+class SpecModel(_Model):
+    """A whole file."""
+
+    id: Identifier
+    description: StrictStr = ""
+    ordering: OrderingModel = OrderingModel()
+    streams: Annotated[list[StreamModel], Field(min_length=1)]
+    properties: Annotated[list[PropertyModel], Field(min_length=1)]

@@ -1,0 +1,165 @@
+"""YAML with places: plain values, and where in the text each of them stands.
+
+Read are mappings with different keys, lists and scalars, as YAML 1.2's core schema has them. Anchors, aliases and tags
+are refused: a spec needs none, and they let a short text stand for a huge value.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import yaml
+from yaml import events
+
+from oracle_server.core.errors import Finding, SpecError
+
+MAX_TEXT = 256 * 1024
+MAX_DEPTH = 24
+
+Path = tuple[str | int, ...]
+Place = tuple[int, int]
+
+_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_INTEGER = re.compile(r"[-+]?\d{1,30}")
+_FLOAT = re.compile(r"[-+]?(\d+\.\d*|\.\d+|\d+(?=[eE]))([eE][-+]?\d{1,4})?")
+
+
+@dataclass(slots=True)
+class Document:
+    """A value, the place of each part of it by path, and the place of each key; lines and columns count from 1."""
+
+    file: str
+    lines: list[str]
+    value: Any = None
+    values: dict[Path, events.Event] = field(default_factory=dict)
+    keys: dict[Path, Place] = field(default_factory=dict)
+
+    def place(self, path: Path, within: Place | None = None) -> Place:
+        """Where a part stands, or a place inside its text; the nearest part around it where it is not there."""
+        while path and path not in self.values:
+            path = path[:-1]
+        event = self.values.get(path)
+        if event is None:
+            return (1, 1)
+        start = _start(event)
+        if within is None or not isinstance(event, events.ScalarEvent):
+            return start
+        line, column = within
+        if event.style == "|":
+            row = start[0] + line
+            text = self.lines[row - 1] if row <= len(self.lines) else ""
+            return (row, column + self._indentation(start[0]) if text else 1)
+        if _on_one_line(event) and line == 1:
+            return (start[0], start[1] + column - (0 if event.style in ('"', "'") else 1))
+        return start
+
+    def key_place(self, path: Path) -> Place:
+        """Where a key stands, or its value where it has none of its own."""
+        return self.keys.get(path) or self.place(path)
+
+    def _indentation(self, header: int) -> int:
+        body = next((line for line in self.lines[header:] if line.strip()), "")
+        return len(body) - len(body.lstrip(" "))
+
+
+def read_yaml(text: str, file: str) -> Document:
+    """Read a text. Raises `SpecError` with file, line and column."""
+    document = Document(file, text.split("\n"))
+    if len(text) > MAX_TEXT:
+        raise _refused(file, None, f"the file has {len(text)} characters; at most {MAX_TEXT} are read")
+    try:
+        stream = _body(yaml.parse(text, Loader=_Loader))
+        document.value = _Builder(document, stream).node((), next(stream, None))
+        extra = next(stream, None)
+        if extra is not None:
+            raise _refused(file, extra.start_mark, "a second document starts here; one file holds one")
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        reason = getattr(error, "problem", None) or getattr(error, "reason", None) or "malformed"
+        mend = "; a text with ': ' in it stands in quotes or below a '|'" if "mapping values" in reason else ""
+        raise _refused(file, mark, f"not YAML: {reason}{mend}") from None
+    return document
+
+
+def _body(stream: Iterator[events.Event]) -> Iterator[events.Event]:
+    frame = events.StreamStartEvent, events.StreamEndEvent, events.DocumentStartEvent, events.DocumentEndEvent
+    return (event for event in stream if not isinstance(event, frame))
+
+
+@dataclass(slots=True)
+class _Builder:
+    document: Document
+    stream: Iterator[events.Event]
+    depth: int = 0
+
+    def node(self, path: Path, event: events.Event | None) -> Any:
+        if event is None:
+            return None
+        if isinstance(event, events.AliasEvent) or getattr(event, "anchor", None):
+            raise self._refused(event, "anchors and aliases are not read; write the value out")
+        tag = getattr(event, "tag", None)
+        if tag:
+            raise self._refused(event, f"tags such as {tag} are not read")
+        self.document.values[path] = event
+        if isinstance(event, events.ScalarEvent):
+            return _scalar(event)
+        self.depth += 1
+        if self.depth > MAX_DEPTH:
+            raise self._refused(event, f"nested more than {MAX_DEPTH} deep")
+        value = self._mapping(path) if isinstance(event, events.MappingStartEvent) else self._list(path)
+        self.depth -= 1
+        return value
+
+    def _mapping(self, path: Path) -> dict[str, Any]:
+        value: dict[str, Any] = {}
+        while not isinstance(key := next(self.stream), events.MappingEndEvent):
+            if not isinstance(key, events.ScalarEvent):
+                raise self._refused(key, "a key must be plain text")
+            if key.value in value:
+                raise self._refused(key, f"the key '{key.value}' stands here a second time")
+            inner = (*path, key.value)
+            self.document.keys[inner] = _start(key)
+            value[key.value] = self.node(inner, next(self.stream))
+        return value
+
+    def _list(self, path: Path) -> list[Any]:
+        value: list[Any] = []
+        while not isinstance(item := next(self.stream), events.SequenceEndEvent):
+            value.append(self.node((*path, len(value)), item))
+        return value
+
+    def _refused(self, event: events.Event, message: str) -> SpecError:
+        return _refused(self.document.file, event.start_mark, message)
+
+
+def _scalar(event: events.ScalarEvent) -> str | bool | int | float | None:
+    text: str = event.value
+    if not event.implicit[0]:
+        return text
+    if text in ("", "~", "null"):
+        return None
+    if text in ("true", "false"):
+        return text == "true"
+    if _INTEGER.fullmatch(text):
+        return int(text)
+    if _FLOAT.fullmatch(text):
+        return float(text)
+    return text
+
+
+def _on_one_line(event: events.Event) -> bool:
+    start, end = event.start_mark, event.end_mark
+    return start is not None and end is not None and start.line == end.line
+
+
+def _start(event: events.Event) -> Place:
+    mark: Any = event.start_mark
+    return (mark.line + 1, mark.column + 1)
+
+
+def _refused(file: str, mark: Any, message: str) -> SpecError:
+    line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
+    return SpecError([Finding(file, line, column, message)])
