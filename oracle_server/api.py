@@ -1,0 +1,200 @@
+"""The HTTP API and the WebSocket's address: routes and nothing else."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Annotated, Any, Literal, NoReturn
+
+from fastapi import APIRouter, Body, FastAPI, HTTPException, Query, Request, Response, WebSocket
+from pydantic import BaseModel, ConfigDict
+
+from oracle_server import __version__, problems
+from oracle_server.connection import Connection
+from oracle_server.core.verdicts import Outcome
+from oracle_server.history import Query as Question
+from oracle_server.history import find
+from oracle_server.library import Library, UnknownSpecError
+from oracle_server.protocol import Identifier
+from oracle_server.registry import Registry, SessionExistsError
+from oracle_server.store import Store
+
+Page = dict[str, Any]
+Nanoseconds = Annotated[int | None, Query(ge=0, lt=2**63)]
+
+
+class NewSession(BaseModel):
+    """What is asked for by POST /sessions."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    spec: Identifier
+    id: Identifier | None = None
+
+
+def build_app(registry: Registry, library: Library, store: Store) -> FastAPI:
+    """The app over a server's parts."""
+    app = FastAPI(title="oracle-server", version=__version__)
+    problems.install(app)
+    app.include_router(_health(store))
+    app.include_router(_specs(library), prefix="/api/v1", tags=["specs"])
+    app.include_router(_sessions(registry), prefix="/api/v1", tags=["sessions"])
+    app.include_router(_verdicts(registry, store), prefix="/api/v1", tags=["verdicts"])
+
+    @app.websocket("/api/v1/attach")
+    async def attach(socket: WebSocket) -> None:
+        await Connection(socket, registry, store).serve()
+
+    return app
+
+
+def _health(store: Store) -> APIRouter:
+    router = APIRouter(tags=["health"])
+
+    @router.get("/healthz")
+    async def alive() -> dict[str, str]:
+        """Tell that the server runs."""
+        return {"status": "ok"}
+
+    @router.get("/readyz")
+    async def ready() -> dict[str, str]:
+        """Tell whether the server can judge."""
+        if store.failure is not None:
+            raise HTTPException(503, f"the history can't be written: {store.failure}")
+        return {"status": "ready"}
+
+    return router
+
+
+def _specs(library: Library) -> APIRouter:
+    router = APIRouter()
+
+    def described(spec_id: str) -> dict[str, Any]:
+        try:
+            entry = library.get(spec_id)
+        except UnknownSpecError as error:
+            raise HTTPException(404, str(error)) from None
+        spec = entry.plan.spec
+        return {
+            "id": spec.id,
+            "description": spec.description,
+            "digest": spec.digest,
+            "source": entry.source,
+            "streams": [{"name": s.name, "kind": s.kind, "type": s.type, "action": s.action} for s in spec.streams],
+            "properties": [{"id": p.id, "description": p.description, "formula": p.text} for p in spec.properties],
+        }
+
+    @router.get("/specs")
+    async def list_specs() -> Page:
+        """List the specs on hand."""
+        return {"items": [described(spec_id) for spec_id in library.ids()]}
+
+    @router.get("/specs/{spec_id}")
+    async def get_spec(spec_id: str) -> dict[str, Any]:
+        """Tell what a spec says, with its text."""
+        return described(spec_id) | {"text": library.get(spec_id).file.text}
+
+    @router.put("/specs/{spec_id}", openapi_extra={"requestBody": {"content": {"application/yaml": {}}}})
+    async def put_spec(spec_id: Identifier, request: Request, response: Response) -> dict[str, Any]:
+        """Validate a spec as `check` does, and take it in; sessions that are open keep theirs."""
+        entry, new = await asyncio.to_thread(library.put, spec_id, await _text(request))
+        response.status_code = 201 if new else 200
+        return described(spec_id) | {"warnings": [str(w) for w in entry.file.warnings]}
+
+    return router
+
+
+def _sessions(registry: Registry) -> APIRouter:
+    router = APIRouter()
+
+    @router.get("/sessions")
+    async def list_sessions() -> Page:
+        """List all sessions, open ones first."""
+        return {"items": await asyncio.to_thread(registry.states)}
+
+    @router.post("/sessions", status_code=201)
+    async def create_session(wanted: Annotated[NewSession, Body()]) -> dict[str, Any]:
+        """Open a session that monitors can join by its name."""
+        try:
+            session = await registry.create(wanted.spec, wanted.id)
+        except UnknownSpecError as error:
+            raise HTTPException(404, str(error)) from None
+        except SessionExistsError as error:
+            raise HTTPException(409, str(error)) from None
+        return registry.state(session.id) or {}
+
+    @router.get("/sessions/{session_id}")
+    async def get_session(session_id: str) -> dict[str, Any]:
+        """Tell how a session stands."""
+        return registry.state(session_id) or _unknown(session_id)
+
+    @router.delete("/sessions/{session_id}")
+    async def close_session(session_id: str) -> dict[str, Any]:
+        """Judge what a session holds, and close it; its history stays."""
+        session = registry.open.get(session_id)
+        if session is not None:
+            await registry.close(session)
+        return registry.state(session_id) or _unknown(session_id)
+
+    return router
+
+
+def _verdicts(registry: Registry, store: Store) -> APIRouter:
+    router = APIRouter()
+
+    async def page(session_id: str, question: Question) -> Page:
+        known = registry.known(session_id)
+        if known is None:
+            _unknown(session_id)
+        items, after = await asyncio.to_thread(find, store, known.number, known.properties, question)
+        return {"items": items, "next": after}
+
+    @router.get("/sessions/{session_id}/verdicts")
+    async def list_verdicts(
+        session_id: str,
+        property: Annotated[list[str], Query()] = [],  # noqa: A002, B006 -- the contract's word; never changed
+        outcome: Annotated[list[Outcome], Query()] = [],  # noqa: B006
+        stream: str | None = None,
+        since: Nanoseconds = None,
+        until: Nanoseconds = None,
+        after: Annotated[int | None, Query(ge=0, lt=2**63)] = None,
+        limit: Annotated[int, Query(ge=1, le=1000)] = 100,
+        order: Literal["asc", "desc"] = "asc",
+    ) -> Page:
+        """The verdict history; `since` and `until` bound the publication time in nanoseconds."""
+        wanted = frozenset(property), frozenset(outcome)
+        return await page(session_id, Question(*wanted, stream, since, until, after, limit, order))
+
+    @router.get("/sessions/{session_id}/violations")
+    async def list_violations(
+        session_id: str,
+        property: Annotated[list[str], Query()] = [],  # noqa: A002, B006
+        stream: str | None = None,
+        since: Nanoseconds = None,
+        until: Nanoseconds = None,
+        after: Annotated[int | None, Query(ge=0, lt=2**63)] = None,
+        limit: Annotated[int, Query(ge=1, le=1000)] = 100,
+        order: Literal["asc", "desc"] = "asc",
+    ) -> Page:
+        """The verdicts at which a property became negative, with their explanations."""
+        question = Question(
+            frozenset(property), frozenset(), stream, since, until, after, limit, order, violations=True
+        )
+        return await page(session_id, question)
+
+    return router
+
+
+def _unknown(session_id: str) -> NoReturn:
+    raise HTTPException(404, f"no session '{session_id}' is known")
+
+
+async def _text(request: Request) -> str:
+    body = bytearray()
+    async for chunk in request.stream():
+        body += chunk
+        if len(body) > 2**20:
+            raise HTTPException(413, "a spec is at most 256 KiB")
+    try:
+        return body.decode()
+    except UnicodeDecodeError:
+        raise HTTPException(422, "not UTF-8 text") from None

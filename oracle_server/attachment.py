@@ -1,0 +1,42 @@
+"""What a monitor is told when it attaches: all that an adapter needs to observe, filter and proxy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from oracle_server.core.spec import StreamSpec
+from oracle_server.live import LiveSession, Monitor
+from oracle_server.protocol import MAX_BATCH, MAX_DEPTH, MAX_FRAME
+
+
+def attached_frame(session: LiveSession, monitor: Monitor) -> dict[str, Any]:
+    """The `attached` frame: durations in nanoseconds, `fields` the dotted paths that are read, null for all."""
+    return {
+        "type": "attached",
+        "monitor": monitor.name,
+        "session": session.id,
+        "spec": session.spec.id,
+        "spec_digest": session.spec.digest,
+        "streams": [_stream(session, session.spec.by_key[key]) for key in monitor.streams],
+        "next": monitor.numbering.next,
+        "limits": {"max_frame": MAX_FRAME, "max_batch": MAX_BATCH, "max_depth": MAX_DEPTH},
+    }
+
+
+def _stream(session: LiveSession, stream: StreamSpec) -> dict[str, Any]:
+    fields = session.core.plan.streams[stream.key].project.fields
+    described: dict[str, Any] = {
+        "name": stream.name,
+        "kind": stream.kind,
+        "type": stream.type,
+        "action": stream.action,
+        "ordered": stream.ordered,
+        "stamp": stream.stamp,
+        "latency": stream.latency,
+        "fields": None if fields is None else sorted(fields),
+    }
+    if stream.action == "filter":
+        described |= {"on_unavailable": stream.on_unavailable, "decide_within": stream.decide_within}
+    if stream.kind == "topic":
+        return described | {"intercept": stream.intercept}
+    return described | {"proxy": stream.proxy, "denied_response": stream.denied_response}

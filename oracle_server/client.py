@@ -1,0 +1,119 @@
+"""What the command line reads from a running server."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import httpx
+from rich.console import Console
+from rich.table import Table
+
+from oracle_server.core.errors import OracleError
+
+_WITHIN = 10.0
+
+
+class ServerUnreachableError(OracleError):
+    """A server that does not answer, or answers with an error."""
+
+
+class Client:
+    """Reads one server over HTTP."""
+
+    def __init__(self, url: str, token: str | None = None) -> None:
+        self._url = url.rstrip("/")
+        headers = {"Authorization": f"Bearer {token}"} if token else {}
+        self._http = httpx.Client(base_url=f"{self._url}/api/v1/", headers=headers, timeout=_WITHIN, trust_env=False)
+
+    def get(self, path: str, **query: Any) -> dict[str, Any]:
+        """A document. Raises `ServerUnreachableError`."""
+        try:
+            response = self._http.get(path, params={k: v for k, v in query.items() if v is not None})
+            document: dict[str, Any] = response.json()
+        except (httpx.HTTPError, httpx.InvalidURL) as error:
+            raise ServerUnreachableError(
+                f"{self._url}: can't be reached ({error}); start it with `oracle-server serve`, or set ORACLE_URL"
+            ) from None
+        except ValueError:
+            raise ServerUnreachableError(f"{self._url}: answers, but not as an oracle server") from None
+        if response.is_error:
+            raise ServerUnreachableError(f"{self._url}: {document.get('detail', response.reason_phrase)}")
+        return document
+
+    def pages(self, path: str, **query: Any) -> list[dict[str, Any]]:
+        """All the items behind a paged address."""
+        items: list[dict[str, Any]] = []
+        after = None
+        while True:
+            page = self.get(path, **query, after=after, limit=1000)
+            items += page["items"]
+            after = page["next"]
+            if after is None:
+                return items
+
+
+def show_specs(client: Client, *, as_json: bool) -> None:
+    """Print the specs on hand."""
+    document = client.get("specs")
+    rows = [(s["id"], str(len(s["streams"])), str(len(s["properties"])), s["description"]) for s in document["items"]]
+    _show(document, ("spec", "streams", "properties", "description"), rows, as_json=as_json)
+
+
+def show_sessions(client: Client, *, as_json: bool) -> None:
+    """Print all sessions."""
+    document = client.get("sessions")
+    rows = [_session_row(state) for state in document["items"]]
+    _show(document, ("session", "spec", "status", "monitors", "steps", "violations"), rows, as_json=as_json)
+
+
+def show_verdicts(client: Client, session: str, properties: list[str], outcomes: list[str], *, as_json: bool) -> None:
+    """Print a session's verdict records, or a summary of its properties and all violations as tables."""
+    if as_json or properties or outcomes:
+        items = client.pages(f"sessions/{session}/verdicts", property=properties, outcome=outcomes)
+        _show({"items": items}, _RECORD, [_record_row(r) for r in items], as_json=as_json)
+        return
+    state = client.get(f"sessions/{session}")
+    rows = [
+        (p["id"], p["outcome"], str(p["violations"]), str(p["first_violation"] or "-"), str(p["unknown"]))
+        for p in state["properties"]
+    ]
+    _show(state, ("property", "outcome", "violations", "first at", "unknown"), rows, as_json=False)
+    violations = client.pages(f"sessions/{session}/violations")
+    if violations:
+        sys.stdout.write("\n")
+        _show({}, _RECORD, [_record_row(r) for r in violations], as_json=False)
+
+
+_RECORD = ("n", "step", "property", "outcome", "stream", "kind", "decision", "")
+
+
+def _record_row(record: dict[str, Any]) -> tuple[str, ...]:
+    marks = " ".join(mark for mark in ("late", "skewed", "degraded") if record[mark])
+    cells = (record[key] for key in _RECORD[:-1])
+    return (*("-" if cell is None else str(cell) for cell in cells), marks)
+
+
+def _session_row(state: dict[str, Any]) -> tuple[str, ...]:
+    attached = sum(m["connected"] for m in state["monitors"])
+    violations = sum(p["violations"] for p in state["properties"])
+    return (
+        state["id"],
+        state["spec"],
+        state["status"],
+        str(attached),
+        str(state["counters"]["steps"]),
+        str(violations),
+    )
+
+
+def _show(document: dict[str, Any], head: tuple[str, ...], rows: Sequence[tuple[str, ...]], *, as_json: bool) -> None:
+    if as_json:
+        sys.stdout.write(json.dumps(document) + "\n")
+        return
+    table = Table(*head, box=None, pad_edge=False)
+    for row in rows:
+        table.add_row(*row)
+    Console(highlight=False, width=None if sys.stdout.isatty() else 160).print(table)

@@ -1,0 +1,171 @@
+"""One WebSocket: frames in, to its session; frames out, from a bounded queue."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from typing import Any
+
+import structlog
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from oracle_server.attachment import attached_frame
+from oracle_server.live import LiveSession, Monitor
+from oracle_server.protocol import (
+    SUBPROTOCOL,
+    Attach,
+    ClockMessage,
+    Detach,
+    Events,
+    Frame,
+    OutcomeMessage,
+    WireError,
+    decode,
+    encode,
+    event_of,
+)
+from oracle_server.registry import Registry
+from oracle_server.store import Store
+
+MAX_QUEUE = 10_000
+"""Frames that may wait for a monitor that reads slowly; beyond, it is cut off, and resumes by itself."""
+_ATTACH_WITHIN = 10.0
+_CLOSE_WITHIN = 5.0
+
+log = structlog.get_logger()
+
+
+class Connection:
+    """Serves one WebSocket until it ends."""
+
+    def __init__(self, socket: WebSocket, registry: Registry, store: Store) -> None:
+        self._socket, self._registry, self._store = socket, registry, store
+        self._queue: deque[dict[str, Any]] = deque()
+        self._ready = asyncio.Event()
+        self._ended: WireError | None = None
+        self._session: LiveSession | None = None
+        self._monitor: Monitor | None = None
+
+    def send(self, frame: dict[str, Any]) -> None:
+        """Queue a frame; an ack replaces one that waits at the end of the queue."""
+        if self._ended is not None:
+            return
+        if frame["type"] == "ack" and self._queue and self._queue[-1]["type"] == "ack":
+            self._queue.pop()
+        self._queue.append(frame)
+        if len(self._queue) > MAX_QUEUE:
+            self._queue.clear()
+            self.drop(WireError("too_slow", f"more than {MAX_QUEUE} frames were not read; attach again", fatal=True))
+        self._ready.set()
+
+    def drop(self, reason: WireError) -> None:
+        """Send an error after what is queued, and close."""
+        if self._ended is None:
+            self._queue.append(reason.frame())
+            self._ended = reason
+            self._ready.set()
+
+    async def serve(self) -> None:
+        """Accept the connection and serve it until either side ends it."""
+        offered = self._socket.scope.get("subprotocols", [])
+        await self._socket.accept(SUBPROTOCOL if SUBPROTOCOL in offered else None)
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                writer = tasks.create_task(self._write())
+                reader = tasks.create_task(self._read())
+                await asyncio.wait((writer, reader), return_when=asyncio.FIRST_COMPLETED)
+                if reader.done() and not writer.done():
+                    await asyncio.wait((writer,), timeout=_CLOSE_WITHIN)
+                reader.cancel()
+                writer.cancel()
+        finally:
+            if self._session and self._monitor:
+                self._session.disconnected(self._monitor, self)
+
+    async def _write(self) -> None:
+        """Send what is queued, and close once the end of the queue is the end of the connection."""
+        try:
+            while True:
+                await self._ready.wait()
+                self._ready.clear()
+                while self._queue:
+                    await self._socket.send_text(encode(self._queue.popleft()))
+                if self._ended is not None:
+                    code = 1012 if self._ended.code == "shutting_down" else 1008
+                    await self._socket.close(code, self._ended.code)
+                    return
+        except (WebSocketDisconnect, RuntimeError, OSError):
+            return
+
+    async def _read(self) -> None:
+        try:
+            async with asyncio.timeout(_ATTACH_WITHIN):
+                text = await self._receive()
+            await self._attach(text)
+            while self._ended is None:
+                await self._store.room()
+                self._take(await self._receive())
+        except WireError as error:
+            self.drop(error)
+        except TimeoutError:
+            self.drop(WireError("bad_attach", f"no `attach` within {_ATTACH_WITHIN:.0f} s", fatal=True))
+        except WebSocketDisconnect:
+            self._ended = self._ended or WireError("gone", "the monitor is gone", fatal=True)
+            self._ready.set()
+
+    async def _receive(self) -> str:
+        message = await self._socket.receive()
+        if message["type"] == "websocket.disconnect":
+            raise WebSocketDisconnect(message.get("code", 1006))
+        text = message.get("text")
+        if text is None:
+            raise WireError("malformed", "frames are text, not bytes", fatal=True)
+        return str(text)
+
+    async def _attach(self, text: str) -> None:
+        try:
+            wanted = decode(text).message
+        except WireError as error:
+            raise WireError("bad_attach", error.message, fatal=True) from None
+        if not isinstance(wanted, Attach):
+            raise WireError("bad_attach", "the first frame must be `attach`", fatal=True)
+        self._session, self._monitor = await self._registry.attach(wanted, self)
+        log.info("monitor attached", session=self._session.id, monitor=self._monitor.name)
+        # before anything that was queued by attaching itself: the monitor knows nothing yet
+        self._queue.appendleft(attached_frame(self._session, self._monitor))
+        self._ready.set()
+
+    def _take(self, text: str) -> None:
+        assert self._session is not None  # noqa: S101 -- only called once attached
+        assert self._monitor is not None  # noqa: S101
+        if self._monitor.outbox is not self:
+            return
+        try:
+            self._dispatch(decode(text), self._session, self._monitor)
+        except WireError as error:
+            self._refuse(error)
+
+    def _dispatch(self, frame: Frame, session: LiveSession, monitor: Monitor) -> None:
+        match frame.message:
+            case Attach():
+                raise WireError("bad_attach", "attached already")
+            case OutcomeMessage() as message:
+                session.outcome(monitor, message)
+            case ClockMessage() as message:
+                session.clock(monitor, message)
+            case Detach():
+                session.detach(monitor)
+            case Events(events=events):
+                for value in events:
+                    try:
+                        session.ingest(monitor, event_of(value, suspicious=frame.suspicious))
+                    except WireError as error:
+                        self._refuse(error)
+            case message:
+                session.ingest(monitor, message)
+
+    def _refuse(self, error: WireError) -> None:
+        assert self._session is not None  # noqa: S101 -- only called once attached
+        assert self._monitor is not None  # noqa: S101
+        self._session.refuse(self._monitor, error)
+        self.send(error.frame())

@@ -1,0 +1,84 @@
+"""The specs on hand: files of the specs folder, and those that were put over HTTP, which come first."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from oracle_server.core.errors import Finding, OracleError, SpecError
+from oracle_server.core.plan import Plan, plan
+from oracle_server.specfile import SpecFile, load_spec, parse_spec
+
+
+class UnknownSpecError(OracleError):
+    """A spec that is not on hand."""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A spec on hand, ready to judge by, and where it comes from."""
+
+    file: SpecFile
+    plan: Plan
+    source: Literal["file", "put"]
+    path: Path
+    modified: int
+
+
+class Library:
+    """Specs by id. A file that has changed is read again when its spec is next asked for."""
+
+    def __init__(self, folder: Path | None, uploads: Path) -> None:
+        """Read all specs of both folders. Raises `SpecError` where one is refused, or an id stands in two files."""
+        self._uploads = uploads
+        self._entries: dict[str, Entry] = {}
+        for path in sorted(folder.glob("*.yaml")) if folder else ():
+            entry = _read(path, "file")
+            other = self._entries.setdefault(entry.file.spec.id, entry)
+            if other is not entry:
+                message = f"the id '{entry.file.spec.id}' is that of {other.path} already"
+                raise SpecError([Finding(str(path), 1, 1, message)])
+        for path in sorted(uploads.glob("*.yaml")):
+            self._entries[path.stem] = _read(path, "put")
+
+    def ids(self) -> list[str]:
+        """The ids of all specs."""
+        return sorted(self._entries)
+
+    def get(self, spec_id: str) -> Entry:
+        """A spec as it is now. Raises `UnknownSpecError`, or `SpecError` where its file has become unsound."""
+        entry = self._entries.get(spec_id)
+        if entry is None:
+            known = ", ".join(self.ids()) or "none"
+            raise UnknownSpecError(f"no spec '{spec_id}' is on hand; known are {known}")
+        try:
+            changed = entry.path.stat().st_mtime_ns != entry.modified
+        except FileNotFoundError:
+            return entry
+        if changed:
+            fresh = _read(entry.path, entry.source)
+            if fresh.file.spec.id != spec_id:
+                raise SpecError([Finding(str(entry.path), 1, 1, f"the id was '{spec_id}' and has changed")])
+            self._entries[spec_id] = entry = fresh
+        return entry
+
+    def put(self, spec_id: str, text: str) -> tuple[Entry, bool]:
+        """Take in a spec, and tell whether it is new. Raises `SpecError` where it is refused."""
+        file = parse_spec(text, f"{spec_id}.yaml")
+        if file.spec.id != spec_id:
+            raise SpecError([Finding(f"{spec_id}.yaml", 1, 1, f"its id is '{file.spec.id}', not '{spec_id}'")])
+        new = spec_id not in self._entries
+        self._uploads.mkdir(parents=True, exist_ok=True)
+        path = self._uploads / f"{spec_id}.yaml"
+        draft = path.with_suffix(".draft")
+        draft.write_text(text)
+        os.replace(draft, path)
+        self._entries[spec_id] = entry = Entry(file, plan(file.spec), "put", path, path.stat().st_mtime_ns)
+        return entry, new
+
+
+def _read(path: Path, source: Literal["file", "put"]) -> Entry:
+    file = load_spec(path)
+    return Entry(file, plan(file.spec), source, path, path.stat().st_mtime_ns)

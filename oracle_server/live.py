@@ -1,0 +1,308 @@
+"""A session as the server runs it: its monitors, its timer and its history around the core's `Session`."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, Protocol
+
+import structlog
+
+from oracle_server.clock import Clock
+from oracle_server.core.events import Event, StreamKey
+from oracle_server.core.session import ClockReading, Session
+from oracle_server.core.verdicts import Judged, record
+from oracle_server.numbering import Numbering
+from oracle_server.protocol import Attach, ClockMessage, EventMessage, OutcomeMessage, WireError
+from oracle_server.restore import Restored
+from oracle_server.schema import step_row
+from oracle_server.store import Store
+
+log = structlog.get_logger()
+
+
+class Outbox(Protocol):
+    """Where frames to a monitor go; never blocks."""
+
+    def send(self, frame: dict[str, Any]) -> None:
+        """Queue a frame."""
+        ...
+
+    def drop(self, reason: WireError) -> None:
+        """Send an error and close."""
+        ...
+
+
+@dataclass(slots=True)
+class Monitor:
+    """One monitor of a session, attached or lately so."""
+
+    name: str
+    instance: str
+    numbering: Numbering
+    outbox: Outbox | None = None
+    streams: tuple[StreamKey, ...] = ()
+    attached: bool = False
+    detaching: bool = False
+    lost: int = 0
+    """Events that never came or could not be read, to be told with the next one that does."""
+    unsettled: int = 0
+    """Events taken and not committed yet."""
+    answers: dict[int, dict[str, Any]] = field(default_factory=dict)
+    """Decisions on events that are not committed yet, by number."""
+    outcomes: dict[int, tuple[bool, str]] = field(default_factory=dict)
+    """What the adapter did about events that are not judged yet."""
+    expiry: asyncio.TimerHandle | None = None
+
+
+class Identity(NamedTuple):
+    """A session's name, its number in the history, whether it ends with its last monitor, and since when it is (ns)."""
+
+    id: str
+    number: int
+    private: bool
+    opened: int
+
+
+class LiveSession:
+    """One open session. All methods run on the event loop's thread, and none awaits."""
+
+    def __init__(
+        self, identity: Identity, core: Session, store: Store, clock: Clock, resume_within: float,
+        on_empty: Callable[[LiveSession], None],
+    ) -> None:  # fmt: skip
+        """Run a session; `on_empty` is called when the last monitor of a private one is gone."""
+        self.id, self.number, self.private, self.opened = identity
+        self.core, self.spec = core, core.plan.spec
+        self.monitors: dict[str, Monitor] = {}
+        self.position = 0
+        self.refused = 0
+        self.closing = False
+        self._store, self._clock, self._resume_within, self._on_empty = store, clock, resume_within, on_empty
+        self._gaps: dict[tuple[str, int], int] = {}
+        self._timer: asyncio.TimerHandle | None = None
+        self._armed: int | None = None
+
+    def attach(self, wanted: Attach, outbox: Outbox) -> Monitor:
+        """Attach a monitor. Raises a fatal `WireError` where that can't be."""
+        streams = self._claimed(wanted.streams)
+        monitor = self.monitors.get(wanted.monitor)
+        if monitor is None:
+            monitor = self.monitors[wanted.monitor] = Monitor(wanted.monitor, wanted.instance, Numbering())
+        if monitor.outbox is not None:
+            if monitor.instance != wanted.instance:
+                raise WireError("monitor_taken", f"another process is attached as '{wanted.monitor}'", fatal=True)
+            monitor.outbox.drop(WireError("replaced", "a newer connection of this process took over", fatal=True))
+        if monitor.expiry:
+            monitor.expiry.cancel()
+            monitor.expiry = None
+        monitor.instance, monitor.outbox, monitor.streams, monitor.detaching = wanted.instance, outbox, streams, False
+        monitor.numbering.resume()
+        monitor.attached = True
+        self._deliver(self.core.attach(monitor.name, streams, self._clock.now()))
+        return monitor
+
+    def ingest(self, monitor: Monitor, message: EventMessage) -> None:
+        """Take an event: judged once, and answered again where it is sent again. Raises `WireError`."""
+        gap = monitor.numbering.take(message.seq)
+        if gap is None:
+            self._answer_again(monitor, message)
+            return
+        key = StreamKey(message.stream, message.kind)
+        if key not in self.spec.by_key:
+            raise self._refuse(monitor, message.seq, gap, "unknown_stream", f"{key} is no stream of {self.spec.id}")
+        if key not in monitor.streams:
+            raise self._refuse(monitor, message.seq, gap, "unknown_stream", f"{key} was not claimed at attach")
+        self._gaps[(monitor.name, message.seq)] = gap
+        monitor.unsettled += 1
+        event = Event(
+            key, monitor.name, message.seq, message.stamp or None, self._clock.now(), message.data, message.source,
+            message.call, message.lost + monitor.lost + gap, message.ask,
+        )  # fmt: skip
+        monitor.lost = 0
+        self._deliver(self.core.ingest(event))
+
+    def refuse(self, monitor: Monitor, error: WireError) -> None:
+        """Use up the number of an event that could not be read."""
+        if error.seq is not None:
+            gap = monitor.numbering.take(error.seq)
+            if gap is not None:
+                self._refuse(monitor, error.seq, gap, error.code, error.message)
+
+    def clock(self, monitor: Monitor, message: ClockMessage) -> None:
+        """Learn how far a monitor's streams have come."""
+        readings = [ClockReading(StreamKey(s.stream, s.kind), s.stamp) for s in message.stamps]
+        claimed = [r for r in readings if r.stream in monitor.streams]
+        self._deliver(self.core.clock(monitor.name, claimed, self._clock.now()))
+        if len(claimed) < len(readings):
+            raise WireError("unknown_stream", "the clock names a stream that was not claimed at attach")
+
+    def outcome(self, monitor: Monitor, message: OutcomeMessage) -> None:
+        """Keep what the adapter did about an event that it asked about."""
+        if (monitor.name, message.seq) in self._gaps:
+            monitor.outcomes[message.seq] = (message.passed, message.why)
+            return
+        self._store.execute(
+            "UPDATE steps SET passed = ?, why = ? WHERE session = ? AND monitor = ? AND seq = ?",
+            (message.passed, message.why, self.number, monitor.name, message.seq),
+        )
+
+    def detach(self, monitor: Monitor) -> None:
+        """Let a monitor go: it is told once all that it sent is committed."""
+        monitor.detaching = True
+        self._leave(monitor)
+        self._settle(monitor)
+
+    def disconnected(self, monitor: Monitor, outbox: Outbox) -> None:
+        """Keep the place of a monitor whose connection is lost, for a while."""
+        if monitor.outbox is not outbox:
+            return
+        monitor.outbox = None
+        if monitor.attached:
+            loop = asyncio.get_running_loop()
+            monitor.expiry = loop.call_later(self._resume_within, self._expire, monitor)
+
+    def close(self) -> None:
+        """Judge all that is held, in order, and stop the timers."""
+        self.closing = True
+        self._deliver(self.core.finish(self._clock.now()))
+        if self._timer:
+            self._timer.cancel()
+        for monitor in self.monitors.values():
+            if monitor.expiry:
+                monitor.expiry.cancel()
+
+    def resume(self, restored: Restored) -> None:
+        """Go on where a session stood: give its monitors their time to come back, and put back what was held."""
+        self.position, self.refused = restored.position, restored.refused
+        loop = asyncio.get_running_loop()
+        for name, numbering in restored.numberings.items():
+            monitor = self.monitors[name] = Monitor(name, "", numbering, streams=tuple(self.spec.by_key), attached=True)
+            monitor.expiry = loop.call_later(self._resume_within, self._expire, monitor)
+            self._deliver(self.core.attach(name, monitor.streams, self._clock.now()))
+        if self.private and not self.monitors:
+            loop.call_later(self._resume_within, self._leave_empty)
+        for step, gap in restored.held:
+            monitor = self.monitors[step.event.monitor]
+            monitor.numbering.hold(step.event.seq)
+            monitor.unsettled += 1
+            self._gaps[(monitor.name, step.event.seq)] = gap
+            self._deliver(self.core.hold(step))
+
+    def _claimed(self, names: list[str] | None) -> tuple[StreamKey, ...]:
+        if names is None:
+            return tuple(self.spec.by_key)
+        unknown = sorted(set(names) - self.spec.names)
+        if unknown:
+            raise WireError("bad_attach", f"'{unknown[0]}' is no stream of {self.spec.id}", fatal=True)
+        return tuple(key for key in self.spec.by_key if key.name in names)
+
+    def _expire(self, monitor: Monitor) -> None:
+        monitor.expiry = None
+        log.info("monitor did not come back", session=self.id, monitor=monitor.name)
+        self._leave(monitor)
+
+    def _leave(self, monitor: Monitor) -> None:
+        if monitor.attached:
+            monitor.attached = False
+            self._deliver(self.core.detach(monitor.name, self._clock.now()))
+        self._leave_empty()
+
+    def _leave_empty(self) -> None:
+        if self.private and not self.closing and not any(m.attached for m in self.monitors.values()):
+            self._on_empty(self)
+
+    def _refuse(self, monitor: Monitor, seq: int, gap: int, code: str, message: str) -> WireError:
+        self.refused += 1
+        monitor.unsettled += 1
+        monitor.lost += gap + (code == "bad_event")
+        row = (self.number, monitor.name, seq, gap, self._clock.now(), code, message)
+        self._store.append("refused", [row], lambda: self._committed([(monitor, seq, gap)], []))
+        return WireError(code, message, seq=seq)
+
+    def _answer_again(self, monitor: Monitor, message: EventMessage) -> None:
+        if message.ask and monitor.outbox:
+            answer = monitor.answers.get(message.seq)
+            if answer is None and (monitor.name, message.seq) not in self._gaps:
+                answer = self._recorded_answer(monitor, message.seq)
+            if answer is not None:
+                monitor.outbox.send(answer)
+        self._acknowledge(monitor)
+
+    def _recorded_answer(self, monitor: Monitor, seq: int) -> dict[str, Any] | None:
+        from oracle_server.history import recorded_answer
+
+        return recorded_answer(self._store, self.number, [p.id for p in self.spec.properties], monitor.name, seq)
+
+    def _deliver(self, judged: list[Judged]) -> None:
+        """Send the decisions at once, and everything to the history."""
+        if judged:
+            rows, settled, violations = [], [], []
+            for item in judged:
+                self.position += 1
+                event = item.step.event
+                monitor = self.monitors[event.monitor]
+                key = (event.monitor, event.seq)
+                primary = item.order == next(iter(self.core.judges))
+                gap = self._gaps.pop(key, 0) if primary else 0
+                outcome = monitor.outcomes.pop(event.seq, None) if primary else None
+                rows.append(step_row(self.number, self.position, gap, item, outcome))
+                if primary:
+                    settled.append((monitor, event.seq, gap))
+                if item.decision:
+                    answer = monitor.answers[event.seq] = _decision(item)
+                    if monitor.outbox:
+                        monitor.outbox.send(answer)
+                violations += [{"type": "violation", **record(item, v)} for v in item.verdicts if v.explanation]
+            self._store.append("steps", rows, lambda: self._committed(settled, violations))
+        self._arm()
+
+    def _committed(self, settled: list[tuple[Monitor, int, int]], violations: list[dict[str, Any]]) -> None:
+        touched = {}
+        for monitor, seq, gap in settled:
+            monitor.numbering.commit(seq, gap)
+            monitor.unsettled -= 1
+            monitor.answers.pop(seq, None)
+            touched[monitor.name] = monitor
+        for monitor in touched.values():
+            self._acknowledge(monitor)
+            self._settle(monitor)
+        for frame in violations:
+            for monitor in self.monitors.values():
+                if monitor.outbox:
+                    monitor.outbox.send(frame)
+
+    def _acknowledge(self, monitor: Monitor) -> None:
+        if monitor.outbox:
+            monitor.outbox.send({"type": "ack", "upto": monitor.numbering.upto})
+
+    def _settle(self, monitor: Monitor) -> None:
+        if monitor.detaching and monitor.unsettled == 0 and monitor.outbox:
+            monitor.outbox.send({"type": "detached"})
+
+    def _arm(self) -> None:
+        """One timer a session, set to the earliest moment at which time alone makes something judged."""
+        deadline = self.core.next_deadline
+        if deadline is None or self.closing or (self._armed is not None and self._armed <= deadline):
+            return
+        if self._timer:
+            self._timer.cancel()
+        loop = asyncio.get_running_loop()
+        delay = max(0, deadline - self._clock.now()) / 10**9
+        self._armed, self._timer = deadline, loop.call_later(delay, self._tick)
+
+    def _tick(self) -> None:
+        self._armed = self._timer = None
+        self._deliver(self.core.advance(self._clock.now()))
+
+
+def _decision(judged: Judged) -> dict[str, Any]:
+    assert judged.decision is not None  # noqa: S101 -- called for decisions only
+    return {
+        "type": "decision",
+        "seq": judged.step.event.seq,
+        "decision": judged.decision.choice,
+        "denied_by": list(judged.decision.denied_by),
+        "verdicts": {v.property: v.outcome.value for v in judged.verdicts},
+    }

@@ -1,0 +1,43 @@
+"""Errors over HTTP as RFC 9457 has them: `application/problem+json`."""
+
+from __future__ import annotations
+
+from http import HTTPStatus
+from typing import Any
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from starlette.exceptions import HTTPException
+
+from oracle_server.core.errors import SpecError
+
+
+def problem(status: int, detail: str, **more: Any) -> JSONResponse:
+    """An error as a response."""
+    body = {"type": "about:blank", "title": HTTPStatus(status).phrase, "status": status, "detail": detail, **more}
+    return JSONResponse(body, status, media_type="application/problem+json")
+
+
+def install(app: FastAPI) -> None:
+    """Answer every error of an app as a problem."""
+
+    @app.exception_handler(HTTPException)
+    async def _http(_: Request, error: HTTPException) -> JSONResponse:
+        response = problem(error.status_code, str(error.detail))
+        response.headers.update(error.headers or {})
+        return response
+
+    @app.exception_handler(RequestValidationError)
+    async def _invalid(_: Request, error: RequestValidationError) -> JSONResponse:
+        found = [{"where": ".".join(str(part) for part in e["loc"]), "message": e["msg"]} for e in error.errors()]
+        return problem(422, f"{found[0]['where']}: {found[0]['message']}", errors=found)
+
+    @app.exception_handler(SpecError)
+    async def _spec(_: Request, error: SpecError) -> JSONResponse:
+        found = [{"line": f.line, "column": f.column, "message": f.message} for f in error.findings]
+        return problem(422, str(error), errors=found)
+
+    @app.exception_handler(Exception)
+    async def _bug(_: Request, __: Exception) -> JSONResponse:
+        return problem(500, "the server failed to answer; its log says why")

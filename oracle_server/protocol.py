@@ -1,0 +1,186 @@
+"""The wire's messages, as the contract has them: what a monitor sends, checked, and what it is sent."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Any, Literal, NamedTuple
+
+import msgspec
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from oracle_server.core.events import Kind
+
+SUBPROTOCOL = "oracle.v1"
+MAX_FRAME = 2**20
+"""Longest frame, in bytes."""
+MAX_DEPTH = 64
+"""Deepest nesting of an event's data."""
+MAX_BATCH = 10_000
+"""Most events of one frame."""
+
+Identifier = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,64}$")]
+MonitorName = Annotated[str, Field(pattern=r"^[~/A-Za-z0-9_][A-Za-z0-9_/.-]*$", max_length=255)]
+Stamp = Annotated[int, Field(ge=0, lt=2**63)]
+Seq = Annotated[int, Field(ge=1, lt=2**53)]
+Count = Annotated[int, Field(ge=0, lt=2**53)]
+
+
+class _Message(BaseModel):
+    model_config = ConfigDict(strict=True, extra="ignore", frozen=True)
+
+
+class Attach(_Message):
+    """The first frame: who the monitor is, and which session it wants."""
+
+    type: Literal["attach"]
+    monitor: MonitorName
+    instance: Annotated[str, Field(min_length=1, max_length=128)]
+    session: Identifier | None = None
+    spec: Identifier | None = None
+    streams: list[str] | None = None
+    clock: Literal["wall", "sim"] = "wall"
+
+
+class EventMessage(_Message):
+    """One observed message, request or response."""
+
+    type: Literal["event"] = "event"
+    seq: Seq
+    stream: Annotated[str, Field(max_length=255)]
+    kind: Kind = "topic"
+    stamp: Stamp | None = None
+    data: dict[str, Any]
+    ask: bool = False
+    source: Annotated[str, Field(max_length=255)] = ""
+    call: Count | None = None
+    lost: Count = 0
+
+
+class Events(_Message):
+    """A batch; each of its events is checked by itself, so that one bad event refuses no other."""
+
+    type: Literal["events"]
+    events: Annotated[list[Any], Field(max_length=MAX_BATCH)]
+
+
+class OutcomeMessage(_Message):
+    """What the adapter did after an ask."""
+
+    type: Literal["outcome"]
+    seq: Seq
+    passed: bool
+    why: Literal["decision", "timeout", "unavailable"]
+
+
+class ClockStamp(_Message):
+    """One stream's word that nothing older will come."""
+
+    stream: str
+    kind: Kind = "topic"
+    stamp: Stamp
+
+
+class ClockMessage(_Message):
+    """How far a monitor's streams have come."""
+
+    type: Literal["clock"]
+    stamps: list[ClockStamp]
+
+
+class Detach(_Message):
+    """The monitor goes; what it sent is still judged."""
+
+    type: Literal["detach"]
+
+
+Message = Attach | EventMessage | Events | OutcomeMessage | ClockMessage | Detach
+Incoming = Annotated[Message, Field(discriminator="type")]
+
+
+class WireError(Exception):
+    """Something that is answered by an `error` frame; a fatal one closes the connection."""
+
+    def __init__(self, code: str, message: str, *, seq: int | None = None, fatal: bool = False) -> None:
+        super().__init__(message)
+        self.code, self.message, self.seq, self.fatal = code, message, seq, fatal
+
+    def frame(self) -> dict[str, Any]:
+        """The frame that says so."""
+        frame: dict[str, Any] = {"type": "error", "code": self.code, "message": self.message, "fatal": self.fatal}
+        return frame if self.seq is None else frame | {"seq": self.seq}
+
+
+_incoming: TypeAdapter[Message] = TypeAdapter(Incoming)
+_event = TypeAdapter(EventMessage)
+_LONG_INTEGER = re.compile(r"[0-9]{19}")
+_INTEGERS = range(-(2**63), 2**64)
+_TAGS = frozenset({"attach", "events", "outcome", "clock", "detach"})
+
+
+class Frame(NamedTuple):
+    """A frame's message; a suspicious one may carry data nested too deep, or integers of more than 64 bits."""
+
+    message: Message
+    suspicious: bool
+
+
+def decode(text: str) -> Frame:
+    """A frame as a message; the events of a batch are left unchecked. Raises `WireError`."""
+    try:
+        value = msgspec.json.decode(text)
+    except (msgspec.DecodeError, ValueError) as error:
+        raise WireError("malformed", f"not JSON: {error}") from None
+    except RecursionError:
+        raise WireError("malformed", f"nested more than {MAX_DEPTH} deep") from None
+    if not isinstance(value, dict):
+        raise WireError("malformed", "expected a JSON object")
+    suspicious = text.count("[") + text.count("{") > MAX_DEPTH or _LONG_INTEGER.search(text) is not None
+    if value.get("type") == "event":
+        return Frame(event_of(value, suspicious=suspicious), suspicious)
+    try:
+        return Frame(_incoming.validate_python(value), suspicious)
+    except ValidationError as error:
+        raise WireError("malformed", _reason(error), seq=_seq(value)) from None
+
+
+def event_of(value: Any, *, suspicious: bool) -> EventMessage:
+    """An event of a batch, checked. Raises `WireError`."""
+    try:
+        event = _event.validate_python(value)
+    except ValidationError as error:
+        raise WireError("bad_event", _reason(error), seq=_seq(value)) from None
+    if suspicious:
+        reason = _unfit(event.data)
+        if reason:
+            raise WireError("bad_event", reason, seq=event.seq)
+    return event
+
+
+def encode(frame: dict[str, Any]) -> str:
+    """A frame as JSON text."""
+    return msgspec.json.encode(frame).decode()
+
+
+def _unfit(data: dict[str, Any]) -> str | None:
+    """Why an event's data can't be judged, None where it can."""
+    level: list[Any] = [data]
+    for _ in range(MAX_DEPTH):
+        values = [v for outer in level for v in (outer.values() if isinstance(outer, dict) else outer)]
+        if any(type(v) is int and v not in _INTEGERS for v in values):
+            return "data: an integer of more than 64 bits"
+        level = [v for v in values if isinstance(v, dict | list)]
+        if not level:
+            return None
+    return f"data: nested more than {MAX_DEPTH} deep"
+
+
+def _seq(value: Any) -> int | None:
+    seq = value.get("seq") if isinstance(value, dict) else None
+    return seq if type(seq) is int and 1 <= seq < 2**53 else None
+
+
+def _reason(error: ValidationError) -> str:
+    first = error.errors()[0]
+    place = first["loc"][1:] if first["loc"] and first["loc"][0] in _TAGS else first["loc"]
+    where = ".".join(str(part) for part in place)
+    return f"{where}: {first['msg']}" if where else str(first["msg"])

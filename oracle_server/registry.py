@@ -1,0 +1,177 @@
+"""All sessions of a server: opened, found, restored, closed."""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+import time
+from typing import Any, NamedTuple
+
+import msgspec
+import structlog
+
+from oracle_server.clock import Clock
+from oracle_server.core.errors import OracleError, SpecError
+from oracle_server.core.plan import plan
+from oracle_server.core.session import Session
+from oracle_server.engines.choice import make_engines
+from oracle_server.library import Entry, Library, UnknownSpecError
+from oracle_server.live import Identity, LiveSession, Monitor, Outbox
+from oracle_server.protocol import Attach, WireError
+from oracle_server.restore import restore
+from oracle_server.schema import Row
+from oracle_server.specfile import parse_spec
+from oracle_server.state import session_state
+from oracle_server.store import Store
+
+_OPENED = "number, id, spec, text, digest, properties, private, opened"
+
+log = structlog.get_logger()
+
+
+class Known(NamedTuple):
+    """A session's number in the history, and the ids of its properties in their order there."""
+
+    number: int
+    properties: list[str]
+
+
+class SessionExistsError(OracleError):
+    """A session of that name is there already."""
+
+
+class Registry:
+    """The open sessions, and what the history knows of the closed ones."""
+
+    def __init__(self, store: Store, library: Library, clock: Clock, resume_within: float) -> None:
+        """Hold no sessions yet; `resume_within` is how long, in seconds, a lost monitor keeps its place."""
+        self.open: dict[str, LiveSession] = {}
+        self._store, self._library, self._clock, self._resume_within = store, library, clock, resume_within
+        self._opening = asyncio.Lock()
+        self._closing: set[asyncio.Task[None]] = set()
+        self._last = 0
+
+    async def restore_all(self) -> None:
+        """Bring the open sessions back from the history."""
+        self._last = (self._store.read("SELECT max(number) FROM sessions")[0][0]) or 0
+        for row in self._store.read(f"SELECT {_OPENED} FROM sessions WHERE closed IS NULL ORDER BY number"):  # noqa: S608
+            try:
+                await self._restore(row)
+            except OracleError as error:
+                log.error("a session can't be restored", session=row[1], reason=str(error))
+
+    async def attach(self, wanted: Attach, outbox: Outbox) -> tuple[LiveSession, Monitor]:
+        """Attach a monitor to the session that it wants. Raises a fatal `WireError` where that can't be."""
+        session = await self._session_for(wanted)
+        if wanted.spec is not None and wanted.spec != session.spec.id:
+            message = f"session '{session.id}' judges by '{session.spec.id}', not by '{wanted.spec}'"
+            raise WireError("spec_mismatch", message, fatal=True)
+        return session, session.attach(wanted, outbox)
+
+    async def create(self, spec_id: str, session_id: str | None, *, private: bool = False) -> LiveSession:
+        """Open a new session. Raises `UnknownSpecError`, `SpecError` or `SessionExistsError`."""
+        async with self._opening:
+            entry = self._library.get(spec_id)
+            session_id = session_id or f"{spec_id[:40]}-{time.strftime('%Y%m%d-%H%M%S')}-{secrets.token_hex(2)}"
+            if self.known(session_id) is not None:
+                raise SessionExistsError(f"a session '{session_id}' is there already")
+            return await self._open(entry, session_id, private=private)
+
+    def known(self, session_id: str) -> Known | None:
+        """What the history needs to be asked about a session, None where there is none of that name."""
+        live = self.open.get(session_id)
+        if live is not None:
+            return Known(live.number, [p.id for p in live.spec.properties])
+        rows = self._store.read("SELECT number, properties FROM sessions WHERE id = ?", (session_id,))
+        return Known(rows[0][0], msgspec.json.decode(rows[0][1])) if rows else None
+
+    def state(self, session_id: str) -> dict[str, Any] | None:
+        """How a session stands, or stood when it was closed; None where it is not known."""
+        live = self.open.get(session_id)
+        if live is not None:
+            return session_state(live, self._clock.now())
+        rows = self._store.read("SELECT state FROM sessions WHERE id = ? AND closed IS NOT NULL", (session_id,))
+        return _decode(rows[0][0]) if rows else None
+
+    def states(self) -> list[dict[str, Any]]:
+        """Every session's state, the newest first."""
+        rows = self._store.read("SELECT state FROM sessions WHERE closed IS NOT NULL ORDER BY number DESC LIMIT 1000")
+        live = [session_state(s, self._clock.now()) for s in reversed(self.open.values())]
+        return [*live, *(_decode(row[0]) for row in rows)]
+
+    async def close(self, session: LiveSession) -> None:
+        """Judge what a session holds, and close it for good."""
+        if session.closing:
+            return
+        session.close()
+        now = self._clock.now()
+        state = session_state(session, now) | {"status": "closed", "closed": now}
+        sql = "UPDATE sessions SET closed = ?, state = ? WHERE number = ?"
+        self._store.execute(sql, (now, msgspec.json.encode(state).decode(), session.number))
+        await self._store.flush()
+        self.open.pop(session.id, None)
+        for monitor in session.monitors.values():
+            if monitor.outbox and not monitor.detaching:
+                monitor.outbox.drop(WireError("session_closed", f"session '{session.id}' was closed", fatal=True))
+
+    async def shut_down(self) -> None:
+        """Judge what all sessions hold, commit it, and tell the monitors; the sessions stay open in the history."""
+        for session in self.open.values():
+            session.close()
+        await self._store.flush()
+        for session in self.open.values():
+            for monitor in session.monitors.values():
+                if monitor.outbox:
+                    monitor.outbox.drop(WireError("shutting_down", "the server stops; attach again later", fatal=True))
+
+    async def _session_for(self, wanted: Attach) -> LiveSession:
+        live = self.open.get(wanted.session) if wanted.session else None
+        if live is not None and not live.closing:
+            return live
+        if wanted.session and self.known(wanted.session) is not None:
+            raise WireError("session_closed", f"session '{wanted.session}' is closed; it can only be read", fatal=True)
+        if wanted.spec is None:
+            raise WireError("unknown_spec", "name a spec: there is no session to join", fatal=True)
+        try:
+            return await self.create(wanted.spec, wanted.session, private=wanted.session is None)
+        except SessionExistsError:
+            return await self._session_for(wanted)
+        except UnknownSpecError as error:
+            raise WireError("unknown_spec", str(error), fatal=True) from None
+        except SpecError as error:
+            raise WireError("bad_spec", str(error), fatal=True) from None
+
+    async def _open(self, entry: Entry, session_id: str, *, private: bool) -> LiveSession:
+        spec = entry.plan.spec
+        core = Session(entry.plan, await asyncio.to_thread(make_engines, entry.plan))
+        self._last += 1
+        live = self._live(Identity(session_id, self._last, private, self._clock.now()), core)
+        properties = msgspec.json.encode([p.id for p in spec.properties]).decode()
+        self._store.execute(
+            f"INSERT INTO sessions ({_OPENED}) VALUES (?,?,?,?,?,?,?,?)",  # noqa: S608
+            (live.number, session_id, spec.id, entry.file.text, spec.digest, properties, private, live.opened),
+        )
+        log.info("session opened", session=session_id, spec=spec.id)
+        return live
+
+    async def _restore(self, row: Row) -> None:
+        number, session_id, _, text, _, _, private, opened = row
+        ready = plan(parse_spec(text, session_id).spec)
+        restored = await asyncio.to_thread(restore, self._store, number, ready)
+        live = self._live(Identity(session_id, number, bool(private), opened), restored.core)
+        live.resume(restored)
+        log.info("session restored", session=session_id, steps=restored.position)
+
+    def _live(self, identity: Identity, core: Session) -> LiveSession:
+        live = LiveSession(identity, core, self._store, self._clock, self._resume_within, self._on_empty)
+        self.open[live.id] = live
+        return live
+
+    def _on_empty(self, session: LiveSession) -> None:
+        task = asyncio.get_running_loop().create_task(self.close(session))
+        self._closing.add(task)
+        task.add_done_callback(self._closing.discard)
+
+
+def _decode(state: str) -> dict[str, Any]:
+    return msgspec.json.decode(state, type=dict[str, Any])

@@ -1,0 +1,216 @@
+"""The history on disk: SQLite in WAL mode, one writer thread, whatever has piled up in one commit.
+
+Rows are inserted many to a statement: the writer needs the interpreter once a statement, and each time would have to
+wait for the event loop to let go of it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import fcntl
+import sqlite3
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, Any, Literal
+
+import structlog
+
+from oracle_server.core.errors import OracleError
+from oracle_server.schema import DDL, REFUSED_COLUMNS, STEP_COLUMNS, VERSION, Row
+
+Durability = Literal["full", "normal"]
+MAX_PENDING = 20_000
+"""Rows that may wait for the disk; beyond, monitors are not read until there is room."""
+_RETRY_AFTER = 1.0
+_COLUMNS = {"steps": STEP_COLUMNS, "refused": REFUSED_COLUMNS}
+_CHUNK = 512
+
+log = structlog.get_logger()
+
+
+class StoreError(OracleError):
+    """The data directory or its database can't be used."""
+
+
+@dataclass(slots=True)
+class _Batch:
+    """What waits for the next commit, in the order in which it must be done."""
+
+    work: list[tuple[str, Any]] = field(default_factory=list)
+    callbacks: list[Callable[[], None]] = field(default_factory=list)
+    size: int = 0
+
+
+class Store:
+    """Appends to the history from the event loop's thread; each append tells when it is committed."""
+
+    def __init__(self, folder: Path, durability: Durability = "full") -> None:
+        """Lock the folder and open its database. Raises `StoreError` where they can't be used."""
+        self._lock_file = _lock(folder)
+        self.path = folder / "history.sqlite"
+        try:
+            self._writer = sqlite3.connect(self.path, isolation_level=None, check_same_thread=False)
+            _prepare(self._writer, durability)
+        except sqlite3.Error as error:
+            raise StoreError(f"{self.path}: can't be used as a database: {error}") from None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._room = asyncio.Event()
+        self._batch = _Batch()
+        self._wake = threading.Condition()
+        self._stopping = False
+        self._pending = 0
+        self._thread = threading.Thread(target=self._run, name="history writer", daemon=True)
+        self.failure: str | None = None
+        """Why the history can't be written at the moment."""
+
+    def start(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Start the writer; callbacks run on `loop`."""
+        self._loop = loop
+        self._room.set()
+        self._thread.start()
+
+    async def room(self) -> None:
+        """Wait until no more than `MAX_PENDING` rows wait for the disk."""
+        await self._room.wait()
+
+    def append(self, table: Literal["steps", "refused"], rows: Sequence[Row], done: Callable[[], None]) -> None:
+        """Insert rows with the next commit, and call `done` after it."""
+        self._add(table, rows, done, len(rows))
+
+    def execute(self, sql: str, values: Sequence[Any], done: Callable[[], None] | None = None) -> None:
+        """Run a statement with the next commit, after all that was appended before."""
+        self._add(sql, values, done, 1)
+
+    async def flush(self) -> None:
+        """Wait until all that was appended is committed."""
+        committed = asyncio.Event()
+        self.execute("SELECT 1", (), committed.set)
+        await committed.wait()
+
+    def close(self) -> None:
+        """Commit what waits, stop the writer and close the database. Call it off the event loop."""
+        with self._wake:
+            self._stopping = True
+            self._wake.notify()
+        if self._thread.is_alive():
+            self._thread.join()
+        self._writer.close()
+        self._lock_file.close()
+
+    def read(self, sql: str, values: Sequence[Any] = ()) -> list[Row]:
+        """Rows as of the last commit, on a connection of their own: reading never waits for writing."""
+        with contextlib.closing(sqlite3.connect(f"file:{self.path}?mode=ro", uri=True)) as reader:
+            return reader.execute(sql, values).fetchall()
+
+    def _add(self, what: str, values: Any, done: Callable[[], None] | None, size: int) -> None:
+        with self._wake:
+            self._batch.work.append((what, values))
+            self._batch.size += size
+            if done is not None:
+                self._batch.callbacks.append(done)
+            self._wake.notify()
+        self._pending += size
+        if self._pending > MAX_PENDING:
+            self._room.clear()
+
+    def _run(self) -> None:
+        while True:
+            with self._wake:
+                while not self._batch.work and not self._stopping:
+                    self._wake.wait()
+                batch, self._batch = self._batch, _Batch()
+                stopping = self._stopping
+            if batch.work:
+                self._commit(batch)
+            elif stopping:
+                return
+
+    def _commit(self, batch: _Batch) -> None:
+        """Write a batch, again and again until it is written or the store is closed."""
+        while True:
+            try:
+                self._write(batch)
+            except sqlite3.Error as error:
+                if self.failure is None:
+                    log.error("the history can't be written", reason=str(error), path=str(self.path))
+                self.failure = str(error)
+                with self._wake:
+                    if self._stopping:
+                        return
+                    self._wake.wait(_RETRY_AFTER)
+            else:
+                break
+        if self.failure is not None:
+            log.info("the history can be written again")
+            self.failure = None
+        assert self._loop is not None  # noqa: S101 -- the thread starts with the loop
+        with contextlib.suppress(RuntimeError):  # the loop is closed: nobody is left to be told
+            self._loop.call_soon_threadsafe(self._committed, batch)
+
+    def _write(self, batch: _Batch) -> None:
+        self._writer.execute("BEGIN IMMEDIATE")
+        try:
+            for what, rows in _merged(batch.work):
+                if what in _COLUMNS:
+                    _insert(self._writer, what, rows)
+                else:
+                    self._writer.execute(what, rows)
+            self._writer.execute("COMMIT")
+        except BaseException:
+            with contextlib.suppress(sqlite3.Error):
+                self._writer.execute("ROLLBACK")
+            raise
+
+    def _committed(self, batch: _Batch) -> None:
+        self._pending -= batch.size
+        if self._pending <= MAX_PENDING:
+            self._room.set()
+        for callback in batch.callbacks:
+            callback()
+
+
+def _merged(work: list[tuple[str, Any]]) -> list[tuple[str, Any]]:
+    """The work with rows that follow each other in one table put together."""
+    merged: list[tuple[str, Any]] = []
+    for what, values in work:
+        if what in _COLUMNS and merged and merged[-1][0] == what:
+            merged[-1][1].extend(values)
+        else:
+            merged.append((what, list(values)))
+    return merged
+
+
+def _insert(writer: sqlite3.Connection, table: str, rows: list[Row]) -> None:
+    columns = _COLUMNS[table]
+    place = f"({','.join('?' * len(columns))})"
+    start = 0
+    while start < len(rows):
+        size = min(_CHUNK, 1 << ((len(rows) - start).bit_length() - 1))  # few sizes, so that statements are cached
+        values = [value for row in rows[start : start + size] for value in row]
+        statement = f"INSERT INTO {table} ({','.join(columns)}) VALUES {','.join([place] * size)}"  # noqa: S608
+        writer.execute(statement, values)
+        start += size
+
+
+def _prepare(writer: sqlite3.Connection, durability: Durability) -> None:
+    writer.execute("PRAGMA journal_mode = WAL")
+    writer.execute(f"PRAGMA synchronous = {durability.upper()}")
+    (version,) = writer.execute("PRAGMA user_version").fetchone()
+    if version not in (0, VERSION):
+        raise StoreError(f"the history has format {version}, and this version of the server reads {VERSION}")
+    writer.executescript(f"BEGIN; {DDL} PRAGMA user_version = {VERSION}; COMMIT;")
+
+
+def _lock(folder: Path) -> IO[str]:
+    try:
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        file = (folder / "lock").open("a")
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise StoreError(f"{folder}: another server uses this data directory; stop it, or choose another one") from None
+    except OSError as error:
+        raise StoreError(f"{folder}: can't be used as data directory: {error.strerror}") from None
+    return file
