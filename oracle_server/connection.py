@@ -42,13 +42,13 @@ class Connection:
         self._socket, self._registry, self._store = socket, registry, store
         self._queue: deque[dict[str, Any]] = deque()
         self._ready = asyncio.Event()
-        self._ended: WireError | None = None
+        self._end: tuple[int, str] | None = None
         self._session: LiveSession | None = None
         self._monitor: Monitor | None = None
 
     def send(self, frame: dict[str, Any]) -> None:
         """Queue a frame; an ack replaces one that waits at the end of the queue."""
-        if self._ended is not None:
+        if self._end is not None:
             return
         if frame["type"] == "ack" and self._queue and self._queue[-1]["type"] == "ack":
             self._queue.pop()
@@ -60,9 +60,13 @@ class Connection:
 
     def drop(self, reason: WireError) -> None:
         """Send an error after what is queued, and close."""
-        if self._ended is None:
-            self._queue.append(reason.frame())
-            self._ended = reason
+        self.finish(reason.frame(), 1012 if reason.code == "shutting_down" else 1008, reason.code)
+
+    def finish(self, frame: dict[str, Any], code: int = 1000, reason: str = "") -> None:
+        """Send a last frame after what is queued, and close."""
+        if self._end is None:
+            self._queue.append(frame)
+            self._end = (code, reason)
             self._ready.set()
 
     async def serve(self) -> None:
@@ -90,9 +94,8 @@ class Connection:
                 self._ready.clear()
                 while self._queue:
                     await self._socket.send_text(encode(self._queue.popleft()))
-                if self._ended is not None:
-                    code = 1012 if self._ended.code == "shutting_down" else 1008
-                    await self._socket.close(code, self._ended.code)
+                if self._end is not None:
+                    await self._socket.close(*self._end)
                     return
         except (WebSocketDisconnect, RuntimeError, OSError):
             return
@@ -102,7 +105,7 @@ class Connection:
             async with asyncio.timeout(_ATTACH_WITHIN):
                 text = await self._receive()
             await self._attach(text)
-            while self._ended is None:
+            while self._end is None:
                 await self._store.room()
                 self._take(await self._receive())
         except WireError as error:
@@ -110,8 +113,12 @@ class Connection:
         except TimeoutError:
             self.drop(WireError("bad_attach", f"no `attach` within {_ATTACH_WITHIN:.0f} s", fatal=True))
         except WebSocketDisconnect:
-            self._ended = self._ended or WireError("gone", "the monitor is gone", fatal=True)
+            self._queue.clear()
+            self._end = self._end or (1000, "")
             self._ready.set()
+        except Exception:
+            log.exception("a connection failed")
+            self.drop(WireError("internal", "the server failed; its log says why", fatal=True))
 
     async def _receive(self) -> str:
         message = await self._socket.receive()

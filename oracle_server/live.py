@@ -33,6 +33,10 @@ class Outbox(Protocol):
         """Send an error and close."""
         ...
 
+    def finish(self, frame: dict[str, Any]) -> None:
+        """Send a last frame and close."""
+        ...
+
 
 @dataclass(slots=True)
 class Monitor:
@@ -279,7 +283,7 @@ class LiveSession:
 
     def _settle(self, monitor: Monitor) -> None:
         if monitor.detaching and monitor.unsettled == 0 and monitor.outbox:
-            monitor.outbox.send({"type": "detached"})
+            monitor.outbox.finish({"type": "detached"})
 
     def _arm(self) -> None:
         """One timer a session, set to the earliest moment at which time alone makes something judged."""

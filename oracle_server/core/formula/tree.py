@@ -26,13 +26,23 @@ class Ref:
     name: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Constraint:
-    """One `key op value` of an atom."""
+    """One `key op value` of an atom; `a: 1` and `a: true` are different, though Python's 1 and True are equal."""
 
     key: str
     op: Literal["==", "!=", "<", "<=", ">", ">="]
     value: Scalar | Any | Ref
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Constraint) and self._identity == other._identity
+
+    def __hash__(self) -> int:
+        return hash(self._identity)
+
+    @property
+    def _identity(self) -> tuple[object, ...]:
+        return (self.key, self.op, isinstance(self.value, bool), self.value)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,112 @@
+"""`python3 -m oracle_ros2`: attach this machine's ROS 2 graph to an oracle server."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+import threading
+from typing import Sequence
+
+import rclpy
+from oracle_adapter import Attached, Link, LinkError
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
+
+from oracle_ros2.codec import CodecError
+from oracle_ros2.monitor import Monitor
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run until SIGINT or SIGTERM; 0 after a clean stop, 2 where it can't start or the server refused."""
+    own = remove_ros_args(list(arguments if arguments is not None else sys.argv))[1:]
+    options = _parse(own)
+    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    stopping = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stopping.set())
+    try:
+        return _run(options, stopping)
+    finally:
+        rclpy.try_shutdown()
+
+
+def _parse(arguments: Sequence[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser("oracle_ros2", description=__doc__)
+    parser.add_argument("--oracle", default=os.environ.get("ORACLE_URL", "http://127.0.0.1:8642"), help="its address")
+    parser.add_argument("--spec", help="the spec to judge by; needed where the session is new")
+    parser.add_argument("--session", help="the session to join or make; default a new one of its own")
+    parser.add_argument("--monitor", default="monitor", help="this monitor's name (%(default)s)")
+    parser.add_argument("--token", default=os.environ.get("ORACLE_TOKEN"), help="the server's token")
+    return parser.parse_args(arguments)
+
+
+def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
+    node = Node(options.monitor.strip("/").replace("/", "_").replace("-", "_").replace(".", "_") or "monitor")
+    log = node.get_logger()
+    failed: list[LinkError] = []
+
+    def on_error(error: LinkError) -> None:
+        (log.fatal if error.fatal else log.error)(f"oracle: {error}")
+        if error.fatal:
+            failed.append(error)
+            stopping.set()
+
+    link = Link(
+        options.oracle, options.monitor, spec=options.spec, session=options.session, token=options.token,
+        on_error=on_error, on_state=lambda state, detail: log.info(f"oracle: {state} {detail}"),
+        on_violation=lambda record: log.error(f"violation {record['n']}: {_text(record)}"),
+    )  # fmt: skip
+    link.start()
+    attached = _wait_attached(link, stopping, options.oracle, node)
+    status = 0
+    if attached is not None:
+        status = _observe(node, link, attached, stopping)
+    link.close()
+    node.destroy_node()
+    return 2 if failed else status
+
+
+def _wait_attached(link: Link, stopping: threading.Event, url: str, node: Node) -> Attached | None:
+    told = False
+    while not stopping.is_set():
+        try:
+            return link.wait_attached(0.5)
+        except LinkError as error:
+            if error.fatal:
+                return None
+            if not told:
+                node.get_logger().warning(f"waiting for the oracle at {url}: {error}")
+                told = True
+    return None
+
+
+def _observe(node: Node, link: Link, attached: Attached, stopping: threading.Event) -> int:
+    try:
+        monitor = Monitor(node, link, attached.streams)
+    except CodecError as error:
+        node.get_logger().fatal(str(error))
+        return 2
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    node.get_logger().info(f"observing {len(attached.streams)} streams for session {attached.session}")
+    while not stopping.is_set():
+        try:
+            executor.spin_once(timeout_sec=0.1)
+        except ExternalShutdownException:
+            break
+    monitor.stop()
+    executor.shutdown()
+    return 0
+
+
+def _text(record: object) -> str:
+    explanation = record.get("explanation") if isinstance(record, dict) else None
+    return str(explanation["text"]) if explanation else str(record)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,117 @@
+"""ROS 2 messages to plain data for JSON, and plain data to messages.
+
+Only the fields that are asked for are read. Numbers keep their value, a 32-bit float as its shortest decimal; uint8
+sequences become bytes, which JSON carries as base64; every other sequence becomes a list.
+"""
+
+from __future__ import annotations
+
+import base64
+import importlib
+import re
+from functools import lru_cache
+from typing import Any, Callable, Iterable, Mapping
+
+import numpy
+
+Read = Callable[[Any], Any]
+
+_SEQUENCE = re.compile(r"sequence<(?P<of>.+?)(, \d+)?>|(?P<array>.+)\[\d+\]")
+_BYTES = frozenset({"uint8", "octet", "byte"})
+
+
+class CodecError(Exception):
+    """Data that does not fit a message type; tells the field."""
+
+
+def load_type(name: str) -> Any:
+    """The class of `pkg/msg/Type` or `pkg/srv/Type`; raises `CodecError` where its package is not there."""
+    package, _, rest = name.partition("/")
+    kind, _, type_name = rest.rpartition("/")
+    try:
+        return getattr(importlib.import_module(f"{package}.{kind or 'msg'}"), type_name)
+    except (ImportError, AttributeError) as error:
+        raise CodecError(f"the type {name} can't be loaded; is its package built and sourced? ({error})") from error
+
+
+def reader(message_type: Any, fields: Iterable[str] | None) -> Read:
+    """A function from messages to plain data with these dotted fields; None stands for all of them.
+
+    Fields that the type does not have are left out.
+    """
+    if fields is None:
+        return _whole(message_type)
+    wanted: dict[str, list[str] | None] = {}
+    for path in fields:
+        name, _, rest = path.partition(".")
+        inner = wanted.setdefault(name, [])
+        if rest and inner is not None:
+            inner.append(rest)
+        else:
+            wanted[name] = None
+    types = message_type.get_fields_and_field_types()
+    parts = [(name, _value_reader(types[name], inner)) for name, inner in wanted.items() if name in types]
+    return lambda message: {name: read(getattr(message, name)) for name, read in parts}
+
+
+@lru_cache(maxsize=None)
+def _whole(message_type: Any) -> Read:
+    parts = [(name, _value_reader(kind, None)) for name, kind in message_type.get_fields_and_field_types().items()]
+    return lambda message: {name: read(getattr(message, name)) for name, read in parts}
+
+
+def _value_reader(kind: str, inner: list[str] | None) -> Read:
+    many = _SEQUENCE.fullmatch(kind)
+    if many:
+        return _sequence_reader(many["of"] or many["array"])
+    if "/" in kind:
+        return reader(load_type(kind), inner)
+    if kind == "float":
+        return _single
+    if kind in ("octet", "byte"):
+        return lambda value: value[0] if isinstance(value, bytes) else value
+    return lambda value: value
+
+
+def _sequence_reader(kind: str) -> Read:
+    if kind in _BYTES:
+        return lambda values: b"".join(values) if isinstance(values, list) else bytes(values)
+    if kind == "float":
+        return lambda values: [_single(value) for value in values]
+    one = _value_reader(kind, None)
+    return lambda values: [one(value) for value in (values.tolist() if hasattr(values, "tolist") else values)]
+
+
+def _single(value: float) -> float:
+    return float(str(numpy.float32(value)))
+
+
+def write(message: Any, data: Mapping[str, Any], place: str = "") -> Any:
+    """Set fields of a message from plain data, and return it; raises `CodecError` with the field that does not fit."""
+    types = message.get_fields_and_field_types()
+    for name, value in data.items():
+        where = f"{place}.{name}" if place else name
+        if name not in types:
+            raise CodecError(f"{where}: {type(message).__name__} has no such field")
+        try:
+            setattr(message, name, _written(types[name], getattr(message, name), value, where))
+        except (AssertionError, TypeError, ValueError, OverflowError) as error:
+            raise CodecError(f"{where}: {value!r} does not fit {types[name]} ({error})") from error
+    return message
+
+
+def _written(kind: str, current: Any, value: Any, where: str) -> Any:
+    many = _SEQUENCE.fullmatch(kind)
+    if many:
+        of = many["of"] or many["array"]
+        if of in _BYTES and isinstance(value, str):
+            data = base64.b64decode(value, validate=True)
+            return [bytes([byte]) for byte in data] if of != "uint8" else data
+        return [_written(of, load_type(of)() if "/" in of else None, item, f"{where}[{i}]") for i, item in enumerate(value)]
+    if "/" in kind:
+        return write(current, value, where)
+    if kind in ("float", "double"):
+        return float(value)
+    if kind in ("octet", "byte") and isinstance(value, int):
+        return bytes([value])
+    return value

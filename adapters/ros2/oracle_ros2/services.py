@@ -1,0 +1,77 @@
+"""Services: the proxy that clients call, which asks the oracle before and after it calls the service itself."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from typing import TYPE_CHECKING, Any, Mapping
+
+from oracle_adapter import Answer, Link, should_pass
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.task import Future
+
+from oracle_ros2.codec import load_type, reader, write
+from oracle_ros2.stamps import stamp_reader
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+
+class ProxiedService:
+    """Serves `proxy`, and calls the service with what may pass. Calls wait for nothing but their own answers."""
+
+    def __init__(self, node: Node, link: Link, request: Mapping[str, Any], response: Mapping[str, Any]) -> None:
+        """Serve at once; `request` and `response` are the service's streams. Raises `CodecError`."""
+        self._node, self._link = node, link
+        self.name: str = request["name"]
+        self._type = load_type(request["type"])
+        self._denied: Mapping[str, Any] = request.get("denied_response") or {}
+        write(self._type.Response(), self._denied)
+        self._request = _Side(request, self._type.Request)
+        self._response = _Side(response, self._type.Response)
+        self._calls = itertools.count(1)
+        group = ReentrantCallbackGroup()
+        self._client = node.create_client(self._type, self.name, callback_group=group)
+        self._service = node.create_service(self._type, request["proxy"], self._serve, callback_group=group)
+
+    async def _serve(self, request: Any, response: Any) -> Any:
+        call = next(self._calls)
+        if not await self._may_pass(self._request, request, call):
+            return write(response, self._denied)
+        if not self._client.service_is_ready():
+            self._node.get_logger().error(f"{self.name} is not there: call {call} is answered by denied_response")
+            return write(response, self._denied)
+        answer = await self._client.call_async(request)
+        if not await self._may_pass(self._response, answer, call):
+            return write(response, self._denied)
+        return answer
+
+    async def _may_pass(self, side: _Side, message: Any, call: int) -> bool:
+        # stamped under the link's lock, so that no clock can say that nothing older will come
+        stamp = side.stamp(message) or time.time_ns
+        data = side.read(message)
+        if not side.filtered:
+            self._link.send(self.name, side.kind, stamp, data, call=call)
+            return True
+        asked = self._link.ask(self.name, side.kind, stamp, data, decide_within=side.within, call=call)
+        settled: Future[Answer] = Future(executor=self._node.executor)
+        asked.add_done_callback(lambda done: settled.set_result(done.result()))
+        answer = await settled
+        passed, why = should_pass(answer, side.on_unavailable)
+        if not passed:
+            reason = ", ".join(answer.denied_by) or answer.reason
+            self._node.get_logger().warning(f"denied a {side.kind} of {self.name}, call {call}: {reason}")
+        self._link.outcome(answer, passed, why)
+        return passed
+
+
+class _Side:
+    """The requests or the responses of a service."""
+
+    def __init__(self, stream: Mapping[str, Any], message_type: Any) -> None:
+        self.kind: str = stream["kind"]
+        self.filtered = stream["action"] == "filter"
+        self.within: float = stream.get("decide_within", 0) / 10**9
+        self.on_unavailable = stream.get("on_unavailable", "deny")
+        self.read = reader(message_type, stream["fields"])
+        self.stamp = stamp_reader(message_type, stream["stamp"]) if stream["stamp"] else lambda _: None

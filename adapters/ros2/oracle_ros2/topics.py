@@ -1,0 +1,97 @@
+"""Topics: those that are only observed, and those whose messages pass when the oracle allows it."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from typing import TYPE_CHECKING, Any, Mapping
+
+from oracle_adapter import Answer, Link, should_pass
+
+from oracle_ros2.codec import load_type, reader
+from oracle_ros2.qos import Matched
+from oracle_ros2.stamps import stamp_reader
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
+
+    from rclpy.node import Node
+
+SUFFIX = "_mon"
+
+
+class Observed:
+    """A topic as its messages arrive: their stamp, their publisher, what was missed, and the fields that are read."""
+
+    def __init__(self, stream: Mapping[str, Any]) -> None:
+        self.name: str = stream["name"]
+        self.type = load_type(stream["type"])
+        self._stamp = stamp_reader(self.type, stream["stamp"])
+        self._read = reader(self.type, stream["fields"])
+        self._numbers: dict[str, int] = {}
+
+    def event(self, message: Any, info: Mapping[str, Any]) -> tuple[int | None, Any, dict[str, Any]]:
+        """The stamp (ns), the data and the rest of a message's event."""
+        source = bytes(info.get("publisher_gid", b"")).hex()
+        stamp = self._stamp(message) or info["source_timestamp"] or None
+        return stamp, self._read(message), {"source": source, "lost": self._missed(source, info)}
+
+    def _missed(self, source: str, info: Mapping[str, Any]) -> int:
+        """How many messages of a publisher were lost just before this one, as its sequence numbers tell."""
+        number = info.get("publication_sequence_number")
+        if number is None:
+            return 0
+        before = self._numbers.get(source)
+        self._numbers[source] = number
+        return 0 if before is None else max(0, number - before - 1)
+
+
+class LoggedTopic:
+    """Reports every message of a topic."""
+
+    def __init__(self, node: Node, link: Link, stream: Mapping[str, Any]) -> None:
+        self._link = link
+        self._observed = Observed(stream)
+        self.matched = Matched(node, self._observed.type, self._observed.name, self._take)
+
+    def _take(self, message: Any, info: Mapping[str, Any]) -> None:
+        stamp, data, more = self._observed.event(message, info)
+        self._link.send(self._observed.name, "topic", stamp, data, **more)
+
+
+class FilteredTopic:
+    """Forwards the messages that the oracle allows, in their order; no callback waits for a decision.
+
+    `intercept: publisher` takes X_mon and gives X, `subscriber` takes X and gives X_mon.
+    """
+
+    def __init__(self, node: Node, link: Link, stream: Mapping[str, Any]) -> None:
+        self._node, self._link, self._stream = node, link, stream
+        self._observed = Observed(stream)
+        name = self._observed.name
+        source, target = (name + SUFFIX, name) if stream["intercept"] == "publisher" else (name, name + SUFFIX)
+        self._waiting: deque[tuple[Any, Future[Answer]]] = deque()
+        self._forwarding = threading.Lock()
+        self._publisher = node.create_publisher(self._observed.type, target, 1000)
+        self.matched = Matched(node, self._observed.type, source, self._take)
+
+    def _take(self, message: Any, info: Mapping[str, Any]) -> None:
+        stamp, data, more = self._observed.event(message, info)
+        within = self._stream["decide_within"] / 10**9
+        answer = self._link.ask(self._observed.name, "topic", stamp, data, decide_within=within, **more)
+        self._waiting.append((message, answer))
+        answer.add_done_callback(lambda _: self._forward())
+
+    def _forward(self) -> None:
+        """Settle the messages at the head of the queue whose answers are there."""
+        with self._forwarding:
+            while self._waiting and self._waiting[0][1].done():
+                message, future = self._waiting.popleft()
+                answer = future.result()
+                passed, why = should_pass(answer, self._stream["on_unavailable"])
+                if passed:
+                    self._publisher.publish(message)
+                else:
+                    reason = ", ".join(answer.denied_by) or answer.reason
+                    self._node.get_logger().warning(f"withheld a message of {self._observed.name}: {reason}")
+                self._link.outcome(answer, passed, why)

@@ -1,0 +1,32 @@
+"""What the documents show is true: whole specs in them are sound, files that they name are there."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from oracle_server.specfile import parse_spec
+
+ROOT = Path(__file__).parents[1]
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted(ROOT.glob("examples/*/README.md"))]
+SPECS = [
+    pytest.param(block, id=f"{path.name}-{i}")
+    for path in DOCUMENTS
+    for i, block in enumerate(re.findall(r"```yaml\n(.*?)```", path.read_text(), re.DOTALL))
+    if "properties:" in block and "…" not in block
+]
+
+
+@pytest.mark.parametrize("text", SPECS)
+def test_specs_in_the_documents_are_sound(text: str) -> None:
+    assert parse_spec(text, "document").spec.properties
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_files_named_in_the_documents_are_there(path: Path) -> None:
+    text = path.read_text()
+    links = [link for link in re.findall(r"\]\(([^)#]+)", text) if "://" not in link]
+    scripts = re.findall(r"\./scripts/[\w-]+", text)
+    missing = [name for name in links if not (path.parent / name).exists()]
+    missing += [name for name in scripts if not (ROOT / name).exists()]
+    assert missing == []
