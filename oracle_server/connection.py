@@ -107,7 +107,7 @@ class Connection:
             await self._attach(text)
             while self._end is None:
                 await self._store.room()
-                self._take(await self._receive())
+                await self._take(await self._receive())
         except WireError as error:
             self.drop(error)
         except TimeoutError:
@@ -142,17 +142,17 @@ class Connection:
         self._queue.appendleft(attached_frame(self._session, self._monitor))
         self._ready.set()
 
-    def _take(self, text: str) -> None:
+    async def _take(self, text: str) -> None:
         assert self._session is not None  # noqa: S101 -- only called once attached
         assert self._monitor is not None  # noqa: S101
         if self._monitor.outbox is not self:
             return
         try:
-            self._dispatch(decode(text), self._session, self._monitor)
+            await self._dispatch(decode(text), self._session, self._monitor)
         except WireError as error:
             self._refuse(error)
 
-    def _dispatch(self, frame: Frame, session: LiveSession, monitor: Monitor) -> None:
+    async def _dispatch(self, frame: Frame, session: LiveSession, monitor: Monitor) -> None:
         match frame.message:
             case Attach():
                 raise WireError("bad_attach", "attached already")
@@ -164,11 +164,13 @@ class Connection:
                 session.detach(monitor)
             case Events(events=events):
                 for value in events:
+                    await session.room(monitor)
                     try:
                         session.ingest(monitor, event_of(value, suspicious=frame.suspicious))
                     except WireError as error:
                         self._refuse(error)
             case message:
+                await session.room(monitor)
                 session.ingest(monitor, message)
 
     def _refuse(self, error: WireError) -> None:

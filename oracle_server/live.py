@@ -85,6 +85,7 @@ class LiveSession:
         self.closing = False
         self._store, self._clock, self._resume_within, self._on_empty = store, clock, resume_within, on_empty
         self._gaps: dict[tuple[str, int], int] = {}
+        self._changed = asyncio.Event()
         self._timer: asyncio.TimerHandle | None = None
         self._armed: int | None = None
 
@@ -106,6 +107,15 @@ class LiveSession:
         monitor.attached = True
         self._deliver(self.core.attach(monitor.name, streams, self._clock.now()))
         return monitor
+
+    async def room(self, monitor: Monitor) -> None:
+        """Wait while the order is full and this monitor is ahead of the one that it waits for.
+
+        The awaited monitor is never held up: what it sends makes room, by being judged or by forcing the oldest
+        event out.
+        """
+        while self.core.buffer.full and self.core.buffer.awaited and self.core.buffer.awaited[0] != monitor.name:
+            await self._changed.wait()
 
     def ingest(self, monitor: Monitor, message: EventMessage) -> None:
         """Take an event: judged once, and answered again where it is sent again. Raises `WireError`."""
@@ -261,6 +271,8 @@ class LiveSession:
                 violations += [{"type": "violation", **record(item, v)} for v in item.verdicts if v.explanation]
             self._store.append("steps", rows, lambda: self._committed(settled, violations))
         self._arm()
+        self._changed.set()
+        self._changed = asyncio.Event()
 
     def _committed(self, settled: list[tuple[Monitor, int, int]], violations: list[dict[str, Any]]) -> None:
         touched = {}
