@@ -141,6 +141,8 @@ class Connection:
         # before anything that was queued by attaching itself: the monitor knows nothing yet
         self._queue.appendleft(attached_frame(self._session, self._monitor))
         self._ready.set()
+        if self._monitor.numbering.upto:
+            self.send({"type": "ack", "upto": self._monitor.numbering.upto})
 
     async def _take(self, text: str) -> None:
         assert self._session is not None  # noqa: S101 -- only called once attached

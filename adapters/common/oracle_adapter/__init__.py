@@ -1,0 +1,27 @@
+"""The link from a ROS adapter to an oracle server; it knows no ROS."""
+
+from oracle_adapter.connection import Timing
+from oracle_adapter.decision import Answer, Policy, Why, should_pass
+from oracle_adapter.errors import LinkError
+from oracle_adapter.exchange import Stamp, State
+from oracle_adapter.jsonvalues import dumps
+from oracle_adapter.link import Link
+from oracle_adapter.marks import ClockStamp
+from oracle_adapter.protocol import Attached
+from oracle_adapter.stats import Stats
+
+__all__ = [
+    "Answer",
+    "Attached",
+    "ClockStamp",
+    "Link",
+    "LinkError",
+    "Policy",
+    "Stamp",
+    "State",
+    "Stats",
+    "Timing",
+    "Why",
+    "dumps",
+    "should_pass",
+]

@@ -1,0 +1,39 @@
+"""The one error of this package."""
+
+from __future__ import annotations
+
+from typing import Optional
+
+ENDING = frozenset(
+    {
+        "bad_attach",
+        "forbidden",
+        "monitor_taken",
+        "replaced",
+        "session_closed",
+        "spec_mismatch",
+        "unauthorized",
+        "unknown_session",
+        "unknown_spec",
+    }
+)
+"""The server's codes after which attaching again can't succeed."""
+
+
+class LinkError(Exception):
+    """Something went wrong on the link.
+
+    `code` is the server's, or one of the link's own: `unreachable`, `disconnected`, `bad_frame`,
+    `lost`, `timeout`, `closed`, `misdirected`, `internal`. `seq` is the number of the event that
+    was refused, where it is about one. After a `fatal` error the link is over; after others it
+    goes on.
+    """
+
+    def __init__(
+        self, code: str, message: str, *, seq: Optional[int] = None, fatal: bool = False
+    ) -> None:
+        super().__init__(code, message)
+        self.code, self.message, self.seq, self.fatal = code, message, seq, fatal
+
+    def __str__(self) -> str:
+        return f"{self.code}: {self.message}"

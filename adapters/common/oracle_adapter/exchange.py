@@ -1,0 +1,251 @@
+"""The protocol's state shared by threads: one lock around it, futures for asks, callbacks for news.
+
+Robot threads put events in and never wait; the link's own thread takes frames out, puts frames in,
+and alone calls back. No callback is called under the lock.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from concurrent.futures import Future
+from operator import index
+from typing import TYPE_CHECKING, Any, Callable, Dict, Literal, Optional, Union
+
+from oracle_adapter.decision import Answer
+from oracle_adapter.errors import LinkError
+from oracle_adapter.protocol import Answered, Attached, Protocol, Violation
+
+if TYPE_CHECKING:
+    import asyncio
+    from typing import Iterable, List, Mapping, Tuple
+
+    from oracle_adapter.decision import Why
+    from oracle_adapter.marks import ClockStamp
+    from oracle_adapter.outbox import Queued
+    from oracle_adapter.protocol import Notice
+    from oracle_adapter.stats import Stats
+
+State = Literal["attached", "disconnected", "ended"]
+Stamp = Union[int, None, Callable[[], Optional[int]]]
+"""Publication time (ns), None where there is none, or a function that is called under the lock."""
+
+_log = logging.getLogger("oracle_adapter")
+
+
+class Exchange:
+    """What `Link` does, but for the connection."""
+
+    def __init__(
+        self,
+        protocol: Protocol,
+        on_violation: Optional[Callable[[Mapping[str, Any]], None]],
+        on_state: Optional[Callable[[State, str], None]],
+        on_error: Optional[Callable[[LinkError], None]],
+    ) -> None:
+        self._on_violation, self._on_state, self._on_error = on_violation, on_state, on_error
+        self._lock = threading.Lock()  # over all that follows
+        self._changed = threading.Condition(self._lock)  # opened, attached or ended
+        self._protocol = protocol
+        self._asks: Dict[int, Tuple[Queued, Future[Answer]]] = {}
+        self._loop: Optional[asyncio.AbstractEventLoop] = None
+        self._woken: Optional[asyncio.Event] = None
+        self._awake = False  # the writer will look at the queue without being woken
+        self._trouble: Optional[LinkError] = None  # why there is no connection
+
+    # From robot threads
+
+    def wait_opened(self) -> None:
+        """Wait for the link's thread to be ready."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._loop or self._protocol.ended)
+
+    def wait_attached(self, timeout: Optional[float]) -> Attached:
+        """Wait for a connection, up to `timeout` seconds."""
+        protocol = self._protocol
+        with self._changed:
+            self._changed.wait_for(lambda: protocol.attached or protocol.ended, timeout)
+            if protocol.attached is not None:
+                return protocol.attached
+            if protocol.ended is not None:
+                raise protocol.ended
+            message = f"not attached within {timeout} s ({self._trouble or 'no answer yet'})"
+            raise LinkError("timeout", message)
+
+    def send(self, stamp: Stamp, body: str, lost: int) -> bool:
+        """Queue an event; False where it is lost instead."""
+        with self._lock:
+            queued = self._protocol.send(_read(stamp), body, lost)
+            self._wake()
+        return queued
+
+    def ask(self, stamp: Stamp, body: str, lost: int, seconds: float) -> Future[Answer]:
+        """Queue an event that wants an answer; the future has one within that time."""
+        future: Future[Answer] = Future()
+        future.set_running_or_notify_cancel()  # it can't be cancelled any more
+        with self._lock:
+            if self._loop is None and self._protocol.ended is None:
+                raise LinkError("closed", "the link was not started")
+            asked = self._protocol.ask(_read(stamp), body, lost)
+            if self._loop is not None and not isinstance(asked, Answer):
+                self._asks[asked.number] = asked, future
+                deadline = self._loop.time() + seconds
+                self._loop.call_soon_threadsafe(
+                    self._loop.call_at, deadline, self._expire, asked.number
+                )
+                self._wake()
+        if isinstance(asked, Answer):
+            future.set_result(asked)
+        return future
+
+    def outcome(self, answer: Answer, passed: bool, why: Why) -> None:
+        """Queue what was done with an ask."""
+        with self._lock:
+            self._protocol.outcome(answer, passed, why)
+            self._wake()
+
+    def clock(
+        self, stamps: Union[Iterable[ClockStamp], Callable[[], Iterable[ClockStamp]]]
+    ) -> None:
+        """Queue clocks behind every event queued so far."""
+        with self._lock:
+            self._protocol.clock(stamps() if callable(stamps) else stamps)
+            self._wake()
+
+    def stats(self) -> Stats:
+        """The counters, as they are now."""
+        with self._lock:
+            return self._protocol.stats()
+
+    def detach(self) -> None:
+        """Take nothing more, and detach when all is written."""
+        with self._lock:
+            self._protocol.detach()
+            self._awake = False  # there may be no event to write, yet something to do
+            self._wake()
+
+    def call_soon(self, callback: Callable[[], Any]) -> None:
+        """Call something in the link's thread, as long as it runs."""
+        with self._lock:
+            if self._loop is not None:
+                self._loop.call_soon_threadsafe(callback)
+
+    # From the link's thread
+
+    def open(self, loop: asyncio.AbstractEventLoop, woken: asyncio.Event) -> None:
+        """Set `woken`, on its loop, whenever there is something to write."""
+        with self._changed:
+            self._loop, self._woken = loop, woken
+            self._changed.notify_all()
+
+    def hello(self) -> str:
+        """The first frame of a connection."""
+        with self._lock:
+            return self._protocol.hello()
+
+    def next_frame(self) -> Optional[str]:
+        """The next frame to write, or None until `woken` is set."""
+        with self._lock:
+            frame = self._protocol.next_frame()
+            self._awake = frame is not None
+            return frame
+
+    def receive(self, frame: Union[str, bytes]) -> bool:
+        """Take in one frame, and say whether it was the last; raises what ends the connection."""
+        with self._lock:
+            self._protocol.receive(frame)
+            notices = self._protocol.take_notices()
+        self._deliver(notices)
+        for notice in notices:
+            if isinstance(notice, LinkError) and notice.fatal:
+                raise notice
+        return self._protocol.detached
+
+    def disconnected(self, error: LinkError) -> None:
+        """Note that there is no connection, and tell of it."""
+        with self._lock:
+            was_attached = self._protocol.attached is not None
+            self._protocol.disconnected()
+            news = str(error) != str(self._trouble)
+            self._trouble = error
+        if was_attached:
+            _call(self._on_state, "disconnected", str(error))
+        elif news and not error.fatal:  # attempts that fail alike are reported once
+            self.report(error)
+
+    @property
+    def attached(self) -> bool:
+        """Whether there is a connection."""
+        return self._protocol.attached is not None
+
+    @property
+    def done(self) -> bool:
+        """Whether there is nothing left to connect for."""
+        with self._lock:
+            return self._protocol.done
+
+    @property
+    def detached(self) -> bool:
+        """Whether the server has confirmed that all was judged."""
+        return self._protocol.detached
+
+    def end(self, error: LinkError) -> None:
+        """No connection will come any more."""
+        with self._changed:
+            self._loop = None
+            self._protocol.end(error)
+            notices = self._protocol.take_notices()
+            self._changed.notify_all()
+        self._deliver(notices)
+        _call(self._on_state, "ended", str(error))
+
+    def report(self, error: LinkError) -> None:
+        """Pass an error on to whom it may concern."""
+        if self._on_error is None:
+            _log.warning("%s", error)
+        _call(self._on_error, error)
+
+    def _expire(self, number: int) -> None:
+        with self._lock:
+            if number in self._asks:
+                self._protocol.expire(self._asks[number][0])
+            notices = self._protocol.take_notices()
+        self._deliver(notices)
+
+    def _wake(self) -> None:
+        if self._loop is not None and self._woken is not None and not self._awake:
+            self._awake = True
+            self._loop.call_soon_threadsafe(self._woken.set)
+
+    def _deliver(self, notices: List[Notice]) -> None:
+        for notice in notices:
+            if isinstance(notice, Answered):
+                with self._lock:
+                    _, future = self._asks.pop(notice.event.number)
+                future.set_result(notice.answer)
+            elif isinstance(notice, Attached):
+                with self._changed:
+                    self._trouble = None
+                    self._awake = False  # what was queued meanwhile waits for a writer
+                    self._wake()
+                    self._changed.notify_all()
+                _call(self._on_state, "attached", notice.session)
+            elif isinstance(notice, Violation):
+                _call(self._on_violation, notice.record)
+            elif not notice.fatal:  # a fatal one is reported when all is over
+                self.report(notice)
+
+
+def _read(stamp: Stamp) -> Optional[int]:
+    value = stamp() if callable(stamp) else stamp
+    return None if value is None else index(value)
+
+
+def _call(callback: Optional[Callable[..., None]], *arguments: Any) -> None:
+    """Call what the user gave; its errors are its own and don't touch the link."""
+    if callback is None:
+        return
+    try:
+        callback(*arguments)
+    except Exception:  # noqa: BLE001 - whatever it is
+        _log.exception("a callback of the link failed")

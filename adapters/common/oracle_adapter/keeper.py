@@ -1,0 +1,122 @@
+"""The link's thread: it connects, talks, and connects again until there is nothing left to do."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import random
+import threading
+from typing import TYPE_CHECKING, Iterator
+
+from oracle_adapter.connection import FAILURES, Conversation, open_connection
+from oracle_adapter.errors import LinkError
+
+if TYPE_CHECKING:
+    from oracle_adapter.connection import Address, Timing
+    from oracle_adapter.exchange import Exchange
+
+_log = logging.getLogger("oracle_adapter")
+
+
+class Keeper:
+    """One thread with a loop of its own, from `start` to `stop`."""
+
+    def __init__(self, address: Address, timing: Timing, exchange: Exchange) -> None:
+        self._address, self._timing, self._exchange = address, timing, exchange
+        self._thread = threading.Thread(target=self._run, name="oracle-link", daemon=True)
+
+    def start(self) -> None:
+        """Start the thread, once."""
+        self._thread.start()
+        self._exchange.wait_opened()
+
+    def stop(self, timeout: float) -> bool:
+        """Detach and end the thread, after `timeout` seconds anyway; True where it detached."""
+        if threading.current_thread() is self._thread:
+            raise RuntimeError("a callback of the link can't close it")
+        self._exchange.detach()
+        if self._thread.ident is None:
+            self._exchange.end(_closed())
+            return False
+        self._exchange.call_soon(self._hurry)
+        self._thread.join(timeout)
+        self._exchange.call_soon(self._work.cancel)
+        self._thread.join(self._timing.close_timeout)  # it hangs only in a callback that does
+        return self._exchange.detached
+
+    def _run(self) -> None:
+        asyncio.run(self._main())
+
+    async def _main(self) -> None:
+        self._woken = asyncio.Event()
+        self._closing = asyncio.get_running_loop().create_future()
+        self._work = asyncio.ensure_future(self._keep_up())
+        self._exchange.open(asyncio.get_running_loop(), self._woken)
+        end = _closed()
+        try:
+            await self._work
+        except asyncio.CancelledError:
+            pass  # stop has waited long enough
+        except LinkError as error:
+            end = error
+            self._exchange.report(error)
+        except Exception as error:  # noqa: BLE001 - the asks must be answered all the same
+            _log.exception("the link failed")
+            end = LinkError("internal", repr(error), fatal=True)
+            self._exchange.report(end)
+        finally:
+            self._exchange.end(end)
+
+    async def _keep_up(self) -> None:
+        """Raise the `LinkError` after which connecting again makes no sense."""
+        delays, clock = self._delays(), asyncio.get_running_loop().time
+        while not self._exchange.done:
+            began = clock()
+            try:
+                await self._connect()
+                continue
+            except LinkError as failure:
+                error = failure
+            except FAILURES as failure:
+                code = "disconnected" if self._exchange.attached else "unreachable"
+                message = str(failure) or "timed out"
+                error = LinkError(code, f"{self._address.url}: {message}")
+            self._exchange.disconnected(error)
+            if clock() - began > self._timing.backoff_last:  # it held: this trouble is a new one
+                delays = self._delays()
+            if error.fatal:
+                raise error
+            await self._pause(next(delays))
+
+    async def _connect(self) -> None:
+        socket = await open_connection(self._address, self._timing)
+        exchange = self._exchange
+        conversation = Conversation(
+            socket,
+            self._timing,
+            receive=exchange.receive,
+            next_frame=exchange.next_frame,
+            woken=self._woken,
+        )
+        await conversation.run(exchange.hello())
+
+    def _delays(self) -> Iterator[float]:
+        delay = self._timing.backoff_first
+        while True:
+            yield delay * random.uniform(0.5, 1.0)  # noqa: S311 - no secret
+            delay = min(2 * delay, self._timing.backoff_last)
+
+    def _hurry(self) -> None:
+        if not self._closing.done():
+            self._closing.set_result(None)
+
+    async def _pause(self, seconds: float) -> None:
+        """Wait, or until `stop` is called."""
+        if self._closing.done():
+            await asyncio.sleep(seconds)
+        else:
+            await asyncio.wait([self._closing], timeout=seconds)
+
+
+def _closed() -> LinkError:
+    return LinkError("closed", "the link was closed")

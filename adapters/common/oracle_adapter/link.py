@@ -1,0 +1,170 @@
+"""The link: what an adapter calls."""
+
+from __future__ import annotations
+
+import os
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Callable, Dict, Literal, Optional, Union
+from uuid import uuid4
+
+from oracle_adapter.connection import Address, Timing, attach_url
+from oracle_adapter.exchange import Exchange
+from oracle_adapter.jsonvalues import dumps
+from oracle_adapter.keeper import Keeper
+from oracle_adapter.protocol import Hello, Protocol
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
+    from ssl import SSLContext
+    from types import TracebackType
+    from typing import Iterable, Mapping, Type
+
+    from oracle_adapter.decision import Answer, Why
+    from oracle_adapter.errors import LinkError
+    from oracle_adapter.exchange import Stamp, State
+    from oracle_adapter.marks import ClockStamp
+    from oracle_adapter.protocol import Attached
+    from oracle_adapter.stats import Stats
+
+
+class Link:
+    """A monitor's link to the oracle, kept up by a thread of its own from `start` to `close`.
+
+    `session`: without one the server makes one. `streams`: names of those that will be observed,
+    default all. `capacity`: events held until the server has committed them.
+
+    `on_violation(record)`, `on_state(state, detail)` and `on_error(error)` are called in the link's
+    thread, as the futures' callbacks are: they must be quick, and must neither wait for an answer
+    nor close the link. Errors that no `on_error` takes are logged.
+    """
+
+    def __init__(
+        self,
+        url: str,
+        monitor: str,
+        *,
+        spec: Optional[str] = None,
+        session: Optional[str] = None,
+        streams: Optional[Iterable[str]] = None,
+        clock: Literal["wall", "sim"] = "wall",
+        token: Optional[str] = None,
+        tls: Optional[SSLContext] = None,
+        capacity: int = 10_000,
+        timing: Optional[Timing] = None,
+        on_violation: Optional[Callable[[Mapping[str, Any]], None]] = None,
+        on_state: Optional[Callable[[State, str], None]] = None,
+        on_error: Optional[Callable[[LinkError], None]] = None,
+    ) -> None:
+        names = None if streams is None else tuple(streams)
+        hello = Hello(monitor, _instance(os.getpid()), session, spec, names, clock)
+        self._exchange = Exchange(Protocol(hello, capacity), on_violation, on_state, on_error)
+        address = Address(attach_url(url), token, tls)
+        if tls is not None and not address.url.startswith("wss:"):
+            raise ValueError(f"tls needs a wss:// or https:// address, not {url!r}")
+        self._keeper = Keeper(address, timing or Timing(), self._exchange)
+
+    def start(self) -> None:
+        """Begin to connect, and return at once. A link starts once."""
+        self._keeper.start()
+
+    def wait_attached(self, timeout: Optional[float] = None) -> Attached:
+        """Wait up to `timeout` seconds for a connection; raises `LinkError` where none comes."""
+        return self._exchange.wait_attached(timeout)
+
+    def send(
+        self,
+        stream: str,
+        kind: str,
+        stamp: Stamp,
+        data: Any,
+        *,
+        source: Optional[str] = None,
+        call: Optional[int] = None,
+        lost: Optional[int] = None,
+    ) -> bool:
+        """Queue an event, never waiting; False where it was not queued and is counted as lost.
+
+        `stamp` is the publication time in ns, None where there is none, or a function that tells it
+        and is called under the lock, where it must not use the link. `source` is the publisher,
+        `call` pairs a request with its response, `lost` counts messages known to be missed just
+        before this one.
+        """
+        body = _body(stream, kind, data, source, call, ask=False)
+        return self._exchange.send(stamp, body, lost or 0)
+
+    def ask(
+        self,
+        stream: str,
+        kind: str,
+        stamp: Stamp,
+        data: Any,
+        *,
+        decide_within: float,
+        source: Optional[str] = None,
+        call: Optional[int] = None,
+        lost: Optional[int] = None,
+    ) -> Future[Answer]:
+        """Queue an event that wants a decision, never waiting.
+
+        The future has its answer within `decide_within` seconds, whatever happens; it can't be
+        cancelled.
+        """
+        body = _body(stream, kind, data, source, call, ask=True)
+        return self._exchange.ask(stamp, body, lost or 0, decide_within)
+
+    def outcome(self, answer: Answer, passed: bool, why: Why) -> None:
+        """Report what was done with an ask; nothing where its event was never queued."""
+        self._exchange.outcome(answer, passed, why)
+
+    def clock(
+        self, stamps: Union[Iterable[ClockStamp], Callable[[], Iterable[ClockStamp]]]
+    ) -> None:
+        """Say of some streams that nothing older than a stamp (ns) will come.
+
+        Items are `(stream, kind, stamp)`. They are sent behind the events queued so far; of those
+        that wait, the latest of a stream replaces the others. A function is called under the lock:
+        no event is queued or stamped by a function meanwhile.
+        """
+        self._exchange.clock(stamps)
+
+    def stats(self) -> Stats:
+        """The counters, as they are now."""
+        return self._exchange.stats()
+
+    def close(self, timeout: float = 5.0) -> bool:
+        """Write what is queued, detach, and end the thread; after `timeout` seconds end it without.
+
+        True where the server has confirmed, after judging all. What is asked or sent from now on is
+        lost.
+        """
+        return self._keeper.stop(timeout)
+
+    def __enter__(self) -> Link:
+        self.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: Optional[Type[BaseException]],
+        error: Optional[BaseException],
+        trace: Optional[TracebackType],
+    ) -> None:
+        self.close()
+
+
+@lru_cache(maxsize=None)
+def _instance(pid: int) -> str:  # noqa: ARG001 - what forks is another instance
+    return uuid4().hex
+
+
+def _body(
+    stream: str, kind: str, data: Any, source: Optional[str], call: Optional[int], *, ask: bool
+) -> str:
+    """An event's JSON behind its number, stamp and losses, which are only known later."""
+    event: Dict[str, Any] = {"stream": stream, "kind": kind, "ask": ask}
+    if source is not None:
+        event["source"] = source
+    if call is not None:
+        event["call"] = call
+    event["data"] = data
+    return dumps(event)[1:]

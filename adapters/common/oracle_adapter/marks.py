@@ -1,0 +1,120 @@
+"""What is sent between the events: clocks of streams, and outcomes of asks.
+
+Each has its place in the order of the queue, and is due once no event before that place waits to be
+sent.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Deque, Dict, Iterable, List, Optional, Tuple
+
+from oracle_adapter.jsonvalues import dumps
+
+if TYPE_CHECKING:
+    from oracle_adapter.outbox import Queued
+
+ClockStamp = Tuple[str, str, int]
+"""A stream's name, its kind, and the publication time (ns) before which nothing more will come."""
+
+
+@dataclass
+class _Clock:
+    after: int
+    stamps: Dict[Tuple[str, str], int]
+
+
+@dataclass
+class _Outcome:
+    event: Queued
+    passed: bool
+    why: str
+    mark: int = 0  # the highest number on the wire when it was sent
+
+
+class Marks:
+    """At most two clocks, and at most `capacity` outcomes that wait and as many that were sent.
+
+    Where that is not enough, the newest that would wait and the oldest that was sent are forgotten:
+    history then does not know what was done with those asks.
+    """
+
+    def __init__(self, capacity: int) -> None:
+        self._capacity = capacity
+        self._clocks: List[_Clock] = []
+        self._outcomes: Deque[_Outcome] = deque()
+        self._reported: Deque[_Outcome] = deque(maxlen=capacity)
+
+    def __len__(self) -> int:
+        return len(self._clocks) + len(self._outcomes)
+
+    @property
+    def barrier(self) -> Optional[int]:
+        """The event after which the next clock stands: later ones are sent behind it."""
+        return self._clocks[0].after if self._clocks else None
+
+    def clock(self, stamps: Iterable[ClockStamp], after: int) -> None:
+        """Place clocks behind an event, replacing older ones of the same streams."""
+        fresh = {(stream, kind): stamp for stream, kind, stamp in stamps}
+        # The newest takes over only what waits in the second place. The first keeps its place:
+        # moved back each time, it would never be sent while events keep coming.
+        if len(self._clocks) == 2:
+            fresh = {**self._clocks.pop().stamps, **fresh}
+        if fresh:
+            self._clocks.append(_Clock(after, fresh))
+
+    def outcome(self, event: Queued, passed: bool, why: str) -> None:
+        """Place what was done with an ask behind its event."""
+        if len(self._outcomes) < self._capacity:
+            self._outcomes.append(_Outcome(event, passed, why))
+
+    def next_frame(self, front: Optional[int], highest: int) -> Optional[str]:
+        """The next frame that is due.
+
+        `front` is the first event that waits, `highest` the highest number sent.
+        """
+        while self._outcomes and (front is None or self._outcomes[0].event.number < front):
+            outcome = self._outcomes.popleft()
+            if outcome.event.seq is None:
+                continue  # the event was given up
+            outcome.mark = highest
+            self._reported.append(outcome)
+            return _outcome_text(outcome)
+        if self._clocks and (front is None or self._clocks[0].after < front):
+            return _clock_text(self._clocks.pop(0))
+        return None
+
+    def acked(self, upto: int) -> None:
+        """Forget outcomes that have arrived: the server, reading in order, acked a later event."""
+        while self._reported and self._reported[0].mark < upto:
+            self._reported.popleft()
+
+    def rewind(self) -> None:
+        """Send again what may not have arrived."""
+        self._outcomes.extendleft(reversed(self._reported))
+        self._reported.clear()
+
+    def forget_numbered(self) -> None:
+        """Drop outcomes of events whose numbers now mean other events."""
+        self._reported.clear()
+        self._outcomes = deque(item for item in self._outcomes if item.event.seq is None)
+
+
+def _outcome_text(outcome: _Outcome) -> str:
+    return dumps(
+        {
+            "type": "outcome",
+            "seq": outcome.event.seq,
+            "passed": outcome.passed,
+            "why": outcome.why,
+        }
+    )
+
+
+def _clock_text(clock: _Clock) -> str:
+    stamps = [
+        {"stream": stream, "kind": kind, "stamp": stamp}
+        for (stream, kind), stamp in clock.stamps.items()
+    ]
+    return dumps({"type": "clock", "stamps": stamps})

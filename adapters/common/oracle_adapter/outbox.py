@@ -1,0 +1,201 @@
+"""What is on its way to the server, in the order it was queued.
+
+Events wait in `_unsent`, move to `_sent` as they are written, and leave when the server has acked
+them; after a reconnect those that the server lacks move back. `_sent` followed by `_unsent` is
+always in the order of queueing.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import TYPE_CHECKING, Callable, Deque, Dict, Iterable, List, Optional
+
+from oracle_adapter.marks import ClockStamp, Marks
+
+if TYPE_CHECKING:
+    from oracle_adapter.stats import Stats
+
+MAX_FRAME = 1 << 20
+"""Bytes of a frame, where the server names no limit."""
+BATCH = 1 << 17
+"""Bytes of a batch of events: larger ones save nothing, and keep pings waiting on a slow line."""
+HEAD = 128
+"""More bytes than stand in an event before its body."""
+
+
+class Queued:
+    """One event on its way; `number` counts what was queued, `seq` is its number on the wire."""
+
+    __slots__ = ("body", "lost", "number", "seq", "stamp", "waiting")
+
+    def __init__(
+        self, number: int, stamp: Optional[int], body: str, *, lost: int, waiting: bool
+    ) -> None:
+        self.number, self.stamp, self.body = number, stamp, body
+        self.lost, self.waiting = lost, waiting
+        self.seq: Optional[int] = None
+
+    @property
+    def size(self) -> int:
+        """Bytes in a frame, at most."""
+        return HEAD + len(self.body)
+
+    def text(self) -> str:
+        """The event as a frame of its own, or as one of a batch."""
+        stamp = "" if self.stamp is None else f'"stamp":{self.stamp},'
+        lost = f'"lost":{self.lost},' if self.lost else ""
+        return f'{{"type":"event","seq":{self.seq},{stamp}{lost}{self.body}'
+
+
+class Outbox:
+    """The queue of one monitor: at most `capacity` events, sent ones included until acked."""
+
+    def __init__(self, capacity: int, stats: Stats) -> None:
+        self.asked: Dict[int, Queued] = {}
+        """Asks that wait for an answer, by the number they were sent with."""
+        self.marks = Marks(capacity)
+        self._capacity, self._stats = capacity, stats
+        self._max_frame, self._max_batch = MAX_FRAME, capacity
+        self._unsent: Deque[Queued] = deque()
+        self._sent: Deque[Queued] = deque()
+        self._count = 0  # events queued so far
+        self._missed = 0  # events lost since the last one queued
+        self._acked = 0
+        self._next: Optional[int] = None  # number of the next new event, once the server has said
+
+    def __len__(self) -> int:
+        return len(self._unsent) + len(self._sent)
+
+    @property
+    def unsent(self) -> int:
+        """How many events were never written, or are to be written again."""
+        return len(self._unsent)
+
+    def put(
+        self, stamp: Optional[int], body: str, *, lost: int = 0, ask: bool = False
+    ) -> Optional[Queued]:
+        """Queue an event; or count it as lost and return None, where it is too many or too large.
+
+        `body` is the event's JSON from `"stream"` to its closing brace. What was lost rides as
+        `lost` on the next event.
+        """
+        lost += self._missed
+        if len(self) >= self._capacity or HEAD + len(body) > self._max_frame:
+            self._missed = lost + 1
+            self._stats.lost += 1
+            return None
+        self._missed = 0
+        self._count += 1
+        event = Queued(self._count, stamp, body, lost=lost, waiting=ask)
+        self._unsent.append(event)
+        return event
+
+    def clock(self, stamps: Iterable[ClockStamp]) -> None:
+        """Queue clocks behind every event queued so far."""
+        self.marks.clock(stamps, after=self._count)
+
+    def ack(self, upto: int) -> None:
+        """Let go of every event up to there."""
+        self._acked = max(self._acked, upto)
+        self._let_go()
+        self.marks.acked(self._acked)
+
+    def answered(self, event: Queued) -> None:
+        """An ask has its answer, whatever it is."""
+        event.waiting = False
+        if event.seq is not None:
+            self.asked.pop(event.seq, None)
+            self._let_go()
+
+    def resume(self, upcoming: int, max_frame: int, max_batch: Optional[int]) -> List[Queued]:
+        """Go on from the number that the server expects; returns events that are lost by it."""
+        self._max_frame, self._max_batch = max_frame, max_batch or self._capacity
+        if self._next is None:
+            self._next = upcoming
+        elif upcoming > self._next:
+            return self._renumber(upcoming)
+        # Where the server has forgotten events that it acked, the gap in the numbers tells it so.
+        self._stats.lost += max(0, self._oldest(self._next) - upcoming)
+        asks = [event.seq for event in self._sent if event.waiting and event.seq is not None]
+        self._rewind(min([upcoming, *asks]))
+        self.marks.rewind()
+        return self._give_up(lambda event: event.size > max_frame)
+
+    def next_frame(self) -> Optional[str]:
+        """The next frame to write, or None where nothing is due."""
+        front = self._unsent[0].number if self._unsent else None
+        mark = self.marks.next_frame(front, highest=(self._next or 1) - 1)
+        if mark is not None or front is None:
+            return mark
+        batch = self._take_batch()
+        return batch[0] if len(batch) == 1 else f'{{"type":"events","events":[{",".join(batch)}]}}'
+
+    def _take_batch(self) -> List[str]:
+        batch: List[str] = []
+        room = min(BATCH, self._max_frame // 2)
+        barrier = self.marks.barrier
+        while self._unsent and len(batch) < self._max_batch:
+            event = self._unsent[0]
+            room -= event.size
+            if batch and (room < 0 or (barrier is not None and event.number > barrier)):
+                break
+            self._unsent.popleft()
+            self._number(event)
+            self._sent.append(event)
+            batch.append(event.text())
+        self._let_go()  # some were acked already and went again with an ask before them
+        return batch
+
+    def _number(self, event: Queued) -> None:
+        if event.seq is not None:
+            self._stats.resent += 1
+            return
+        event.seq = self._next or 1
+        self._next = event.seq + 1
+        self._stats.sent += 1
+        if event.waiting:
+            self.asked[event.seq] = event
+
+    def _let_go(self) -> None:
+        while self._sent and (self._sent[0].seq or 0) <= self._acked:
+            if self._sent[0].waiting:
+                break  # the decision may be lost with the connection: this must be asked again
+            self._sent.popleft()
+            self._stats.acked += 1
+
+    def _oldest(self, upcoming: int) -> int:
+        for events in (self._sent, self._unsent):
+            if events:
+                return events[0].seq or upcoming
+        return upcoming
+
+    def _rewind(self, start: int) -> None:
+        while self._sent and (self._sent[-1].seq or 0) >= start:
+            self._unsent.appendleft(self._sent.pop())
+
+    def _renumber(self, upcoming: int) -> List[Queued]:
+        """Go on behind numbers that this link never gave: another has spoken for the monitor.
+
+        Which of the events in flight the server has is unknown, and their numbers may mean others.
+        """
+        self._rewind(0)
+        self._next = upcoming
+        self.marks.forget_numbered()
+        return self._give_up(lambda event: event.seq is not None or event.size > self._max_frame)
+
+    def _give_up(self, doomed: Callable[[Queued], bool]) -> List[Queued]:
+        kept: Deque[Queued] = deque()
+        gone: List[Queued] = []
+        missed = 0
+        for event in self._unsent:
+            if doomed(event):
+                gone.append(event)
+                missed += event.lost + 1
+            else:
+                event.lost += missed
+                missed = 0
+                kept.append(event)
+        self._unsent = kept
+        self._missed += missed
+        self._stats.lost += len(gone)
+        return gone

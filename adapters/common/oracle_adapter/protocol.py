@@ -1,0 +1,268 @@
+"""The state of one link: what to write next, what a frame means, which asks are open.
+
+No socket, no clock, no threads: calls change the state, `next_frame` and `take_notices` drain what
+came of them.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Dict, List, Literal, Mapping, Optional, Set, Tuple, Union
+
+from oracle_adapter.decision import Answer
+from oracle_adapter.errors import ENDING, LinkError
+from oracle_adapter.jsonvalues import dumps
+from oracle_adapter.outbox import MAX_FRAME, Outbox, Queued
+from oracle_adapter.stats import Stats
+
+if TYPE_CHECKING:
+    from oracle_adapter.decision import Why
+
+
+@dataclass(frozen=True)
+class Hello:
+    """What a monitor says of itself; `streams` are those it will observe, None for all."""
+
+    monitor: str
+    instance: str
+    session: Optional[str] = None
+    spec: Optional[str] = None
+    streams: Optional[Tuple[str, ...]] = None
+    clock: Literal["wall", "sim"] = "wall"
+
+
+@dataclass(frozen=True)
+class Attached:
+    """What the server answered: the session, and the streams to observe, as it described them."""
+
+    monitor: str
+    session: str
+    spec: Optional[str]
+    spec_digest: Optional[str]
+    streams: Tuple[Mapping[str, Any], ...]
+    limits: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Answered:
+    """An ask has its answer."""
+
+    event: Queued
+    answer: Answer
+
+
+@dataclass(frozen=True)
+class Violation:
+    """The server recorded a violation."""
+
+    record: Mapping[str, Any]
+
+
+Notice = Union[Attached, Answered, Violation, LinkError]
+
+
+class Protocol:
+    """One monitor's side of the wire, over any number of connections."""
+
+    def __init__(self, hello: Hello, capacity: int) -> None:
+        self.attached: Optional[Attached] = None
+        """What the server answered on this connection; None without one."""
+        self.detached = False
+        self.ended: Optional[LinkError] = None
+        self._hello = hello
+        self._stats = Stats()
+        self._outbox = Outbox(capacity, self._stats)
+        self._open: Set[Queued] = set()  # asks without an answer
+        self._notices: List[Notice] = []
+        self._met = self._detaching = self._detach_sent = False
+
+    # From the adapter
+
+    def send(self, stamp: Optional[int], body: str, lost: int = 0) -> bool:
+        """Queue an event; False where it is lost instead."""
+        return self._put(stamp, body, lost, ask=False) is not None
+
+    def ask(self, stamp: Optional[int], body: str, lost: int = 0) -> Union[Queued, Answer]:
+        """Queue an event that wants an answer; where it is lost instead, that is the answer."""
+        event = self._put(stamp, body, lost, ask=True)
+        if event is not None:
+            self._open.add(event)
+            return event
+        self._stats.unavailable += 1
+        return Answer("unavailable", reason=self._closed_reason or "the queue is full")
+
+    def expire(self, event: Queued) -> None:
+        """The time to answer an ask is over; what comes for it later is ignored."""
+        if not event.waiting:
+            return
+        if self.attached is not None:
+            self._stats.timeouts += 1
+            self._answer(event, Answer("timeout", reason="no decision in time", event=event))
+        else:
+            self._unavailable(event, "no connection to the oracle")
+
+    def outcome(self, answer: Answer, passed: bool, why: Why) -> None:
+        """Report what was done with an ask, where there is an event to report on."""
+        if answer.event is not None and self.ended is None:
+            self._outbox.marks.outcome(answer.event, passed, why)
+
+    def clock(self, stamps: Any) -> None:
+        """Queue the latest clocks."""
+        if not self._closed_reason:
+            self._outbox.clock(stamps)
+
+    def detach(self) -> None:
+        """Take nothing more, and detach when all is written."""
+        self._detaching = True
+
+    # From the connection
+
+    def hello(self) -> str:
+        """The first frame of a connection; after the first it names the session to resume."""
+        frame: Dict[str, Any] = {"type": "attach", **vars(self._hello)}
+        return dumps({key: value for key, value in frame.items() if value is not None})
+
+    def receive(self, text: Union[str, bytes]) -> None:
+        """Take in one frame; raises `LinkError` for one that can't be understood."""
+        handlers = {
+            "attached": self._on_attached,
+            "ack": self._on_ack,
+            "decision": self._on_decision,
+            "violation": self._on_violation,
+            "error": self._on_error,
+            "detached": self._on_detached,
+        }
+        try:
+            frame = json.loads(text)
+            handler = handlers.get(frame["type"])
+            if handler is not None:  # later servers may say more
+                handler(frame)
+        except (ValueError, TypeError, KeyError, AttributeError) as error:
+            message = f"the server sent what is no frame: {text[:200]!r} ({error!r})"
+            raise LinkError("bad_frame", message) from error
+
+    def disconnected(self) -> None:
+        """The connection is gone."""
+        self.attached = None
+        self._detach_sent = False
+
+    def end(self, error: LinkError) -> None:
+        """No connection will come any more: answer the asks and count what stays unsent."""
+        if self.ended is None:
+            self.ended = error
+            self.disconnected()
+            self._stats.lost += self._outbox.unsent
+            for event in sorted(self._open, key=lambda event: event.number):
+                self._unavailable(event, str(error))
+
+    # To the connection and the adapter
+
+    def next_frame(self) -> Optional[str]:
+        """The next frame to write, or None for now."""
+        if self.attached is None or self._detach_sent:
+            return None
+        frame = self._outbox.next_frame()
+        if frame is None and self._detaching:
+            self._detach_sent = True
+            return dumps({"type": "detach"})
+        return frame
+
+    def take_notices(self) -> List[Notice]:
+        """What has happened since the last call, in order."""
+        taken, self._notices = self._notices, []
+        return taken
+
+    @property
+    def done(self) -> bool:
+        """Whether there is nothing left to connect for."""
+        if self.detached or self.ended is not None:
+            return True
+        empty = not len(self._outbox) and not len(self._outbox.marks)
+        return self._detaching and self.attached is None and empty
+
+    def stats(self) -> Stats:
+        """A copy of the counters."""
+        return replace(self._stats, queued=len(self._outbox))
+
+    # Inside
+
+    @property
+    def _closed_reason(self) -> str:
+        if self.ended is not None:
+            return str(self.ended)
+        return "the link is closing" if self._detaching else ""
+
+    def _put(self, stamp: Optional[int], body: str, lost: int, *, ask: bool) -> Optional[Queued]:
+        if self._closed_reason:
+            self._stats.lost += 1
+            return None
+        return self._outbox.put(stamp, body, lost=lost, ask=ask)
+
+    def _on_attached(self, frame: Mapping[str, Any]) -> None:
+        limits = frame.get("limits") or {}
+        attached = Attached(
+            monitor=str(frame["monitor"]),
+            session=str(frame["session"]),
+            spec=frame.get("spec"),
+            spec_digest=frame.get("spec_digest"),
+            streams=tuple(frame["streams"]),
+            limits=limits,
+        )
+        lost_before = self._stats.lost
+        max_frame = int(limits.get("max_frame") or MAX_FRAME)
+        for event in self._outbox.resume(int(frame["next"]), max_frame, limits.get("max_batch")):
+            if event.waiting:
+                self._unavailable(event, "the event was lost in a reconnect")
+        self.attached = attached
+        # To resume this session, or have it made anew from its spec where the server has lost it.
+        spec = self._hello.spec or attached.spec
+        self._hello = replace(self._hello, session=attached.session, spec=spec)
+        self._stats.reconnects += self._met
+        self._met = True
+        self._notices.append(attached)
+        if self._stats.lost > lost_before:
+            count = self._stats.lost - lost_before
+            self._notices.append(LinkError("lost", f"{count} events were lost in a reconnect"))
+
+    def _on_ack(self, frame: Mapping[str, Any]) -> None:
+        self._outbox.ack(int(frame["upto"]))
+
+    def _on_decision(self, frame: Mapping[str, Any]) -> None:
+        event = self._outbox.asked.get(int(frame["seq"]))
+        if event is None:  # answered before, or given up
+            return
+        decision = frame["decision"]
+        if decision not in ("allow", "deny"):
+            self._unavailable(event, f"the server decided {decision!r}")
+            return
+        denied_by = tuple(frame.get("denied_by") or ())
+        verdicts = dict(frame.get("verdicts") or {})
+        self._answer(event, Answer("decision", decision, denied_by, verdicts, event=event))
+
+    def _on_violation(self, frame: Mapping[str, Any]) -> None:
+        record = {key: value for key, value in frame.items() if key != "type"}
+        self._notices.append(Violation(record))
+
+    def _on_error(self, frame: Mapping[str, Any]) -> None:
+        code, seq = str(frame["code"]), frame.get("seq")
+        fatal = code in ENDING and bool(frame.get("fatal", True))
+        error = LinkError(code, str(frame.get("message", "")), seq=seq, fatal=fatal)
+        self._notices.append(error)
+        if seq is not None:
+            self._stats.refused += 1
+            event = self._outbox.asked.get(seq)
+            if event is not None:
+                self._unavailable(event, str(error))
+
+    def _on_detached(self, frame: Mapping[str, Any]) -> None:  # noqa: ARG002 - as all of them
+        self.detached = True
+
+    def _unavailable(self, event: Queued, reason: str) -> None:
+        self._stats.unavailable += 1
+        self._answer(event, Answer("unavailable", reason=reason, event=event))
+
+    def _answer(self, event: Queued, answer: Answer) -> None:
+        self._outbox.answered(event)
+        self._open.discard(event)
+        self._notices.append(Answered(event, answer))

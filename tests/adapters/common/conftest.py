@@ -1,0 +1,198 @@
+"""The other side of the wire: a real WebSocket server whose every move a test makes."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import queue
+import sys
+import threading
+from http import HTTPStatus
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Coroutine, Dict, Iterator, List, Optional
+
+import pytest
+from websockets.asyncio.server import Server, ServerConnection, serve
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+
+if find_spec("oracle_adapter") is None:
+    sys.path.insert(0, str(Path(__file__).parents[3] / "adapters" / "common"))
+
+PATIENCE = 10.0
+"""Seconds that anything may take before a test fails."""
+
+Frame = Dict[str, Any]
+
+
+class Peer:
+    """The server's end of one connection; all calls are from the test's thread."""
+
+    def __init__(self, socket: ServerConnection, loop: asyncio.AbstractEventLoop) -> None:
+        self.socket = socket
+        self.finished = threading.Event()
+        self.frames: queue.Queue[Frame] = queue.Queue()
+        self._loop = loop
+
+    def recv(self) -> Frame:
+        """The next frame from the client."""
+        return self.frames.get(timeout=PATIENCE)
+
+    def events(self, count: int) -> List[Frame]:
+        """The next events, in batches or not; anything else between them fails."""
+        found: List[Frame] = []
+        while len(found) < count:
+            frame = self.recv()
+            found += frame["events"] if frame["type"] == "events" else [frame]
+        assert all(event["type"] == "event" for event in found)
+        assert len(found) == count
+        return found
+
+    def send(self, type_: str, **fields: Any) -> None:
+        self.send_text(json.dumps({"type": type_, **fields}))
+
+    def send_text(self, text: str) -> None:
+        self._run(self.socket.send(text))
+
+    def attach(self, upcoming: int = 1, session: str = "s1", **fields: Any) -> Frame:
+        """Read `attach` and answer it."""
+        hello = self.recv()
+        assert hello["type"] == "attach"
+        answer = {
+            "monitor": hello["monitor"],
+            "session": hello.get("session", session),
+            "spec": hello.get("spec", "spec"),
+            "spec_digest": "d1",
+            "streams": [{"name": "/a", "kind": "topic"}],
+            "next": upcoming,
+            "limits": {"max_frame": 1 << 20},
+        }
+        self.send("attached", **{**answer, **fields})
+        return hello
+
+    def drop(self) -> None:
+        """Break the connection without a word."""
+        self._loop.call_soon_threadsafe(self.socket.transport.abort)
+
+    def close(self, code: int = 1000) -> None:
+        self._run(self.socket.close(code))
+
+    def freeze(self) -> None:
+        """Read and answer nothing more, not even pings, as a machine that lost its power."""
+        self._loop.call_soon_threadsafe(self.socket.transport.pause_reading)
+
+    def wait_finished(self) -> None:
+        assert self.finished.wait(PATIENCE)
+
+    def _run(self, work: Coroutine[Any, Any, None]) -> None:
+        asyncio.run_coroutine_threadsafe(work, self._loop).result(PATIENCE)
+
+
+class Oracle:
+    """A server in a thread of its own that does nothing by itself."""
+
+    def __init__(self) -> None:
+        self.refuse_with: Optional[HTTPStatus] = None
+        self.requests: queue.Queue[Request] = queue.Queue()
+        self.port = 0
+        self._peers: queue.Queue[Peer] = queue.Queue()
+        self._all: List[Peer] = []
+        self._loop = asyncio.new_event_loop()
+        self._server: Optional[Server] = None
+        self._thread = threading.Thread(target=self._loop.run_forever)
+        self._thread.start()
+
+    @property
+    def url(self) -> str:
+        return f"ws://127.0.0.1:{self.port}"
+
+    def start(self) -> None:
+        """Listen, again on the same port where it did before."""
+        self._server = self._run(self._serve())
+        self.port = self._server.sockets[0].getsockname()[1]
+
+    def stop(self) -> None:
+        """Break every connection and listen no more."""
+        server, self._server = self._server, None
+        if server is not None:
+            self._loop.call_soon_threadsafe(server.close, False)
+            for peer in self._all:
+                peer.drop()
+            self._run(server.wait_closed())
+
+    def end(self) -> None:
+        self.stop()
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._loop.close()
+
+    def accept(self) -> Peer:
+        """The next connection."""
+        return self._peers.get(timeout=PATIENCE)
+
+    async def _serve(self) -> Server:
+        return await serve(
+            self._handle,
+            "127.0.0.1",
+            self.port,
+            process_request=self._process_request,
+            subprotocols=["oracle.v1"],  # type: ignore[list-item]
+            ping_interval=None,
+        )
+
+    def _process_request(self, socket: ServerConnection, request: Request) -> Optional[Response]:
+        self.requests.put(request)
+        if self.refuse_with is None:
+            return None
+        return socket.respond(self.refuse_with, "no\n")
+
+    async def _handle(self, socket: ServerConnection) -> None:
+        peer = Peer(socket, self._loop)
+        self._all.append(peer)
+        self._peers.put(peer)
+        try:
+            async for text in socket:
+                peer.frames.put(json.loads(text))
+        except ConnectionClosed:
+            pass
+        finally:
+            peer.finished.set()
+
+    def _run(self, work: Coroutine[Any, Any, Any]) -> Any:
+        return asyncio.run_coroutine_threadsafe(work, self._loop).result(PATIENCE)
+
+
+@pytest.fixture
+def oracle() -> Iterator[Oracle]:
+    oracle = Oracle()
+    oracle.start()
+    yield oracle
+    oracle.end()
+
+
+class News:
+    """What a link has called back with."""
+
+    def __init__(self) -> None:
+        self.violations: queue.Queue[Any] = queue.Queue()
+        self.states: queue.Queue[Any] = queue.Queue()
+        self.errors: queue.Queue[Any] = queue.Queue()
+
+    def callbacks(self) -> Dict[str, Any]:
+        return {
+            "on_violation": self.violations.put,
+            "on_state": lambda state, detail: self.states.put((state, detail)),
+            "on_error": self.errors.put,
+        }
+
+    def state(self) -> str:
+        return str(self.states.get(timeout=PATIENCE)[0])
+
+    def error(self) -> Any:
+        return self.errors.get(timeout=PATIENCE)
+
+
+@pytest.fixture
+def news() -> News:
+    return News()
