@@ -32,7 +32,7 @@ class Observed:
 
     def event(self, message: Any, info: Mapping[str, Any]) -> tuple[int | None, Any, dict[str, Any]]:
         """The stamp (ns), the data and the rest of a message's event."""
-        source = bytes(info.get("publisher_gid", b"")).hex()
+        source = str(info.get("publisher_gid", ""))
         stamp = self._stamp(message) or info["source_timestamp"] or None
         return stamp, self._read(message), {"source": source, "lost": self._missed(source, info)}
 
