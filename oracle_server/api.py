@@ -7,13 +7,15 @@ from typing import Annotated, Any, Literal, NoReturn
 
 from fastapi import APIRouter, Body, FastAPI, HTTPException, Query, Request, Response, WebSocket
 from pydantic import BaseModel, ConfigDict
+from starlette.requests import ClientDisconnect
 
 from oracle_server import __version__, problems
 from oracle_server.connection import Connection
+from oracle_server.core.errors import SpecError
 from oracle_server.core.verdicts import Outcome
 from oracle_server.history import Query as Question
 from oracle_server.history import find
-from oracle_server.library import Library, UnknownSpecError
+from oracle_server.library import Entry, Library, UnknownSpecError
 from oracle_server.protocol import Identifier
 from oracle_server.registry import Registry, SessionExistsError
 from oracle_server.store import Store
@@ -68,11 +70,19 @@ def _health(store: Store) -> APIRouter:
 def _specs(library: Library) -> APIRouter:
     router = APIRouter()
 
-    def described(spec_id: str) -> dict[str, Any]:
+    def current(spec_id: str) -> Entry:
         try:
-            entry = library.get(spec_id)
+            return library.get(spec_id)
         except UnknownSpecError as error:
             raise HTTPException(404, str(error)) from None
+
+    def listed(spec_id: str) -> dict[str, Any]:
+        try:
+            return described(library.get(spec_id))
+        except SpecError as error:
+            return described(library.last(spec_id)) | {"problem": str(error)}
+
+    def described(entry: Entry) -> dict[str, Any]:
         spec = entry.plan.spec
         return {
             "id": spec.id,
@@ -85,20 +95,21 @@ def _specs(library: Library) -> APIRouter:
 
     @router.get("/specs")
     async def list_specs() -> Page:
-        """List the specs on hand."""
-        return {"items": [described(spec_id) for spec_id in library.ids()]}
+        """List the specs on hand; `problem` says why a file that has changed can't be used."""
+        return {"items": [listed(spec_id) for spec_id in library.ids()]}
 
     @router.get("/specs/{spec_id}")
     async def get_spec(spec_id: str) -> dict[str, Any]:
         """Tell what a spec says, with its text."""
-        return described(spec_id) | {"text": library.get(spec_id).file.text}
+        entry = current(spec_id)
+        return described(entry) | {"text": entry.file.text}
 
     @router.put("/specs/{spec_id}", openapi_extra={"requestBody": {"content": {"application/yaml": {}}}})
     async def put_spec(spec_id: Identifier, request: Request, response: Response) -> dict[str, Any]:
         """Validate a spec as `check` does, and take it in; sessions that are open keep theirs."""
         entry, new = await asyncio.to_thread(library.put, spec_id, await _text(request))
         response.status_code = 201 if new else 200
-        return described(spec_id) | {"warnings": [str(w) for w in entry.file.warnings]}
+        return described(entry) | {"warnings": [str(w) for w in entry.file.warnings]}
 
     return router
 
@@ -190,10 +201,13 @@ def _unknown(session_id: str) -> NoReturn:
 
 async def _text(request: Request) -> str:
     body = bytearray()
-    async for chunk in request.stream():
-        body += chunk
-        if len(body) > 2**20:
-            raise HTTPException(413, "a spec is at most 256 KiB")
+    try:
+        async for chunk in request.stream():
+            body += chunk
+            if len(body) > 2**20:
+                raise HTTPException(413, "a spec is at most 256 KiB")
+    except ClientDisconnect:
+        raise HTTPException(400, "the client left in the middle") from None
     try:
         return body.decode()
     except UnicodeDecodeError:

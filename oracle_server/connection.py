@@ -43,6 +43,7 @@ class Connection:
         self._queue: deque[dict[str, Any]] = deque()
         self._ready = asyncio.Event()
         self._end: tuple[int, str] | None = None
+        self._over = asyncio.Event()
         self._session: LiveSession | None = None
         self._monitor: Monitor | None = None
 
@@ -68,6 +69,10 @@ class Connection:
             self._queue.append(frame)
             self._end = (code, reason)
             self._ready.set()
+
+    async def sent(self) -> None:
+        """Wait until the last frame was sent, or can't be any more."""
+        await self._over.wait()
 
     async def serve(self) -> None:
         """Accept the connection and serve it until either side ends it."""
@@ -99,6 +104,8 @@ class Connection:
                     return
         except (WebSocketDisconnect, RuntimeError, OSError):
             return
+        finally:
+            self._over.set()
 
     async def _read(self) -> None:
         try:
@@ -149,6 +156,9 @@ class Connection:
         assert self._monitor is not None  # noqa: S101
         if self._monitor.outbox is not self:
             return
+        if self._monitor.detaching:
+            self.send(WireError("detached", "the monitor has detached; what it says now is not heard").frame())
+            return
         try:
             await self._dispatch(decode(text), self._session, self._monitor)
         except WireError as error:
@@ -178,5 +188,6 @@ class Connection:
     def _refuse(self, error: WireError) -> None:
         assert self._session is not None  # noqa: S101 -- only called once attached
         assert self._monitor is not None  # noqa: S101
-        self._session.refuse(self._monitor, error)
+        if error.code == "bad_event":
+            self._session.refuse(self._monitor, error)
         self.send(error.frame())

@@ -45,8 +45,15 @@ class Gate:
         name = _name(host)
         if name not in self._hosts:
             return 421, f"this server does not answer for the host '{name or ''}'"
-        if origin is not None and urlsplit(origin).netloc.lower() != host.lower():
+        if origin is not None and _location(origin) != host.lower():
             return 403, "pages of another origin may not use this server"
+        return None
+
+
+def _location(origin: str) -> str | None:
+    try:
+        return urlsplit(origin).netloc.lower()
+    except ValueError:
         return None
 
 

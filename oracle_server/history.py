@@ -13,6 +13,8 @@ from oracle_server.schema import LETTERS, OUTCOMES, STEP_COLUMNS, Row, records_o
 from oracle_server.store import Store
 
 _PAGE = 2_000
+_LAST = 2**62
+"""A position behind every step."""
 _COLUMNS = ",".join(STEP_COLUMNS)
 
 
@@ -71,8 +73,8 @@ def _records(store: Store, session: int, properties: list[str], query: Query) ->
 def _start(query: Query, width: int) -> int:
     """The position of the first step that can hold a wanted record."""
     if query.order == "asc":
-        return 1 if query.after is None else query.after // width + 1
-    return 2**62 if query.after is None else (query.after - 2) // width + 1
+        return 1 if query.after is None else min(query.after // width + 1, _LAST)
+    return _LAST if query.after is None else min((query.after - 2) // width + 1, _LAST)
 
 
 def _steps(store: Store, session: int, query: Query, position: int) -> list[Row]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import threading
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -33,6 +33,7 @@ class Library:
     def __init__(self, folder: Path | None, uploads: Path) -> None:
         """Read all specs of both folders. Raises `SpecError` where one is refused, or an id stands in two files."""
         self._uploads = uploads
+        self._putting = threading.Lock()
         self._entries: dict[str, Entry] = {}
         for path in sorted(folder.glob("*.yaml")) if folder else ():
             entry = _read(path, "file")
@@ -46,6 +47,10 @@ class Library:
     def ids(self) -> list[str]:
         """The ids of all specs."""
         return sorted(self._entries)
+
+    def last(self, spec_id: str) -> Entry:
+        """A spec of `ids` as it was last read and found sound."""
+        return self._entries[spec_id]
 
     def get(self, spec_id: str) -> Entry:
         """A spec as it is now. Raises `UnknownSpecError`, or `SpecError` where its file has become unsound."""
@@ -69,13 +74,14 @@ class Library:
         file = parse_spec(text, f"{spec_id}.yaml")
         if file.spec.id != spec_id:
             raise SpecError([Finding(f"{spec_id}.yaml", 1, 1, f"its id is '{file.spec.id}', not '{spec_id}'")])
-        new = spec_id not in self._entries
-        self._uploads.mkdir(parents=True, exist_ok=True)
         path = self._uploads / f"{spec_id}.yaml"
         draft = path.with_suffix(".draft")
-        draft.write_text(text)
-        os.replace(draft, path)
-        self._entries[spec_id] = entry = Entry(file, plan(file.spec), "put", path, path.stat().st_mtime_ns)
+        with self._putting:
+            new = spec_id not in self._entries
+            self._uploads.mkdir(parents=True, exist_ok=True)
+            draft.write_text(text)
+            draft.replace(path)
+            self._entries[spec_id] = entry = Entry(file, plan(file.spec), "put", path, path.stat().st_mtime_ns)
         return entry, new
 
 

@@ -12,6 +12,7 @@ import structlog
 from oracle_server.clock import Clock
 from oracle_server.core.events import Event, StreamKey
 from oracle_server.core.session import ClockReading, Session
+from oracle_server.core.spec import Spec
 from oracle_server.core.verdicts import Judged, record
 from oracle_server.numbering import Numbering
 from oracle_server.protocol import Attach, ClockMessage, EventMessage, OutcomeMessage, WireError
@@ -31,6 +32,10 @@ class Outbox(Protocol):
 
     def drop(self, reason: WireError) -> None:
         """Send an error and close."""
+        ...
+
+    async def sent(self) -> None:
+        """Wait until the last frame was sent, or can't be any more."""
         ...
 
     def finish(self, frame: dict[str, Any]) -> None:
@@ -91,7 +96,7 @@ class LiveSession:
 
     def attach(self, wanted: Attach, outbox: Outbox) -> Monitor:
         """Attach a monitor. Raises a fatal `WireError` where that can't be."""
-        streams = self._claimed(wanted.streams)
+        streams = claimed(self.spec, wanted.streams)
         monitor = self.monitors.get(wanted.monitor)
         if monitor is None:
             monitor = self.monitors[wanted.monitor] = Monitor(wanted.monitor, wanted.instance, Numbering())
@@ -102,10 +107,13 @@ class LiveSession:
         if monitor.expiry:
             monitor.expiry.cancel()
             monitor.expiry = None
+        if monitor.instance == wanted.instance:
+            monitor.numbering.resume()
+        else:
+            monitor.numbering.restart()
         monitor.instance, monitor.outbox, monitor.streams, monitor.detaching = wanted.instance, outbox, streams, False
-        monitor.numbering.resume()
-        monitor.attached = True
-        self._deliver(self.core.attach(monitor.name, streams, self._clock.now()))
+        self._set_attached(monitor, attached=True)
+        self._deliver(self.core.attach(monitor.name, streams, self._enter()))
         return monitor
 
     async def room(self, monitor: Monitor) -> None:
@@ -131,7 +139,7 @@ class LiveSession:
         self._gaps[(monitor.name, message.seq)] = gap
         monitor.unsettled += 1
         event = Event(
-            key, monitor.name, message.seq, message.stamp or None, self._clock.now(), message.data, message.source,
+            key, monitor.name, message.seq, message.stamp or None, self._enter(), message.data, message.source,
             message.call, message.lost + monitor.lost + gap, message.ask,
         )  # fmt: skip
         monitor.lost = 0
@@ -148,7 +156,7 @@ class LiveSession:
         """Learn how far a monitor's streams have come."""
         readings = [ClockReading(StreamKey(s.stream, s.kind), s.stamp) for s in message.stamps]
         claimed = [r for r in readings if r.stream in monitor.streams]
-        self._deliver(self.core.clock(monitor.name, claimed, self._clock.now()))
+        self._deliver(self.core.clock(monitor.name, claimed, self._enter()))
         if len(claimed) < len(readings):
             raise WireError("unknown_stream", "the clock names a stream that was not claimed at attach")
 
@@ -180,7 +188,7 @@ class LiveSession:
     def close(self) -> None:
         """Judge all that is held, in order, and stop the timers."""
         self.closing = True
-        self._deliver(self.core.finish(self._clock.now()))
+        self._deliver(self.core.finish(self._enter()))
         if self._timer:
             self._timer.cancel()
         for monitor in self.monitors.values():
@@ -191,11 +199,13 @@ class LiveSession:
         """Go on where a session stood: give its monitors their time to come back, and put back what was held."""
         self.position, self.refused = restored.position, restored.refused
         loop = asyncio.get_running_loop()
-        for name, numbering in restored.numberings.items():
-            monitor = self.monitors[name] = Monitor(name, "", numbering, streams=tuple(self.spec.by_key), attached=True)
-            monitor.expiry = loop.call_later(self._resume_within, self._expire, monitor)
-            self._deliver(self.core.attach(name, monitor.streams, self._clock.now()))
-        if self.private and not self.monitors:
+        for name, known in restored.monitors.items():
+            monitor = self.monitors[name] = Monitor(name, known.instance, known.numbering, lost=known.lost)
+            if known.attached:
+                monitor.attached, monitor.streams = True, tuple(self.spec.by_key)
+                monitor.expiry = loop.call_later(self._resume_within, self._expire, monitor)
+                self._deliver(self.core.attach(name, monitor.streams, self._enter()))
+        if self.private and not any(m.attached for m in self.monitors.values()):
             loop.call_later(self._resume_within, self._leave_empty)
         for step, gap in restored.held:
             monitor = self.monitors[step.event.monitor]
@@ -204,13 +214,15 @@ class LiveSession:
             self._gaps[(monitor.name, step.event.seq)] = gap
             self._deliver(self.core.hold(step))
 
-    def _claimed(self, names: list[str] | None) -> tuple[StreamKey, ...]:
-        if names is None:
-            return tuple(self.spec.by_key)
-        unknown = sorted(set(names) - self.spec.names)
-        if unknown:
-            raise WireError("bad_attach", f"'{unknown[0]}' is no stream of {self.spec.id}", fatal=True)
-        return tuple(key for key in self.spec.by_key if key.name in names)
+    def _enter(self) -> int:
+        """The present time, in nanoseconds; while the history can't be written, the core judges nothing."""
+        self.core.suspended = self._store.failure is not None
+        return self._clock.now()
+
+    def _set_attached(self, monitor: Monitor, *, attached: bool) -> None:
+        monitor.attached = attached
+        values = (self.number, monitor.name, monitor.instance, attached)
+        self._store.execute("INSERT OR REPLACE INTO monitors VALUES (?, ?, ?, ?)", values)
 
     def _expire(self, monitor: Monitor) -> None:
         monitor.expiry = None
@@ -219,8 +231,8 @@ class LiveSession:
 
     def _leave(self, monitor: Monitor) -> None:
         if monitor.attached:
-            monitor.attached = False
-            self._deliver(self.core.detach(monitor.name, self._clock.now()))
+            self._set_attached(monitor, attached=False)
+            self._deliver(self.core.detach(monitor.name, self._enter()))
         self._leave_empty()
 
     def _leave_empty(self) -> None:
@@ -310,7 +322,17 @@ class LiveSession:
 
     def _tick(self) -> None:
         self._armed = self._timer = None
-        self._deliver(self.core.advance(self._clock.now()))
+        self._deliver(self.core.advance(self._enter()))
+
+
+def claimed(spec: Spec, names: list[str] | None) -> tuple[StreamKey, ...]:
+    """The streams of these names, None for all. Raises a fatal `WireError` where there is no such stream."""
+    if names is None:
+        return tuple(spec.by_key)
+    unknown = sorted(set(names) - spec.names)
+    if unknown:
+        raise WireError("bad_attach", f"'{unknown[0]}' is no stream of {spec.id}", fatal=True)
+    return tuple(key for key in spec.by_key if key.name in names)
 
 
 def _decision(judged: Judged) -> dict[str, Any]:

@@ -31,11 +31,15 @@ class Numbering:
     @property
     def next(self) -> int:
         """The number that a monitor goes on at."""
-        return self.upto + 1
+        return self._newest + 1
 
     def resume(self) -> None:
         """Expect a monitor to send again all that is not used up."""
         self._newest = self.upto
+
+    def restart(self) -> None:
+        """Expect a monitor that knows nothing of the numbers that were taken."""
+        self._newest = max(self.upto, *self._taken) if self._taken else self.upto
 
     def take(self, seq: int) -> int | None:
         """Take a number: the size of the gap before it, None where it was taken before."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import secrets
 import time
 from typing import Any, NamedTuple
@@ -16,7 +17,7 @@ from oracle_server.core.plan import plan
 from oracle_server.core.session import Session
 from oracle_server.engines.choice import make_engines
 from oracle_server.library import Entry, Library, UnknownSpecError
-from oracle_server.live import Identity, LiveSession, Monitor, Outbox
+from oracle_server.live import Identity, LiveSession, Monitor, Outbox, claimed
 from oracle_server.protocol import Attach, WireError
 from oracle_server.restore import restore
 from oracle_server.schema import Row
@@ -25,6 +26,8 @@ from oracle_server.state import session_state
 from oracle_server.store import Store
 
 _OPENED = "number, id, spec, text, digest, properties, private, opened"
+
+_GOODBYE_WITHIN = 2.0
 
 log = structlog.get_logger()
 
@@ -119,10 +122,12 @@ class Registry:
         for session in self.open.values():
             session.close()
         await self._store.flush()
-        for session in self.open.values():
-            for monitor in session.monitors.values():
-                if monitor.outbox:
-                    monitor.outbox.drop(WireError("shutting_down", "the server stops; attach again later", fatal=True))
+        outboxes = [m.outbox for session in self.open.values() for m in session.monitors.values() if m.outbox]
+        for outbox in outboxes:
+            outbox.drop(WireError("shutting_down", "the server stops; attach again later", fatal=True))
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(_GOODBYE_WITHIN):
+                await asyncio.gather(*(outbox.sent() for outbox in outboxes))
 
     async def _session_for(self, wanted: Attach) -> LiveSession:
         live = self.open.get(wanted.session) if wanted.session else None
@@ -133,6 +138,7 @@ class Registry:
         if wanted.spec is None:
             raise WireError("unknown_spec", "name a spec: there is no session to join", fatal=True)
         try:
+            claimed(self._library.get(wanted.spec).plan.spec, wanted.streams)
             return await self.create(wanted.spec, wanted.session, private=wanted.session is None)
         except SessionExistsError:
             return await self._session_for(wanted)

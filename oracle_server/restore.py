@@ -20,8 +20,18 @@ log = structlog.get_logger()
 
 
 @dataclass(frozen=True, slots=True)
+class Known:
+    """A monitor as it was; `lost` are events that were not told yet with one that was judged."""
+
+    instance: str
+    attached: bool
+    numbering: Numbering
+    lost: int
+
+
+@dataclass(frozen=True, slots=True)
 class Restored:
-    """Where a session stood: its judge's state, what was judged, each monitor's numbers, and what was still held.
+    """Where a session stood: its judge's state, what was judged, its monitors, and what was still held.
 
     `held` are events with the gaps before them that were judged by arrival, and not yet by publication.
     """
@@ -29,15 +39,24 @@ class Restored:
     core: Session
     position: int
     refused: int
-    numberings: dict[str, Numbering]
+    monitors: dict[str, Known]
     held: list[tuple[Step, int]]
+
+
+@dataclass(frozen=True, slots=True)
+class _Used:
+    """A number that is used up, with the gap before it; `lost` counts what a refusal withheld from the judge."""
+
+    seq: int
+    gap: int
+    lost: int | None = None
 
 
 def restore(store: Store, number: int, plan: Plan) -> Restored:
     """Judge a session's stored steps again. Takes as long as judging them did: call it off the event loop."""
     core = Session(plan, make_engines(plan))
     primary = orders(plan.spec)[0]
-    used: dict[str, list[tuple[int, int]]] = {}
+    used: dict[str, list[_Used]] = {}
     waiting: dict[tuple[str, int], Step] = {}
     position = differing = 0
     outcomes, gaps = STEP_COLUMNS.index("outcomes"), STEP_COLUMNS.index("gap")
@@ -50,16 +69,27 @@ def restore(store: Store, number: int, plan: Plan) -> Restored:
             key = (step.event.monitor, step.event.seq)
             if order == primary:
                 waiting.pop(key, None)
-                used.setdefault(step.event.monitor, []).append((step.event.seq, row[gaps]))
+                used.setdefault(step.event.monitor, []).append(_Used(step.event.seq, row[gaps]))
             else:
                 waiting[key] = step
         position += len(rows)
     if differing:
         log.error("restored verdicts differ from the recorded ones", session=number, steps=differing)
-    refused = store.read("SELECT monitor, seq, gap FROM refused WHERE session = ?", (number,))
-    for monitor, seq, gap in refused:
-        used.setdefault(monitor, []).append((seq, gap))
-    for monitor, _ in waiting:
-        used.setdefault(monitor, [])
-    numberings = {monitor: Numbering(sorted(numbers)) for monitor, numbers in used.items()}
-    return Restored(core, position, len(refused), numberings, [(step, 0) for step in waiting.values()])
+    refused = store.read("SELECT monitor, seq, gap, code FROM refused WHERE session = ?", (number,))
+    for monitor, seq, gap, code in refused:
+        used.setdefault(monitor, []).append(_Used(seq, gap, gap + (code == "bad_event")))
+    rows = store.read("SELECT name, instance, attached FROM monitors WHERE session = ?", (number,))
+    monitors = {name: _known(instance, bool(attached), used.get(name, [])) for name, instance, attached in rows}
+    return Restored(core, position, len(refused), monitors, [(step, 0) for step in waiting.values()])
+
+
+def _known(instance: str, attached: bool, used: list[_Used]) -> Known:
+    used.sort(key=lambda u: u.seq)
+    lost = before = 0
+    for item in used:
+        if item.lost is not None:
+            lost += item.lost
+        elif item.seq - item.gap == before + 1:
+            lost = 0  # told with this event, which came next
+        before = item.seq
+    return Known(instance, attached, Numbering([(u.seq, u.gap) for u in used]), lost)

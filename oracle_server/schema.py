@@ -57,6 +57,13 @@ CREATE TABLE IF NOT EXISTS steps (
 ) WITHOUT ROWID;
 CREATE UNIQUE INDEX IF NOT EXISTS steps_by_seq ON steps (session, monitor, seq, ord);
 CREATE INDEX IF NOT EXISTS violations ON steps (session, position) WHERE explanations IS NOT NULL;
+CREATE TABLE IF NOT EXISTS monitors (
+    session INTEGER NOT NULL,
+    name TEXT NOT NULL,
+    instance TEXT NOT NULL,
+    attached INTEGER NOT NULL,
+    PRIMARY KEY (session, name)
+) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS refused (
     session INTEGER NOT NULL,
     monitor TEXT NOT NULL,
@@ -118,7 +125,7 @@ def step_of(row: Row) -> tuple[Order, Step, int]:
     )  # fmt: skip
     step = Step(
         event, msgspec.json.decode(r["signals"]), frozenset(msgspec.json.decode(r["failed"])), r["stamp"],
-        bool(r["skewed"]), bool(r["late"]), bool(r["forced"]),
+        bool(r["skewed"]), bool(r["late"]), bool(r["forced"]), r["number"] is None,
     )  # fmt: skip
     return r["ord"], step, r["judged"]
 

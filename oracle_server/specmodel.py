@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from decimal import Decimal
+from fractions import Fraction
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, StrictBool, StrictStr, Tag
@@ -19,7 +19,7 @@ def duration(value: object) -> int:
     match = _DURATION.fullmatch(value) if isinstance(value, str) else None
     if match is None:
         raise ValueError(f"expected a duration such as 20ms, 2s or 1.5s, found {value!r}")
-    exact = Decimal(match[1]) * NANOSECONDS[match[2]]
+    exact = Fraction(match[1]) * NANOSECONDS[match[2]]
     if exact != int(exact) or exact > _LONGEST:
         raise ValueError(f"the duration {value} is finer than a nanosecond or too long")
     return int(exact)

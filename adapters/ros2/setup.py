@@ -1,3 +1,5 @@
+"""How setuptools and colcon install the adapter."""
+
 from setuptools import setup
 
 setup(

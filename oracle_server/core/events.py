@@ -50,7 +50,8 @@ class Step:
 
     `failed` are the signals whose expressions failed; `stamp` is the publication time, or the arrival where
     there was none; `skewed` was stamped too far ahead of its arrival, and is ordered at its arrival instead;
-    `late` is older than something already judged; `forced` was judged before its time for want of room.
+    `late` is older than something already judged; `forced` was judged before its time for want of room; `skipped`
+    is not to be judged: late where the spec skips that, or at a time when verdicts could not be kept.
     """
 
     event: Event
@@ -60,6 +61,7 @@ class Step:
     skewed: bool = False
     late: bool = False
     forced: bool = False
+    skipped: bool = False
 
     @property
     def time(self) -> int:

@@ -6,7 +6,7 @@ The library has no time limit and recurses over what it is given, so size, nesti
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -21,12 +21,18 @@ MAX_NESTING = 64
 """Deepest nesting of brackets in an expression, and of what it reads in a message."""
 MAX_ELEMENTS = 4096
 """Most values that an expression with a comprehension may read of one message."""
+MAX_READ = 100_000
+"""Most values that any expression may read, each as often as it is named; 64 characters of a text count as one."""
+MAX_WORK = 1_000_000
+"""Most values that a comprehension may come by: those that it goes over, times those that it reads for each."""
 
 Path = tuple[str, ...]
 
 _TOKEN = re.compile(
     r"""\s+|//[^\n]*
-    |(?P<string>[bBrR]{0,2}(?:\"\"\"(?:\\.|[^\\])*?\"\"\"|'''(?:\\.|[^\\])*?'''|"(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])*'))
+    |(?P<string>
+        (?:[rR][bB]?|[bB][rR])(?:\"\"\".*?\"\"\"|'''.*?'''|"[^"\n]*"|'[^'\n]*')
+        |[bB]?(?:\"\"\"(?:\\.|[^\\])*?\"\"\"|'''(?:\\.|[^\\])*?'''|"(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])*'))
     |(?P<name>[A-Za-z_][A-Za-z0-9_]*)
     |(?P<number>\d[\w.]*)
     |(?P<mark>.)""",
@@ -34,19 +40,30 @@ _TOKEN = re.compile(
 )
 _COMPREHENSIONS = frozenset({"all", "exists", "exists_one", "map", "filter"})
 _FUNCTIONS = frozenset({
-    "bool", "bytes", "contains", "double", "endsWith", "has", "int", "matches", "max", "min", "size", "startsWith",
-    "string", "timestamp", "duration", "uint", "getHours", "getMinutes", "getSeconds", "getMilliseconds",
-    "getFullYear", "getMonth", "getDate", "getDayOfMonth", "getDayOfWeek", "getDayOfYear",
+    "bytes", "contains", "double", "duration", "endsWith", "getDate", "getDayOfMonth", "getDayOfWeek",
+    "getDayOfYear", "getFullYear", "getHours", "getMilliseconds", "getMinutes", "getMonth", "getSeconds", "has", "int",
+    "matches", "size", "startsWith", "string", "timestamp", "uint",
 })  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Expression:
-    """A checked expression; `paths` are the fields of `msg` that it reads, the empty path being the whole message."""
+    """A checked expression and the fields of `msg` that it reads, the empty path being the whole message.
+
+    `outer` and `inner` are those outside and inside of comprehensions, each as often as it is named; `uses` is how
+    often a comprehension's variable is named inside.
+    """
 
     text: str
-    paths: tuple[Path, ...]
-    comprehends: bool
+    outer: tuple[Path, ...]
+    inner: tuple[Path, ...] = ()
+    uses: int = 0
+    comprehends: bool = False
+
+    @cached_property
+    def paths(self) -> tuple[Path, ...]:
+        """The fields that are read, each once."""
+        return tuple(dict.fromkeys((*self.outer, *self.inner)))
 
     @cached_property
     def direct(self) -> Path | None:
@@ -74,7 +91,8 @@ def parse_expression(text: str) -> Expression:
     if len(text) > MAX_TEXT:
         raise ExpressionError(f"the expression has {len(text)} characters; at most {MAX_TEXT} are read")
     tokens = [m for m in _TOKEN.finditer(text) if m.lastgroup]
-    variables = _check_nesting(tokens)
+    bodies = _bodies(tokens)
+    variables = {tokens[body.start][0] for body in bodies}
     program = _compile(text)
     unknown_names = set(program.variables()) - {"msg"} - variables
     if unknown_names:
@@ -83,22 +101,40 @@ def parse_expression(text: str) -> Expression:
     unknown -= _FUNCTIONS | _COMPREHENSIONS
     if unknown:
         raise ExpressionError(f"unknown function '{min(unknown)}'; known are {', '.join(sorted(_FUNCTIONS))}")
-    return Expression(text, _paths(tokens), comprehends=bool(variables))
+    inside = {i for body in bodies for i in body}
+    found = _paths(tokens)
+    return Expression(
+        text,
+        tuple(path for at, path in found if at not in inside),
+        tuple(path for at, path in found if at in inside),
+        sum(1 for i in inside if tokens[i][0] in variables) - len(bodies),
+        comprehends=bool(bodies),
+    )
+
+
+def check_size(message: Mapping[str, Any], expression: Expression) -> None:
+    """Refuse a message of which an expression would read too much. Raises `ExpressionError`."""
+    sizes = {path: _size(read(message, path)) for path in expression.paths}
+    outer = sum(sizes[path] for path in expression.outer)
+    inner = sum(sizes[path] for path in expression.inner)
+    if outer + inner > MAX_READ:
+        raise ExpressionError(f"the expression reads more than {MAX_READ} values of the message")
+    if not expression.comprehends:
+        return
+    if sum(sizes.values()) > MAX_ELEMENTS:
+        raise ExpressionError(f"the message has more than {MAX_ELEMENTS} values for a comprehension to read")
+    largest = max((_largest_item(read(message, path)) for path in expression.outer), default=1)
+    if max(outer, 1) * (inner + expression.uses * largest) > MAX_WORK:
+        raise ExpressionError(f"the comprehension would come by more than {MAX_WORK} values")
 
 
 def prune(message: Mapping[str, Any], expressions: tuple[Expression, ...]) -> dict[str, Any]:
-    """A copy of a message with the fields that the expressions read, and no others.
-
-    Raises `ExpressionError` where what they read is nested too deep, or too large for a comprehension.
-    """
+    """A copy of a message with the fields that the expressions read, and no others."""
     if any(() in e.paths for e in expressions):
-        pruned = dict(message)
-    else:
-        pruned = {}
-        for path in dict.fromkeys(path for e in expressions for path in e.paths):
-            _copy(message, pruned, path)
-    limit = MAX_ELEMENTS if any(e.comprehends for e in expressions) else None
-    _check_size(pruned, limit)
+        return dict(message)
+    pruned: dict[str, Any] = {}
+    for path in dict.fromkeys(path for e in expressions for path in e.paths):
+        _copy(message, pruned, path)
     return pruned
 
 
@@ -120,34 +156,38 @@ def _compile(text: str) -> Any:
         raise ExpressionError(f"not a CEL expression: {reason}") from None
 
 
-def _check_nesting(tokens: list[re.Match[str]]) -> set[str]:
-    """Refuse deep brackets and nested comprehensions; return the variables of those that are there."""
-    variables: set[str] = set()
-    depth, within = 0, 0
+def _bodies(tokens: list[re.Match[str]]) -> list[range]:
+    """Where the comprehensions' bodies stand, variable first. Refuses those that could grow, and deep brackets."""
+    depth, start, kinds, bodies = 0, None, [], []
+    opened = 0
     for i, token in enumerate(tokens):
         mark = token[0]
         if mark in _COMPREHENSIONS and [t[0] for t in tokens[i - 1 : i + 2]] == [".", mark, "("]:
-            if within:
+            if start is not None:
                 raise ExpressionError(f"'{mark}' stands inside another comprehension; they can't be nested")
-            within = depth + 1
-            variables.update(t[0] for t in tokens[i + 2 : i + 3])
+            start, opened = i + 2, depth + 1
+            kinds.append(mark)
         elif mark in ("(", "[", "{"):
             depth += 1
             if depth > MAX_NESTING:
                 raise ExpressionError(f"the expression is nested more than {MAX_NESTING} deep")
         elif mark in (")", "]", "}"):
-            if depth == within:
-                within = 0
+            if depth == opened and start is not None:
+                bodies.append(range(start, i))
+                start = None
             depth -= 1
-    if "msg" in variables:
+    if "map" in kinds and len(kinds) > 1:
+        raise ExpressionError("'map' stands beside another comprehension; an expression with `map` has no other")
+    bodies = [body for body in bodies if len(body)]
+    if any(tokens[body.start][0] == "msg" for body in bodies):
         raise ExpressionError("the variable of a comprehension can't be called msg")
-    return variables
+    return bodies
 
 
-def _paths(tokens: list[re.Match[str]]) -> tuple[Path, ...]:
-    """The fields of `msg` that an expression reads: each `msg` with the `.name` and `["name"]` after it."""
+def _paths(tokens: list[re.Match[str]]) -> list[tuple[int, Path]]:
+    """Where an expression reads `msg`, and which field: each `msg` with the `.name` and `["name"]` after it."""
     words = [(t.lastgroup, t[0]) for t in tokens]
-    found: dict[Path, None] = {}
+    found: list[tuple[int, Path]] = []
     for start, (kind, word) in enumerate(words):
         if (kind, word) != ("name", "msg") or (start and words[start - 1][1] == "."):
             continue
@@ -163,8 +203,8 @@ def _paths(tokens: list[re.Match[str]]) -> tuple[Path, ...]:
                     i += 3
                 case _:
                     break
-        found[tuple(path)] = None
-    return tuple(found)
+        found.append((start, tuple(path)))
+    return found
 
 
 def _copy(source: Any, target: dict[str, Any], path: Path) -> None:
@@ -183,18 +223,22 @@ def _copy(source: Any, target: dict[str, Any], path: Path) -> None:
         target[path[-1]] = source[path[-1]]
 
 
-def _check_size(value: Any, limit: int | None) -> None:
+def _size(value: Any) -> int:
+    """How many values there are in a value; 64 characters of a text count as one."""
     count, level = 0, [value]
-    for _ in range(MAX_NESTING):
-        level = [
-            inner
-            for outer in level
-            if isinstance(outer, Mapping | list)
-            for inner in (outer.values() if isinstance(outer, Mapping) else outer)
-        ]
-        count += len(level)
+    for _ in range(MAX_NESTING + 1):
+        count += sum(1 + len(v) // 64 if isinstance(v, str) else 1 for v in level)
+        level = [inner for outer in level for inner in _items(outer)]
         if not level:
-            return
-        if limit is not None and count > limit:
-            raise ExpressionError(f"the message has more than {limit} values for a comprehension to read")
+            return count
     raise ExpressionError(f"the message is nested more than {MAX_NESTING} deep")
+
+
+def _largest_item(value: Any) -> int:
+    return max((_size(item) for item in _items(value)), default=1)
+
+
+def _items(value: Any) -> Iterable[Any]:
+    if isinstance(value, Mapping):
+        return value.values()
+    return value if isinstance(value, list) else ()

@@ -77,7 +77,7 @@ class PropertyState:
 
 @dataclass(slots=True)
 class Counters:
-    """What a judge has seen; `steps` are judged events, `skipped` late ones that were not judged."""
+    """What a judge has seen; `steps` are judged events, `skipped` those that were not."""
 
     steps: int = 0
     late: int = 0
@@ -112,13 +112,13 @@ class Judge:
         """The time of the last step, in nanoseconds."""
 
     def judge(self, step: Step, now: int) -> Judged:
-        """Judge one step, or skip it as late where the spec says so; `now` becomes its time of judgement."""
+        """Judge one step, or skip it; `now` becomes its time of judgement."""
         self.counters.late += step.late
         self.counters.skewed += step.skewed
         self.counters.lost += step.event.lost
         if step.event.lost or step.forced:
             self._degraded = True
-        if step.late and self._plan.spec.ordering.late == "skip":
+        if step.skipped:
             return self._skip(step, now)
         return self._judge(step, now)
 

@@ -42,6 +42,8 @@ class Session:
         }
         self.buffer: ReorderBuffer[Step] = ReorderBuffer(ordering.max_delay, ordering.capacity)
         self.now = 0
+        self.suspended = False
+        """Whether events are skipped, since their verdicts could not be kept."""
 
     @property
     def next_deadline(self) -> int | None:
@@ -62,7 +64,7 @@ class Session:
         judged = self.advance(event.arrived)
         step = self._step(event)
         if "arrival" in self.judges:
-            judged.append(self.judges["arrival"].judge(step, self.now))
+            judged.append(self._judge_one("arrival", step))
         if "publication" in self.judges:
             judged += self._order(step)
         return judged
@@ -97,12 +99,18 @@ class Session:
     def _order(self, step: Step) -> list[Judged]:
         event = step.event
         if not self.plan.spec.by_key[event.stream].ordered:
-            return [self.judges["publication"].judge(step, self.now)]
+            return [self._judge_one("publication", step)]
         source = (event.monitor, event.stream)
         return self._judge(self.buffer.push(step, source, event.source, step.time, self.now))
 
     def _judge(self, released: Iterable[Released[Step]]) -> list[Judged]:
-        return [self.judges["publication"].judge(_marked(r), self.now) for r in released]
+        return [self._judge_one("publication", r.item, late=r.late, forced=r.forced) for r in released]
+
+    def _judge_one(self, order: Order, step: Step, *, late: bool = False, forced: bool = False) -> Judged:
+        skipped = self.suspended or (late and self.plan.spec.ordering.late == "skip")
+        if late or forced or skipped:
+            step = replace(step, late=late, forced=forced, skipped=skipped)
+        return self.judges[order].judge(step, self.now)
 
     def _step(self, event: Event) -> Step:
         stream = self.plan.streams[event.stream]
@@ -116,9 +124,3 @@ def orders(spec: Spec) -> tuple[Order, ...]:
     """The orders that a session of a spec judges in; the first one decides."""
     by = spec.ordering.by
     return ("publication", "arrival") if by == "both" else (by,)
-
-
-def _marked(released: Released[Step]) -> Step:
-    if not (released.late or released.forced):
-        return released.item
-    return replace(released.item, late=released.late, forced=released.forced)

@@ -13,7 +13,7 @@ from typing import Any
 import cel
 
 from oracle_server.core.errors import ExpressionError
-from oracle_server.core.expressions import Expression, Path, parse_expression, prune, read
+from oracle_server.core.expressions import Expression, Path, check_size, parse_expression, prune, read
 from oracle_server.core.formula.tree import Scalar
 
 RESERVED = frozenset({"topic", "service", "kind", "monitor", "call"})
@@ -46,7 +46,7 @@ class Projection:
         for name, (path, expression) in self._strings.items():
             value = read(message, path)
             if type(value) is str or (type(value) is int and value in _INTEGERS):
-                values[name] = str(value)
+                _keep(name, str(value), values, failed)
             elif value is not None:
                 programs.append((name, expression))
         if programs:
@@ -80,13 +80,21 @@ def _evaluate(
     if not isinstance(message, Mapping):
         failed.extend(name for name, _ in programs)
         return
+    fit = []
+    for name, expression in programs:
+        try:
+            check_size(message, expression)
+        except ExpressionError:
+            failed.append(name)
+        else:
+            fit.append((name, expression))
     try:
         context = cel.Context()
-        context.add_variable("msg", prune(message, tuple(e for _, e in programs)))
+        context.add_variable("msg", prune(message, tuple(e for _, e in fit)))
     except Exception:  # noqa: BLE001 -- whatever the library makes of a message, the signals failed
-        failed.extend(name for name, _ in programs)
+        failed.extend(name for name, _ in fit)
         return
-    for name, expression in programs:
+    for name, expression in fit:
         try:
             value = expression.program.execute(context)
         except Exception:  # noqa: BLE001 -- the library raises a dozen types

@@ -56,8 +56,9 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
             stopping.set()
 
     link = Link(
-        options.oracle, options.monitor, spec=options.spec or None, session=options.session or None, token=options.token,
-        on_error=on_error, on_state=lambda state, detail: log.info(f"oracle: {state} {detail}"),
+        options.oracle, options.monitor, spec=options.spec or None, session=options.session or None,
+        token=options.token, on_error=on_error,
+        on_state=lambda state, detail: log.info(f"oracle: {state} {detail}"),
         on_violation=lambda record: log.error(f"violation {record['n']}: {_text(record)}"),
     )  # fmt: skip
     link.start()

@@ -9,6 +9,7 @@ from __future__ import annotations
 import base64
 import importlib
 import re
+import struct
 from functools import lru_cache
 from typing import Any, Callable, Iterable, Mapping
 
@@ -30,7 +31,7 @@ def load_type(name: str) -> Any:
     kind, _, type_name = rest.rpartition("/")
     try:
         return getattr(importlib.import_module(f"{package}.{kind or 'msg'}"), type_name)
-    except (ImportError, AttributeError) as error:
+    except (ImportError, AttributeError, TypeError, ValueError) as error:
         raise CodecError(f"the type {name} can't be loaded; is its package built and sourced? ({error})") from error
 
 
@@ -89,12 +90,18 @@ def _single(value: float) -> float:
 def write(message: Any, data: Mapping[str, Any], place: str = "") -> Any:
     """Set fields of a message from plain data, and return it; raises `CodecError` with the field that does not fit."""
     types = message.get_fields_and_field_types()
+    if not isinstance(data, Mapping):
+        raise CodecError(f"{place}: {data!r} does not fit {type(message).__name__}")
+    # Newer messages check what is set only where they are asked to.
+    checked = type(message)(check_fields=True) if hasattr(message, "_check_fields") else message
     for name, value in data.items():
         where = f"{place}.{name}" if place else name
         if name not in types:
             raise CodecError(f"{where}: {type(message).__name__} has no such field")
         try:
-            setattr(message, name, _written(types[name], getattr(message, name), value, where))
+            written = _written(types[name], getattr(message, name), value, where)
+            setattr(checked, name, written)
+            setattr(message, name, written)
         except (AssertionError, TypeError, ValueError, OverflowError) as error:
             raise CodecError(f"{where}: {value!r} does not fit {types[name]} ({error})") from error
     return message
@@ -106,12 +113,14 @@ def _written(kind: str, current: Any, value: Any, where: str) -> Any:
         of = many["of"] or many["array"]
         if of in _BYTES and isinstance(value, str):
             data = base64.b64decode(value, validate=True)
-            return [bytes([byte]) for byte in data] if of != "uint8" else data
-        return [_written(of, load_type(of)() if "/" in of else None, item, f"{where}[{i}]") for i, item in enumerate(value)]
+            return list(data) if of == "uint8" else [bytes([byte]) for byte in data]
+        return [
+            _written(of, load_type(of)() if "/" in of else None, item, f"{where}[{i}]") for i, item in enumerate(value)
+        ]
     if "/" in kind:
         return write(current, value, where)
     if kind in ("float", "double"):
-        return float(value)
+        return struct.unpack(kind[0], struct.pack(kind[0], float(value)))[0]
     if kind in ("octet", "byte") and isinstance(value, int):
         return bytes([value])
     return value

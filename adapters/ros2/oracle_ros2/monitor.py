@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from typing import TYPE_CHECKING, Any, Mapping, Sequence
+
+from rclpy.clock import Clock, ClockType
 
 from oracle_ros2.services import ProxiedService
 from oracle_ros2.topics import FilteredTopic, LoggedTopic
@@ -33,25 +34,34 @@ class Monitor:
         self._services = [
             ProxiedService(node, link, s, by_key[s["name"], "response"]) for s in streams if s["kind"] == "request"
         ]
-        node.create_timer(REMATCH_PERIOD, self._rematch)
-        self._stopping = threading.Event()
-        self._clock = threading.Thread(target=self._tell_time, name="stream clocks", daemon=True)
-        self._clock.start()
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
+        self._timers = [
+            node.create_timer(REMATCH_PERIOD, self._rematch, clock=steady),
+            node.create_timer(CLOCK_PERIOD, self._tell_time, clock=steady),
+        ]
 
     def stop(self) -> None:
         """Tell no more clocks."""
-        self._stopping.set()
-        self._clock.join()
+        for timer in self._timers:
+            timer.cancel()
 
     def _rematch(self) -> None:
         for topic in self._topics:
             topic.matched.rematch()
 
     def _tell_time(self) -> None:
-        """Say how far each stream has come: exactly for services, which are stamped here, less a delay for topics."""
-        while not self._stopping.wait(CLOCK_PERIOD):
-            self._link.clock(self._readings)
+        """Say how far each stream has come: exactly for services, which are stamped here, less a delay for topics.
 
-    def _readings(self) -> list[ClockStamp]:
+        What has come by then is taken first: while this thread is held up, messages wait for it, and time must too.
+        """
+        heard = time.time_ns()
+        for topic in self._topics:
+            topic.matched.take_all()
+        self._link.clock(lambda: self._readings(heard))
+
+    def _readings(self, heard: int) -> list[ClockStamp]:
         now = time.time_ns()
-        return [(name, kind, now - latency) for (name, kind), latency in self._latencies.items()]
+        return [
+            (name, kind, heard - latency if kind == "topic" else now)
+            for (name, kind), latency in self._latencies.items()
+        ]

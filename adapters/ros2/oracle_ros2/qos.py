@@ -32,6 +32,16 @@ class Matched:
         self._node.destroy_subscription(self._subscription)
         self._subscription = self._subscribe()
 
+    def take_all(self) -> None:
+        """Take every message that has come by now; to be called where callbacks run."""
+        handle = self._subscription.handle
+        with handle:
+            for _ in range(DEPTH):
+                taken = handle.take_message(self._type, False)
+                if taken is None:
+                    break
+                self._take(*taken)
+
     def _wanted(self) -> QoSProfile:
         """The strictest profile that every publisher offers; reliable and volatile where there is none yet."""
         offered = [info.qos_profile for info in self._node.get_publishers_info_by_topic(self._topic)]

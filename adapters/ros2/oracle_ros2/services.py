@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Mapping
 
 from oracle_adapter import Answer, Link, should_pass
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.clock import Clock, ClockType
 from rclpy.task import Future
 
 from oracle_ros2.codec import load_type, reader, write
@@ -15,6 +16,8 @@ from oracle_ros2.stamps import stamp_reader
 
 if TYPE_CHECKING:
     from rclpy.node import Node
+
+DISCOVERY = 2.0  # seconds that a service may take to be discovered
 
 
 class ProxiedService:
@@ -30,21 +33,37 @@ class ProxiedService:
         self._request = _Side(request, self._type.Request)
         self._response = _Side(response, self._type.Response)
         self._calls = itertools.count(1)
-        group = ReentrantCallbackGroup()
-        self._client = node.create_client(self._type, self.name, callback_group=group)
-        self._service = node.create_service(self._type, request["proxy"], self._serve, callback_group=group)
+        self._group = ReentrantCallbackGroup()
+        self._client = node.create_client(self._type, self.name, callback_group=self._group)
+        self._service = node.create_service(self._type, request["proxy"], self._serve, callback_group=self._group)
 
     async def _serve(self, request: Any, response: Any) -> Any:
         call = next(self._calls)
         if not await self._may_pass(self._request, request, call):
             return write(response, self._denied)
-        if not self._client.service_is_ready():
+        if not self._client.service_is_ready() and not await self._appears():
             self._node.get_logger().error(f"{self.name} is not there: call {call} is answered by denied_response")
             return write(response, self._denied)
         answer = await self._client.call_async(request)
         if not await self._may_pass(self._response, answer, call):
             return write(response, self._denied)
         return answer
+
+    async def _appears(self) -> bool:
+        """Whether the service is there soon: one that has just been started may not have been discovered yet."""
+        settled: Future[bool] = Future(executor=self._node.executor)
+        end = time.monotonic() + DISCOVERY
+
+        def look() -> None:
+            ready = self._client.service_is_ready()
+            if not settled.done() and (ready or time.monotonic() > end):
+                settled.set_result(ready)
+
+        clock = Clock(clock_type=ClockType.STEADY_TIME)
+        timer = self._node.create_timer(0.02, look, self._group, clock)
+        ready = await settled
+        self._node.destroy_timer(timer)
+        return ready
 
     async def _may_pass(self, side: _Side, message: Any, call: int) -> bool:
         # stamped under the link's lock, so that no clock can say that nothing older will come

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from decimal import Decimal
+from fractions import Fraction
 from functools import cache
 from typing import Literal, TypeVar, cast
 
@@ -209,7 +209,7 @@ class _Builder(Transformer[Token, Formula]):
                 )
             distance = int(digits)
         else:
-            exact = Decimal(digits) * NANOSECONDS[unit or "s"]
+            exact = Fraction(digits) * NANOSECONDS[unit or "s"]
             distance = int(exact)
             if distance != exact:
                 raise FormulaError(f"the bound '{text}' is finer than a nanosecond", *_place(token))

@@ -1,0 +1,1 @@
+"""A UAV's battery, its supervisor and its LED panel, for ROS 2."""

@@ -1,0 +1,110 @@
+"""The formula table read literally: slow, plain, and what every engine is compared with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Final
+
+from oracle_server.core.formula import tree
+from oracle_server.core.formula.tree import Bound, Constraint, Formula, Scalar
+
+if TYPE_CHECKING:
+    from oracle_server.core.formula.parse import Time
+
+TimedSignals = tuple[int, Mapping[str, Scalar]]
+"""A step: its time in nanoseconds and its signals."""
+
+
+class Fresh:
+    """A value that no signal has had yet: equal to nothing."""
+
+
+FRESH: Final = Fresh()
+Values = Mapping[str, Scalar | Fresh]
+"""What each variable in scope stands for."""
+
+
+def truths(formula: Formula, steps: Sequence[TimedSignals], time: Time) -> list[bool]:
+    """Whether a formula holds, step by step."""
+    return _truths(formula, steps, time, {})
+
+
+def _truths(formula: Formula, steps: Sequence[TimedSignals], time: Time, values: Values) -> list[bool]:
+    now = range(len(steps))
+
+    def of(part: Formula) -> list[bool]:
+        return _truths(part, steps, time, values)
+
+    def within(bound: Bound, i: int) -> list[int]:
+        """The past or present steps whose distance from step i lies in the bound."""
+        distances = [i - j if time == "steps" else steps[i][0] - steps[j][0] for j in range(i + 1)]
+        upper = bound.upper
+        far_enough = [j for j, distance in enumerate(distances) if distance >= bound.lower]
+        return [j for j in far_enough if upper is None or distances[j] <= upper]
+
+    match formula:
+        case tree.Atom(constraints):
+            return [all(_meets(c, steps[i][1], values) for c in constraints) for i in now]
+        case tree.Not(operand):
+            return [not holds for holds in of(operand)]
+        case tree.And(left, right):
+            return [p and q for p, q in zip(of(left), of(right), strict=True)]
+        case tree.Or(left, right):
+            return [p or q for p, q in zip(of(left), of(right), strict=True)]
+        case tree.Implies(left, right):
+            return [not p or q for p, q in zip(of(left), of(right), strict=True)]
+        case tree.Pre(operand):
+            return [False, *of(operand)][: len(steps)]
+        case tree.Once(operand, bound):
+            held = of(operand)
+            return [any(held[j] for j in within(bound, i)) for i in now]
+        case tree.Historically(operand, bound):
+            held = of(operand)
+            return [all(held[j] for j in within(bound, i)) for i in now]
+        case tree.Since(left, right, bound):
+            p, q = of(left), of(right)
+            return [any(q[j] and all(p[j + 1 : i + 1]) for j in within(bound, i)) for i in now]
+        case tree.Exists(variable, body):
+            return [any(rows) for rows in _rows(variable, body, steps, time, values)]
+        case tree.Forall(variable, body):
+            return [all(rows) for rows in _rows(variable, body, steps, time, values)]
+
+
+def _rows(variable: str, body: Formula, steps: Sequence[TimedSignals], time: Time, values: Values) -> list[list[bool]]:
+    """For each step, the truths of the body there: one a value seen so far, and a fresh one."""
+    seen: list[tuple[int, Scalar | Fresh]] = [(0, FRESH)]
+    for i, (_, signals) in enumerate(steps):
+        seen += [(i, v) for v in signals.values() if not any(_equal(v, old) for _, old in seen)]
+    bodies = [(i, _truths(body, steps, time, {**values, variable: value})) for i, value in seen]
+    return [[body[now] for since, body in bodies if since <= now] for now in range(len(steps))]
+
+
+def _equal(left: Scalar | Fresh, right: Scalar | Fresh) -> bool:
+    if isinstance(left, Fresh) or isinstance(right, Fresh):
+        return False
+    if isinstance(left, bool) or isinstance(right, bool):
+        return left is right
+    if isinstance(left, str) or isinstance(right, str):
+        return isinstance(left, str) and isinstance(right, str) and left == right
+    return left == right
+
+
+def _meets(constraint: Constraint, signals: Mapping[str, Scalar], values: Values) -> bool:
+    if constraint.key not in signals:
+        return False
+    found, wanted = signals[constraint.key], constraint.value
+    if isinstance(wanted, tree.Any):
+        return True
+    if isinstance(wanted, tree.Ref):
+        return _equal(found, values[wanted.name])
+    if constraint.op in ("==", "!="):
+        return _equal(found, wanted) == (constraint.op == "==")
+    if isinstance(found, str | bool) or isinstance(wanted, str | bool):
+        return False
+    orders = {
+        "<": found < wanted,
+        "<=": found <= wanted,
+        ">": found > wanted,
+        ">=": found >= wanted,
+    }
+    return orders[constraint.op]

@@ -1,0 +1,169 @@
+"""A real `oracle-server serve`, in a process of its own, to be killed, frozen and started again."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import signal
+import sys
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any, Self
+
+import httpx
+
+PATIENCE = 30.0
+"""Seconds that any one thing may take before a test fails."""
+_COMMAND = (sys.executable, "-c", "from oracle_server.cli import main; main()", "serve")
+
+
+class Served:
+    """One server and its data directory, over all the processes that serve it; they share a port."""
+
+    def __init__(self, specs: Path, data: Path, **settings: str) -> None:
+        """Serve the specs of a folder; `settings` are those of the environment, without their prefix."""
+        self.up = asyncio.Event()
+        self.starts = 0
+        self.log: list[dict[str, Any]] = []
+        self._arguments = ("--specs", str(specs), "--data-dir", str(data))
+        outer = {name: value for name, value in os.environ.items() if not name.startswith("ORACLE_")}
+        self._environment = outer | {"ORACLE_LOG": "json"} | {f"ORACLE_{k.upper()}": v for k, v in settings.items()}
+        self._port = 0
+        self._died = asyncio.Event()
+        self._process: asyncio.subprocess.Process
+        self._reading: asyncio.Task[None]
+
+    @property
+    def url(self) -> str:
+        """Where the server answers HTTP."""
+        return f"http://127.0.0.1:{self._port}"
+
+    @property
+    def attach_url(self) -> str:
+        """Where monitors attach."""
+        return f"ws://127.0.0.1:{self._port}/api/v1/attach"
+
+    async def start(self) -> None:
+        """Start a process, the first one or once the last one is killed, and return once it accepts work."""
+        if self.starts:
+            await self._process.wait()
+            await self._reading
+        arguments = (*self._arguments, "--port", str(self._port))
+        self._process = await asyncio.create_subprocess_exec(
+            *_COMMAND, *arguments, env=self._environment, stderr=asyncio.subprocess.PIPE
+        )
+        self._died.clear()
+        accepts = asyncio.Event()
+        self._reading = asyncio.create_task(self._read_log(accepts))
+        async with asyncio.timeout(PATIENCE):
+            await accepts.wait()
+        assert self._process.returncode is None, self.log[-5:]
+        self.starts += 1
+        self.up.set()
+
+    def kill(self) -> None:
+        """End the process at once; it gets no chance to do anything."""
+        self.up.clear()
+        self._process.kill()
+        self._died.set()
+
+    async def revive(self) -> None:
+        """Start again each time the process is killed, for ever."""
+        while True:
+            await self._died.wait()
+            await self.start()
+
+    def freeze(self) -> None:
+        """Stop the process where it stands."""
+        self._process.send_signal(signal.SIGSTOP)
+
+    def thaw(self) -> None:
+        """Let a frozen process go on."""
+        self._process.send_signal(signal.SIGCONT)
+
+    async def stop(self) -> int:
+        """Stop cleanly, and return the exit status."""
+        self.up.clear()
+        self._process.terminate()
+        async with asyncio.timeout(PATIENCE):
+            status = await self._process.wait()
+            await self._reading
+        return status
+
+    async def close(self) -> None:
+        """End the process, if it still runs, however it can be done."""
+        with contextlib.suppress(ProcessLookupError):
+            self._process.kill()
+        await self._process.wait()
+        await self._reading
+
+    async def get(self, path: str, **query: int) -> dict[str, Any]:
+        """A document of the API."""
+        async with self._http() as http:
+            return await _document(http, path, query)
+
+    async def records(self, session: str) -> list[dict[str, Any]]:
+        """All of a session's history."""
+        found: list[dict[str, Any]] = []
+        async with self._http() as http:
+            after: int | None = 0
+            while after is not None:
+                page = await _document(http, f"sessions/{session}/verdicts", {"after": after, "limit": 1000})
+                found += page["items"]
+                after = page["next"]
+        return found
+
+    @property
+    def complaints(self) -> list[dict[str, Any]]:
+        """What the log holds besides what is usual: errors, warnings, tracebacks; asyncio warns of cut connections."""
+        return [line for line in self.log if line.get("level") != "info" and "WARNING asyncio" not in line["event"]]
+
+    def _http(self) -> httpx.AsyncClient:
+        return httpx.AsyncClient(base_url=f"{self.url}/api/v1/", timeout=PATIENCE, trust_env=False, verify=False)
+
+    async def _read_log(self, accepts: asyncio.Event) -> None:
+        assert self._process.stderr is not None
+        async for text in self._process.stderr:
+            try:
+                line = json.loads(text)
+            except ValueError:
+                line = {"event": text.decode(errors="replace").rstrip()}
+            self.log.append(line)
+            if line["event"] == "accepting work":
+                self._port = int(line["url"].rpartition(":")[2])
+                accepts.set()
+        accepts.set()
+
+    async def __aenter__(self) -> Self:
+        """Start it."""
+        try:
+            await self.start()
+        except BaseException:
+            await self.close()
+            raise
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        """End it."""
+        await self.close()
+
+
+async def _document(http: httpx.AsyncClient, path: str, query: dict[str, int]) -> dict[str, Any]:
+    response = await http.get(path, params=query)
+    response.raise_for_status()
+    document: dict[str, Any] = response.json()
+    return document
+
+
+@contextlib.asynccontextmanager
+async def reviving(served: Served) -> AsyncIterator[None]:
+    """Start a server again each time it is killed, until the end of the block."""
+    task = asyncio.create_task(served.revive())
+    try:
+        yield
+    finally:
+        task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await task

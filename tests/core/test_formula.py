@@ -1,0 +1,249 @@
+"""Formulas: text to tree and back, what binds tightest, and what is refused, where and with which words."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from oracle_server.core.errors import FormulaError
+from oracle_server.core.formula import tree
+from oracle_server.core.formula.parse import MAX_DEPTH, MAX_TEXT, Time, parse_formula
+from oracle_server.core.formula.render import render, render_atom
+from oracle_server.core.formula.tree import Any, Atom, Bound, Constraint, Formula, Once, Ref
+from tests import strategies
+
+often = settings(max_examples=500, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+times: st.SearchStrategy[Time] = st.sampled_from(("steps", "seconds"))
+
+PIECES = (
+    *("(", ")", "{", "}", "[", "]", ":", ",", "*", ".", '"', "'", "->", "!", "&&", "-", "\n", "\x00", "é", "٣"),
+    *("not ", "once", " since ", " and ", " or ", "exists[x]. ", "forall[x, y]. ", "true", "inf"),
+    *("7", "0.5", "1e999", "ms", "a", "*x"),
+)
+
+
+def flag(key: str) -> Atom:
+    return Atom((Constraint(key, "==", value=True),))
+
+
+def read(text: str, time: Time) -> Formula | None:
+    """The formula, None where it is refused, with a place that is in the text."""
+    try:
+        return parse_formula(text, time)
+    except FormulaError as error:
+        refusal = error
+    lines = dict(enumerate(text.split("\n"), 1))
+    assert 1 <= refusal.column <= len(lines[refusal.line]) + 1
+    return None
+
+
+def same(left: Formula, right: Formula | None) -> bool:
+    """Equal with equal types: 7 is not 7.0 here."""
+    return left == right and right is not None and render(left) == render(right)
+
+
+@often
+@given(time=times, data=st.data())
+def test_what_is_printed_reads_the_same(time: Time, data: st.DataObject) -> None:
+    formula = data.draw(strategies.formulas(time))
+    assert same(formula, parse_formula(render(formula, time), time))
+
+
+@often
+@given(lower=st.integers(0, 10**18), upper=st.none() | st.integers(0, 10**18), time=times)
+def test_every_bound_prints_and_reads_exactly(lower: int, upper: int | None, time: Time) -> None:
+    bound = Bound(lower, None if upper is None else max(lower, upper))
+    formula = tree.Since(flag("a"), flag("b"), bound)
+    assert parse_formula(render(formula, time), time) == formula
+
+
+text = st.text(st.characters(exclude_characters='\n"')) | st.text(st.characters(exclude_characters="\n'"))
+numbers = st.integers(-(10**38), 10**38) | st.floats(allow_nan=False, allow_infinity=False)
+values = text | st.booleans() | numbers | st.just(Any.ANY)
+
+
+@often
+@given(key=text, value=values, number=numbers, op=st.sampled_from(("<", "<=", ">", ">=", "!=")))
+def test_every_key_and_value_prints_and_reads_exactly(
+    key: str, value: tree.Scalar | Any, number: float, op: strategies.Op
+) -> None:
+    atom = Atom((Constraint(key, "==", value), Constraint(key, op, number)))
+    assert same(atom, parse_formula(render_atom(atom)))
+
+
+@often
+@given(text=st.text(st.characters()), time=times)
+def test_any_text_is_read_or_refused(text: str, time: Time) -> None:
+    read(text, time)
+
+
+@often
+@given(formula=strategies.formulas(depth=3), time=times, data=st.data())
+def test_a_damaged_formula_is_read_or_refused(formula: Formula, time: Time, data: st.DataObject) -> None:
+    text = render(formula)
+    for _ in range(data.draw(st.integers(1, 4))):
+        start = data.draw(st.integers(0, len(text)))
+        end = data.draw(st.integers(start, min(len(text), start + 8)))
+        text = text[:start] + data.draw(st.sampled_from(("", *PIECES))) + text[end:]
+    parsed = read(text, time)
+    if parsed is not None:
+        assert same(parsed, parse_formula(render(parsed, time), time))
+
+
+@pytest.mark.parametrize(
+    ("text", "meaning"),
+    [
+        ("not {a} and {b}", "(not {a}) and {b}"),
+        ("not once {a}", "not (once {a})"),
+        ("once not {a}", "once (not {a})"),
+        ("pre pre {a}", "pre (pre {a})"),
+        ("once[:3] {a} since {b}", "(once[:3] {a}) since {b}"),
+        ("{a} since not {b}", "{a} since (not {b})"),
+        ("{a} since {b} since[1:] {c}", "({a} since {b}) since[1:] {c}"),
+        ("{a} and {b} since {c}", "{a} and ({b} since {c})"),
+        ("{a} since {b} and {c}", "({a} since {b}) and {c}"),
+        ("{a} and {b} and {c}", "({a} and {b}) and {c}"),
+        ("{a} or {b} or {c} and {d}", "({a} or {b}) or ({c} and {d})"),
+        ("{a} and {b} or {c}", "({a} and {b}) or {c}"),
+        ("{a} or {b} -> {c} or {d}", "({a} or {b}) -> ({c} or {d})"),
+        ("{a} -> {b} -> {c}", "{a} -> ({b} -> {c})"),
+        ("historically {a} -> once {b}", "(historically {a}) -> (once {b})"),
+        ("{a} and exists[x]. {b: *x} or {c}", "{a} and (exists[x]. ({b: *x} or {c}))"),
+        ("{a} since exists[x]. {b: *x} and {c}", "{a} since (exists[x]. ({b: *x} and {c}))"),
+        ("not forall[x]. {a: *x} -> {b}", "not (forall[x]. ({a: *x} -> {b}))"),
+        ("(exists[x]. {a: *x}) -> {b}", "(exists[x]. ({a: *x})) -> {b}"),
+        ("exists[x, y]. {a: *x, b: *y}", "exists[x]. (exists[y]. {a: *x, b: *y})"),
+        ("!{a} && {b} || {c} -> {d}", "not {a} and {b} or {c} implies {d}"),
+        ("P {a} or H {b} or Y {c} or {d} S {e}", "once {a} or historically {b} or pre {c} or {d} since {e}"),
+        ("\n once\t[ 1 : 2 ]{ a:1 }\r\n", "once[1:2] {a: 1}"),
+        ("once[0:0] {a} or once[0:] {b}", "once[:0] {a} or once {b}"),
+    ],
+)
+def test_binds(text: str, meaning: str) -> None:
+    parsed = parse_formula(text)
+    assert parsed == parse_formula(meaning)
+    assert len(render(parsed)) <= len(meaning), "printed with more parentheses than a reader needs"
+
+
+@pytest.mark.parametrize(
+    ("text", "constraint"),
+    [
+        ("{k}", Constraint("k", "==", value=True)),
+        ("{k: true}", Constraint("k", "==", value=True)),
+        ("{k: false}", Constraint("k", "==", value=False)),
+        ("{k: True}", Constraint("k", "==", "True")),
+        ("{k: once}", Constraint("k", "==", "once")),
+        ('{"k k" == "a \\ \'b\'"}', Constraint("k k", "==", "a \\ 'b'")),
+        ("{k: 'say \"x\"'}", Constraint("k", "==", 'say "x"')),
+        ("{k: -7}", Constraint("k", "==", -7)),
+        ("{k: 18446744073709551615}", Constraint("k", "==", 2**64 - 1)),
+        ("{k != 7e-1}", Constraint("k", "!=", 0.7)),
+        ("{k != true}", Constraint("k", "!=", value=True)),
+        ("{since<=-1.5}", Constraint("since", "<=", -1.5)),
+        ("{k: *}", Constraint("k", "==", Any.ANY)),
+    ],
+)
+def test_constraint(text: str, constraint: Constraint) -> None:
+    parsed = parse_formula(text)
+    assert parsed == Atom((constraint,))
+    assert type(parsed.constraints[0].value) is type(constraint.value)
+
+
+def test_a_variable_may_stand_twice_and_be_bound_again_inside() -> None:
+    body = Atom((Constraint("a", "==", Ref("x")), Constraint("b", "==", Ref("x"))))
+    expected = tree.Exists("x", tree.And(body, tree.Forall("x", body)))
+    assert parse_formula("exists[x]. {a: *x, b: *x} and forall[x]. {a: *x, b: *x}") == expected
+
+
+@pytest.mark.parametrize(
+    ("bound", "lower", "upper"),
+    [
+        ("[:200ms]", 0, 200_000_000),
+        ("[0.2:1.5]", 200_000_000, 1_500_000_000),
+        ("[7ns:3us]", 7, 3_000),
+        ("[2:2s]", 2 * 10**9, 2 * 10**9),
+        ("[0.5min:1h]", 30 * 10**9, 3_600 * 10**9),
+        ("[0.000000001:]", 1, None),
+    ],
+)
+def test_seconds_may_be_decimal_or_carry_units(bound: str, lower: int, upper: int | None) -> None:
+    assert parse_formula(f"once{bound} {{a}}", "seconds") == Once(flag("a"), Bound(lower, upper))
+
+
+@pytest.mark.parametrize(
+    ("text", "time", "place", "says"),
+    [
+        ("", "steps", "1:1", "too early"),
+        ("  \n ", "steps", "2:2", "too early"),
+        ("{a} and\n  {b", "steps", "2:5", "too early"),
+        ("{a} xyz", "steps", "1:5", "'xyz'"),
+        ("{a}\nand\n and", "steps", "3:2", "'and'"),
+        ("{}", "steps", "1:2", "'}'"),
+        ("{a: @}", "steps", "1:5", "'@'"),
+        ("{a: 'x}", "steps", "1:5", '"\'"'),
+        ("{a > true}", "steps", "1:6", "'true'"),
+        ("{a != *}", "steps", "1:7", "'*'"),
+        ("once[5]{a}", "steps", "1:7", "']'"),
+        ("once[:]{a}", "steps", "1:7", "']'"),
+        ("once[-1:]{a}", "steps", "1:6", "'-1'"),
+        ("pre[1:2]{a}", "steps", "1:4", "'['"),
+        ("exists[]. {a}", "steps", "1:8", "']'"),
+        ("notnot {a}", "steps", "1:1", "notnot"),
+        ("{a} and\n  once[3:2]{b}", "steps", "2:8", "empty"),
+        ("{a} since[2s:1s]{b}", "seconds", "1:11", "empty"),
+        ("once[:5ms]{a}", "steps", "1:7", "not a number of steps"),
+        ("once[1.5:]{a}", "steps", "1:6", "not a number of steps"),
+        ("once[:0.0000000001]{a}", "seconds", "1:7", "finer than a nanosecond"),
+        ("once[:1.00000000000000000000000000000000001]{a}", "seconds", "1:7", "finer than a nanosecond"),
+        ("once[:1000000001]{a}", "seconds", "1:7", "too large"),
+        ("once[:99999999999999999999]{a}", "steps", "1:7", "too large"),
+        (f"once[:{'9' * 50}]{{a}}", "steps", "1:7", "too long"),
+        ("{a: 1e400}", "steps", "1:5", "too large"),
+        (f"{{a: {'9' * 50}}}", "steps", "1:5", "too long"),
+        ("{a}\n or {b: *x}", "steps", "2:5", "'x' is free"),
+        ("(exists[x]. {a: *x}) and {b: *x}", "steps", "1:26", "'x' is free"),
+        ("exists[x]. {a}", "steps", "1:1", "'x' is bound here and used nowhere"),
+        ("{c} ->\n forall[y, z]. {b: *z}", "steps", "2:2", "'y' is bound here and used nowhere"),
+        ("exists[x]. forall[x]. {a: *x}", "steps", "1:1", "'x' is bound here and used nowhere"),
+    ],
+)
+def test_refused_with_its_place(text: str, time: Time, place: str, says: str) -> None:
+    with pytest.raises(FormulaError) as refusal:
+        parse_formula(text, time)
+    assert str(refusal.value).startswith(f"{place}: ")
+    assert says in refusal.value.message
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x" * 10_000_000,
+        "{a} and " * (MAX_TEXT // 8 - 1) + "{a}",
+        "{a} -> " * (MAX_TEXT // 7 - 1) + "{a}",
+        "not " * (MAX_TEXT // 4 - 1) + "{a}",
+        "!" * (MAX_TEXT - 3) + "{a}",
+        "(" * MAX_TEXT,
+        "{" * MAX_TEXT,
+        "once[" * (MAX_TEXT // 5),
+        "{a: " + "9" * (MAX_TEXT - 5) + "}",
+        "{a: 1e" + "9" * (MAX_TEXT - 7) + "}",
+        "once[:" + "9" * (MAX_TEXT - 10) + "]{a}",
+        "exists[" + ",".join(f"v{i}" for i in range(2_000)) + "]. {a: *v0}",
+        "'" * MAX_TEXT,
+    ],
+    ids=lambda text: text[:12],
+)
+def test_what_is_too_large_or_too_deep_is_refused(text: str) -> None:
+    assert read(text, "steps") is None
+    assert read(text, "seconds") is None
+
+
+def test_the_deepest_and_the_widest_that_are_read() -> None:
+    deepest = "not " * (MAX_DEPTH - 1) + "{a}"
+    assert render(parse_formula(deepest)) == deepest
+    assert read("not " + deepest, "steps") is None
+    assert parse_formula("(" * 5_000 + "{a}" + ")" * 5_000) == flag("a")
+    widest = parse_formula("{" + ", ".join(["a"] * 5_000) + "}")
+    assert isinstance(widest, Atom)
+    assert len(widest.constraints) == 5_000

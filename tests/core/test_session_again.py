@@ -1,0 +1,105 @@
+"""Judging again what was judged: a fresh session comes back to where another one stood, and goes on as it does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from oracle_server.core.events import StreamKey
+from oracle_server.core.session import Session
+from oracle_server.core.verdicts import Judged
+from tests.core.sessions import MODE, A, B, Digest, Feed, Maker, U, degraded, open_session, prop, reelay
+
+
+@dataclass(frozen=True)
+class Happening:
+    """An event: when it arrived after the one before, how long it was under way, and what it carried."""
+
+    stream: StreamKey
+    monitor: str
+    gap: int
+    delay: int
+    value: object
+    lost: int
+    ask: bool
+
+
+happenings = st.lists(
+    st.builds(
+        Happening,
+        st.sampled_from((A, B, U, MODE)),
+        st.sampled_from(("m", "n")),
+        st.integers(0, 30),
+        st.integers(-40, 40),
+        st.sampled_from((1, "1", None, "NaN", 2)),
+        st.sampled_from((0, 0, 0, 0, 2)),
+        st.booleans(),
+    ),
+    max_size=15,
+)
+PROPERTIES = [
+    prop("p", "once[2:] {v: 1}", guards=frozenset({"/a"})),
+    prop("q", "forall[x]. {v: *x} -> pre once {mode: *x}", guards=frozenset({"/a", "/u"})),
+    prop("r", "{v: 1} since[:3] {mode: 1}", latch=True),
+]
+
+
+def run(session: Session, found: list[Happening], start: int) -> list[Judged]:
+    """What two monitors say, from their attaching to their end."""
+    judged = session.attach("m", [A, B, U, MODE], start) + session.attach("n", [A, B, U, MODE], start)
+    feed, now = Feed(session), start
+    for n, h in enumerate(found):
+        now += h.gap
+        judged += feed(
+            h.stream,
+            max(1, now - h.delay),
+            {"v": h.value, "mode": h.value},
+            monitor=h.monitor,
+            arrived=now,
+            lost=h.lost,
+            ask=h.ask,
+            source=str(n % 2),
+        )
+    judged += session.finish(now + 5)
+    return judged + session.detach("m", now + 5) + session.detach("n", now + 5)
+
+
+def check_rejudging(before: list[Happening], after: list[Happening], maker: Maker, ordering: dict[str, Any]) -> None:
+    there = open_session(PROPERTIES, attach={}, maker=maker, **ordering)
+    back = open_session(PROPERTIES, attach={}, maker=maker, **ordering)
+    judged = run(there, before, 1_000)
+    assert [back.rejudge(j.order, j.step, j.judged) for j in judged] == judged
+    assert run(back, after, there.now) == run(there, after, there.now)
+    assert [j.counters for j in back.judges.values()] == [j.counters for j in there.judges.values()]
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    before=happenings,
+    after=happenings,
+    by=st.sampled_from(("publication", "arrival", "both")),
+    late=st.sampled_from(("judge", "skip")),
+    capacity=st.sampled_from((3, 10_000)),
+)
+def test_judging_again_comes_back_to_where_it_was(
+    before: list[Happening], after: list[Happening], by: str, late: str, capacity: int
+) -> None:
+    """With engines that tell any difference in what they are told; and so does all that comes after."""
+    ordering = {"by": by, "late": late, "capacity": capacity, "max_skew": 30}
+    check_rejudging(before, after, lambda _: Digest(), ordering)
+
+
+@settings(max_examples=10, deadline=None)
+@given(before=happenings, after=happenings)
+def test_judging_again_with_reelay(before: list[Happening], after: list[Happening]) -> None:
+    check_rejudging(before, after, reelay, {"by": "both", "late": "skip", "max_skew": 30})
+
+
+def test_a_loss_is_known_after_judging_again() -> None:
+    there, back = (open_session(PROPERTIES, attach={}, by="arrival") for _ in range(2))
+    judged = Feed(there)(A, 1, lost=2)
+    assert [back.rejudge(j.order, j.step, j.judged) for j in judged] == judged
+    assert degraded(Feed(back)(A, 2)) == [True] * len(PROPERTIES)

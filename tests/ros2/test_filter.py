@@ -1,0 +1,279 @@
+"""Filtered topics and proxied services on real ROS 2: what passes, what doesn't, and what if the oracle is away."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.ros2.harness import Data, Peer, Scene, Server, eventually, without_gaps
+
+callback_groups = pytest.importorskip("rclpy.callback_groups")
+qos = pytest.importorskip("rclpy.qos")
+task = pytest.importorskip("rclpy.task")
+msg = pytest.importorskip("std_msgs.msg")
+geometry = pytest.importorskip("geometry_msgs.msg")
+srv = pytest.importorskip("std_srvs.srv")
+
+# rclpy imports an old lark with its first node, and warns by a function of its own that is deprecated.
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:module 'sre_:DeprecationWarning", "ignore:Deprecated in favor of:DeprecationWarning"
+)
+
+GATE = """
+id: gate
+description: Numbers pass, but for multiples of 7
+ordering: {max_delay: 50ms}
+streams:
+  - topic: /number
+    type: std_msgs/msg/Int64
+    action: filter
+    intercept: INTERCEPT
+    on_unavailable: UNAVAILABLE
+    decide_within: WITHIN
+    signals: {seven: msg.data % 7 == 0}
+properties:
+  - id: no_sevens
+    formula: 'not {topic: "/number", seven}'
+    guards: [/number]
+"""
+LOG = """
+id: log
+description: Points with a stamp, numbers without
+streams:
+  - topic: /number
+    type: std_msgs/msg/Int64
+  - topic: /point
+    type: geometry_msgs/msg/PointStamped
+properties:
+  - id: small
+    formula: 'not {topic: "/number", data > 1000}'
+"""
+SWITCH = """
+id: switch
+description: A switch that is only put on, and then says so
+streams:
+  - service: /switch
+    type: std_srvs/srv/SetBool
+    action: filter
+    decide_within: 60s
+    denied_response: {success: false, message: not now}
+    request: {signals: {on: msg.data}}
+    response: {signals: {text: msg.message}}
+properties:
+  - id: only_on
+    formula: '{service: "/switch", kind: request} -> {on}'
+    guards: [/switch]
+  - id: no_nonsense
+    formula: 'not {service: "/switch", kind: response, text: "nonsense"}'
+    guards: [/switch]
+"""
+SIDES = {"publisher": ("/number_mon", "/number"), "subscriber": ("/number", "/number_mon")}
+DENIED = (False, "not now")
+
+
+def scene_of(folder: Path, text: str, **words: str) -> Scene:
+    for word, value in words.items():
+        text = text.replace(word.upper(), value)
+    specs = folder / "specs"
+    specs.mkdir()
+    (specs / "spec.yaml").write_text(text)
+    return Scene(folder, specs)
+
+
+def gate(folder: Path, intercept: str = "publisher", unavailable: str = "deny", within: str = "60s") -> Scene:
+    return scene_of(folder, GATE, intercept=intercept, unavailable=unavailable, within=within)
+
+
+def values(heard: list[Any]) -> list[int]:
+    return [said.data for said in heard]
+
+
+def settled(server: Server, count: int) -> list[Data]:
+    """The events, once there are so many and it is known of each what was done with it."""
+    return eventually(
+        lambda: server.events("s"), lambda found: len(found) >= count and all(e["passed"] is not None for e in found)
+    )
+
+
+@pytest.mark.parametrize("intercept", ["publisher", "subscriber"])
+def test_a_burst_passes_in_order_but_for_what_is_denied(intercept: str, tmp_path: Path) -> None:
+    with gate(tmp_path, intercept) as scene:
+        adapter, peer = scene.adapter("gate"), scene.peer()
+        source, target = SIDES[intercept]
+        heard = peer.record(msg.Int64, target)
+        publisher = peer.publisher(msg.Int64, source)
+        peer.until(lambda: peer.node.count_publishers(target) == 1)
+        numbers = range(1, 1001)
+        for number in numbers:
+            publisher.publish(msg.Int64(data=number))
+        allowed = [number for number in numbers if number % 7]
+        peer.until(lambda: values(heard)[-1:] == [1000], "the last of the burst did not come")
+        assert values(heard) == allowed
+        events = settled(scene.server, 1000)
+        assert without_gaps([event["seq"] for event in events])
+        verdicts = [("allow", True) if number % 7 else ("deny", False) for number in numbers]
+        assert [(event["decision"], event["passed"]) for event in events] == verdicts
+        assert scene.server.session("s")["counters"]["lost"] == 0
+        assert adapter.log.count("withheld a message of /number: no_sevens") == len(numbers) - len(allowed)
+        adapter.ends_well()
+
+
+def leave(server: Server) -> None:
+    server.process.end(signal.SIGTERM)
+
+
+def hang(server: Server) -> None:
+    server.process.send(signal.SIGSTOP)
+
+
+@pytest.mark.parametrize("away", [Server.kill, leave, hang])
+def test_without_an_oracle_messages_pass_where_the_spec_says_so(away: Callable[[Server], None], tmp_path: Path) -> None:
+    with gate(tmp_path, unavailable="pass", within="400ms") as scene:
+        adapter, peer = scene.adapter("gate"), scene.peer()
+        heard = peer.record(msg.Int64, "/number")
+        publisher = peer.publisher(msg.Int64, "/number_mon")
+        away(scene.server)
+        began = time.monotonic()
+        publisher.publish(msg.Int64(data=7))
+        publisher.publish(msg.Int64(data=8))
+        peer.until(lambda: len(heard) == 2)
+        assert time.monotonic() - began >= 0.4
+        assert values(heard) == [7, 8]
+        adapter.said("no connection|withheld|disconnected")
+
+
+def test_without_an_oracle_messages_are_withheld_where_the_spec_says_so(tmp_path: Path) -> None:
+    with gate(tmp_path, unavailable="deny", within="400ms") as scene:
+        adapter, peer = scene.adapter("gate"), scene.peer()
+        heard = peer.record(msg.Int64, "/number")
+        publisher = peer.publisher(msg.Int64, "/number_mon")
+        scene.server.kill()
+        began = time.monotonic()
+        publisher.publish(msg.Int64(data=1))
+        peer.until(lambda: "withheld a message of /number: no connection to the oracle" in adapter.log)
+        assert time.monotonic() - began >= 0.4
+        scene.server.restart()
+        eventually(lambda: adapter.log.count("oracle: attached"), lambda count: count == 2)
+        publisher.publish(msg.Int64(data=2))
+        peer.until(lambda: heard)
+        assert values(heard) == [2]
+        first, second = settled(scene.server, 2)
+        assert (first["decision"], first["passed"]) == ("allow", False)
+        assert (second["decision"], second["passed"]) == ("allow", True)
+
+
+def test_a_best_effort_publisher_is_heard(tmp_path: Path) -> None:
+    with gate(tmp_path) as scene:
+        adapter, peer = scene.adapter("gate"), scene.peer()
+        heard = peer.record(msg.Int64, "/number")
+        effort = qos.QoSProfile(depth=10, reliability=qos.ReliabilityPolicy.BEST_EFFORT)
+        publisher = peer.publisher(msg.Int64, "/number_mon", qos=effort)
+
+        def publish() -> bool:
+            publisher.publish(msg.Int64(data=5))
+            return bool(heard)
+
+        peer.until(publish)
+        assert set(values(heard)) == {5}
+        adapter.said("matching the publishers of /number_mon: best_effort")
+
+
+def test_a_message_without_a_stamp_is_of_the_time_it_was_published(tmp_path: Path) -> None:
+    with scene_of(tmp_path, LOG) as scene:
+        scene.adapter("log")
+        peer = scene.peer()
+        numbers = peer.publisher(msg.Int64, "/number")
+        points = peer.publisher(geometry.PointStamped, "/point")
+        stamped = geometry.PointStamped()
+        stamped.header.stamp.sec, stamped.header.stamp.nanosec = 1_700_000_000, 5
+        began = time.time_ns()
+        numbers.publish(msg.Int64(data=1))
+        points.publish(geometry.PointStamped())
+        ended = time.time_ns()
+        points.publish(stamped)
+        events = eventually(lambda: scene.server.events("s"), lambda found: len(found) == 3)
+        [number], (unset, old) = (
+            sorted((e for e in events if e["stream"] == name), key=lambda e: e["seq"]) for name in ("/number", "/point")
+        )
+        for event in (number, unset):
+            assert began <= event["stamp"] <= ended
+            assert event["stamp"] < event["arrived"]
+        assert old["stamp"] == 1_700_000_000 * 10**9 + 5
+
+
+def served(peer: Peer, callback: Callable[[Any, Any], Any]) -> list[bool]:
+    """Serve /switch, and return a list of the requests that reach it."""
+    reached: list[bool] = []
+
+    async def serve(request: Any, response: Any) -> Any:
+        reached.append(request.data)
+        made = callback(request, response)
+        return await made if isinstance(made, task.Future) else made
+
+    group = callback_groups.ReentrantCallbackGroup()
+    peer.node.create_service(srv.SetBool, "/switch", serve, callback_group=group)
+    return reached
+
+
+def switch(peer: Peer, data: bool) -> tuple[bool, str]:
+    answer = peer.call(srv.SetBool, "/switch_mon", srv.SetBool.Request(data=data))
+    return answer.success, answer.message
+
+
+def say(text: str) -> Callable[[Any, Any], Any]:
+    return lambda _request, _response: srv.SetBool.Response(success=True, message=text)
+
+
+def test_a_denied_request_reaches_nobody(tmp_path: Path) -> None:
+    with scene_of(tmp_path, SWITCH) as scene:
+        adapter, peer = scene.adapter("switch"), scene.peer()
+        reached = served(peer, say("on"))
+        assert [switch(peer, data) for data in (True, False, True)] == [(True, "on"), DENIED, (True, "on")]
+        assert reached == [True, True]
+        events = settled(scene.server, 5)
+        call = [(event["kind"], event["decision"], event["passed"]) for event in events]
+        allowed = [("request", "allow", True), ("response", "allow", True)]
+        assert call == [*allowed, ("request", "deny", False), *allowed]
+        adapter.said("denied a request of /switch, call 2: only_on")
+        adapter.ends_well()
+
+
+def test_a_denied_response_is_not_relayed(tmp_path: Path) -> None:
+    with scene_of(tmp_path, SWITCH) as scene:
+        adapter, peer = scene.adapter("switch"), scene.peer()
+        reached = served(peer, say("nonsense"))
+        assert switch(peer, True) == DENIED
+        assert reached == [True]
+        adapter.said("denied a response of /switch, call 1: no_nonsense")
+
+
+def test_a_service_that_is_not_there_is_answered_by_the_denied_response(tmp_path: Path) -> None:
+    with scene_of(tmp_path, SWITCH) as scene:
+        adapter, peer = scene.adapter("switch"), scene.peer()
+        assert switch(peer, True) == DENIED
+        adapter.said("/switch is not there: call 1")
+        served(peer, say("on"))
+        assert switch(peer, True) == (True, "on")
+
+
+def test_a_call_that_is_never_answered_holds_up_no_other(tmp_path: Path) -> None:
+    with scene_of(tmp_path, SWITCH) as scene:
+        adapter, peer = scene.adapter("switch"), scene.peer()
+        unanswered = iter([task.Future()])
+
+        def first_never(_request: Any, response: Any) -> Any:
+            return next(unanswered, None) or say("on")(None, response)
+
+        reached = served(peer, first_never)
+        client = peer.node.create_client(srv.SetBool, "/switch_mon")
+        peer.until(client.service_is_ready)
+        waiting = client.call_async(srv.SetBool.Request(data=True))
+        peer.until(lambda: reached)
+        assert switch(peer, True) == (True, "on")
+        assert not waiting.done()
+        adapter.ends_well()

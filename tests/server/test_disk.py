@@ -1,0 +1,51 @@
+"""A history that can't be written for a while."""
+
+from __future__ import annotations
+
+import contextlib
+import sqlite3
+from collections.abc import Iterator
+
+from tests.server.client import attached, make_clock, make_event, seqs
+from tests.server.conftest import Starts
+from tests.server.harness import Server
+
+
+@contextlib.contextmanager
+def locked(server: Server) -> Iterator[None]:
+    """Let nobody write to the database."""
+    with contextlib.closing(sqlite3.connect(server.data / "history.sqlite", isolation_level=None)) as database:
+        database.execute("BEGIN EXCLUSIVE")
+        yield
+        database.execute("ROLLBACK")
+
+
+async def test_nothing_is_acked_or_lost_while_the_history_can_not_be_written(start: Starts) -> None:
+    server = start()
+    async with attached(server, session="s", spec="single") as monitor:
+        with locked(server):
+            await monitor.send(make_event(1, data={"v": 1}), make_event(2, at=1, data={"v": 1}))
+            await server.until(lambda: server.http.get("/readyz").status_code, lambda status: status == 503)
+            assert server.http.get("/healthz").status_code == 200
+            assert monitor.upto == 0
+            assert seqs(server, "s") == []
+        await monitor.acked(2)
+        await server.until(lambda: server.http.get("/readyz").status_code, lambda status: status == 200)
+    assert seqs(server, "s") == [1, 2]
+
+
+async def test_what_is_guarded_is_denied_while_the_history_can_not_be_written(start: Starts) -> None:
+    server, request = start(), {"stream": "/switch", "kind": "request", "data": {"switch_on": False}}
+    async with attached(server, session="s", spec="lamp", streams=["/switch"]) as monitor:
+        await monitor.send(make_clock("/switch", 10**6, "response"))
+        assert (await monitor.ask(1, **request))["decision"] == "allow"
+        await monitor.acked(1)
+        with locked(server):
+            await monitor.send(make_event(2, "/switch", 1, {"switch_on": False}, kind="request"))
+            await server.until(lambda: server.http.get("/readyz").status_code, lambda status: status == 503)
+            denied = await monitor.ask(3, at=2, **request)
+            assert denied["decision"] == "deny"
+            assert denied["verdicts"]["only_in_the_dark"] == "unknown"
+        await server.until(lambda: server.http.get("/readyz").status_code, lambda status: status == 200)
+        assert (await monitor.ask(4, at=3, **request))["decision"] == "allow"
+        await monitor.acked(4)
