@@ -28,7 +28,10 @@ from oracle_server.registry import Registry
 from oracle_server.store import Store
 
 MAX_QUEUE = 10_000
-"""Frames that may wait for a monitor that reads slowly; beyond, it is cut off, and resumes by itself."""
+"""Frames that may wait for a monitor for longer than `_STALLED`; beyond, it is cut off, and resumes by itself."""
+MAX_BURST = 100_000
+"""Frames that may wait at any time: what was held up may be judged, and told, all at once."""
+_STALLED = 5.0
 _ATTACH_WITHIN = 10.0
 _CLOSE_WITHIN = 5.0
 
@@ -44,6 +47,7 @@ class Connection:
         self._ready = asyncio.Event()
         self._end: tuple[int, str] | None = None
         self._over = asyncio.Event()
+        self._patience: asyncio.TimerHandle | None = None
         self._session: LiveSession | None = None
         self._monitor: Monitor | None = None
 
@@ -54,10 +58,20 @@ class Connection:
         if frame["type"] == "ack" and self._queue and self._queue[-1]["type"] == "ack":
             self._queue.pop()
         self._queue.append(frame)
-        if len(self._queue) > MAX_QUEUE:
-            self._queue.clear()
-            self.drop(WireError("too_slow", f"more than {MAX_QUEUE} frames were not read; attach again", fatal=True))
         self._ready.set()
+        if len(self._queue) > MAX_BURST:
+            self._cut_off()
+        elif len(self._queue) > MAX_QUEUE and self._patience is None:
+            self._patience = asyncio.get_running_loop().call_later(_STALLED, self._look_again)
+
+    def _look_again(self) -> None:
+        self._patience = None
+        if len(self._queue) > MAX_QUEUE:
+            self._cut_off()
+
+    def _cut_off(self) -> None:
+        self._queue.clear()
+        self.drop(WireError("too_slow", f"more than {MAX_QUEUE} frames were not read; attach again", fatal=True))
 
     def drop(self, reason: WireError) -> None:
         """Send an error after what is queued, and close."""
@@ -98,11 +112,13 @@ class Connection:
                 await self._ready.wait()
                 self._ready.clear()
                 while self._queue:
-                    await self._socket.send_text(encode(self._queue.popleft()))
+                    text = encode(self._queue.popleft())
+                    async with asyncio.timeout(_STALLED if self._end is None else None):
+                        await self._socket.send_text(text)
                 if self._end is not None:
                     await self._socket.close(*self._end)
                     return
-        except (WebSocketDisconnect, RuntimeError, OSError):
+        except (WebSocketDisconnect, RuntimeError, OSError):  # TimeoutError, an OSError: it reads nothing any more
             return
         finally:
             self._over.set()

@@ -349,7 +349,7 @@ async def test_reading_a_running_server(server: Server) -> None:
 def test_reading_what_a_server_does_not_have(server: Server) -> None:
     assert "nowhere" in failed("verdicts", "nowhere", "--url", server.url)
     assert "nowhere" in failed("verdicts", "nowhere", "--json", "--url", server.url)
-    assert "maybe" in failed("verdicts", "nowhere", "--outcome", "maybe", "--url", server.url)
+    assert "outcome" in failed("verdicts", "nowhere", "--outcome", "maybe", "--url", server.url)
 
 
 @pytest.mark.parametrize("command", [["specs"], ["sessions"], ["verdicts", "s1"], ["sessions", "--json"]])
