@@ -25,6 +25,8 @@ Durability = Literal["full", "normal"]
 MAX_PENDING = 20_000
 """Rows that may wait for the disk; beyond, monitors are not read until there is room."""
 _RETRY_AFTER = 1.0
+_GATHER = 0.001
+"""Seconds for which rows are gathered before the writer is woken: it competes with the event loop for Python."""
 _COLUMNS = {"steps": STEP_COLUMNS, "refused": REFUSED_COLUMNS}
 _CHUNK = 512
 
@@ -59,6 +61,8 @@ class Store:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._room = asyncio.Event()
         self._batch = _Batch()
+        self._next: _Batch | None = None
+        self._handing_over: asyncio.TimerHandle | None = None
         self._wake = threading.Condition()
         self._stopping = False
         self._pending = 0
@@ -106,27 +110,37 @@ class Store:
             return reader.execute(sql, values).fetchall()
 
     def _add(self, what: str, values: Any, done: Callable[[], None] | None, size: int) -> None:
-        with self._wake:
-            self._batch.work.append((what, values))
-            self._batch.size += size
-            if done is not None:
-                self._batch.callbacks.append(done)
-            self._wake.notify()
+        self._batch.work.append((what, values))
+        self._batch.size += size
+        if done is not None:
+            self._batch.callbacks.append(done)
+        if self._handing_over is None and self._loop is not None:
+            self._handing_over = self._loop.call_later(_GATHER, self._hand_over)
         self._pending += size
         if self._pending > MAX_PENDING:
             self._room.clear()
 
+    def _hand_over(self) -> None:
+        """Give the writer what has piled up, unless it has not taken the last batch yet."""
+        self._handing_over = None
+        if not self._batch.work:
+            return
+        with self._wake:
+            if self._next is None:
+                self._next, self._batch = self._batch, _Batch()
+                self._wake.notify()
+
     def _run(self) -> None:
         while True:
             with self._wake:
-                while not self._batch.work and not self._stopping:
+                while self._next is None and not self._stopping:
                     self._wake.wait()
-                batch, self._batch = self._batch, _Batch()
-                stopping = self._stopping
-            if batch.work:
-                self._commit(batch)
-            elif stopping:
+                batch, self._next = self._next, None
+                if batch is None and self._batch.work:
+                    batch, self._batch = self._batch, _Batch()
+            if batch is None:
                 return
+            self._commit(batch)
 
     def _commit(self, batch: _Batch) -> None:
         """Write a batch, again and again until it is written or the store is closed."""
@@ -165,6 +179,7 @@ class Store:
             raise
 
     def _committed(self, batch: _Batch) -> None:
+        self._hand_over()
         self._pending -= batch.size
         if self._pending <= MAX_PENDING:
             self._room.set()
