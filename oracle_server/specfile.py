@@ -49,7 +49,8 @@ def parse_spec(text: str, file: str) -> SpecFile:
     try:
         model = SpecModel.model_validate(document.value if document.value is not None else {})
     except ValidationError as error:
-        raise SpecError([_model_finding(document, problem) for problem in error.errors()]) from None
+        found = [_model_finding(document, problem) for problem in error.errors()]
+        raise SpecError(sorted(found, key=lambda f: (f.line, f.column))) from None
     findings: list[Finding] = []
     properties = [_property(document, i, p, findings) for i, p in enumerate(model.properties)]
     if findings:
@@ -153,13 +154,16 @@ def _in_file(path: tuple[str | int, ...], spec: Spec) -> tuple[str | int, ...]:
     if len(path) < 2 or path[0] != "streams" or not isinstance(path[1], int):
         return path
     stream = spec.streams[path[1]]
-    index = list(dict.fromkeys(s.name for s in spec.streams)).index(stream.name)
+    index = sum(s.kind != "response" for s in spec.streams[: path[1] + 1]) - 1
     own = stream.kind != "topic" and path[2:3] and path[2] in ("stamp", "hold", "signals")
     return ("streams", index, *((stream.kind,) if own else ()), *path[2:])
 
 
 def _model_finding(document: Document, problem: Any) -> Finding:
     path = _without_tags(problem["loc"])
+    if "[key]" in problem["loc"]:
+        name = ".".join(str(part) for part in path[:-1])
+        return Finding(document.file, *document.key_place(path), f"{name}: {_short(path[-1])} can't be a name here")
     name = ".".join(str(part) for part in path) or "the file"
     match problem["type"]:
         case "extra_forbidden":

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import yaml
 from yaml import events
@@ -22,6 +22,11 @@ MAX_DEPTH = 24
 Path = tuple[str | int, ...]
 Place = tuple[int, int]
 
+_QUOTED = {
+    '"': re.compile(r"\\x..|\\u.{4}|\\U.{8}|\\.|.", re.DOTALL),
+    "'": re.compile(r"''|.", re.DOTALL),
+}
+"""How one character of a quoted text may be written."""
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _INTEGER = re.compile(r"[-+]?\d{1,30}")
 _FLOAT = re.compile(r"[-+]?(\d+\.\d*|\.\d+|\d+(?=[eE]))([eE][-+]?\d{1,4})?")
@@ -49,20 +54,30 @@ class Document:
             return start
         line, column = within
         if event.style == "|":
-            row = start[0] + line
-            text = self.lines[row - 1] if row <= len(self.lines) else ""
-            return (row, column + self._indentation(start[0]) if text else 1)
+            return (start[0] + line, column + self._indentation(path, start))
         if _on_one_line(event) and line == 1:
-            return (start[0], start[1] + column - (0 if event.style in ('"', "'") else 1))
+            return (start[0], start[1] + self._raw_length(start, event.style, column - 1))
         return start
 
     def key_place(self, path: Path) -> Place:
         """Where a key stands, or its value where it has none of its own."""
         return self.keys.get(path) or self.place(path)
 
-    def _indentation(self, header: int) -> int:
-        body = next((line for line in self.lines[header:] if line.strip()), "")
+    def _indentation(self, path: Path, start: Place) -> int:
+        """How far the text of a literal block is indented: as its header says, else as its first line is."""
+        header = re.match(r"\|[+-]?([1-9])", self.lines[start[0] - 1][start[1] - 1 :])
+        if header and path in self.keys:
+            return self.keys[path][1] - 1 + int(header[1])
+        body = next((line for line in self.lines[start[0] :] if line.strip()), "")
         return len(body) - len(body.lstrip(" "))
+
+    def _raw_length(self, start: Place, style: str | None, length: int) -> int:
+        """How many characters of the file stand for the first ones of a text, with its opening quote."""
+        raw = self.lines[start[0] - 1][start[1] - 1 :]
+        if style not in _QUOTED:
+            return length
+        units = _QUOTED[style].finditer(raw, 1)
+        return 1 + sum(len(unit[0]) for unit, _ in zip(units, range(length), strict=False))
 
 
 def read_yaml(text: str, file: str) -> Document:
@@ -77,7 +92,7 @@ def read_yaml(text: str, file: str) -> Document:
         if extra is not None:
             raise _refused(file, extra.start_mark, "a second document starts here; one file holds one")
     except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
+        mark = getattr(error, "problem_mark", None) or _mark_at(text, getattr(error, "position", None))
         reason = getattr(error, "problem", None) or getattr(error, "reason", None) or "malformed"
         mend = "; a text with ': ' in it stands in quotes or below a '|'" if "mapping values" in reason else ""
         raise _refused(file, mark, f"not YAML: {reason}{mend}") from None
@@ -158,6 +173,18 @@ def _on_one_line(event: events.Event) -> bool:
 def _start(event: events.Event) -> Place:
     mark: Any = event.start_mark
     return (mark.line + 1, mark.column + 1)
+
+
+class _Mark(NamedTuple):
+    line: int
+    column: int
+
+
+def _mark_at(text: str, position: int | None) -> _Mark | None:
+    if position is None:
+        return None
+    before = text[:position]
+    return _Mark(before.count("\n"), position - before.rfind("\n") - 1)
 
 
 def _refused(file: str, mark: Any, message: str) -> SpecError:

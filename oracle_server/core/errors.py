@@ -34,6 +34,11 @@ class ExpressionError(OracleError):
     """A CEL expression that can't be read or is not allowed in a spec."""
 
 
+def one_line(text: str) -> str:
+    """A text as one line of printable characters, whatever it quotes."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
 @dataclass(frozen=True, slots=True)
 class Problem:
     """One thing that is wrong with a spec.
@@ -60,7 +65,7 @@ class Finding:
 
     def __str__(self) -> str:
         mark = "warning: " if self.severity == "warning" else ""
-        return f"{self.file}:{self.line}:{self.column}: {mark}{self.message}"
+        return f"{self.file}:{self.line}:{self.column}: {mark}{one_line(self.message)}"
 
 
 class SpecError(OracleError):

@@ -23,8 +23,9 @@ MAX_ELEMENTS = 4096
 """Most values that an expression with a comprehension may read of one message."""
 MAX_READ = 100_000
 """Most values that any expression may read, each as often as it is named; 64 characters of a text count as one."""
-MAX_WORK = 1_000_000
-"""Most values that a comprehension may come by: those that it goes over, times those that it reads for each."""
+MAX_WORK = 100_000
+"""Most values that a comprehension may come by: those that it goes over, times those that it has for each."""
+MAX_COMPREHENSIONS = 8
 
 Path = tuple[str, ...]
 
@@ -51,14 +52,15 @@ class Expression:
     """A checked expression and the fields of `msg` that it reads, the empty path being the whole message.
 
     `outer` and `inner` are those outside and inside of comprehensions, each as often as it is named; `uses` is how
-    often a comprehension's variable is named inside.
+    often a comprehension's variable is named inside; `outer_size` and `inner_size` count the text's own tokens.
     """
 
     text: str
     outer: tuple[Path, ...]
-    inner: tuple[Path, ...] = ()
-    uses: int = 0
-    comprehends: bool = False
+    inner: tuple[Path, ...]
+    uses: int
+    outer_size: int
+    inner_size: int
 
     @cached_property
     def paths(self) -> tuple[Path, ...]:
@@ -108,7 +110,8 @@ def parse_expression(text: str) -> Expression:
         tuple(path for at, path in found if at not in inside),
         tuple(path for at, path in found if at in inside),
         sum(1 for i in inside if tokens[i][0] in variables) - len(bodies),
-        comprehends=bool(bodies),
+        len(tokens) - len(inside),
+        len(inside),
     )
 
 
@@ -119,12 +122,13 @@ def check_size(message: Mapping[str, Any], expression: Expression) -> None:
     inner = sum(sizes[path] for path in expression.inner)
     if outer + inner > MAX_READ:
         raise ExpressionError(f"the expression reads more than {MAX_READ} values of the message")
-    if not expression.comprehends:
+    if not expression.inner_size:
         return
     if sum(sizes.values()) > MAX_ELEMENTS:
         raise ExpressionError(f"the message has more than {MAX_ELEMENTS} values for a comprehension to read")
     largest = max((_largest_item(read(message, path)) for path in expression.outer), default=1)
-    if max(outer, 1) * (inner + expression.uses * largest) > MAX_WORK:
+    each = inner + expression.uses * largest + expression.inner_size
+    if (outer + expression.outer_size) * each > MAX_WORK:
         raise ExpressionError(f"the comprehension would come by more than {MAX_WORK} values")
 
 
@@ -176,12 +180,18 @@ def _bodies(tokens: list[re.Match[str]]) -> list[range]:
                 bodies.append(range(start, i))
                 start = None
             depth -= 1
-    if "map" in kinds and len(kinds) > 1:
-        raise ExpressionError("'map' stands beside another comprehension; an expression with `map` has no other")
+    _check_comprehensions(kinds)
     bodies = [body for body in bodies if len(body)]
     if any(tokens[body.start][0] == "msg" for body in bodies):
         raise ExpressionError("the variable of a comprehension can't be called msg")
     return bodies
+
+
+def _check_comprehensions(kinds: list[str]) -> None:
+    if len(kinds) > MAX_COMPREHENSIONS:
+        raise ExpressionError(f"the expression has more than {MAX_COMPREHENSIONS} comprehensions")
+    if "map" in kinds and len(kinds) > 1:
+        raise ExpressionError("'map' stands beside another comprehension; an expression with `map` has no other")
 
 
 def _paths(tokens: list[re.Match[str]]) -> list[tuple[int, Path]]:

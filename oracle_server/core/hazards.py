@@ -32,6 +32,8 @@ def _duplicates(spec: Spec) -> Iterator[Problem]:
     seen: set[StreamKey] = set()
     names: dict[str, str] = {}
     for i, stream in enumerate(spec.streams):
+        if stream.kind == "response":
+            continue
         side = "topic" if stream.kind == "topic" else "service"
         if stream.key in seen or names.setdefault(stream.name, side) != side:
             yield Problem(("streams", i, side), f"'{stream.name}' stands here a second time")

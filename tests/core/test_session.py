@@ -145,6 +145,20 @@ def test_requests_and_responses_are_guarded_and_tied_by_their_call() -> None:
     assert [j.decision.choice for j in judged if j.decision] == ["allow", "deny", "allow"]
 
 
+def test_what_every_event_says_of_itself_goes_over_what_it_carries() -> None:
+    names = ("topic", "kind", "monitor")
+    session = open_session(
+        [prop("p", 'exists[x]. {topic: *x, monitor: m} and {topic: "/b"}')],
+        attach={"m": [A]},
+        streams=[StreamSpec("/a", signals=dict.fromkeys(names, "msg.name"))],
+    )
+    (judged,) = Feed(session)(A, 1, {"name": "/b"})
+    assert outcomes([judged]) == ["currently_false"]
+    why = judged.verdicts[0].explanation
+    assert why
+    assert [why.signals[name] for name in names] == ["/a", "topic", "m"]
+
+
 def test_a_latched_property_stays_negative() -> None:
     session = open_session([prop("p", "{v: 1}"), prop("l", "{v: 1}", latch=True)], attach={"m": [A]})
     feed = Feed(session)

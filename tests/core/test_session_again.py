@@ -33,7 +33,7 @@ happenings = st.lists(
         st.sampled_from((A, B, U, MODE)),
         st.sampled_from(("m", "n")),
         st.integers(0, 30),
-        st.integers(-40, 40),
+        st.integers(-40, 100),
         st.sampled_from((1, "1", None, "NaN", 2)),
         st.sampled_from((0, 0, 0, 0, 2)),
         st.booleans(),
@@ -72,6 +72,7 @@ def check_rejudging(before: list[Happening], after: list[Happening], maker: Make
     back = open_session(PROPERTIES, attach={}, maker=maker, **ordering)
     judged = run(there, before, 1_000)
     assert [back.rejudge(j.order, j.step, j.judged) for j in judged] == judged
+    assert back.now == max((j.judged for j in judged), default=0)
     assert run(back, after, there.now) == run(there, after, there.now)
     assert [j.counters for j in back.judges.values()] == [j.counters for j in there.judges.values()]
 
@@ -83,12 +84,13 @@ def check_rejudging(before: list[Happening], after: list[Happening], maker: Make
     by=st.sampled_from(("publication", "arrival", "both")),
     late=st.sampled_from(("judge", "skip")),
     capacity=st.sampled_from((3, 10_000)),
+    max_delay=st.sampled_from((0, 20, 50)),
 )
 def test_judging_again_comes_back_to_where_it_was(
-    before: list[Happening], after: list[Happening], by: str, late: str, capacity: int
+    before: list[Happening], after: list[Happening], by: str, late: str, capacity: int, max_delay: int
 ) -> None:
     """With engines that tell any difference in what they are told; and so does all that comes after."""
-    ordering = {"by": by, "late": late, "capacity": capacity, "max_skew": 30}
+    ordering = {"by": by, "late": late, "capacity": capacity, "max_delay": max_delay, "max_skew": 30}
     check_rejudging(before, after, lambda _: Digest(), ordering)
 
 
@@ -103,3 +105,11 @@ def test_a_loss_is_known_after_judging_again() -> None:
     judged = Feed(there)(A, 1, lost=2)
     assert [back.rejudge(j.order, j.step, j.judged) for j in judged] == judged
     assert degraded(Feed(back)(A, 2)) == [True] * len(PROPERTIES)
+
+
+def test_a_late_event_moves_nothing_when_it_is_judged_again() -> None:
+    there, back = (open_session(PROPERTIES, attach={"m": [A]}) for _ in range(2))
+    feed = Feed(there)
+    for judged in feed(A, 100) + feed(A, 90, arrived=101):
+        back.rejudge(judged.order, judged.step, judged.judged)
+    assert [j.step.late for j in Feed(back)(A, 95, arrived=102) + Feed(back)(A, 100, arrived=103)] == [True, False]

@@ -58,8 +58,10 @@ def test_nothing_waits_longer_than_max_delay() -> None:
     assert session.advance(149) == []
     assert stamps(session.advance(150)) == [100]
     assert session.next_deadline == 160
-    assert stamps(feed(B, 130, arrived=160)) == [110], "what is due is judged before what arrives"
-    assert [j.step.late for j in feed(B, 105, arrived=161)] == [True]
+    judged = feed(B, 105, arrived=160)
+    assert stamps(judged) == [110, 105], "what is due is judged before what arrives"
+    assert [j.step.late for j in judged] == [False, True]
+    assert feed(A, 130, arrived=161) == []
     assert stamps(session.finish(170)) == [130]
     assert session.next_deadline is None
 
@@ -82,6 +84,14 @@ def test_a_clock_speaks_for_its_own_monitor_and_stream() -> None:
     assert stamps(feed.clock(B, 99, now=103, monitor="n")) == []
     assert stamps(feed.clock(B, 100, now=104, monitor="n")) == [100]
     assert stamps(feed(A, 150) + feed.clock(B, 150, now=199) + feed.clock(B, 300, now=200, monitor="n")) == [150]
+
+
+def test_publishers_of_one_stream_are_told_apart() -> None:
+    session = open_session([ANY], attach={"m": [A]})
+    feed = Feed(session)
+    judged = feed(A, 100, source="slow") + feed(A, 100, source="fast") + feed(A, 120, source="fast")
+    assert stamps(judged + feed(A, 110, arrived=121, source="slow")) == [100, 100, 110]
+    assert stamps(session.finish(122)) == [120]
 
 
 def test_detaching_lets_the_others_go_on() -> None:

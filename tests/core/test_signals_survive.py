@@ -15,7 +15,7 @@ from oracle_server.core.signals import Projection
 
 def project(text):
     try:
-        Projection({"v": text})({"a": 1, "b": True, "s": "x", "l": list(range(100)), "m": {"a": {"a": 1}}})
+        Projection({"v": text})({"a": 1, "b": True, "s": "x", "l": list(range(4_000)), "m": {"a": {"a": 1}}})
     except ExpressionError:
         pass
     done.append(text)
@@ -68,6 +68,12 @@ NO_END = 20
         pytest.param("msg.l" + ".map(x, x)" * 400, id="comprehensions in a row"),
         pytest.param("[msg.s]" + ".map(x, x + x)" * 60, id="doubling"),
         pytest.param("msg.l.map(x, msg.l" + " + msg.l" * 400 + ").size()", id="lists of lists"),
+        pytest.param("msg.l" + ".filter(x, true)" * 200, id="filters in a row"),
+        pytest.param("msg.l.map(x, [" + "1," * 1_900 + "])", id="a list for each"),
+        pytest.param("msg.l.map(x, {" + ",".join(f"{i}:0" for i in range(500)) + "})", id="a map for each"),
+        pytest.param("[" + "1," * 900 + "].map(x, [" + "1," * 900 + "])", id="a list for each of a list"),
+        pytest.param("[" + "1," * 900 + "].map(x, msg.l)", id="what is read for each of a list"),
+        pytest.param("msg.l" + " + msg.l" * 20 + " == []", id="a list twenty times"),
         pytest.param(
             r"msg.l.all(x, r'\' != '' && " + "msg.l.all(x, " * 6 + "true" + ")" * 6 + r" && r'\' != '')",
             id="comprehensions hidden in a raw string",

@@ -123,22 +123,25 @@ class Server:
     def __init__(self, specs: Path, data: Path) -> None:
         self._specs, self._data = specs, data
         self._port = "0"
-        self.process = self._start()
-        self.url = self.process.said(r"url=(http://\S+)")[1]
+        self.process, self.url = self._start()
         self._port = self.url.rpartition(":")[2]
 
     def restart(self) -> None:
         """Start it again, after `kill`."""
-        self.process = self._start()
-        self.process.said(r"url=(http://\S+)")
+        self.process, self.url = self._start()
 
     def kill(self) -> None:
         """SIGKILL."""
         self.process.remove()
 
-    def _start(self) -> Process:
+    def _start(self) -> tuple[Process, str]:
         command = [SERVER, "serve", "--specs", self._specs, "--data-dir", self._data, "--port", self._port]
-        return Process("oracle-server", command, environment(ROS_ONLY))
+        process = Process("oracle-server", command, environment(ROS_ONLY))
+        try:
+            return process, process.said(r"url=(http://\S+)")[1]
+        except AssertionError:
+            process.remove()
+            raise
 
     def get(self, path: str, **query: Any) -> Any:
         """A document of the API."""
@@ -224,14 +227,15 @@ class Scene:
 
     def __init__(self, folder: Path, specs: Path = ROOT / "specs") -> None:
         self._folder, self._specs = folder, specs
-        self._stack = ExitStack()
         self._processes: list[Process] = []
 
     def __enter__(self) -> Self:
         self._folder.mkdir(exist_ok=True)
-        self.domain = self._free_domain()
-        self.server = Server(self._specs, self._folder / "data")
-        self._stack.callback(self.server.kill)
+        with ExitStack() as begun:  # undone where the server does not start
+            self.domain = self._free_domain(begun)
+            self.server = Server(self._specs, self._folder / "data")
+            begun.callback(self.server.kill)
+            self._stack = begun.pop_all()
         return self
 
     def __exit__(self, failure: object, *_: object) -> None:
@@ -265,7 +269,8 @@ class Scene:
         self._stack.callback(peer.close)
         return peer
 
-    def _free_domain(self) -> int:
+    @staticmethod
+    def _free_domain(stack: ExitStack) -> int:
         """A ROS domain that no other test on this machine uses; a bound port says which are taken."""
         for number in range(20, 100):
             mark = socket.socket()
@@ -274,7 +279,7 @@ class Scene:
             except OSError:
                 mark.close()
                 continue
-            self._stack.callback(mark.close)
+            stack.callback(mark.close)
             return number
         pytest.fail("all domains are taken")
 

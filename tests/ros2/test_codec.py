@@ -88,7 +88,7 @@ def integer(kind: str, chance: random.Random) -> int:
     assert parts, kind
     bits = int(parts[2])
     low, high = (0, 2**bits - 1) if parts[1] else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
-    return chance.choice([low, high, 0, chance.randint(low, high)])
+    return int(chance.choice([low, high, 0, chance.randint(low, high)]))
 
 
 def sent(message: Any, fields: list[str] | None = None) -> Any:

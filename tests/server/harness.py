@@ -149,6 +149,15 @@ def run(*arguments: str | Path, **settings: str) -> subprocess.CompletedProcess[
     return subprocess.run(command, capture_output=True, text=True, timeout=2 * PATIENCE, env=env, check=False)
 
 
+def failed(*arguments: str | Path, **settings: str) -> str:
+    """What a command says that can't do what it is asked: one line, and nothing else."""
+    ended = run(*arguments, **settings)
+    assert ended.returncode == 2, ended
+    (line,) = ended.stderr.splitlines()
+    assert line.startswith("oracle-server: ")
+    return line
+
+
 def problem(response: httpx.Response, status: int) -> dict[str, Any]:
     """The problem that a response tells."""
     assert response.status_code == status, response.text

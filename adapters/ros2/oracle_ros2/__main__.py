@@ -45,7 +45,8 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
 
 
 def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
-    node = Node(options.monitor.strip("/").replace("/", "_").replace("-", "_").replace(".", "_") or "monitor")
+    name = options.monitor.strip("/").replace("/", "_").replace("-", "_").replace(".", "_") or "monitor"
+    node = Node(name, start_parameter_services=False)  # seven services that every callback would pay for
     log = node.get_logger()
     failed: list[LinkError] = []
 

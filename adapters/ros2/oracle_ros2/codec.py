@@ -120,7 +120,7 @@ def _written(kind: str, current: Any, value: Any, where: str) -> Any:
     if "/" in kind:
         return write(current, value, where)
     if kind in ("float", "double"):
-        return struct.unpack(kind[0], struct.pack(kind[0], float(value)))[0]
+        return struct.unpack("<" + kind[0], struct.pack("<" + kind[0], float(value)))[0]
     if kind in ("octet", "byte") and isinstance(value, int):
         return bytes([value])
     return value

@@ -24,7 +24,10 @@ class Monitor:
     def __init__(self, node: Node, link: Link, streams: Sequence[Mapping[str, Any]]) -> None:
         """Observe the streams that the server named. Raises `CodecError` where a type is not there."""
         self._link = link
-        self._latencies = {(s["name"], s["kind"]): s["latency"] if s["kind"] == "topic" else 0 for s in streams}
+        # None: stamped here
+        self._latencies = {
+            (s["name"], s["kind"]): s["latency"] if s["kind"] == "topic" or s["stamp"] else None for s in streams
+        }
         by_key = {(s["name"], s["kind"]): s for s in streams}
         self._topics = [
             (FilteredTopic if s["action"] == "filter" else LoggedTopic)(node, link, s)
@@ -50,7 +53,7 @@ class Monitor:
             topic.matched.rematch()
 
     def _tell_time(self) -> None:
-        """Say how far each stream has come: exactly for services, which are stamped here, less a delay for topics.
+        """Say how far each stream has come: exactly where messages are stamped here, else less a delay.
 
         What has come by then is taken first: while this thread is held up, messages wait for it, and time must too.
         """
@@ -62,6 +65,6 @@ class Monitor:
     def _readings(self, heard: int) -> list[ClockStamp]:
         now = time.time_ns()
         return [
-            (name, kind, heard - latency if kind == "topic" else now)
+            (name, kind, now if latency is None else heard - latency)
             for (name, kind), latency in self._latencies.items()
         ]

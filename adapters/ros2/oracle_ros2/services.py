@@ -15,6 +15,7 @@ from oracle_ros2.codec import load_type, reader, write
 from oracle_ros2.stamps import stamp_reader
 
 if TYPE_CHECKING:
+    from oracle_adapter import ClockStamp
     from rclpy.node import Node
 
 DISCOVERY = 2.0  # seconds that a service may take to be discovered
@@ -49,6 +50,10 @@ class ProxiedService:
             return write(response, self._denied)
         return answer
 
+    def _now(self) -> list[ClockStamp]:
+        now = time.time_ns()
+        return [(self.name, side.kind, now) for side in (self._request, self._response) if side.stamped_here]
+
     async def _appears(self) -> bool:
         """Whether the service is there soon: one that has just been started may not have been discovered yet."""
         settled: Future[bool] = Future(executor=self._node.executor)
@@ -73,8 +78,15 @@ class ProxiedService:
             self._link.send(self.name, side.kind, stamp, data, call=call)
             return True
         asked = self._link.ask(self.name, side.kind, stamp, data, decide_within=side.within, call=call)
-        settled: Future[Answer] = Future(executor=self._node.executor)
-        asked.add_done_callback(lambda done: settled.set_result(done.result()))
+        self._link.clock(self._now)  # or the decision would wait for the monitor's next one
+        executor = self._node.executor
+        settled: Future[Answer] = Future(executor=executor)
+
+        def settle(done: Any) -> None:  # in the link's thread
+            settled.set_result(done.result())
+            executor.wake()
+
+        asked.add_done_callback(settle)
         answer = await settled
         passed, why = should_pass(answer, side.on_unavailable)
         if not passed:
@@ -93,4 +105,5 @@ class _Side:
         self.within: float = stream.get("decide_within", 0) / 10**9
         self.on_unavailable = stream.get("on_unavailable", "deny")
         self.read = reader(message_type, stream["fields"])
+        self.stamped_here = not stream["stamp"]
         self.stamp = stamp_reader(message_type, stream["stamp"]) if stream["stamp"] else lambda _: None

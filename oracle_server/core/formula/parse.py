@@ -60,8 +60,8 @@ def _syntax_error(text: str, error: UnexpectedInput) -> FormulaError:
     if found is None:
         where = f"{text[error.pos_in_stream or 0 :][:1]!r} is not expected here"
     elif found.type == "$END":
-        line = text.count("\n") + 1
-        return FormulaError("the formula ends too early", line, len(text) - text.rfind("\n"))
+        end = text.rstrip() or text
+        return FormulaError("the formula ends too early", end.count("\n") + 1, len(end) - end.rfind("\n"))
     else:
         shown = found if len(found) <= 40 else found[:40] + "…"
         where = f"{str(shown)!r} is not expected here"

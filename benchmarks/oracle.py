@@ -1,0 +1,412 @@
+"""How fast the oracle decides and how much it judges, each beside a bare baseline measured in the same run.
+
+    python benchmarks/oracle.py [--json] [--quick]
+
+*Round trip*: one ask at a time over one connection, against an echo over the same stack in a process of its own.
+*Throughput*: from the first event until the ack of the last one, against one loop without any server that decodes the
+same frames, computes the same signals, steps the same engines and inserts the same rows, 256 to a commit. Each is
+measured three times, in turns, and the best counts: whatever else the machine does only slows.
+*CPU*: what both spend on an event, which the rest of the machine hardly changes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import math
+import os
+import socket
+import sqlite3
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from itertools import count
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+import uvicorn
+from fastapi import FastAPI, WebSocket, WebSocketDisconnect
+from websockets.asyncio.client import ClientConnection, connect
+
+from oracle_server.core.events import Event, Step, StreamKey
+from oracle_server.core.judge import Judge
+from oracle_server.core.plan import Plan, plan
+from oracle_server.core.session import orders
+from oracle_server.engines.choice import make_engines
+from oracle_server.schema import DDL, STEP_COLUMNS, Row, step_row
+from oracle_server.specfile import parse_spec
+
+ROOT = Path(__file__).resolve().parents[1]
+PATIENCE = 60.0
+COMMIT = 256
+"""Events to a commit of the bare loop."""
+
+# The first property of specs/battery_uav.yaml with its three streams in one: a status reports on a percentage that was
+# accepted, and reports its class. One stream waits for no other, so nothing here depends on `max_delay`.
+ONE_STREAM = """
+id: one_stream
+ordering: {by: publication, max_delay: 200ms}
+streams:
+  - topic: /battery_status
+    signals:
+      id: string(msg.id)
+      accepted: string(msg.accepted)
+      status: "msg.status >= 0 && msg.status <= 3 ? string(msg.status) : 'INVALID'"
+      percentage: >-
+        msg.percentage > 40.0 && msg.percentage <= 100.0 ? '1' :
+        msg.percentage > 30.0 && msg.percentage <= 40.0 ? '2' :
+        msg.percentage >= 0.0 && msg.percentage <= 30.0 ? '3' : 'INVALID'
+properties:
+  - id: status_matches_percentage
+    formula: |
+      forall[i, s]. {topic: "/battery_status", id: *i, status: *s} ->
+        once{topic: "/battery_status", accepted: *i} and
+        once{topic: "/battery_status", id: *i, percentage: *s}
+"""
+
+Frame = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Load:
+    """A spec, and events for it."""
+
+    name: str
+    spec: str
+    text: str
+    events: list[Frame]
+
+    def frames(self, size: int) -> list[str]:
+        """The events in batches, each followed by the clock where there is more than one stream."""
+        frames = []
+        for start in range(0, len(self.events), size):
+            batch = self.events[start : start + size]
+            frames.append(_encode(batch[0] if size == 1 else {"type": "events", "events": batch}))
+            if self.spec != "one_stream":
+                frames.append(_encode(self._clock(batch[-1]["stamp"])))
+        return frames
+
+    def _clock(self, stamp: int) -> Frame:
+        streams = {(event["stream"], event["kind"]) for event in self.events}
+        return {"type": "clock", "stamps": [{"stream": s, "kind": k, "stamp": stamp} for s, k in sorted(streams)]}
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of the table: `ratio` is `value` by `baseline`; `goal` bounds it, from above where it is a time."""
+
+    what: str
+    unit: str
+    value: float
+    baseline: float
+    goal: float | None = None
+
+    @property
+    def ratio(self) -> float:
+        return self.value / self.baseline
+
+    @property
+    def rises(self) -> bool:
+        """Whether more is better."""
+        return self.unit == "events/s"
+
+    @property
+    def met(self) -> bool | None:
+        if self.goal is None:
+            return None
+        return self.ratio >= self.goal if self.rises else self.ratio <= self.goal
+
+
+class Speed(NamedTuple):
+    """Events a second, and CPU seconds an event."""
+
+    rate: float
+    cpu: float
+
+
+def main() -> None:
+    """Measure, and print."""
+    parser = argparse.ArgumentParser(description="Measure the oracle server beside bare baselines.")
+    parser.add_argument("--json", action="store_true", help="print one JSON document")
+    parser.add_argument("--quick", action="store_true", help="measure little: to see that it runs")
+    parser.add_argument("--echo", action="store_true", help=argparse.SUPPRESS)
+    args = parser.parse_args()
+    if args.echo:
+        serve_echo()
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        lines = asyncio.run(measure(Path(folder), quick=args.quick))
+    if args.json:
+        print(json.dumps([asdict(line) | {"ratio": line.ratio, "met": line.met} for line in lines], indent=2))
+    else:
+        print(table(lines))
+
+
+async def measure(folder: Path, *, quick: bool) -> list[Line]:
+    """All lines of the table."""
+    specs = folder / "specs"
+    specs.mkdir()
+    battery = (ROOT / "specs" / "battery_uav.yaml").read_text()
+    (specs / "one_stream.yaml").write_text(ONE_STREAM)
+    (specs / "battery_uav.yaml").write_text(battery)
+    few, many, turns = (300, 800, 1) if quick else (3_000, 8_000, 3)
+    small = Load("1 property", "one_stream", ONE_STREAM, statuses(few))
+    large = Load("1 property", "one_stream", ONE_STREAM, statuses(many))
+    whole = Load("battery_uav, 6 properties", "battery_uav", battery, battery_events(many))
+    with oracle(specs, folder / "data") as server, echo() as echo_url:
+        lines = await round_trips(server.url, echo_url, small.events)
+        for load, size in ((small, 1), (large, 16), (large, 256), (whole, 256)):
+            served, bare = [], []
+            for turn in range(turns):
+                name = f"{load.spec}-{size}-{turn}"
+                served.append(await throughput(server, load, size, name))
+                bare.append(bare_throughput(load, size, folder / f"{name}.sqlite"))
+            best, bare_best = max(speed.rate for speed in served), max(speed.rate for speed in bare)
+            what = f"batches of {size}: {load.name}"
+            lines.append(Line(what, "events/s", best, bare_best, 0.4 if size == 256 else None))
+            if size == 256 and Path("/proc/self/stat").exists():
+                least, bare_least = min(speed.cpu for speed in served), min(speed.cpu for speed in bare)
+                lines.append(Line("  CPU an event", "µs", 1e6 * least, 1e6 * bare_least))
+    return lines
+
+
+async def round_trips(oracle_url: str, echo_url: str, events: list[Frame]) -> list[Line]:
+    """Times from sending an ask to having its decision, and from sending the same frame to having it back."""
+    asks = [_encode(event | {"ask": True}) for event in events]
+    decided: list[int] = []
+    echoed: list[int] = []
+    async with dial(oracle_url) as monitor, dial(echo_url) as other:
+        await attach(monitor, "one_stream", "round-trips")
+        for start in range(0, len(asks), 100):  # in turns, so that what else the machine does hits both
+            block = asks[start : start + 100]
+            decided += [await until(monitor, text, '"type":"decision"') for text in block]
+            echoed += [await until(other, text, "") for text in block]
+    warm = len(asks) // 10
+    decided, echoed = decided[warm:], echoed[warm:]
+    return [
+        Line(f"round trip {name}", "µs", percentile(decided, share) / 1e3, percentile(echoed, share) / 1e3, goal)
+        for name, share, goal in (("p50", 0.5, 2.0), ("p99", 0.99, None))
+    ]
+
+
+async def until(peer: ClientConnection, text: str, wanted: str) -> int:
+    """The nanoseconds until a frame of the wanted kind comes after `text` was sent."""
+    began = time.perf_counter_ns()
+    await peer.send(text)
+    while wanted not in str(await peer.recv()):
+        pass
+    return time.perf_counter_ns() - began
+
+
+async def throughput(server: Server, load: Load, size: int, session: str) -> Speed:
+    """How fast a server gets to the ack of the last event."""
+    frames = load.frames(size)
+    async with dial(server.url) as peer, asyncio.timeout(PATIENCE):
+        await attach(peer, load.spec, session)
+
+        async def send() -> None:
+            for text in frames:
+                await peer.send(text)
+
+        began, spent = time.perf_counter(), server.cpu
+        sending = asyncio.create_task(send())
+        acked = 0
+        while acked < len(load.events):
+            frame = msgspec.json.decode(await peer.recv())
+            assert frame["type"] in ("ack", "violation"), frame
+            acked = frame.get("upto", acked)
+        took, spent = time.perf_counter() - began, server.cpu - spent
+        await sending
+        await peer.send('{"type":"detach"}')
+    return Speed(len(load.events) / took, spent / len(load.events))
+
+
+def bare_throughput(load: Load, size: int, path: Path) -> Speed:
+    """How fast a loop is that does the same work, and nothing else."""
+    ready = plan(parse_spec(load.text, "benchmark").spec)
+    order = orders(ready.spec)[0]
+    judge = Judge(ready, make_engines(ready)[0], order, count(1))
+    frames = [text for text in load.frames(size) if '"type":"clock"' not in text]
+    database = sqlite3.connect(path, isolation_level=None)
+    database.execute("PRAGMA journal_mode = WAL")
+    database.execute("PRAGMA synchronous = FULL")
+    database.executescript(DDL)
+    began, spent = time.perf_counter(), time.process_time()
+    rows: list[Row] = []
+    for text in frames:
+        frame = msgspec.json.decode(text)
+        rows += [judged_row(ready, judge, event) for event in frame.get("events", (frame,))]
+        if len(rows) >= COMMIT:
+            insert(database, rows)
+            rows = []
+    insert(database, rows)
+    took, spent = time.perf_counter() - began, time.process_time() - spent
+    (found,) = database.execute("SELECT count(*) FROM steps").fetchone()
+    assert found == len(load.events)
+    database.close()
+    return Speed(len(load.events) / took, spent / len(load.events))
+
+
+def judged_row(ready: Plan, judge: Judge, event: Frame) -> Row:
+    """The row of an event, once it is judged."""
+    key = StreamKey(event["stream"], event["kind"])
+    now = time.time_ns()
+    signals, failed = ready.streams[key].project(event["data"])
+    seen = Event(key, "m", event["seq"], event["stamp"], now, event["data"], "", event.get("call"))
+    return step_row(1, event["seq"], 0, judge.judge(Step(seen, signals, failed, event["stamp"]), now), None)
+
+
+def insert(database: sqlite3.Connection, rows: Sequence[Row]) -> None:
+    """Insert and commit."""
+    places = ",".join("?" * len(STEP_COLUMNS))
+    database.execute("BEGIN IMMEDIATE")
+    database.executemany(f"INSERT INTO steps ({','.join(STEP_COLUMNS)}) VALUES ({places})", rows)
+    database.execute("COMMIT")
+
+
+def statuses(number: int) -> list[Frame]:
+    """Events of the one stream: each reports on a percentage of its own."""
+    events = []
+    for seq in range(1, number + 1):
+        percentage = 100.0 - seq % 101
+        status = 1 if percentage > 40 else 2 if percentage > 30 else 3
+        data = {"id": seq, "accepted": seq, "percentage": percentage, "status": status}
+        events.append(event("/battery_status", seq, seq * 10**7, data))
+    return events
+
+
+def battery_events(number: int) -> list[Frame]:
+    """The simulated UAV's messages."""
+    sys.path.insert(0, str(ROOT))
+    from examples.battery_uav.simulator import simulate
+
+    publications = simulate(countdowns=number // 300 + 1, events=number)
+    return [
+        event(sent.stream, seq, sent.stamp, sent.data, sent.kind) | ({} if sent.call is None else {"call": sent.call})
+        for seq, sent in enumerate(publications, start=1)
+    ]
+
+
+def event(stream: str, seq: int, stamp: int, data: Frame, kind: str = "topic") -> Frame:
+    return {"type": "event", "seq": seq, "stream": stream, "kind": kind, "stamp": stamp, "data": data}
+
+
+def dial(url: str) -> connect:
+    return connect(url, compression=None, proxy=None, ping_interval=None, open_timeout=PATIENCE)
+
+
+async def attach(peer: ClientConnection, spec: str, session: str) -> None:
+    wanted = {"type": "attach", "monitor": "m", "instance": "benchmark", "session": session, "spec": spec}
+    await peer.send(_encode(wanted))
+    answer = msgspec.json.decode(await peer.recv())
+    assert answer["type"] == "attached", answer
+
+
+@dataclass(frozen=True)
+class Server:
+    """A server in a process of its own."""
+
+    url: str
+    pid: int
+
+    @property
+    def cpu(self) -> float:
+        """The CPU seconds that it has spent; 0 where there is no /proc."""
+        stat = Path(f"/proc/{self.pid}/stat")
+        if not stat.exists():
+            return 0.0
+        fields = stat.read_text().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+@contextmanager
+def oracle(specs: Path, data: Path) -> Iterator[Server]:
+    """A server with some specs."""
+    command = [sys.executable, "-c", "from oracle_server.cli import main; main()", "serve", "--port", "0"]
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("ORACLE_")} | {"ORACLE_LOG": "json"}
+    arguments = ["--specs", str(specs), "--data-dir", str(data)]
+    with running([*command, *arguments], environment) as process:
+        assert process.stderr is not None
+        line = json.loads(process.stderr.readline())
+        yield Server(line["url"].replace("http", "ws") + "/api/v1/attach", process.pid)
+
+
+@contextmanager
+def echo() -> Iterator[str]:
+    """An echo in a process of its own: its address."""
+    with running([sys.executable, __file__, "--echo"], dict(os.environ)) as process:
+        assert process.stderr is not None
+        yield f"ws://127.0.0.1:{int(process.stderr.readline())}/"
+
+
+@contextmanager
+def running(command: list[str], environment: dict[str, str]) -> Iterator[subprocess.Popen[str]]:
+    with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def serve_echo() -> None:
+    """Send back what comes, over the stack that the server uses."""
+    app = FastAPI()
+
+    @app.websocket("/")
+    async def back(peer: WebSocket) -> None:
+        await peer.accept()
+        try:
+            while True:
+                await peer.send_text(await peer.receive_text())
+        except WebSocketDisconnect:
+            pass
+
+    listener = socket.create_server(("127.0.0.1", 0))
+    listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    print(listener.getsockname()[1], file=sys.stderr, flush=True)
+    config = uvicorn.Config(
+        app, ws="websockets-sansio", ws_per_message_deflate=False, lifespan="off", log_config=None, access_log=False
+    )
+    asyncio.run(uvicorn.Server(config).serve(sockets=[listener]))
+
+
+def percentile(values: list[int], share: float) -> int:
+    return sorted(values)[math.ceil(share * len(values)) - 1]
+
+
+def table(lines: list[Line]) -> str:
+    rows = [("", "oracle", "bare", "", "ratio", "goal", "")]
+    for line in lines:
+        goal = "" if line.goal is None else f"{'≥' if line.rises else '≤'} {line.goal}"
+        verdict = {None: "", True: "met", False: "MISSED"}[line.met]
+        rows.append(
+            (line.what, f"{line.value:,.0f}", f"{line.baseline:,.0f}", line.unit, f"{line.ratio:.2f}", goal, verdict)
+        )
+    widths = [max(len(row[i]) for row in rows) for i in range(7)]
+    align: list[Callable[[str, int], str]] = [
+        str.ljust,
+        str.rjust,
+        str.rjust,
+        str.ljust,
+        str.rjust,
+        str.ljust,
+        str.ljust,
+    ]
+    return "\n".join(
+        "  ".join(put(cell, width) for put, cell, width in zip(align, row, widths, strict=True)).rstrip()
+        for row in rows
+    )
+
+
+def _encode(frame: Frame) -> str:
+    return msgspec.json.encode(frame).decode()
+
+
+if __name__ == "__main__":
+    main()
