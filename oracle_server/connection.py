@@ -29,7 +29,7 @@ from oracle_server.store import Store
 
 MAX_QUEUE = 10_000
 """Frames that may wait for a monitor for longer than `_STALLED`; beyond, it is cut off, and resumes by itself."""
-MAX_BURST = 100_000
+MAX_BURST = 50_000
 """Frames that may wait at any time: what was held up may be judged, and told, all at once."""
 _STALLED = 5.0
 _ATTACH_WITHIN = 10.0
@@ -161,6 +161,7 @@ class Connection:
             raise WireError("bad_attach", "the first frame must be `attach`", fatal=True)
         self._session, self._monitor = await self._registry.attach(wanted, self)
         log.info("monitor attached", session=self._session.id, monitor=self._monitor.name)
+        await self._store.flush()  # once it is told, a restarted server must know that it is waited for
         # before anything that was queued by attaching itself: the monitor knows nothing yet
         self._queue.appendleft(attached_frame(self._session, self._monitor))
         self._ready.set()

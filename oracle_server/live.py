@@ -15,7 +15,7 @@ from oracle_server.core.session import ClockReading, Session
 from oracle_server.core.spec import Spec
 from oracle_server.core.verdicts import Judged, record
 from oracle_server.numbering import Numbering
-from oracle_server.protocol import Attach, ClockMessage, EventMessage, OutcomeMessage, WireError
+from oracle_server.protocol import Attach, ClockMessage, EventMessage, OutcomeMessage, WireError, encode
 from oracle_server.restore import Restored
 from oracle_server.schema import step_row
 from oracle_server.store import Store
@@ -90,6 +90,7 @@ class LiveSession:
         self.closing = False
         self._store, self._clock, self._resume_within, self._on_empty = store, clock, resume_within, on_empty
         self._gaps: dict[tuple[str, int], int] = {}
+        self._unwritten: list[Judged] = []
         self._changed = asyncio.Event()
         self._timer: asyncio.TimerHandle | None = None
         self._armed: int | None = None
@@ -189,6 +190,7 @@ class LiveSession:
         """Judge all that is held, in order, and stop the timers."""
         self.closing = True
         self._deliver(self.core.finish(self._enter()))
+        self._write()
         if self._timer:
             self._timer.cancel()
         for monitor in self.monitors.values():
@@ -202,7 +204,7 @@ class LiveSession:
         for name, known in restored.monitors.items():
             monitor = self.monitors[name] = Monitor(name, known.instance, known.numbering, lost=known.lost)
             if known.attached:
-                monitor.attached, monitor.streams = True, tuple(self.spec.by_key)
+                monitor.attached, monitor.streams = True, known.streams
                 monitor.expiry = loop.call_later(self._resume_within, self._expire, monitor)
                 self._deliver(self.core.attach(name, monitor.streams, self._enter()))
         if self.private and not any(m.attached for m in self.monitors.values()):
@@ -221,8 +223,9 @@ class LiveSession:
 
     def _set_attached(self, monitor: Monitor, *, attached: bool) -> None:
         monitor.attached = attached
-        values = (self.number, monitor.name, monitor.instance, attached)
-        self._store.execute("INSERT OR REPLACE INTO monitors VALUES (?, ?, ?, ?)", values)
+        streams = encode([list(key) for key in monitor.streams])
+        values = (self.number, monitor.name, monitor.instance, streams, attached)
+        self._store.execute("INSERT OR REPLACE INTO monitors VALUES (?, ?, ?, ?, ?)", values)
 
     def _expire(self, monitor: Monitor) -> None:
         monitor.expiry = None
@@ -262,29 +265,38 @@ class LiveSession:
         return recorded_answer(self._store, self.number, [p.id for p in self.spec.properties], monitor.name, seq)
 
     def _deliver(self, judged: list[Judged]) -> None:
-        """Send the decisions at once, and everything to the history."""
+        """Send the decisions at once; the history is told in the loop's next turn, when they are on their way."""
+        for item in judged:
+            if item.decision:
+                monitor = self.monitors[item.step.event.monitor]
+                answer = monitor.answers[item.step.event.seq] = _decision(item)
+                if monitor.outbox:
+                    monitor.outbox.send(answer)
         if judged:
-            rows, settled, violations = [], [], []
-            for item in judged:
-                self.position += 1
-                event = item.step.event
-                monitor = self.monitors[event.monitor]
-                key = (event.monitor, event.seq)
-                primary = item.order == next(iter(self.core.judges))
-                gap = self._gaps.pop(key, 0) if primary else 0
-                outcome = monitor.outcomes.pop(event.seq, None) if primary else None
-                rows.append(step_row(self.number, self.position, gap, item, outcome))
-                if primary:
-                    settled.append((monitor, event.seq, gap))
-                if item.decision:
-                    answer = monitor.answers[event.seq] = _decision(item)
-                    if monitor.outbox:
-                        monitor.outbox.send(answer)
-                violations += [{"type": "violation", **record(item, v)} for v in item.verdicts if v.explanation]
-            self._store.append("steps", rows, lambda: self._committed(settled, violations))
+            if not self._unwritten:
+                asyncio.get_running_loop().call_soon(self._write)
+            self._unwritten += judged
         self._arm()
         self._changed.set()
         self._changed = asyncio.Event()
+
+    def _write(self) -> None:
+        """Give what was judged to the history."""
+        judged, self._unwritten = self._unwritten, []
+        rows, settled, violations = [], [], []
+        deciding = next(iter(self.core.judges))
+        for item in judged:
+            self.position += 1
+            event, gap, outcome = item.step.event, 0, None
+            if item.order == deciding:
+                monitor = self.monitors[event.monitor]
+                gap = self._gaps.pop((event.monitor, event.seq), 0)
+                outcome = monitor.outcomes.pop(event.seq, None)
+                settled.append((monitor, event.seq, gap))
+            rows.append(step_row(self.number, self.position, gap, item, outcome))
+            violations += [{"type": "violation", **record(item, v)} for v in item.verdicts if v.explanation]
+        if rows:
+            self._store.append("steps", rows, lambda: self._committed(settled, violations))
 
     def _committed(self, settled: list[tuple[Monitor, int, int]], violations: list[dict[str, Any]]) -> None:
         touched = {}

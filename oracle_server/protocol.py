@@ -156,8 +156,8 @@ def event_of(value: Any, *, suspicious: bool) -> EventMessage:
     return event
 
 
-def encode(frame: dict[str, Any]) -> str:
-    """A frame as JSON text."""
+def encode(frame: Any) -> str:
+    """A frame, or any plain value, as JSON text."""
     return msgspec.json.encode(frame).decode()
 
 

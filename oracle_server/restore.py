@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import msgspec
 import structlog
 
-from oracle_server.core.events import Step
+from oracle_server.core.events import Step, StreamKey
 from oracle_server.core.plan import Plan
 from oracle_server.core.session import Session, orders
 from oracle_server.engines.choice import make_engines
 from oracle_server.numbering import Numbering
-from oracle_server.schema import LETTERS, STEP_COLUMNS, step_of
+from oracle_server.schema import LETTERS, STEP_COLUMNS, Row, step_of
 from oracle_server.store import Store
 
 _PAGE = 5_000
@@ -24,6 +25,7 @@ class Known:
     """A monitor as it was; `lost` are events that were not told yet with one that was judged."""
 
     instance: str
+    streams: tuple[StreamKey, ...]
     attached: bool
     numbering: Numbering
     lost: int
@@ -78,12 +80,13 @@ def restore(store: Store, number: int, plan: Plan) -> Restored:
     refused = store.read("SELECT monitor, seq, gap, code FROM refused WHERE session = ?", (number,))
     for monitor, seq, gap, code in refused:
         used.setdefault(monitor, []).append(_Used(seq, gap, gap + (code == "bad_event")))
-    rows = store.read("SELECT name, instance, attached FROM monitors WHERE session = ?", (number,))
-    monitors = {name: _known(instance, bool(attached), used.get(name, [])) for name, instance, attached in rows}
+    rows = store.read("SELECT name, instance, streams, attached FROM monitors WHERE session = ?", (number,))
+    monitors = {name: _known(tuple(known), used.get(name, [])) for name, *known in rows}
     return Restored(core, position, len(refused), monitors, [(step, 0) for step in waiting.values()])
 
 
-def _known(instance: str, attached: bool, used: list[_Used]) -> Known:
+def _known(row: Row, used: list[_Used]) -> Known:
+    instance, streams, attached = row
     used.sort(key=lambda u: u.seq)
     lost = before = 0
     for item in used:
@@ -92,4 +95,5 @@ def _known(instance: str, attached: bool, used: list[_Used]) -> Known:
         elif item.seq - item.gap == before + 1:
             lost = 0  # told with this event, which came next
         before = item.seq
-    return Known(instance, attached, Numbering([(u.seq, u.gap) for u in used]), lost)
+    claimed = tuple(StreamKey(*key) for key in msgspec.json.decode(streams))
+    return Known(instance, claimed, bool(attached), Numbering([(u.seq, u.gap) for u in used]), lost)

@@ -61,6 +61,7 @@ CREATE TABLE IF NOT EXISTS monitors (
     session INTEGER NOT NULL,
     name TEXT NOT NULL,
     instance TEXT NOT NULL,
+    streams TEXT NOT NULL,       -- JSON: [name, kind] of those that it claimed
     attached INTEGER NOT NULL,
     PRIMARY KEY (session, name)
 ) WITHOUT ROWID;

@@ -1,6 +1,6 @@
 """No deadlock with an end to `max_delay`: every state of a small robot that can be reached can go on to the end.
 
-The robot is the paper's worst case. A topic is filtered and ordered; the node that hears it calls a filtered and ordered
+The robot is the paper's worst case. A topic is filtered and ordered; the node that hears it calls a filtered ordered
 service from inside its callback, and publishes on an ordered topic once it has the response. No clock speaks for any
 stream. Queues between the nodes and the oracle hold one message. All interleavings are explored.
 """

@@ -218,18 +218,3 @@ async def test_a_spec_that_has_become_unsound_opens_no_session_and_ends_none(sta
         await old.send(make_event(1, data={"v": 7}))
         await old.acked(1)
     assert {s["id"] for s in server.get("sessions")["items"]} == {"old"}
-
-
-async def test_deleting_a_session_judges_what_it_holds_and_tells_its_monitors(server: Server, session: str) -> None:
-    async with attached(server, session=session, spec="slow") as monitor:
-        await monitor.send(make_event(1, "/b", at=20), make_event(2, "/b", at=10, source="another"))
-        await server.holds(session, 2)
-        response = server.http.delete(f"/api/v1/sessions/{session}")
-        assert response.status_code == 200
-        assert response.json()["status"] == "closed"
-        frames, code = await monitor.closed()
-        assert code == 1008
-        assert [f.get("code", f.get("upto")) for f in frames if f["type"] != "violation"][-2:] == [2, "session_closed"]
-    assert judged(server, session) == [("m1", "/b", 2), ("m1", "/b", 1)]
-    assert not any(r["late"] for r in server.records(session))
-    assert server.get(f"sessions/{session}")["counters"]["held"] == 0

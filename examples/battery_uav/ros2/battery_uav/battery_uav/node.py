@@ -27,7 +27,8 @@ def run(make: Callable[[], Node]) -> None:
     Both signals become a KeyboardInterrupt: rclpy's own handlers shut ROS down at once, and a
     callback that is about to publish then fails.
     """
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
     ros = rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     with suppress(KeyboardInterrupt), ros, make() as node, SingleThreadedExecutor() as executor:
         executor.add_node(node)

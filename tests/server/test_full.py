@@ -1,0 +1,60 @@
+"""An order that is full: who is ahead waits for who is behind."""
+
+from __future__ import annotations
+
+from tests.server.client import attached, judged, make_clock, make_event, make_events, monitors
+from tests.server.harness import Server
+
+
+async def test_a_monitor_that_is_ahead_waits_and_loses_nothing(server: Server, session: str) -> None:
+    async with (
+        attached(server, "behind", session=session, spec="tiny", streams=["/b"]) as behind,
+        attached(server, "ahead", session=session, streams=["/a"]) as ahead,
+    ):
+        await ahead.send(make_events(*(make_event(i, "/a", at=10 * i, data={"v": i}) for i in range(1, 51))))
+        await server.holds(session, 5)
+        await behind.send(*(make_event(i, "/b", at=10 * i + 5, data={"v": i}) for i in range(1, 51)))
+        await behind.send(make_clock("/b", 10_000))
+        await ahead.send(make_clock("/a", 10_000))
+        await ahead.acked(50)
+        await behind.acked(50)
+    order = [(name, stream, i) for i in range(1, 51) for name, stream in (("ahead", "/a"), ("behind", "/b"))]
+    assert judged(server, session) == order
+    assert not any(r["late"] or r["degraded"] for r in server.records(session))
+
+
+async def test_one_monitor_alone_is_never_held_up(server: Server, session: str) -> None:
+    async with attached(server, session=session, spec="tiny") as monitor:
+        await monitor.send(make_events(*(make_event(i, "/a", at=i, data={"v": 1}) for i in range(1, 51))))
+        await monitor.acked(45)
+        await monitor.detach()
+    assert [seq for _, _, seq in judged(server, session)] == list(range(1, 51))
+
+
+async def test_a_monitor_that_is_lost_while_it_waits_is_missed(server: Server, session: str) -> None:
+    async with attached(server, "behind", session=session, spec="tiny", streams=["/b"]) as behind:
+        async with attached(server, "ahead", session=session, streams=["/a"]) as ahead:
+            await ahead.send(*(make_event(i, "/a", at=i, data={"v": 1}) for i in range(1, 51)))
+            await server.holds(session, 5)
+            ahead.vanish()
+        await server.until(lambda: monitors(server, session)["ahead"], lambda m: not m["connected"])
+        async with attached(server, "ahead", session=session, instance="another", streams=["/a"]) as ahead:
+            following = ahead.attached["next"]
+            await behind.send(make_clock("/b", 1000))
+            await ahead.send(make_event(following, "/a", at=500, data={"v": 1}), make_clock("/a", 1000))
+            await ahead.acked(following)
+    assert [seq for _, _, seq in judged(server, session)] == list(range(1, following + 1))
+
+
+async def test_a_session_is_closed_though_a_monitor_waits(server: Server, session: str) -> None:
+    async with (
+        attached(server, "behind", session=session, spec="tiny", streams=["/b"]),
+        attached(server, "ahead", session=session, streams=["/a"]) as ahead,
+    ):
+        await ahead.send(make_events(*(make_event(i, "/a", at=i, data={"v": 1}) for i in range(1, 51))))
+        await server.holds(session, 5)
+        state = server.http.delete(f"/api/v1/sessions/{session}").json()
+        _, code = await ahead.closed()
+        assert code == 1008
+    assert [seq for _, _, seq in judged(server, session)] == list(range(1, state["counters"]["steps"] + 1))
+    assert ahead.upto == state["counters"]["steps"]
