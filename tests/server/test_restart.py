@@ -9,6 +9,7 @@ import pytest
 
 from tests.server.client import attached, make_clock, make_event, monitors, stable
 from tests.server.conftest import Starts
+from tests.server.harness import PATIENCE
 from tests.server.stories import STREAMS, play, tell
 
 CLAIMED = ["/a", "/b", "/go", "/free"]
