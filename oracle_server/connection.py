@@ -46,6 +46,7 @@ class Connection:
         self._queue: deque[dict[str, Any]] = deque()
         self._ready = asyncio.Event()
         self._end: tuple[int, str] | None = None
+        self._greeted = asyncio.Event()
         self._over = asyncio.Event()
         self._patience: asyncio.TimerHandle | None = None
         self._session: LiveSession | None = None
@@ -82,6 +83,7 @@ class Connection:
         if self._end is None:
             self._queue.append(frame)
             self._end = (code, reason)
+            self._greeted.set()
             self._ready.set()
 
     async def sent(self) -> None:
@@ -107,6 +109,7 @@ class Connection:
 
     async def _write(self) -> None:
         """Send what is queued, and close once the end of the queue is the end of the connection."""
+        await self._greeted.wait()
         try:
             while True:
                 await self._ready.wait()
@@ -130,7 +133,7 @@ class Connection:
             await self._attach(text)
             while self._end is None:
                 await self._store.room()
-                await self._take(await self._receive())
+                self._take(await self._receive())
         except WireError as error:
             self.drop(error)
         except TimeoutError:
@@ -138,6 +141,7 @@ class Connection:
         except WebSocketDisconnect:
             self._queue.clear()
             self._end = self._end or (1000, "")
+            self._greeted.set()
             self._ready.set()
         except Exception:
             log.exception("a connection failed")
@@ -162,13 +166,14 @@ class Connection:
         self._session, self._monitor = await self._registry.attach(wanted, self)
         log.info("monitor attached", session=self._session.id, monitor=self._monitor.name)
         await self._store.flush()  # once it is told, a restarted server must know that it is waited for
-        # before anything that was queued by attaching itself: the monitor knows nothing yet
+        # before anything that was queued since: the monitor knows nothing yet
         self._queue.appendleft(attached_frame(self._session, self._monitor))
+        self._greeted.set()
         self._ready.set()
         if self._monitor.numbering.upto:
             self.send({"type": "ack", "upto": self._monitor.numbering.upto})
 
-    async def _take(self, text: str) -> None:
+    def _take(self, text: str) -> None:
         assert self._session is not None  # noqa: S101 -- only called once attached
         assert self._monitor is not None  # noqa: S101
         if self._monitor.outbox is not self:
@@ -177,11 +182,11 @@ class Connection:
             self.send(WireError("detached", "the monitor has detached; what it says now is not heard").frame())
             return
         try:
-            await self._dispatch(decode(text), self._session, self._monitor)
+            self._dispatch(decode(text), self._session, self._monitor)
         except WireError as error:
             self._refuse(error)
 
-    async def _dispatch(self, frame: Frame, session: LiveSession, monitor: Monitor) -> None:
+    def _dispatch(self, frame: Frame, session: LiveSession, monitor: Monitor) -> None:
         match frame.message:
             case Attach():
                 raise WireError("bad_attach", "attached already")
@@ -193,13 +198,11 @@ class Connection:
                 session.detach(monitor)
             case Events(events=events):
                 for value in events:
-                    await session.room(monitor)
                     try:
                         session.ingest(monitor, event_of(value, suspicious=frame.suspicious))
                     except WireError as error:
                         self._refuse(error)
             case message:
-                await session.room(monitor)
                 session.ingest(monitor, message)
 
     def _refuse(self, error: WireError) -> None:

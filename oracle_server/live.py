@@ -91,7 +91,6 @@ class LiveSession:
         self._store, self._clock, self._resume_within, self._on_empty = store, clock, resume_within, on_empty
         self._gaps: dict[tuple[str, int], int] = {}
         self._unwritten: list[Judged] = []
-        self._changed = asyncio.Event()
         self._timer: asyncio.TimerHandle | None = None
         self._armed: int | None = None
 
@@ -117,17 +116,10 @@ class LiveSession:
         self._deliver(self.core.attach(monitor.name, streams, self._enter()))
         return monitor
 
-    async def room(self, monitor: Monitor) -> None:
-        """Wait while the order is full and this monitor is ahead of the one that it waits for.
-
-        The awaited monitor is never held up: what it sends makes room, by being judged or by forcing the oldest
-        event out.
-        """
-        while self.core.buffer.full and self.core.buffer.awaited and self.core.buffer.awaited[0] != monitor.name:
-            await self._changed.wait()
-
     def ingest(self, monitor: Monitor, message: EventMessage) -> None:
         """Take an event: judged once, and answered again where it is sent again. Raises `WireError`."""
+        if self.closing:
+            return
         gap = monitor.numbering.take(message.seq)
         if gap is None:
             self._answer_again(monitor, message)
@@ -148,13 +140,15 @@ class LiveSession:
 
     def refuse(self, monitor: Monitor, error: WireError) -> None:
         """Use up the number of an event that could not be read."""
-        if error.seq is not None:
+        if error.seq is not None and not self.closing:
             gap = monitor.numbering.take(error.seq)
             if gap is not None:
                 self._refuse(monitor, error.seq, gap, error.code, error.message)
 
     def clock(self, monitor: Monitor, message: ClockMessage) -> None:
         """Learn how far a monitor's streams have come."""
+        if self.closing:
+            return
         readings = [ClockReading(StreamKey(s.stream, s.kind), s.stamp) for s in message.stamps]
         claimed = [r for r in readings if r.stream in monitor.streams]
         self._deliver(self.core.clock(monitor.name, claimed, self._enter()))
@@ -277,8 +271,6 @@ class LiveSession:
                 asyncio.get_running_loop().call_soon(self._write)
             self._unwritten += judged
         self._arm()
-        self._changed.set()
-        self._changed = asyncio.Event()
 
     def _write(self) -> None:
         """Give what was judged to the history."""

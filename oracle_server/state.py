@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
+from oracle_server.core.reorder import Source
+
 if TYPE_CHECKING:
     from oracle_server.live import LiveSession
 
@@ -44,6 +46,7 @@ def session_state(session: LiveSession, now: int) -> dict[str, Any]:
             }
             for (monitor, stream), frontier in core.buffer.frontiers.items()
         ],
+        "awaited": _awaited(core.buffer.awaited),
         "properties": [
             {
                 "id": state.property.id,
@@ -64,3 +67,8 @@ def session_state(session: LiveSession, now: int) -> dict[str, Any]:
             **{name: counters[name] for name in ("late", "skewed", "skipped", "lost", "denied")},
         },
     }
+
+
+def _awaited(source: Source | None) -> dict[str, str] | None:
+    """The stream that everything held waits for."""
+    return {"monitor": source[0], "stream": source[1].name, "kind": source[1].kind} if source else None

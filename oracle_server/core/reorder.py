@@ -67,11 +67,6 @@ class ReorderBuffer(Generic[T]):
         return len(self._held)
 
     @property
-    def full(self) -> bool:
-        """Whether one more item would force the oldest one out."""
-        return len(self._held) >= self._capacity
-
-    @property
     def awaited(self) -> Source | None:
         """The open stream that the order waits for, None where it waits for none."""
         return self._slowest if self._held else None

@@ -77,6 +77,8 @@ class Link:
     async def _talk(self, socket: ClientConnection) -> None:
         await socket.send(json.dumps(self.attach))
         answer = json.loads(await socket.recv())
+        if answer.get("code") == "replaced":
+            return  # overtaken before it was told that it is attached
         assert answer["type"] == "attached", answer
         assert answer["next"] > self.acked, f"{answer['next']} is next, though {self.acked} was acked"
         self._claimed = answer["streams"]

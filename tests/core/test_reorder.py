@@ -185,7 +185,6 @@ class Watched:
         assert all(stamp > reached for stamp, _ in self.waiting.values()), "waits in vain"
         assert len(self.buffer) == len(self.waiting) <= self.capacity
         assert list(self.buffer.held) == list(self.waiting)
-        assert self.buffer.full == (len(self.waiting) == self.capacity)
 
 
 @settings(often, max_examples=3_000)

@@ -17,7 +17,7 @@ from oracle_server.core.errors import EngineError
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.parse import Time, parse_formula
 from oracle_server.core.formula.render import render
-from oracle_server.core.formula.tree import Bound, Formula, Scalar
+from oracle_server.core.formula.tree import Formula, Scalar
 from oracle_server.core.verdicts import FINAL, NEGATIVE, Outcome
 from oracle_server.engines.reelay import MAX_BOUND, ReelayEngine, refusal
 from tests import strategies
@@ -106,8 +106,7 @@ def test_every_corner_bound_on_a_long_trace(maker: Maker, time: Time, text: str)
 @given(data=st.data())
 def test_no_continuation_changes_a_final_outcome(maker: Maker, time: Time, data: st.DataObject) -> None:
     body = data.draw(strategies.formulas(time, 2, ("x",)))
-    lower = data.draw(strategies.bounds(time)).lower
-    bound = Bound(lower, None)
+    bound = data.draw(st.one_of(strategies.bounds(time), st.just(tree.ALL_PAST)))
     past: list[Formula] = [tree.Once(body, bound), tree.Historically(body, bound)]
     formula = data.draw(st.sampled_from(past))
     if "x" in strategies.free(body):
@@ -126,12 +125,14 @@ def test_no_continuation_changes_a_final_outcome(maker: Maker, time: Time, data:
 
 
 @each_engine
-def test_an_unbounded_past_is_final_once_decided(maker: Maker, time: Time) -> None:
+def test_only_an_unbounded_past_is_final_once_decided(maker: Maker, time: Time) -> None:
     steps: list[TimedSignals] = [(1, {"a": True}), (2, {"a": False}), (3, {})]
     for text, expected in (
         ("once {a == false}", ["currently_false", "true", "true"]),
         ("historically {a}", ["currently_true", "false", "false"]),
         ("exists[v]. once {a: *v}", ["true", "true", "true"]),
+        ("historically[:1] {a}", ["currently_true", "currently_false", "currently_false"]),
+        ("once[:1] {a == false}", ["currently_false", "currently_true", "currently_true"]),
         ("not historically {a}", ["currently_false", "currently_true", "currently_true"]),
     ):
         formula = parse_formula(text, time)
