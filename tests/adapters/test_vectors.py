@@ -1,4 +1,4 @@
-"""The adapter's side of the conversations in tests/vectors: told to do what the monitor does, it says the same frames."""
+"""The adapter's side of the conversations in tests/vectors: told to do what the monitor does, it says the same."""
 
 from __future__ import annotations
 
