@@ -125,6 +125,3 @@ def is_signal(value: object) -> bool:
 
 def _missing(message: object, path: Path) -> bool:
     return bool(path) and read(message, path) is None
-
-
-__all__ = ["RESERVED", "DefaultProjection", "ExpressionError", "Projection", "is_signal"]
