@@ -68,24 +68,9 @@ class Expression:
         return tuple(dict.fromkeys((*self.outer, *self.inner)))
 
     @cached_property
-    def direct(self) -> Path | None:
-        """The path, where the expression is nothing but one: it then needs no CEL."""
-        return self._only_path(self.text)
-
-    @cached_property
-    def direct_string(self) -> Path | None:
-        """The path within `string(path)`, where the expression is nothing but that."""
-        inner = re.fullmatch(r"\s*string\s*\((.*)\)\s*", self.text, re.DOTALL)
-        return self._only_path(inner[1]) if inner else None
-
-    @cached_property
     def program(self) -> Any:
         """The compiled expression."""
         return _compile(self.text)
-
-    def _only_path(self, text: str) -> Path | None:
-        plain = re.fullmatch(r"\s*msg((?:\.[A-Za-z_][A-Za-z0-9_]*)+)\s*", text)
-        return tuple(plain[1][1:].split(".")) if plain else None
 
 
 def parse_expression(text: str) -> Expression:

@@ -15,12 +15,15 @@ import cel
 from oracle_server.core.errors import ExpressionError
 from oracle_server.core.expressions import Expression, Path, check_size, parse_expression, prune, read
 from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.plain import Declined, plain
 
 RESERVED = frozenset({"topic", "service", "kind", "monitor", "call"})
 """The signals that every event has, or may have, without its spec saying so."""
 
 _NOT_FINITE = frozenset({"NaN", "Infinity", "-Infinity"})
 _INTEGERS = range(-(2**63), 2**64)
+_NO_FIELDS: Mapping[str, Any] = {}
+_NONE: frozenset[str] = frozenset()
 _Projected = tuple[dict[str, Scalar], frozenset[str]]
 
 
@@ -30,9 +33,7 @@ class Projection:
     def __init__(self, signals: Mapping[str, str]) -> None:
         """Compile `signals`, expressions by name. Raises `ExpressionError`."""
         parsed = {name: parse_expression(text) for name, text in signals.items()}
-        self._paths = {name: e.direct for name, e in parsed.items() if e.direct}
-        self._strings = {name: (e.direct_string, e) for name, e in parsed.items() if e.direct_string}
-        self._programs = {n: e for n, e in parsed.items() if n not in self._paths and n not in self._strings}
+        self._signals = [(name, plain(e.text), e) for name, e in parsed.items()]
         paths = {path for e in parsed.values() for path in e.paths}
         self.fields = None if () in paths else frozenset(".".join(path) for path in paths)
 
@@ -40,18 +41,20 @@ class Projection:
         """The signals of a message by name, and the names of those that failed."""
         values: dict[str, Scalar] = {}
         failed: list[str] = []
-        programs = list(self._programs.items())
-        for name, path in self._paths.items():
-            _keep(name, read(message, path), values, failed)
-        for name, (path, expression) in self._strings.items():
-            value = read(message, path)
-            if type(value) is str or (type(value) is int and value in _INTEGERS):
-                _keep(name, str(value), values, failed)
-            elif value is not None:
-                programs.append((name, expression))
+        programs = []
+        fields = message if isinstance(message, Mapping) else _NO_FIELDS
+        for name, evaluate, expression in self._signals:
+            if evaluate is not None:
+                try:
+                    _keep(name, evaluate(fields), values, failed)
+                except Declined:
+                    pass
+                else:
+                    continue
+            programs.append((name, expression))
         if programs:
-            _evaluate(programs, message, values, failed)
-        return values, frozenset(failed)
+            _evaluate(programs, fields, values, failed)
+        return values, frozenset(failed) if failed else _NONE
 
 
 class DefaultProjection:
@@ -74,12 +77,9 @@ class DefaultProjection:
 
 
 def _evaluate(
-    programs: list[tuple[str, Expression]], message: object, values: dict[str, Scalar], failed: list[str]
+    programs: list[tuple[str, Expression]], message: Mapping[str, Any], values: dict[str, Scalar], failed: list[str]
 ) -> None:
     """Run expressions over one message. Each message gets a fresh context, since an old one keeps the one before."""
-    if not isinstance(message, Mapping):
-        failed.extend(name for name, _ in programs)
-        return
     fit = []
     for name, expression in programs:
         try:
