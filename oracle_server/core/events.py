@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Literal, NamedTuple
+
+import msgspec
 
 from oracle_server.core.formula.tree import Scalar
 
@@ -23,8 +24,7 @@ class StreamKey(NamedTuple):
         return self.name if self.kind == "topic" else f"{self.name} {self.kind}s"
 
 
-@dataclass(frozen=True, slots=True)
-class Event:
+class Event(msgspec.Struct, frozen=True, gc=False):
     """One observed message, request or response, as its monitor reported it.
 
     `stamp` is the publication time, None where there is none; `seq` the monitor's own number; `call` ties a
@@ -44,8 +44,7 @@ class Event:
     ask: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Step:
+class Step(msgspec.Struct, frozen=True, gc=False):
     """An event with what is needed to judge it, once or again: its signals and its place in the order.
 
     `failed` are the signals whose expressions failed; `stamp` is the publication time, or the arrival where

@@ -14,6 +14,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
+import msgspec
+
 from oracle_server.core.events import StreamKey
 
 T = TypeVar("T")
@@ -21,8 +23,7 @@ Source = tuple[str, StreamKey]
 """A monitor and a stream that it observes."""
 
 
-@dataclass(frozen=True, slots=True)
-class Released(Generic[T]):
+class Released(msgspec.Struct, Generic[T], frozen=True, gc=False):
     """An item whose turn has come; `late` is older than one before it, `forced` left for want of room."""
 
     item: T

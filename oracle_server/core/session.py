@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+
+import msgspec
 
 from oracle_server.core.engine import Engine
 from oracle_server.core.events import Event, Order, Step, StreamKey
@@ -109,7 +111,7 @@ class Session:
     def _judge_one(self, order: Order, step: Step, *, late: bool = False, forced: bool = False) -> Judged:
         skipped = self.suspended or (late and self.plan.spec.ordering.late == "skip")
         if late or forced or skipped:
-            step = replace(step, late=late, forced=forced, skipped=skipped)
+            step = msgspec.structs.replace(step, late=late, forced=forced, skipped=skipped)
         return self.judges[order].judge(step, self.now)
 
     def _step(self, event: Event) -> Step:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Literal
+
+import msgspec
 
 from oracle_server.core.events import Order, Step
 from oracle_server.core.formula.tree import Scalar
@@ -28,16 +29,14 @@ DENYING = NEGATIVE | {Outcome.UNKNOWN}
 Choice = Literal["allow", "deny"]
 
 
-@dataclass(frozen=True, slots=True)
-class Explanation:
+class Explanation(msgspec.Struct, frozen=True, gc=False):
     """Why a property is negative at a step: what formulas saw of the event, and the formula that it breaks."""
 
     formula: str
     signals: Mapping[str, Scalar]
 
 
-@dataclass(frozen=True, slots=True)
-class Verdict:
+class Verdict(msgspec.Struct, frozen=True, gc=False):
     """What one property says about one step; `n` counts a session's verdicts from 1 without gaps.
 
     `degraded`: something before it is known to be lost, skipped or failed. An explanation is there where the
@@ -51,16 +50,14 @@ class Verdict:
     explanation: Explanation | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Decision:
+class Decision(msgspec.Struct, frozen=True, gc=False):
     """What a monitor that asked is told: deny where a guarding property is negative or unknown, else allow."""
 
     choice: Choice
     denied_by: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Judged:
+class Judged(msgspec.Struct, frozen=True, gc=False):
     """A step with everything that was said about it.
 
     `number` counts the session's judged events, and is None where the event was skipped as late; `judged` is the
