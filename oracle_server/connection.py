@@ -11,6 +11,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from oracle_server.attachment import attached_frame
 from oracle_server.live import LiveSession, Monitor
+from oracle_server.patience import Patience
 from oracle_server.protocol import (
     SUBPROTOCOL,
     Attach,
@@ -48,7 +49,11 @@ class Connection:
         self._end: tuple[int, str] | None = None
         self._greeted = asyncio.Event()
         self._over = asyncio.Event()
-        self._patience: asyncio.TimerHandle | None = None
+        self._sending = asyncio.Lock()
+        self._taking = False
+        self._backlog: asyncio.TimerHandle | None = None
+        self._stalled = Patience(_STALLED, self._give_up)
+        self._tasks: list[asyncio.Task[None]] = []
         self._session: LiveSession | None = None
         self._monitor: Monitor | None = None
 
@@ -59,14 +64,15 @@ class Connection:
         if frame["type"] == "ack" and self._queue and self._queue[-1]["type"] == "ack":
             self._queue.pop()
         self._queue.append(frame)
-        self._ready.set()
+        if not self._taking:
+            self._ready.set()
         if len(self._queue) > MAX_BURST:
             self._cut_off()
-        elif len(self._queue) > MAX_QUEUE and self._patience is None:
-            self._patience = asyncio.get_running_loop().call_later(_STALLED, self._look_again)
+        elif len(self._queue) > MAX_QUEUE and self._backlog is None:
+            self._backlog = asyncio.get_running_loop().call_later(_STALLED, self._look_again)
 
     def _look_again(self) -> None:
-        self._patience = None
+        self._backlog = None
         if len(self._queue) > MAX_QUEUE:
             self._cut_off()
 
@@ -98,33 +104,43 @@ class Connection:
             async with asyncio.TaskGroup() as tasks:
                 writer = tasks.create_task(self._write())
                 reader = tasks.create_task(self._read())
+                self._tasks = [writer, reader]
                 await asyncio.wait((writer, reader), return_when=asyncio.FIRST_COMPLETED)
                 if reader.done() and not writer.done():
                     await asyncio.wait((writer,), timeout=_CLOSE_WITHIN)
-                reader.cancel()
-                writer.cancel()
+                self._give_up()
         finally:
+            self._stalled.stop()
             if self._session and self._monitor:
                 self._session.disconnected(self._monitor, self)
+
+    def _give_up(self) -> None:
+        for task in self._tasks:
+            task.cancel()
 
     async def _write(self) -> None:
         """Send what is queued, and close once the end of the queue is the end of the connection."""
         await self._greeted.wait()
         try:
-            while True:
+            while self._end is None or self._queue:
                 await self._ready.wait()
                 self._ready.clear()
-                while self._queue:
-                    text = encode(self._queue.popleft())
-                    async with asyncio.timeout(_STALLED if self._end is None else None):
-                        await self._socket.send_text(text)
-                if self._end is not None:
-                    await self._socket.close(*self._end)
-                    return
-        except (WebSocketDisconnect, RuntimeError, OSError):  # TimeoutError, an OSError: it reads nothing any more
+                await self._send_queued()
+            await self._socket.close(*self._end)
+        except (WebSocketDisconnect, RuntimeError, OSError):
             return
         finally:
             self._over.set()
+
+    async def _send_queued(self) -> None:
+        """Send what is queued; the peer must take each frame within `_STALLED`, but for the last ones."""
+        async with self._sending:
+            while self._queue:
+                text = encode(self._queue.popleft())
+                if self._end is None:
+                    self._stalled.begin()
+                await self._socket.send_text(text)
+                self._stalled.end()
 
     async def _read(self) -> None:
         try:
@@ -134,6 +150,7 @@ class Connection:
             while self._end is None:
                 await self._store.room()
                 self._take(await self._receive())
+                await self._answer()
         except WireError as error:
             self.drop(error)
         except TimeoutError:
@@ -146,6 +163,18 @@ class Connection:
         except Exception:
             log.exception("a connection failed")
             self.drop(WireError("internal", "the server failed; its log says why", fatal=True))
+
+    async def _answer(self) -> None:
+        """Send at once what a frame was answered with: waking the writer for it would take longer than the judging."""
+        if not self._queue:
+            return
+        if self._sending.locked():
+            self._ready.set()
+            return
+        try:
+            await self._send_queued()
+        except (RuntimeError, OSError):
+            raise WebSocketDisconnect(1006) from None
 
     async def _receive(self) -> str:
         message = await self._socket.receive()
@@ -181,10 +210,13 @@ class Connection:
         if self._monitor.detaching:
             self.send(WireError("detached", "the monitor has detached; what it says now is not heard").frame())
             return
+        self._taking = True
         try:
             self._dispatch(decode(text), self._session, self._monitor)
         except WireError as error:
             self._refuse(error)
+        finally:
+            self._taking = False
 
     def _dispatch(self, frame: Frame, session: LiveSession, monitor: Monitor) -> None:
         match frame.message:

@@ -112,7 +112,8 @@ class WireError(Exception):
 
 _incoming: TypeAdapter[Message] = TypeAdapter(Incoming)
 _event = TypeAdapter(EventMessage)
-_LONG_INTEGER = re.compile(r"[0-9]{19}")
+_LONG_INTEGER = re.compile(r"-[0-9]{19}|[0-9]{20}")
+"""What every integer outside of `_INTEGERS` has; a stamp in nanoseconds, which every event may have, is shorter."""
 _INTEGERS = range(-(2**63), 2**64)
 _TAGS = frozenset({"attach", "events", "outcome", "clock", "detach"})
 
