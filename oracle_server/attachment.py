@@ -19,7 +19,12 @@ def attached_frame(session: LiveSession, monitor: Monitor) -> dict[str, Any]:
         "spec_digest": session.spec.digest,
         "streams": [_stream(session, session.spec.by_key[key]) for key in monitor.streams],
         "next": monitor.numbering.next,
-        "limits": {"max_frame": MAX_FRAME, "max_batch": MAX_BATCH, "max_depth": MAX_DEPTH},
+        "limits": {
+            "max_frame": MAX_FRAME,
+            "max_batch": MAX_BATCH,
+            "max_depth": MAX_DEPTH,
+            "credit": session.credit.left[monitor.name],
+        },
     }
 
 

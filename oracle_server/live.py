@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, Protocol
 import structlog
 
 from oracle_server.clock import Clock
+from oracle_server.core.credit import Credit
 from oracle_server.core.events import Event, StreamKey
 from oracle_server.core.session import ClockReading, Session
 from oracle_server.core.spec import Spec
@@ -85,6 +86,7 @@ class LiveSession:
         self.id, self.number, self.private, self.opened = identity
         self.core, self.spec = core, core.plan.spec
         self.monitors: dict[str, Monitor] = {}
+        self.credit = Credit(self.spec.ordering.capacity)
         self.position = 0
         self.refused = 0
         self.closing = False
@@ -113,6 +115,7 @@ class LiveSession:
             monitor.numbering.restart()
         monitor.instance, monitor.outbox, monitor.streams, monitor.detaching = wanted.instance, outbox, streams, False
         self._set_attached(monitor, attached=True)
+        self.credit.open(monitor.name)
         self._deliver(self.core.attach(monitor.name, streams, self._enter()))
         return monitor
 
@@ -120,6 +123,7 @@ class LiveSession:
         """Take an event: judged once, and answered again where it is sent again. Raises `WireError`."""
         if self.closing:
             return
+        self.credit.spend(monitor.name)
         gap = monitor.numbering.take(message.seq)
         if gap is None:
             self._answer_again(monitor, message)
@@ -140,6 +144,7 @@ class LiveSession:
 
     def refuse(self, monitor: Monitor, error: WireError) -> None:
         """Use up the number of an event that could not be read."""
+        self.credit.spend(monitor.name)
         if error.seq is not None and not self.closing:
             gap = monitor.numbering.take(error.seq)
             if gap is not None:
@@ -229,6 +234,7 @@ class LiveSession:
     def _leave(self, monitor: Monitor) -> None:
         if monitor.attached:
             self._set_attached(monitor, attached=False)
+            self.credit.close(monitor.name)
             self._deliver(self.core.detach(monitor.name, self._enter()))
         self._leave_empty()
 
@@ -270,6 +276,10 @@ class LiveSession:
             if not self._unwritten:
                 asyncio.get_running_loop().call_soon(self._write)
             self._unwritten += judged
+        for name, events in self.credit.grant(self.core.buffer):
+            outbox = self.monitors[name].outbox
+            if outbox:
+                outbox.send({"type": "credit", "events": events})
         self._arm()
 
     def _write(self) -> None:

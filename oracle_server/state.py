@@ -32,6 +32,7 @@ def session_state(session: LiveSession, now: int) -> dict[str, Any]:
                 "attached": monitor.attached,
                 "connected": monitor.outbox is not None,
                 "next": monitor.numbering.next,
+                "credit": session.credit.left.get(monitor.name),
             }
             for monitor in session.monitors.values()
         ],

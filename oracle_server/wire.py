@@ -34,11 +34,12 @@ class StreamFrame(_Frame):
 
 
 class Limits(_Frame):
-    """What the server takes; `max_frame` in bytes."""
+    """What the server takes; `max_frame` in bytes, `credit` the events that may be sent before the first `credit`."""
 
     max_frame: int
     max_batch: int
     max_depth: int
+    credit: int
 
 
 class AttachedFrame(_Frame):
@@ -106,6 +107,13 @@ class ErrorFrame(_Frame):
     seq: int | None = None
 
 
+class CreditFrame(_Frame):
+    """The monitor may send so many events more. Without credit it keeps its events; clocks and asks still go."""
+
+    type: Literal["credit"]
+    events: int
+
+
 class DetachedFrame(_Frame):
     """All that the monitor sent is committed."""
 
@@ -113,7 +121,7 @@ class DetachedFrame(_Frame):
 
 
 Outgoing = Annotated[
-    AttachedFrame | DecisionFrame | AckFrame | ViolationFrame | ErrorFrame | DetachedFrame,
+    AttachedFrame | DecisionFrame | AckFrame | ViolationFrame | ErrorFrame | CreditFrame | DetachedFrame,
     Field(discriminator="type"),
 ]
 

@@ -85,6 +85,12 @@ class ReorderBuffer(Generic[T]):
         return {source: frontier.reached for source, frontier in self._frontiers.items()}
 
     @property
+    def ahead(self) -> frozenset[str]:
+        """The monitors for none of whose streams the order waits: all have got beyond the least frontier."""
+        behind = {m for (m, _), reached in self.frontiers.items() if reached is None or reached == self._limit}
+        return frozenset(monitor for monitor, _ in self._frontiers) - behind
+
+    @property
     def held(self) -> Iterable[T]:
         """What is held, in the order of arrival."""
         return self._held.values()

@@ -49,13 +49,13 @@ class Monitor:
         return frame
 
     async def expect(self, type_: str, **fields: Any) -> Frame:
-        """The next frame of a type; acks and violations may come before it, and nothing else."""
+        """The next frame of a type; acks, violations and credit may come before it, and nothing else."""
         while True:
             frame = await self.recv()
             if frame["type"] == type_:
                 assert {k: frame.get(k) for k in fields} == fields, frame
                 return frame
-            assert frame["type"] in ("ack", "violation"), f"expected {type_}, got {frame}"
+            assert frame["type"] in ("ack", "violation", "credit"), f"expected {type_}, got {frame}"
 
     async def acked(self, upto: int) -> None:
         """Wait until all up to a number is acked; other frames are passed over."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from tests.server.client import attached, judged, make_clock, make_event, make_events, monitors
-from tests.server.harness import Server
+from oracle_adapter import Link
+
+from tests.server.client import BASE, attached, judged, make_clock, make_event, make_events, monitors
+from tests.server.harness import PATIENCE, Server
 
 
 async def test_a_full_order_judges_its_oldest_and_says_so(server: Server, session: str) -> None:
@@ -16,6 +18,41 @@ async def test_a_full_order_judges_its_oldest_and_says_so(server: Server, sessio
         await server.holds(session, 5)
     assert judged(server, session)[:45] == [("ahead", "/a", i) for i in range(1, 46)]
     assert all(r["degraded"] for r in server.records(session))
+
+
+async def test_a_monitor_ahead_gets_credit_once_the_order_has_gone_on(server: Server, session: str) -> None:
+    async with (
+        attached(server, "behind", session=session, spec="tiny", streams=["/b"]) as behind,
+        attached(server, "ahead", session=session, streams=["/a"]) as ahead,
+    ):
+        assert ahead.attached["limits"]["credit"] == 1
+        for i in (1, 2):
+            await ahead.send(make_event(i, "/a", at=i, data={"v": 1}))
+            await ahead.expect("credit", events=1)
+        await ahead.send(make_event(3, "/a", at=3, data={"v": 1}))
+        await server.holds(session, 3)
+        assert {name: m["credit"] for name, m in monitors(server, session).items()} == {"behind": 1, "ahead": 0}
+        await behind.send(make_clock("/b", at=1))
+        await ahead.expect("credit", events=1)
+
+
+async def test_an_adapter_with_a_backlog_overfills_no_order(server: Server, session: str) -> None:
+    """Two links have a thousand events each at hand from the start, for an order of two hundred."""
+    with (
+        Link(server.url, "one", spec="narrow", session=session, streams=["/a"]) as one,
+        Link(server.url, "two", spec="narrow", session=session, streams=["/b"]) as two,
+        Link(server.url, "three", spec="narrow", session=session, streams=["/c"]) as three,
+    ):
+        for link in (one, two, three):
+            link.wait_attached(PATIENCE)
+        for i in range(1, 1001):
+            for link, stream in ((one, "/a"), (two, "/b")):
+                link.send(stream, "topic", BASE + i, {"v": 1})
+        for link, stream in ((one, "/a"), (two, "/b"), (three, "/c")):
+            link.clock([(stream, "topic", BASE + 10**6)])
+        await server.until(lambda: (one.stats().acked, two.stats().acked), lambda acked: acked == (1000, 1000))
+        assert (one.stats().lost, two.stats().lost) == (0, 0)
+    assert not any(r["degraded"] or r["late"] for r in server.records(session))
 
 
 async def test_one_monitor_alone_is_never_held_up(server: Server, session: str) -> None:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Callable, Dict, Literal, Optional, Union
 
 from oracle_adapter.decision import Answer
 from oracle_adapter.errors import LinkError
-from oracle_adapter.protocol import Answered, Attached, Protocol, Violation
+from oracle_adapter.protocol import Answered, Attached, Protocol, Room, Violation
 
 if TYPE_CHECKING:
     import asyncio
@@ -230,6 +230,9 @@ class Exchange:
                     self._wake()
                     self._changed.notify_all()
                 _call(self._on_state, "attached", notice.session)
+            elif isinstance(notice, Room):
+                with self._lock:
+                    self._wake()
             elif isinstance(notice, Violation):
                 _call(self._on_violation, notice.record)
             elif not notice.fatal:  # a fatal one is reported when all is over

@@ -31,7 +31,8 @@ class Link:
     """A monitor's link to the oracle, kept up by a thread of its own from `start` to `close`.
 
     `session`: without one the server makes one. `streams`: names of those that will be observed,
-    default all. `capacity`: events held until the server has committed them.
+    default all. `capacity`: events held until the server has committed them; more than its order
+    holds, or events are lost here before the server makes room.
 
     `on_violation(record)`, `on_state(state, detail)` and `on_error(error)` are called in the link's
     thread, as the futures' callbacks are: they must be quick, and must neither wait for an answer
@@ -49,7 +50,7 @@ class Link:
         clock: Literal["wall", "sim"] = "wall",
         token: Optional[str] = None,
         tls: Optional[SSLContext] = None,
-        capacity: int = 10_000,
+        capacity: int = 20_000,
         timing: Optional[Timing] = None,
         on_violation: Optional[Callable[[Mapping[str, Any]], None]] = None,
         on_state: Optional[Callable[[State, str], None]] = None,

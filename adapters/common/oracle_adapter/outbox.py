@@ -21,6 +21,8 @@ BATCH = 1 << 17
 """Bytes of a batch of events: larger ones save nothing, and keep pings waiting on a slow line."""
 HEAD = 128
 """More bytes than stand in an event before its body."""
+FULL = 3 / 4
+"""How full the queue may get before events go without credit: losing them is worse."""
 
 
 class Queued:
@@ -54,6 +56,9 @@ class Outbox:
         self.asked: Dict[int, Queued] = {}
         """Asks that wait for an answer, by the number they were sent with."""
         self.marks = Marks(capacity)
+        self.credit: Optional[int] = None
+        """How many events the server has room for, None where it does not say."""
+        self._urgent = 0  # the newest ask: it waits for no credit, nor does what stands before it
         self._capacity, self._stats = capacity, stats
         self._max_frame, self._max_batch = MAX_FRAME, capacity
         self._unsent: Deque[Queued] = deque()
@@ -88,6 +93,8 @@ class Outbox:
         self._count += 1
         event = Queued(self._count, stamp, body, lost=lost, waiting=ask)
         self._unsent.append(event)
+        if ask:
+            self._urgent = event.number
         return event
 
     def clock(self, stamps: Iterable[ClockStamp]) -> None:
@@ -125,10 +132,14 @@ class Outbox:
         """The next frame to write, or None where nothing is due."""
         front = self._unsent[0].number if self._unsent else None
         mark = self.marks.next_frame(front, highest=(self._next or 1) - 1)
-        if mark is not None or front is None:
+        if mark is not None or front is None or not self._may_go(front):
             return mark
         batch = self._take_batch()
         return batch[0] if len(batch) == 1 else f'{{"type":"events","events":[{",".join(batch)}]}}'
+
+    def _may_go(self, number: int) -> bool:
+        enough = self.credit is None or self.credit > 0 or number <= self._urgent
+        return enough or len(self) > FULL * self._capacity
 
     def _take_batch(self) -> List[str]:
         batch: List[str] = []
@@ -139,7 +150,11 @@ class Outbox:
             room -= event.size
             if batch and (room < 0 or (barrier is not None and event.number > barrier)):
                 break
+            if not self._may_go(event.number):
+                break
             self._unsent.popleft()
+            if self.credit is not None:
+                self.credit -= 1
             self._number(event)
             self._sent.append(event)
             batch.append(event.text())

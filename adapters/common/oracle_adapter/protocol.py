@@ -59,7 +59,12 @@ class Violation:
     record: Mapping[str, Any]
 
 
-Notice = Union[Attached, Answered, Violation, LinkError]
+@dataclass(frozen=True)
+class Room:
+    """There may be events to write again."""
+
+
+Notice = Union[Attached, Answered, Violation, Room, LinkError]
 
 
 class Protocol:
@@ -113,8 +118,9 @@ class Protocol:
             self._outbox.clock(stamps)
 
     def detach(self) -> None:
-        """Take nothing more, and detach when all is written."""
+        """Take nothing more, and detach when all is written, with credit for it or without."""
         self._detaching = True
+        self._outbox.credit = None
 
     # From the connection
 
@@ -130,6 +136,7 @@ class Protocol:
             "ack": self._on_ack,
             "decision": self._on_decision,
             "violation": self._on_violation,
+            "credit": self._on_credit,
             "error": self._on_error,
             "detached": self._on_detached,
         }
@@ -214,6 +221,7 @@ class Protocol:
         for event in self._outbox.resume(int(frame["next"]), max_frame, limits.get("max_batch")):
             if event.waiting:
                 self._unavailable(event, "the event was lost in a reconnect")
+        self._outbox.credit = None if self._detaching else limits.get("credit")
         self.attached = attached
         # To resume this session, or have it made anew from its spec where the server has lost it.
         spec = self._hello.spec or attached.spec
@@ -243,6 +251,11 @@ class Protocol:
     def _on_violation(self, frame: Mapping[str, Any]) -> None:
         record = {key: value for key, value in frame.items() if key != "type"}
         self._notices.append(Violation(record))
+
+    def _on_credit(self, frame: Mapping[str, Any]) -> None:
+        if self._outbox.credit is not None:
+            self._outbox.credit += int(frame["events"])
+        self._notices.append(Room())
 
     def _on_error(self, frame: Mapping[str, Any]) -> None:
         code, seq = str(frame["code"]), frame.get("seq")

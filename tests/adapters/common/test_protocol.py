@@ -115,6 +115,62 @@ class TestAttaching:
         ]  # fmt: skip
 
 
+class TestCredit:
+    def test_without_it_events_wait_and_clocks_before_them_go(self, side: Side) -> None:
+        side.attach(limits={"credit": 1})
+        side.send("a")
+        side.protocol.clock([("/a", "topic", 5)])
+        side.send("b", "c")
+        side.protocol.clock([("/a", "topic", 6)])
+        assert [frame["type"] for frame in side.frames()] == ["event", "clock"]
+        side.receive("credit", events=1)
+        assert side.numbers() == [2]
+        side.receive("credit", events=10)
+        assert [frame["type"] for frame in side.frames()] == ["event", "clock"]
+
+    def test_an_ask_goes_with_all_that_stands_before_it(self, side: Side) -> None:
+        side.attach(limits={"credit": 0})
+        side.send("a")
+        side.queued("b")
+        side.send("c")
+        assert side.numbers() == [1, 2]
+        side.receive("credit", events=2)
+        assert side.numbers() == []
+        side.receive("credit", events=1)
+        assert side.numbers() == [3]
+
+    def test_it_is_not_asked_for_where_events_would_be_lost(self) -> None:
+        side = Side(capacity=8)
+        side.attach(limits={"credit": 0})
+        side.send(*range(6))
+        assert side.numbers() == []
+        side.send(6)
+        assert side.numbers() == [1, 2, 3, 4, 5, 6, 7]
+
+    def test_it_begins_anew_with_each_connection(self, side: Side) -> None:
+        side.attach(limits={"credit": 1})
+        side.send("a", "b")
+        assert side.numbers() == [1]
+        side.reconnect(1, limits={"credit": 1})
+        assert side.numbers() == [1]
+        side.receive("credit", events=1)
+        assert side.numbers() == [2]
+
+    def test_a_server_that_says_nothing_of_it_has_room(self, side: Side) -> None:
+        side.attach()
+        side.receive("credit", events=1)
+        side.send("a", "b", "c")
+        assert side.numbers() == [1, 2, 3]
+
+    def test_detaching_waits_for_none(self, side: Side) -> None:
+        side.attach(limits={"credit": 0})
+        side.send("a")
+        side.protocol.detach()
+        assert [frame["type"] for frame in side.frames()] == ["event", "detach"]
+        side.reconnect(1, limits={"credit": 0})
+        assert [frame["type"] for frame in side.frames()] == ["event", "detach"]
+
+
 class TestFrames:
     def test_one_event_is_a_frame(self, side: Side) -> None:
         side.attach()

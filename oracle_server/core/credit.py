@@ -1,0 +1,64 @@
+"""Back-pressure: how many events each monitor may send before the order has got on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from oracle_server.core.reorder import ReorderBuffer
+
+_FEW = 8
+"""As many monitors share the pool to begin with, whoever comes first."""
+
+
+class Credit:
+    """Gives each monitor a share of a quarter of the order's capacity, and fills it up again as it is used.
+
+    Above half of the capacity a monitor that is ahead of the order gets no more. One of whose streams the order waits
+    for always does, since what it sends next may end the wait. So monitors that heed it keep the order below its
+    capacity, and never all wait for each other; to those that do not, `capacity` happens.
+    """
+
+    def __init__(self, capacity: int) -> None:
+        """Share out what an order of `capacity` events has room for."""
+        self._high, self._pool = capacity // 2, capacity // 4
+        self.left: dict[str, int] = {}
+        """How many more events each monitor may send; below zero where it sent more."""
+        self._wanting: set[str] = set()
+
+    @property
+    def share(self) -> int:
+        """What one monitor may send at a time."""
+        return max(1, self._pool // max(1, len(self.left)))
+
+    def open(self, monitor: str) -> int:
+        """Start anew with a monitor: how many events it may send to begin with."""
+        self.left[monitor] = first = max(1, self._pool // _FEW)
+        self._wanting.discard(monitor)
+        return first
+
+    def close(self, monitor: str) -> None:
+        """Share with a monitor no more."""
+        self.left.pop(monitor, None)
+        self._wanting.discard(monitor)
+
+    def spend(self, monitor: str) -> None:
+        """A monitor has sent an event."""
+        left = self.left.get(monitor)
+        if left is not None:
+            self.left[monitor] = left - 1
+            if left <= self.share // 2 + 1:
+                self._wanting.add(monitor)
+
+    def grant(self, buffer: ReorderBuffer[Any]) -> list[tuple[str, int]]:
+        """How many events more each monitor may send now; those that get none are left out."""
+        if not self._wanting:
+            return []
+        barred = buffer.ahead if len(buffer) > self._high else frozenset()
+        able = sorted(self._wanting - barred)
+        self._wanting -= set(able)
+        return [(monitor, self._fill(monitor)) for monitor in able]
+
+    def _fill(self, monitor: str) -> int:
+        more = max(1, self.share - self.left[monitor])
+        self.left[monitor] += more
+        return more
