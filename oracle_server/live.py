@@ -12,11 +12,12 @@ import structlog
 from oracle_server.clock import Clock
 from oracle_server.core.credit import Credit
 from oracle_server.core.events import Event, StreamKey
-from oracle_server.core.session import ClockReading, Session
+from oracle_server.core.session import Session
+from oracle_server.core.simulated import ClockReading, SimulatedTime
 from oracle_server.core.spec import Spec
 from oracle_server.core.verdicts import Judged, record
 from oracle_server.numbering import Numbering
-from oracle_server.protocol import Attach, ClockMessage, EventMessage, OutcomeMessage, WireError, encode
+from oracle_server.protocol import Attach, ClockMessage, EventMessage, OutcomeMessage, TimeBase, WireError, encode
 from oracle_server.restore import Restored
 from oracle_server.schema import step_row
 from oracle_server.store import Store
@@ -54,6 +55,7 @@ class Monitor:
     outbox: Outbox | None = None
     streams: tuple[StreamKey, ...] = ()
     attached: bool = False
+    clock: TimeBase = "wall"
     detaching: bool = False
     lost: int = 0
     """Events that never came or could not be read, to be told with the next one that does."""
@@ -80,9 +82,9 @@ class LiveSession:
 
     def __init__(
         self, identity: Identity, core: Session, store: Store, clock: Clock, resume_within: float,
-        on_empty: Callable[[LiveSession], None],
+        on_over: Callable[[LiveSession], None],
     ) -> None:  # fmt: skip
-        """Run a session; `on_empty` is called when the last monitor of a private one is gone."""
+        """Run a session; `on_over` is called when it is to be closed: its last monitor gone, or its time gone back."""
         self.id, self.number, self.private, self.opened = identity
         self.core, self.spec = core, core.plan.spec
         self.monitors: dict[str, Monitor] = {}
@@ -90,7 +92,9 @@ class LiveSession:
         self.position = 0
         self.refused = 0
         self.closing = False
-        self._store, self._clock, self._resume_within, self._on_empty = store, clock, resume_within, on_empty
+        self.clock_went_back = False
+        """Whether its simulation began anew, so that it takes nothing more."""
+        self._store, self._clock, self._resume_within, self._on_over = store, clock, resume_within, on_over
         self._gaps: dict[tuple[str, int], int] = {}
         self._unwritten: list[Judged] = []
         self._timer: asyncio.TimerHandle | None = None
@@ -99,6 +103,7 @@ class LiveSession:
     def attach(self, wanted: Attach, outbox: Outbox) -> Monitor:
         """Attach a monitor. Raises a fatal `WireError` where that can't be."""
         streams = claimed(self.spec, wanted.streams)
+        self._set_time(wanted)
         monitor = self.monitors.get(wanted.monitor)
         if monitor is None:
             monitor = self.monitors[wanted.monitor] = Monitor(wanted.monitor, wanted.instance, Numbering())
@@ -114,6 +119,7 @@ class LiveSession:
         else:
             monitor.numbering.restart()
         monitor.instance, monitor.outbox, monitor.streams, monitor.detaching = wanted.instance, outbox, streams, False
+        monitor.clock = wanted.clock
         self._set_attached(monitor, attached=True)
         self.credit.open(monitor.name)
         self._deliver(self.core.attach(monitor.name, streams, self._enter()))
@@ -121,7 +127,7 @@ class LiveSession:
 
     def ingest(self, monitor: Monitor, message: EventMessage) -> None:
         """Take an event: judged once, and answered again where it is sent again. Raises `WireError`."""
-        if self.closing:
+        if self._takes_no_more:
             return
         self.credit.spend(monitor.name)
         gap = monitor.numbering.take(message.seq)
@@ -145,17 +151,22 @@ class LiveSession:
     def refuse(self, monitor: Monitor, error: WireError) -> None:
         """Use up the number of an event that could not be read."""
         self.credit.spend(monitor.name)
-        if error.seq is not None and not self.closing:
+        if error.seq is not None and not self._takes_no_more:
             gap = monitor.numbering.take(error.seq)
             if gap is not None:
                 self._refuse(monitor, error.seq, gap, error.code, error.message)
 
     def clock(self, monitor: Monitor, message: ClockMessage) -> None:
         """Learn how far a monitor's streams have come."""
-        if self.closing:
+        if self._takes_no_more:
             return
         readings = [ClockReading(StreamKey(s.stream, s.kind), s.stamp) for s in message.stamps]
         claimed = [r for r in readings if r.stream in monitor.streams]
+        if self.core.simulated is not None and self.core.simulated.goes_back(monitor.name, claimed):
+            log.info("simulated time went back", session=self.id, monitor=monitor.name)
+            self.clock_went_back = True
+            self._on_over(self)
+            return
         self._deliver(self.core.clock(monitor.name, claimed, self._enter()))
         if len(claimed) < len(readings):
             raise WireError("unknown_stream", "the clock names a stream that was not claimed at attach")
@@ -200,10 +211,12 @@ class LiveSession:
         """Go on where a session stood: give its monitors their time to come back, and put back what was held."""
         self.position, self.refused = restored.position, restored.refused
         loop = asyncio.get_running_loop()
+        if any(known.clock == "sim" for known in restored.monitors.values()):
+            self.core.simulated = SimulatedTime(self.spec.by_key)
         for name, known in restored.monitors.items():
             monitor = self.monitors[name] = Monitor(name, known.instance, known.numbering, lost=known.lost)
             if known.attached:
-                monitor.attached, monitor.streams = True, known.streams
+                monitor.attached, monitor.streams, monitor.clock = True, known.streams, known.clock
                 monitor.expiry = loop.call_later(self._resume_within, self._expire, monitor)
                 self._deliver(self.core.attach(name, monitor.streams, self._enter()))
         if self.private and not any(m.attached for m in self.monitors.values()):
@@ -215,6 +228,23 @@ class LiveSession:
             self._gaps[(monitor.name, step.event.seq)] = gap
             self._deliver(self.core.hold(step))
 
+    @property
+    def _takes_no_more(self) -> bool:
+        return self.closing or self.clock_went_back
+
+    def _set_time(self, wanted: Attach) -> None:
+        """The first monitor says in which time a session runs. Raises a fatal `WireError` for one of another time."""
+        if not self.monitors and wanted.clock == "sim":
+            self.core.simulated = SimulatedTime(self.spec.by_key)
+        runs: TimeBase = "wall" if self.core.simulated is None else "sim"
+        if runs != wanted.clock:
+            kinds = {"wall": "wall time", "sim": "simulated time"}
+            message = (
+                f"session '{self.id}' runs in {kinds[runs]}, and '{wanted.monitor}' in {kinds[wanted.clock]}: "
+                f'attach it with `"clock": "{runs}"` (on ROS `use_sim_time`), or to another session'
+            )
+            raise WireError("clock_mismatch", message, fatal=True)
+
     def _enter(self) -> int:
         """The present time, in nanoseconds; while the history can't be written, the core judges nothing."""
         self.core.suspended = self._store.failure is not None
@@ -223,8 +253,8 @@ class LiveSession:
     def _set_attached(self, monitor: Monitor, *, attached: bool) -> None:
         monitor.attached = attached
         streams = encode([list(key) for key in monitor.streams])
-        values = (self.number, monitor.name, monitor.instance, streams, attached)
-        self._store.execute("INSERT OR REPLACE INTO monitors VALUES (?, ?, ?, ?, ?)", values)
+        values = (self.number, monitor.name, monitor.instance, streams, attached, monitor.clock)
+        self._store.execute("INSERT OR REPLACE INTO monitors VALUES (?, ?, ?, ?, ?, ?)", values)
 
     def _expire(self, monitor: Monitor) -> None:
         monitor.expiry = None
@@ -240,7 +270,7 @@ class LiveSession:
 
     def _leave_empty(self) -> None:
         if self.private and not self.closing and not any(m.attached for m in self.monitors.values()):
-            self._on_empty(self)
+            self._on_over(self)
 
     def _refuse(self, monitor: Monitor, seq: int, gap: int, code: str, message: str) -> WireError:
         self.refused += 1

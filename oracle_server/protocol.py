@@ -21,6 +21,7 @@ MAX_BATCH = 10_000
 Identifier = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,64}$")]
 MonitorName = Annotated[str, Field(pattern=r"^[~/A-Za-z0-9_][A-Za-z0-9_/.-]*$", max_length=255)]
 Stamp = Annotated[int, Field(ge=0, lt=2**63)]
+TimeBase = Literal["wall", "sim"]
 Seq = Annotated[int, Field(ge=1, lt=2**53)]
 Count = Annotated[int, Field(ge=0, lt=2**53)]
 
@@ -38,7 +39,7 @@ class Attach(_Message):
     session: Identifier | None = None
     spec: Identifier | None = None
     streams: list[str] | None = None
-    clock: Literal["wall", "sim"] = "wall"
+    clock: TimeBase = "wall"
 
 
 class EventMessage(_Message):
@@ -100,14 +101,17 @@ Incoming = Annotated[Message, Field(discriminator="type")]
 class WireError(Exception):
     """Something that is answered by an `error` frame; a fatal one closes the connection."""
 
-    def __init__(self, code: str, message: str, *, seq: int | None = None, fatal: bool = False) -> None:
+    def __init__(
+        self, code: str, message: str, *, seq: int | None = None, fatal: bool = False, session: str | None = None
+    ) -> None:
         super().__init__(message)
-        self.code, self.message, self.seq, self.fatal = code, message, seq, fatal
+        self.code, self.message, self.seq, self.fatal, self.session = code, message, seq, fatal, session
 
     def frame(self) -> dict[str, Any]:
         """The frame that says so."""
         frame: dict[str, Any] = {"type": "error", "code": self.code, "message": self.message, "fatal": self.fatal}
-        return frame if self.seq is None else frame | {"seq": self.seq}
+        more = {"seq": self.seq, "session": self.session}
+        return frame | {key: value for key, value in more.items() if value is not None}
 
 
 _incoming: TypeAdapter[Message] = TypeAdapter(Incoming)

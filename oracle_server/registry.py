@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import itertools
 import secrets
 import time
 from typing import Any, NamedTuple
@@ -28,6 +29,8 @@ from oracle_server.store import Store
 _OPENED = "number, id, spec, text, digest, properties, private, opened"
 
 _GOODBYE_WITHIN = 2.0
+_ANEW = ".run"
+"""Stands between a session's name and a number where its simulation has begun anew: `s1`, `s1.run2`, `s1.run3`."""
 
 log = structlog.get_logger()
 
@@ -108,14 +111,20 @@ class Registry:
             return
         session.close()
         now = self._clock.now()
-        state = session_state(session, now) | {"status": "closed", "closed": now}
+        successor = self._successor(session) if session.clock_went_back else None
+        state = session_state(session, now) | {"status": "closed", "closed": now, "continued_by": successor}
+        state["clock_went_back"] = session.clock_went_back
         sql = "UPDATE sessions SET closed = ?, state = ? WHERE number = ?"
         self._store.execute(sql, (now, msgspec.json.encode(state).decode(), session.number))
         await self._store.flush()
         self.open.pop(session.id, None)
+        if session.clock_went_back:
+            reason = _ended(session.id, successor)
+        else:
+            reason = WireError("session_closed", f"session '{session.id}' was closed", fatal=True)
         for monitor in session.monitors.values():
             if monitor.outbox and not monitor.detaching:
-                monitor.outbox.drop(WireError("session_closed", f"session '{session.id}' was closed", fatal=True))
+                monitor.outbox.drop(reason)
 
     async def shut_down(self) -> None:
         """Judge what all sessions hold, commit it, and tell the monitors; the sessions stay open in the history."""
@@ -134,6 +143,9 @@ class Registry:
         if live is not None and not live.closing:
             return live
         if wanted.session and self.known(wanted.session) is not None:
+            state = self.state(wanted.session) or {}
+            if state.get("clock_went_back"):
+                raise _ended(wanted.session, state["continued_by"])
             raise WireError("session_closed", f"session '{wanted.session}' is closed; it can only be read", fatal=True)
         if wanted.spec is None:
             raise WireError("unknown_spec", "name a spec: there is no session to join", fatal=True)
@@ -169,14 +181,28 @@ class Registry:
         log.info("session restored", session=session_id, steps=restored.position)
 
     def _live(self, identity: Identity, core: Session) -> LiveSession:
-        live = LiveSession(identity, core, self._store, self._clock, self._resume_within, self._on_empty)
+        live = LiveSession(identity, core, self._store, self._clock, self._resume_within, self._on_over)
         self.open[live.id] = live
         return live
 
-    def _on_empty(self, session: LiveSession) -> None:
+    def _successor(self, session: LiveSession) -> str | None:
+        """The name under which a session goes on once its simulation has begun anew; a private one has none."""
+        if session.private:
+            return None
+        stem, mark, number = session.id.rpartition(_ANEW)
+        stem, first = (stem, int(number) + 1) if mark and number.isdecimal() else (session.id, 2)
+        names = (f"{stem[: 60 - len(str(n))]}{_ANEW}{n}" for n in itertools.count(first))
+        return next(name for name in names if self.known(name) is None)
+
+    def _on_over(self, session: LiveSession) -> None:
         task = asyncio.get_running_loop().create_task(self.close(session))
         self._closing.add(task)
         task.add_done_callback(self._closing.discard)
+
+
+def _ended(session: str, successor: str | None) -> WireError:
+    message = f"the simulated time of session '{session}' went back; attach to {successor or 'a new one'}"
+    return WireError("session_ended", message, fatal=True, session=successor)
 
 
 def _decode(state: str) -> dict[str, Any]:

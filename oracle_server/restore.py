@@ -12,6 +12,7 @@ from oracle_server.core.plan import Plan
 from oracle_server.core.session import Session, orders
 from oracle_server.engines.choice import make_engines
 from oracle_server.numbering import Numbering
+from oracle_server.protocol import TimeBase
 from oracle_server.schema import LETTERS, STEP_COLUMNS, Row, step_of
 from oracle_server.store import Store
 
@@ -27,6 +28,7 @@ class Known:
     instance: str
     streams: tuple[StreamKey, ...]
     attached: bool
+    clock: TimeBase
     numbering: Numbering
     lost: int
 
@@ -80,13 +82,13 @@ def restore(store: Store, number: int, plan: Plan) -> Restored:
     refused = store.read("SELECT monitor, seq, gap, code FROM refused WHERE session = ?", (number,))
     for monitor, seq, gap, code in refused:
         used.setdefault(monitor, []).append(_Used(seq, gap, gap + (code == "bad_event")))
-    rows = store.read("SELECT name, instance, streams, attached FROM monitors WHERE session = ?", (number,))
+    rows = store.read("SELECT name, instance, streams, attached, clock FROM monitors WHERE session = ?", (number,))
     monitors = {name: _known(tuple(known), used.get(name, [])) for name, *known in rows}
     return Restored(core, position, len(refused), monitors, [(step, 0) for step in waiting.values()])
 
 
 def _known(row: Row, used: list[_Used]) -> Known:
-    instance, streams, attached = row
+    instance, streams, attached, clock = row
     used.sort(key=lambda u: u.seq)
     lost = before = 0
     for item in used:
@@ -96,4 +98,4 @@ def _known(row: Row, used: list[_Used]) -> Known:
             lost = 0  # told with this event, which came next
         before = item.seq
     claimed = tuple(StreamKey(*key) for key in msgspec.json.decode(streams))
-    return Known(instance, claimed, bool(attached), Numbering([(u.seq, u.gap) for u in used]), lost)
+    return Known(instance, claimed, bool(attached), clock, Numbering([(u.seq, u.gap) for u in used]), lost)

@@ -9,7 +9,7 @@ import msgspec
 from oracle_server.core.events import Event, Order, Step, StreamKey
 from oracle_server.core.verdicts import Judged, Outcome, explain
 
-VERSION = 1
+VERSION = 2
 
 DDL = """
 CREATE TABLE IF NOT EXISTS sessions (
@@ -63,6 +63,7 @@ CREATE TABLE IF NOT EXISTS monitors (
     instance TEXT NOT NULL,
     streams TEXT NOT NULL,       -- JSON: [name, kind] of those that it claimed
     attached INTEGER NOT NULL,
+    clock TEXT NOT NULL,         -- wall or sim
     PRIMARY KEY (session, name)
 ) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS refused (

@@ -24,6 +24,7 @@ def session_state(session: LiveSession, now: int) -> dict[str, Any]:
         "spec": session.spec.id,
         "spec_digest": session.spec.digest,
         "status": "open",
+        "clock": "wall" if core.simulated is None else "sim",
         "opened": session.opened,
         "closed": None,
         "monitors": [

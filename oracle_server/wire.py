@@ -98,13 +98,17 @@ class ViolationFrame(_Frame):
 
 
 class ErrorFrame(_Frame):
-    """Something was refused; after a fatal error the server closes."""
+    """Something was refused; after a fatal error the server closes.
+
+    `session` comes with `session_ended`: the one to attach to instead, missing where it is a new one without a name.
+    """
 
     type: Literal["error"]
     code: str
     message: str
     fatal: bool
     seq: int | None = None
+    session: str | None = None
 
 
 class CreditFrame(_Frame):

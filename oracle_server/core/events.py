@@ -29,7 +29,8 @@ class Event(msgspec.Struct, frozen=True, gc=False):
 
     `stamp` is the publication time, None where there is none; `seq` the monitor's own number; `call` ties a
     request to its response; `source` names the publisher; `lost` counts the messages missed just before it;
-    `ask` says that the monitor waits for a decision.
+    `ask` says that the monitor waits for a decision. `arrived` is in the session's own time; `received` is the
+    server's where that is another, as in a simulation.
     """
 
     stream: StreamKey
@@ -42,6 +43,7 @@ class Event(msgspec.Struct, frozen=True, gc=False):
     call: int | None = None
     lost: int = 0
     ask: bool = False
+    received: int | None = None
 
 
 class Step(msgspec.Struct, frozen=True, gc=False):

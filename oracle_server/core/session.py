@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import msgspec
 
@@ -13,17 +12,10 @@ from oracle_server.core.events import Event, Order, Step, StreamKey
 from oracle_server.core.judge import Judge
 from oracle_server.core.plan import Plan
 from oracle_server.core.reorder import Released, ReorderBuffer
+from oracle_server.core.simulated import ClockReading, SimulatedTime
 from oracle_server.core.spec import Spec
 from oracle_server.core.stamps import stamp_in
 from oracle_server.core.verdicts import Judged
-
-
-@dataclass(frozen=True, slots=True)
-class ClockReading:
-    """A monitor's word that nothing older than `stamp` (ns) will come from one of its streams."""
-
-    stream: StreamKey
-    stamp: int
 
 
 class Session:
@@ -44,6 +36,8 @@ class Session:
         }
         self.buffer: ReorderBuffer[Step] = ReorderBuffer(ordering.max_delay, ordering.capacity)
         self.now = 0
+        self.simulated: SimulatedTime | None = None
+        """The time of the simulation that the session runs in; None where its time is the server's."""
         self.suspended = False
         """Whether events are skipped, since their verdicts could not be kept."""
 
@@ -74,6 +68,9 @@ class Session:
     def clock(self, monitor: str, readings: Iterable[ClockReading], now: int) -> list[Judged]:
         """Learn how far a monitor's streams have come."""
         judged = self.advance(now)
+        readings = tuple(readings)
+        if self.simulated is not None:
+            self.simulated.tell(monitor, readings)
         for reading in readings:
             judged += self._judge(self.buffer.clock((monitor, reading.stream), reading.stamp))
         return judged
@@ -117,7 +114,10 @@ class Session:
     def _step(self, event: Event) -> Step:
         stream = self.plan.streams[event.stream]
         signals, failed = stream.project(event.data)
-        stamp = event.stamp or stamp_in(event.data, stream.spec.stamp) or event.arrived
+        stamp = event.stamp or stamp_in(event.data, stream.spec.stamp)
+        if self.simulated is not None:
+            event = msgspec.structs.replace(event, arrived=self.simulated.arrival(stamp), received=event.arrived)
+        stamp = stamp or event.arrived
         skewed = stamp - event.arrived > self.plan.spec.ordering.max_skew
         return Step(event, signals, failed, stamp, skewed)
 

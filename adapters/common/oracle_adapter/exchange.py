@@ -112,6 +112,12 @@ class Exchange:
             self._protocol.clock(stamps() if callable(stamps) else stamps)
             self._wake()
 
+    def renew(self, stamps: Callable[[], Iterable[ClockStamp]]) -> None:
+        """End the session by clocks that go back."""
+        with self._lock:
+            self._protocol.renew(stamps())
+            self._wake()
+
     def stats(self) -> Stats:
         """The counters, as they are now."""
         with self._lock:

@@ -128,6 +128,14 @@ class Link:
         """
         self._exchange.clock(stamps)
 
+    def renew(self, stamps: Callable[[], Iterable[ClockStamp]]) -> None:
+        """Simulated time went back: end the session, and go on in the next one.
+
+        What was queued so far belongs to the session that ends, what is queued from now on to the
+        next. `stamps` is as for `clock`, and tells the new time; the server ends the session by it.
+        """
+        self._exchange.renew(stamps)
+
     def stats(self) -> Stats:
         """The counters, as they are now."""
         return self._exchange.stats()

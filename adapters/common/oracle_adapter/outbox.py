@@ -67,6 +67,8 @@ class Outbox:
         self._missed = 0  # events lost since the last one queued
         self._acked = 0
         self._next: Optional[int] = None  # number of the next new event, once the server has said
+        self._last_here: Optional[int] = None  # the last event of this session, once its end is near
+        self._farewell: List[ClockStamp] = []  # the clocks that end it
 
     def __len__(self) -> int:
         return len(self._unsent) + len(self._sent)
@@ -99,7 +101,32 @@ class Outbox:
 
     def clock(self, stamps: Iterable[ClockStamp]) -> None:
         """Queue clocks behind every event queued so far."""
-        self.marks.clock(stamps, after=self._count)
+        if self._last_here is None:
+            self.marks.clock(stamps, after=self._count)
+
+    def renew(self, stamps: Iterable[ClockStamp]) -> None:
+        """Let the session end behind every event queued so far, by clocks that go back.
+
+        What is queued from now on waits for the next session.
+        """
+        if self._last_here is None:
+            self._farewell = list(stamps)
+            self.clock(self._farewell)
+            self._last_here = self._count
+
+    def start_over(self) -> List[Queued]:
+        """Go on in another session; returns the events that the last one has not taken."""
+        events = [*self._sent, *self._unsent]
+        last = self._count if self._last_here is None else self._last_here
+        gone = [event for event in events if event.number <= last]
+        self._stats.lost += sum(event.seq is None or event.seq > self._acked for event in gone)
+        self._sent.clear()
+        self._unsent = deque(event for event in events if event.number > last)
+        self.asked.clear()
+        self.marks = Marks(self._capacity)
+        self._missed = self._acked = 0
+        self._next = self._last_here = None
+        return gone
 
     def ack(self, upto: int) -> None:
         """Let go of every event up to there."""
@@ -123,6 +150,8 @@ class Outbox:
             return self._renumber(upcoming)
         # Where the server has forgotten events that it acked, the gap in the numbers tells it so.
         self._stats.lost += max(0, self._oldest(self._next) - upcoming)
+        if self._last_here is not None:
+            self.marks.clock(self._farewell, after=self._last_here)
         asks = [event.seq for event in self._sent if event.waiting and event.seq is not None]
         self._rewind(min([upcoming, *asks]))
         self.marks.rewind()
@@ -131,6 +160,8 @@ class Outbox:
     def next_frame(self) -> Optional[str]:
         """The next frame to write, or None where nothing is due."""
         front = self._unsent[0].number if self._unsent else None
+        if front is not None and self._last_here is not None and front > self._last_here:
+            front = None
         mark = self.marks.next_frame(front, highest=(self._next or 1) - 1)
         if mark is not None or front is None or not self._may_go(front):
             return mark
@@ -138,6 +169,8 @@ class Outbox:
         return batch[0] if len(batch) == 1 else f'{{"type":"events","events":[{",".join(batch)}]}}'
 
     def _may_go(self, number: int) -> bool:
+        if self._last_here is not None and number > self._last_here:
+            return False
         enough = self.credit is None or self.credit > 0 or number <= self._urgent
         return enough or len(self) > FULL * self._capacity
 

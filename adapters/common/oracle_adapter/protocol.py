@@ -80,7 +80,7 @@ class Protocol:
         self._outbox = Outbox(capacity, self._stats)
         self._open: Set[Queued] = set()  # asks without an answer
         self._notices: List[Notice] = []
-        self._met = self._detaching = self._detach_sent = False
+        self._met = self._detaching = self._detach_sent = self._over = False
 
     # From the adapter
 
@@ -117,6 +117,11 @@ class Protocol:
         if not self._closed_reason:
             self._outbox.clock(stamps)
 
+    def renew(self, stamps: Any) -> None:
+        """End the session by clocks that go back, and go on in the next one."""
+        if not self._closed_reason:
+            self._outbox.renew(stamps)
+
     def detach(self) -> None:
         """Take nothing more, and detach when all is written, with credit for it or without."""
         self._detaching = True
@@ -152,7 +157,7 @@ class Protocol:
     def disconnected(self) -> None:
         """The connection is gone."""
         self.attached = None
-        self._detach_sent = False
+        self._detach_sent = self._over = False
 
     def end(self, error: LinkError) -> None:
         """No connection will come any more: answer the asks and count what stays unsent."""
@@ -167,7 +172,7 @@ class Protocol:
 
     def next_frame(self) -> Optional[str]:
         """The next frame to write, or None for now."""
-        if self.attached is None or self._detach_sent:
+        if self.attached is None or self._detach_sent or self._over:
             return None
         frame = self._outbox.next_frame()
         if frame is None and self._detaching:
@@ -262,11 +267,21 @@ class Protocol:
         fatal = code in ENDING and bool(frame.get("fatal", True))
         error = LinkError(code, str(frame.get("message", "")), seq=seq, fatal=fatal)
         self._notices.append(error)
+        if code == "session_ended":
+            self._start_over(frame.get("session"), str(error))
         if seq is not None:
             self._stats.refused += 1
             event = self._outbox.asked.get(seq)
             if event is not None:
                 self._unavailable(event, str(error))
+
+    def _start_over(self, session: Optional[str], reason: str) -> None:
+        """Attach to another session next, one without a name where none is given."""
+        self._hello = replace(self._hello, session=session)
+        self._over = True
+        for event in self._outbox.start_over():
+            if event.waiting:
+                self._unavailable(event, reason)
 
     def _on_detached(self, frame: Mapping[str, Any]) -> None:  # noqa: ARG002 - as all of them
         self.detached = True

@@ -18,6 +18,7 @@ from rclpy.utilities import remove_ros_args
 
 from oracle_ros2.codec import CodecError
 from oracle_ros2.monitor import Monitor
+from oracle_ros2.stamps import simulated
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -58,7 +59,7 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
 
     link = Link(
         options.oracle, options.monitor, spec=options.spec or None, session=options.session or None,
-        token=options.token, on_error=on_error,
+        clock="sim" if simulated(node) else "wall", token=options.token, on_error=on_error,
         on_state=lambda state, detail: log.info(f"oracle: {state} {detail}"),
         on_violation=lambda record: log.error(f"violation {record['n']}: {_text(record)}"),
     )  # fmt: skip

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from typing import TYPE_CHECKING, Any, Mapping, Sequence
 
 from rclpy.clock import Clock, ClockType
 
 from oracle_ros2.services import ProxiedService
+from oracle_ros2.stamps import on_back, simulated, time_of
 from oracle_ros2.topics import FilteredTopic, LoggedTopic
 
 if TYPE_CHECKING:
@@ -24,6 +24,9 @@ class Monitor:
     def __init__(self, node: Node, link: Link, streams: Sequence[Mapping[str, Any]]) -> None:
         """Observe the streams that the server named. Raises `CodecError` where a type is not there."""
         self._link = link
+        self._now = time_of(node)
+        if simulated(node):
+            self._watch = on_back(node, lambda: link.renew(lambda: self._readings(self._now())))
         # None: stamped here
         self._latencies = {
             (s["name"], s["kind"]): s["latency"] if s["kind"] == "topic" or s["stamp"] else None for s in streams
@@ -57,14 +60,16 @@ class Monitor:
 
         What has come by then is taken first: while this thread is held up, messages wait for it, and time must too.
         """
-        heard = time.time_ns()
+        heard = self._now()
         for topic in self._topics:
             topic.matched.take_all()
         self._link.clock(lambda: self._readings(heard))
 
     def _readings(self, heard: int) -> list[ClockStamp]:
-        now = time.time_ns()
+        now = self._now()
+        if not now:
+            return []  # simulated time has not begun
         return [
-            (name, kind, now if latency is None else heard - latency)
+            (name, kind, now if latency is None else max(0, heard - latency))
             for (name, kind), latency in self._latencies.items()
         ]

@@ -12,7 +12,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.task import Future
 
 from oracle_ros2.codec import load_type, reader, write
-from oracle_ros2.stamps import stamp_reader
+from oracle_ros2.stamps import stamp_reader, time_of
 
 if TYPE_CHECKING:
     from oracle_adapter import ClockStamp
@@ -26,7 +26,7 @@ class ProxiedService:
 
     def __init__(self, node: Node, link: Link, request: Mapping[str, Any], response: Mapping[str, Any]) -> None:
         """Serve at once; `request` and `response` are the service's streams. Raises `CodecError`."""
-        self._node, self._link = node, link
+        self._node, self._link, self._time = node, link, time_of(node)
         self.name: str = request["name"]
         self._type = load_type(request["type"])
         self._denied: Mapping[str, Any] = request.get("denied_response") or {}
@@ -51,7 +51,7 @@ class ProxiedService:
         return answer
 
     def _now(self) -> list[ClockStamp]:
-        now = time.time_ns()
+        now = self._time()
         return [(self.name, side.kind, now) for side in (self._request, self._response) if side.stamped_here]
 
     async def _appears(self) -> bool:
@@ -72,7 +72,7 @@ class ProxiedService:
 
     async def _may_pass(self, side: _Side, message: Any, call: int) -> bool:
         # stamped under the link's lock, so that no clock can say that nothing older will come
-        stamp = side.stamp(message) or time.time_ns
+        stamp = side.stamp(message) or self._time
         data = side.read(message)
         if not side.filtered:
             self._link.send(self.name, side.kind, stamp, data, call=call)

@@ -2,9 +2,35 @@
 
 from __future__ import annotations
 
-from typing import Any, Callable
+import time
+from typing import TYPE_CHECKING, Any, Callable
+
+from rclpy.clock import JumpThreshold
+from rclpy.duration import Duration
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
 
 _DEFAULTS = ("header.stamp", "stamp")
+
+
+def simulated(node: Node) -> bool:
+    """Whether a node runs in simulated time."""
+    return bool(node.get_parameter("use_sim_time").value)
+
+
+def time_of(node: Node) -> Callable[[], int]:
+    """A function that tells the time in which a node's messages are stamped, in nanoseconds."""
+    if not simulated(node):
+        return time.time_ns
+    clock = node.get_clock()
+    return lambda: int(clock.now().nanoseconds)
+
+
+def on_back(node: Node, call: Callable[[], None]) -> object:
+    """Call something whenever simulated time goes back, as long as what is returned is kept."""
+    threshold = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=False)
+    return node.get_clock().create_jump_callback(threshold, post_callback=lambda _: call())
 
 
 def stamp_reader(message_type: Any, path: str | None) -> Callable[[Any], int | None]:

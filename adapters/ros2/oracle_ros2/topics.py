@@ -10,7 +10,7 @@ from oracle_adapter import Answer, Link, should_pass
 
 from oracle_ros2.codec import load_type, reader
 from oracle_ros2.qos import Matched
-from oracle_ros2.stamps import stamp_reader
+from oracle_ros2.stamps import simulated, stamp_reader, time_of
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -23,7 +23,9 @@ SUFFIX = "_mon"
 class Observed:
     """A topic as its messages arrive: their stamp, their publisher, what was missed, and the fields that are read."""
 
-    def __init__(self, stream: Mapping[str, Any]) -> None:
+    def __init__(self, node: Node, stream: Mapping[str, Any]) -> None:
+        # the middleware's time is the wall's: in a simulation the time of arrival comes nearer
+        self._now = time_of(node) if simulated(node) else None
         self.name: str = stream["name"]
         self.type = load_type(stream["type"])
         self._stamp = stamp_reader(self.type, stream["stamp"])
@@ -33,7 +35,7 @@ class Observed:
     def event(self, message: Any, info: Mapping[str, Any]) -> tuple[int | None, Any, dict[str, Any]]:
         """The stamp (ns), the data and the rest of a message's event."""
         source = str(info.get("publisher_gid", ""))
-        stamp = self._stamp(message) or info["source_timestamp"] or None
+        stamp = self._stamp(message) or (self._now() if self._now else info["source_timestamp"]) or None
         return stamp, self._read(message), {"source": source, "lost": self._missed(source, info)}
 
     def _missed(self, source: str, info: Mapping[str, Any]) -> int:
@@ -51,7 +53,7 @@ class LoggedTopic:
 
     def __init__(self, node: Node, link: Link, stream: Mapping[str, Any]) -> None:
         self._link = link
-        self._observed = Observed(stream)
+        self._observed = Observed(node, stream)
         self.matched = Matched(node, self._observed.type, self._observed.name, self._take)
 
     def _take(self, message: Any, info: Mapping[str, Any]) -> None:
@@ -67,7 +69,7 @@ class FilteredTopic:
 
     def __init__(self, node: Node, link: Link, stream: Mapping[str, Any]) -> None:
         self._node, self._link, self._stream = node, link, stream
-        self._observed = Observed(stream)
+        self._observed = Observed(node, stream)
         name = self._observed.name
         source, target = (name + SUFFIX, name) if stream["intercept"] == "publisher" else (name, name + SUFFIX)
         self._waiting: deque[tuple[Any, Future[Answer]]] = deque()

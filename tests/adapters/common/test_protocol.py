@@ -171,6 +171,55 @@ class TestCredit:
         assert [frame["type"] for frame in side.frames()] == ["event", "detach"]
 
 
+class TestGoingOnInAnotherSession:
+    def test_what_comes_after_the_clock_went_back_waits_for_the_next_session(self, side: Side) -> None:
+        side.attach()
+        side.send("old")
+        side.protocol.renew([("/a", "topic", 5)])
+        side.send("new")
+        side.protocol.clock([("/a", "topic", 6)])
+        old, clock = side.frames()
+        assert (old["data"], clock["stamps"][0]["stamp"]) == ("old", 5)
+        side.receive("error", code="session_ended", message="over", fatal=True, session="s1.run2")
+        assert side.frames() == []
+        side.protocol.disconnected()
+        assert json.loads(side.protocol.hello())["session"] == "s1.run2"
+        side.attach(session="s1.run2")
+        assert [(event["seq"], event["data"]) for event in side.events()] == [(1, "new")]
+
+    def test_the_clock_is_told_again_after_a_reconnect(self, side: Side) -> None:
+        side.attach()
+        side.send("old")
+        side.protocol.renew([("/a", "topic", 5)])
+        side.send("new")
+        assert [frame["type"] for frame in side.frames()] == ["event", "clock"]
+        side.reconnect(2)
+        assert [frame["type"] for frame in side.frames()] == ["clock"]
+
+    def test_what_was_not_taken_is_lost_and_its_asks_are_answered(self, side: Side) -> None:
+        side.attach()
+        side.send("taken")
+        asked = side.queued("open")
+        side.frames()
+        side.receive("ack", upto=1)
+        side.send("unsent")
+        error, answered = side.receive("error", code="session_ended", message="over", fatal=True)
+        assert (error.code, error.fatal) == ("session_ended", False)
+        assert (answered.event, answered.answer.why) == (asked, "unavailable")
+        assert side.protocol.stats().lost == 2
+        side.protocol.disconnected()
+        assert "session" not in json.loads(side.protocol.hello())
+
+    def test_an_ask_after_it_waits_too(self, side: Side) -> None:
+        side.attach()
+        side.protocol.renew([("/a", "topic", 5)])
+        asked = side.queued("new")
+        side.receive("error", code="session_ended", message="over", fatal=True, session="s2")
+        side.reconnect(1, session="s2")
+        assert side.numbers() == [1]
+        assert answer_in(side.receive("decision", seq=1, decision="allow")).event is asked
+
+
 class TestFrames:
     def test_one_event_is_a_frame(self, side: Side) -> None:
         side.attach()
