@@ -67,7 +67,9 @@ class Outbox:
         self._missed = 0  # events lost since the last one queued
         self._acked = 0
         self._next: Optional[int] = None  # number of the next new event, once the server has said
-        self._last_here: Optional[int] = None  # the last event of this session, once its end is near
+        self._last_here: Optional[int] = (
+            None  # the last event of this session, once its end is near
+        )
         self._farewell: List[ClockStamp] = []  # the clocks that end it
 
     def __len__(self) -> int:

@@ -172,7 +172,9 @@ class TestCredit:
 
 
 class TestGoingOnInAnotherSession:
-    def test_what_comes_after_the_clock_went_back_waits_for_the_next_session(self, side: Side) -> None:
+    def test_what_comes_after_the_clock_went_back_waits_for_the_next_session(
+        self, side: Side
+    ) -> None:
         side.attach()
         side.send("old")
         side.protocol.renew([("/a", "topic", 5)])

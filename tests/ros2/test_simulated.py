@@ -1,0 +1,91 @@
+"""The adapter in simulated time, on real ROS 2: /clock rules the stamps, and a jump back begins a new session."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.ros2.harness import Peer, Scene, eventually
+
+clock_msgs = pytest.importorskip("rosgraph_msgs.msg")
+msg = pytest.importorskip("battery_uav_msgs.msg")
+srv = pytest.importorskip("battery_uav_msgs.srv")
+header = pytest.importorskip("std_msgs.msg").Header
+time_msg = pytest.importorskip("builtin_interfaces.msg").Time
+
+pytestmark = pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")
+
+SECOND = 10**9
+
+
+class Simulation:
+    """The clock of a simulated world, a battery in it and a panel."""
+
+    def __init__(self, peer: Peer) -> None:
+        self._peer = peer
+        peer.node.create_service(srv.SetLED, "SetLED", lambda _, response: response)
+        self._clock = peer.publisher(clock_msgs.Clock, "/clock")
+        self._percentages = peer.publisher(msg.BatteryPercentage, "battery_percentage")
+
+    def at(self, seconds: float) -> None:
+        """Set the world's time."""
+        self._clock.publish(clock_msgs.Clock(clock=stamp(seconds)))
+
+    def percentage(self, number: int, seconds: float) -> None:
+        made = header(stamp=stamp(seconds))
+        self._percentages.publish(msg.BatteryPercentage(header=made, id=number, percentage=90.0))
+
+    def run_until(self, session: str, scene: Scene, start: float, count: int) -> float:
+        """Let time go on, a tenth of a second at a time, until a session has judged so many events."""
+        seconds = start
+
+        def judged() -> int:
+            nonlocal seconds
+            seconds += 0.1
+            self.at(seconds)
+            sessions = {s["id"]: s for s in scene.server.get("sessions")["items"]}
+            return int(sessions[session]["counters"]["steps"]) if session in sessions else 0
+
+        self._peer.until(lambda: judged() >= count)
+        return seconds
+
+
+def test_stamps_follow_the_clock_and_a_jump_back_begins_a_new_session(tmp_path: Path) -> None:
+    with Scene(tmp_path / "scene") as scene:
+        words = ("--oracle", scene.server.url, "--spec", "battery_uav", "--session", "s", "--monitor", "uav1")
+        sim = ("--ros-args", "-p", "use_sim_time:=true")
+        adapter = scene.run("adapter", sys.executable, "-m", "oracle_ros2", *words, *sim)
+        adapter.said("observing")
+        peer = scene.peer()
+        world = Simulation(peer)
+        world.at(100)
+        for number in range(1, 6):
+            world.percentage(number, 100 + number / 100)
+        now = world.run_until("s", scene, 100, 5)
+        assert scene.server.session("s")["clock"] == "sim"
+        peer.call(srv.SetLED, "SetLED_mon", srv.SetLED.Request(id=1, status=1))
+        now = world.run_until("s", scene, now, 6)
+
+        world.at(10)
+        adapter.said("session_ended")
+        ended = eventually(lambda: scene.server.session("s"), lambda s: s["status"] == "closed")
+        assert ended["continued_by"] == "s.run2"
+        adapter.said(r"attached s\.run2")
+        for number in range(1, 4):
+            world.percentage(number, 10 + number / 100)
+        world.run_until("s.run2", scene, 10, 3)
+
+        first, second = scene.server.events("s"), scene.server.events("s.run2")
+        topics = [[r for r in records if r["kind"] == "topic"] for records in (first, second)]
+        assert [r["stamp"] for r in topics[0]] == [100 * SECOND + n * 10**7 for n in range(1, 6)]
+        assert [r["stamp"] for r in topics[1]] == [10 * SECOND + n * 10**7 for n in range(1, 4)]
+        (request,) = (r for r in first if r["kind"] == "request")
+        assert 100 * SECOND < request["stamp"] <= (now + 1) * SECOND, "stamped by the adapter, in the world's time"
+        assert not any(r["late"] or r["skewed"] for r in first + second)
+        adapter.ends_well()
+
+
+def stamp(seconds: float) -> object:
+    return time_msg(sec=int(seconds), nanosec=round(seconds % 1 * SECOND))
