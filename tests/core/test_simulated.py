@@ -39,7 +39,7 @@ def test_an_event_arrives_in_simulated_time_and_waits_in_the_server_s() -> None:
 
 
 def test_what_has_no_stamp_has_the_simulation_s_time() -> None:
-    session, feed, _ = simulated()
+    _session, feed, _ = simulated()
     feed.clock(A, 95, REAL)
     feed.clock(B, 95, REAL)
     judged = feed(A, None, arrived=REAL) + feed(B, 99, arrived=REAL) + feed.clock(B, 100, REAL)
