@@ -132,6 +132,7 @@ class LiveSession:
         self.credit.spend(monitor.name)
         gap = monitor.numbering.take(message.seq)
         if gap is None:
+            self._count_again(monitor, StreamKey(message.stream, message.kind))
             self._answer_again(monitor, message)
             return
         key = StreamKey(message.stream, message.kind)
@@ -279,6 +280,10 @@ class LiveSession:
         row = (self.number, monitor.name, seq, gap, self._clock.now(), code, message)
         self._store.append("refused", [row], lambda: self._committed([(monitor, seq, gap)], []))
         return WireError(code, message, seq=seq)
+
+    def _count_again(self, monitor: Monitor, key: StreamKey) -> None:
+        if key in self.spec.by_key:
+            self.core.counts[monitor.name, key].duplicates += 1
 
     def _answer_again(self, monitor: Monitor, message: EventMessage) -> None:
         if message.ask and monitor.outbox:

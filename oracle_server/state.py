@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
+from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
 from oracle_server.core.reorder import Source
+from oracle_server.core.session import Session
+from oracle_server.core.tally import BOUNDS, HoldTimes, StreamCounts
 
 if TYPE_CHECKING:
     from oracle_server.live import LiveSession
@@ -14,7 +18,6 @@ if TYPE_CHECKING:
 def session_state(session: LiveSession, now: int) -> dict[str, Any]:
     """An open session's state; times in nanoseconds since the epoch, durations in nanoseconds."""
     core = session.core
-    depths = Counter((step.event.monitor, step.event.stream) for step in core.buffer.held)
     counters: Counter[str] = Counter()
     for judge in core.judges.values():
         for name in ("late", "skewed", "skipped", "lost", "denied"):
@@ -37,18 +40,10 @@ def session_state(session: LiveSession, now: int) -> dict[str, Any]:
             }
             for monitor in session.monitors.values()
         ],
-        "streams": [
-            {
-                "monitor": monitor,
-                "stream": stream.name,
-                "kind": stream.kind,
-                "frontier": frontier,
-                "depth": depths[monitor, stream],
-                "lag": None if frontier is None else max(0, now - frontier),
-            }
-            for (monitor, stream), frontier in core.buffer.frontiers.items()
-        ],
+        "streams": list(_streams(core, now)),
         "awaited": _awaited(core.buffer.awaited),
+        "waiting": _waiting(core, now),
+        "hold": _hold(core.holds),
         "properties": [
             {
                 "id": state.property.id,
@@ -62,6 +57,7 @@ def session_state(session: LiveSession, now: int) -> dict[str, Any]:
             for order, judge in core.judges.items()
             for state in judge.properties
         ],
+        "disagree": _disagree(core),
         "counters": {
             "steps": max(judge.counters.steps for judge in core.judges.values()),
             "held": len(core.buffer),
@@ -71,6 +67,50 @@ def session_state(session: LiveSession, now: int) -> dict[str, Any]:
     }
 
 
+def _streams(core: Session, now: int) -> Iterator[dict[str, Any]]:
+    """Each stream of a monitor that the order waits for, or that has something to tell; `lag` in the session's time."""
+    depths = Counter((step.event.monitor, step.event.stream) for step in core.buffer.held)
+    frontiers = core.buffer.frontiers
+    present = now if core.simulated is None else core.simulated.now
+    for source in dict.fromkeys((*frontiers, *core.counts)):
+        monitor, stream = source
+        frontier, counts = frontiers.get(source), core.counts.get(source, StreamCounts())
+        yield {
+            "monitor": monitor,
+            "stream": stream.name,
+            "kind": stream.kind,
+            "frontier": frontier,
+            "depth": depths[source],
+            "lag": None if frontier is None or present is None else max(0, present - frontier),
+            "late": counts.late,
+            "lost": counts.lost,
+            "duplicates": counts.duplicates,
+        }
+
+
 def _awaited(source: Source | None) -> dict[str, str] | None:
     """The stream that everything held waits for."""
     return {"monitor": source[0], "stream": source[1].name, "kind": source[1].kind} if source else None
+
+
+def _waiting(core: Session, now: int) -> str | None:
+    """What the order waits for and since when, in words; None where nothing is held."""
+    source, oldest = core.buffer.awaited, next(iter(core.buffer.held), None)
+    if source is None or oldest is None:
+        return None
+    event = oldest.event
+    since = event.arrived if event.received is None else event.received
+    return f"held {max(0, now - since) // 10**6} ms for {source[1]} of {source[0]}"
+
+
+def _hold(holds: HoldTimes) -> dict[str, Any]:
+    """How long events were held: `buckets` count those held for `le` or less, where null is no bound."""
+    counts = accumulate(holds.buckets)
+    buckets = [{"le": bound, "count": count} for bound, count in zip((*BOUNDS, None), counts, strict=True)]
+    return {"count": holds.count, "sum": holds.total, "buckets": buckets}
+
+
+def _disagree(core: Session) -> list[str]:
+    """The properties that one order finds violated more often: the sign of a slow network, not of a faulty node."""
+    judged = [judge.properties for judge in core.judges.values()]
+    return [states[0].property.id for states in zip(*judged, strict=True) if len({s.violations for s in states}) > 1]

@@ -21,6 +21,7 @@ class Credit:
     def __init__(self, capacity: int) -> None:
         """Share out what an order of `capacity` events has room for."""
         self._high, self._pool = capacity // 2, capacity // 4
+        self._first = max(1, self._pool // _FEW)
         self.left: dict[str, int] = {}
         """How many more events each monitor may send; below zero where it sent more."""
         self._wanting: set[str] = set()
@@ -32,9 +33,9 @@ class Credit:
 
     def open(self, monitor: str) -> int:
         """Start anew with a monitor: how many events it may send to begin with."""
-        self.left[monitor] = first = max(1, self._pool // _FEW)
+        self.left[monitor] = self._first
         self._wanting.discard(monitor)
-        return first
+        return self._first
 
     def close(self, monitor: str) -> None:
         """Share with a monitor no more."""
@@ -46,7 +47,7 @@ class Credit:
         left = self.left.get(monitor)
         if left is not None:
             self.left[monitor] = left - 1
-            if left <= self.share // 2 + 1:
+            if left <= self._first // 2 + 1:
                 self._wanting.add(monitor)
 
     def grant(self, buffer: ReorderBuffer[Any]) -> list[tuple[str, int]]:

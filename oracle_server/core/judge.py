@@ -106,10 +106,15 @@ class Judge:
         self._decides = decides
         self._held: dict[str, _Held] = {}
         self._degraded = False
+        self._unordered = not any(stream.ordered for stream in plan.spec.streams)
         self.properties = [PropertyState(p, e) for p, e in zip(plan.spec.properties, engines, strict=True)]
         self.counters = Counters()
         self.present = 0
         """The time of the last step, in nanoseconds."""
+
+    def degrade(self) -> None:
+        """Mark every verdict from now on as one before which something is known to be lost, skipped or failed."""
+        self._degraded = True
 
     def judge(self, step: Step, now: int) -> Judged:
         """Judge one step, or skip it; `now` becomes its time of judgement."""
@@ -146,11 +151,17 @@ class Judge:
         return self._conclude(step, self.counters.steps, tuple(verdicts), now)
 
     def _move_on(self, step: Step, stream: StreamPlan) -> None:
-        """Time never goes back, and an unordered event is judged at the present, where there is one."""
+        """Time never goes back, and an unordered event is judged at the present.
+
+        Where there is none yet, or nothing but such events moves it, that is the earlier of its stamp and its arrival:
+        a stamp from the future would be everyone's.
+        """
         if self._order == "arrival":
             self.present = max(self.present, step.event.arrived)
-        elif stream.spec.ordered or not self.present:
+        elif stream.spec.ordered:
             self.present = max(self.present, step.time)
+        elif self._unordered or not self.present:
+            self.present = max(self.present, min(step.time, step.event.arrived))
 
     def _is_degraded(self, state: PropertyState) -> bool:
         return self._degraded or state.failures > 0
@@ -175,7 +186,7 @@ class Judge:
         held = self._held.get(event.monitor)
         if held is None:
             return signals, step.failed
-        return {**held.values, **signals}, step.failed | held.failed
+        return {**held.values, **signals}, step.failed | (held.failed - signals.keys())
 
 
 @dataclass(slots=True)

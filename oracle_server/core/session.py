@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections import defaultdict
 from collections.abc import Iterable, Sequence
 
 import msgspec
@@ -11,10 +12,11 @@ from oracle_server.core.engine import Engine
 from oracle_server.core.events import Event, Order, Step, StreamKey
 from oracle_server.core.judge import Judge
 from oracle_server.core.plan import Plan
-from oracle_server.core.reorder import Released, ReorderBuffer
+from oracle_server.core.reorder import Released, ReorderBuffer, Source
 from oracle_server.core.simulated import ClockReading, SimulatedTime
 from oracle_server.core.spec import Spec
 from oracle_server.core.stamps import stamp_in
+from oracle_server.core.tally import HoldTimes, StreamCounts
 from oracle_server.core.verdicts import Judged
 
 
@@ -35,6 +37,8 @@ class Session:
             for order, own in zip(orders(plan.spec), engines, strict=True)
         }
         self.buffer: ReorderBuffer[Step] = ReorderBuffer(ordering.max_delay, ordering.capacity)
+        self.counts: defaultdict[Source, StreamCounts] = defaultdict(StreamCounts)
+        self.holds = HoldTimes()
         self.now = 0
         self.simulated: SimulatedTime | None = None
         """The time of the simulation that the session runs in; None where its time is the server's."""
@@ -58,6 +62,8 @@ class Session:
     def ingest(self, event: Event) -> list[Judged]:
         """Take an event of a stream of the spec, at its time of arrival."""
         judged = self.advance(event.arrived)
+        if event.lost:
+            self._note_loss(event)
         step = self._step(event)
         if "arrival" in self.judges:
             judged.append(self._judge_one("arrival", step))
@@ -89,6 +95,10 @@ class Session:
         if order == "publication" and not step.late and self.plan.spec.by_key[step.event.stream].ordered:
             self.buffer.present = step.time
         self.now = max(self.now, judged)
+        counts = self.counts[step.event.monitor, step.event.stream]
+        if order == orders(self.plan.spec)[0]:
+            counts.late += step.late
+            counts.lost += step.event.lost
         return self.judges[order].judge(step, judged)
 
     def hold(self, step: Step) -> list[Judged]:
@@ -102,8 +112,19 @@ class Session:
         source = (event.monitor, event.stream)
         return self._judge(self.buffer.push(step, source, event.source, step.time, self.now))
 
-    def _judge(self, released: Iterable[Released[Step]]) -> list[Judged]:
+    def _judge(self, released: Sequence[Released[Step]]) -> list[Judged]:
+        for r in released:
+            event = r.item.event
+            self.holds.add(self.now - (event.arrived if event.received is None else event.received))
+            if r.late:
+                self.counts[event.monitor, event.stream].late += 1
         return [self._judge_one("publication", r.item, late=r.late, forced=r.forced) for r in released]
+
+    def _note_loss(self, event: Event) -> None:
+        """What is held may be younger than what was lost: verdicts are degraded from when it is known."""
+        self.counts[event.monitor, event.stream].lost += event.lost
+        for judge in self.judges.values():
+            judge.degrade()
 
     def _judge_one(self, order: Order, step: Step, *, late: bool = False, forced: bool = False) -> Judged:
         skipped = self.suspended or (late and self.plan.spec.ordering.late == "skip")

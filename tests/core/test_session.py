@@ -208,6 +208,16 @@ def test_a_held_signal_that_failed_stays_unknown_until_the_next_message() -> Non
     assert outcomes(feed(A, 6, {"v": 1}), "p") == ["currently_true"]
 
 
+def test_a_held_signal_that_failed_does_not_touch_a_stream_s_own_of_that_name() -> None:
+    hold = StreamSpec("/mode", hold=frozenset({"mode"}), signals={"mode": "msg.mode + 0"})
+    own = StreamSpec("/a", signals={"mode": "msg.mode"})
+    properties = [prop("p", '{topic: "/a"} -> {mode: 7}')]
+    session = open_session(properties, attach={}, streams=[hold, own, StreamSpec("/b")], by="arrival")
+    feed = Feed(session)
+    feed(MODE, 1, {"mode": "?"})
+    assert outcomes(feed(A, 2, {"mode": 7}) + feed(A, 3, {})) == ["currently_true", "unknown"]
+
+
 @pytest.mark.parametrize("error", [EngineError("too many values"), RuntimeError(), MemoryError("full")])
 def test_an_engine_that_raises_ends_its_property_alone(error: Exception) -> None:
     broken = prop("broken", "once {v: 1}", guards=frozenset({"/a"}))

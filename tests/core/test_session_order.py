@@ -17,12 +17,14 @@ from tests.core.sessions import (
     Feed,
     Recorder,
     U,
+    degraded,
     open_session,
     outcomes,
     prop,
     stamps,
 )
 
+MS = 10**6
 ANY = prop("any", "once {v: 1}")
 
 
@@ -198,3 +200,52 @@ def test_time_never_goes_back(by: str) -> None:
     assert all(engine.times == sorted(engine.times) for engine in engines)
     assert all(len(engine.times) == 5 for engine in engines)
     assert session.now == 100
+
+
+def test_a_loss_degrades_what_is_held_from_when_it_is_known() -> None:
+    session = open_session([ANY], attach={"m": [A, B]}, by="both")
+    feed = Feed(session)
+    judged = feed(A, 100) + feed(B, 90, arrived=101)
+    assert degraded(judged) == [False] * 3
+    judged = feed(A, 120, arrived=121, lost=3) + session.finish(122)
+    assert degraded(judged) == [True] * 3
+    assert stamps(judged) == [100, 120], "the first of them was there before the loss was told"
+
+
+def test_a_publisher_that_has_gone_is_spoken_for_by_the_clock() -> None:
+    session = open_session([ANY], attach={"m": [A]}, max_delay=None)
+    feed = Feed(session)
+    feed(A, 100, source="gone")
+    assert feed(A, 200, source="here") == []
+    assert session.advance(10**18) == []
+    assert stamps(feed.clock(A, 200, now=201)) == [200]
+
+
+def test_the_first_of_all_does_not_set_the_time_ahead() -> None:
+    session, (engine,) = recorded()
+    feed = Feed(session)
+    judged = feed(U, 10**9, arrived=90) + feed(A, 100) + feed(B, 110)
+    assert stamps(judged) == [10**9, 100]
+    assert engine.times == [90, 100]
+
+
+def test_time_goes_on_where_no_stream_is_ordered() -> None:
+    engine = Recorder()
+    session = open_session([ANY], attach={"m": [U]}, streams=[StreamSpec("/u", ordered=False)], maker=lambda _: engine)
+    feed = Feed(session)
+    assert len(feed(U, 100) + feed(U, 190, arrived=200) + feed(U, 150, arrived=201) + feed(U, 900, arrived=300)) == 4
+    assert engine.times == [100, 190, 190, 300]
+
+
+def test_what_is_counted_of_the_order() -> None:
+    session = open_session([ANY], attach={"m": [A, B]}, by="both", max_delay=None)
+    feed = Feed(session)
+    feed(A, 10 * MS, arrived=10 * MS)
+    feed(B, 10 * MS, arrived=13 * MS, lost=2)
+    feed(B, 5 * MS, arrived=14 * MS)
+    assert session.next_deadline is None
+    counts = {source[1]: (c.late, c.lost) for source, c in session.counts.items()}
+    assert counts == {B: (1, 2)}
+    holds = session.holds
+    assert (holds.count, holds.total) == (3, 3 * MS)
+    assert holds.buckets[:4] == [2, 0, 1, 0]

@@ -96,8 +96,7 @@ async def test_a_lost_monitor_holds_the_order_while_it_may_come_back(start: Star
         await server.until(lambda: monitors(server, session)["m1"], lambda m: not m["connected"])
         await second.send(make_event(1, "/b", at=20, data={"id": 1}))
         await second.send(make_event(1, "/b", at=20, data={"id": 1}, ask=True))
-        frame = await second.recv()
-        assert frame == {"type": "ack", "upto": 0}
+        assert await second.recv() == {"type": "ack", "upto": 0}
         state = server.get(f"sessions/{session}")
         assert state["counters"]["held"] == 1
         assert {m["name"]: m["attached"] for m in state["monitors"]} == {"m1": True, "m2": True}
