@@ -9,6 +9,7 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from json.encoder import encode_basestring_ascii
 
 from oracle_server.core.events import Signals
@@ -56,19 +57,30 @@ def meets(constraint: Constraint, value: Scalar) -> bool:
     return _ORDERED[constraint.op](value, wanted)
 
 
+Check = Callable[[Scalar], bool]
+
+
 @dataclass(frozen=True, slots=True)
 class AtomTest:
-    """What is left to test of an atom on one stream: `index` is the atom's place among those of its formula."""
+    """What is left to test of an atom on one stream: `index` is the atom's place among those of its formula.
+
+    `checks` are the signals that must be there, each with what its value must meet, None where any will do.
+    """
 
     index: int
-    constraints: tuple[Constraint, ...]
+    checks: tuple[tuple[str, Check | None], ...]
     refs: tuple[str, ...]
+
+    @property
+    def reads(self) -> frozenset[str]:
+        """The signals that matter."""
+        return frozenset(key for key, _ in self.checks)
 
     def match(self, signals: Signals) -> Match:
         """The values of the atom's refs where it holds, else None."""
-        for constraint in self.constraints:
-            value = signals.get(constraint.key)
-            if value is None or not meets(constraint, value):
+        for key, check in self.checks:
+            value = signals.get(key)
+            if value is None or (check is not None and not check(value)):
                 return None
         return tuple([canonical(signals[key]) for key in self.refs])
 
@@ -82,6 +94,10 @@ def specialise(atoms: Sequence[Atom], known: Signals, possible: Callable[[str], 
     tests = []
     for index, atom in enumerate(atoms):
         if all(meets(c, known[c.key]) if c.key in known else possible(c.key) for c in atom.constraints):
-            left = tuple(c for c in atom.constraints if c.key not in known)
-            tests.append(AtomTest(index, left, tuple(key for key, _ in atom.refs)))
+            checks = tuple((c.key, _check(c)) for c in atom.constraints if c.key not in known)
+            tests.append(AtomTest(index, checks, tuple(key for key, _ in atom.refs)))
     return tuple(tests)
+
+
+def _check(constraint: Constraint) -> Check | None:
+    return None if isinstance(constraint.value, Any | Ref) else partial(meets, constraint)

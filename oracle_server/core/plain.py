@@ -11,6 +11,7 @@ import math
 import operator
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from oracle_server.core.expressions import Path, read
@@ -91,11 +92,11 @@ class _Parser:
 
     def _either(self) -> Evaluate:
         left = self._both()
-        return _either(left, self._either()) if self._takes("||") else left
+        return _joined(left, self._either(), decides=True) if self._takes("||") else left
 
     def _both(self) -> Evaluate:
         left = self._comparison()
-        return _both(left, self._both()) if self._takes("&&") else left
+        return _joined(left, self._both(), decides=False) if self._takes("&&") else left
 
     def _comparison(self) -> Evaluate:
         left = self._operand()
@@ -114,7 +115,7 @@ class _Parser:
             return _string(self._operand())
         if kind == "mark":
             return self._marked(word)
-        return _constant(_literal(kind, word))
+        return _Constant(_literal(kind, word))
 
     def _marked(self, mark: str) -> Evaluate:
         if mark == "!":
@@ -155,20 +156,34 @@ def _field(path: Path) -> Evaluate:
     return lambda message: message.get(name)
 
 
-def _constant(value: float | str) -> Evaluate:
-    return lambda _: value
+@dataclass(frozen=True, slots=True)
+class _Constant:
+    value: float | str
+
+    def __call__(self, _: Mapping[str, Any]) -> float | str:
+        return self.value
 
 
 def _choice(condition: Evaluate, then: Evaluate, otherwise: Evaluate) -> Evaluate:
-    return lambda message: then(message) if _truth(condition(message)) else otherwise(message)
+    def evaluate(message: Mapping[str, Any]) -> Any:
+        holds = condition(message)
+        if holds is True:
+            return then(message)
+        if holds is False:
+            return otherwise(message)
+        raise Declined
+
+    return evaluate
 
 
-def _either(left: Evaluate, right: Evaluate) -> Evaluate:
-    return lambda message: _truth(left(message)) or _truth(right(message))
+def _joined(left: Evaluate, right: Evaluate, *, decides: bool) -> Evaluate:
+    """`||`, which a true operand decides, or `&&`, which a false one does."""
 
+    def evaluate(message: Mapping[str, Any]) -> bool:
+        first = _truth(left(message))
+        return first if first is decides else _truth(right(message))
 
-def _both(left: Evaluate, right: Evaluate) -> Evaluate:
-    return lambda message: _truth(left(message)) and _truth(right(message))
+    return evaluate
 
 
 def _negation(inside: Evaluate) -> Evaluate:
@@ -189,6 +204,8 @@ def _string(inside: Evaluate) -> Evaluate:
 
 def _comparison(mark: str, left: Evaluate, right: Evaluate) -> Evaluate:
     holds, alike = _OPERATORS[mark], mark in ("==", "!=")
+    if isinstance(right, _Constant) and not isinstance(right.value, str | bool):
+        return _comparison_with(holds, left, right.value)
 
     def evaluate(message: Mapping[str, Any]) -> bool:
         one, other = left(message), right(message)
@@ -196,6 +213,18 @@ def _comparison(mark: str, left: Evaluate, right: Evaluate) -> Evaluate:
         if kind != _kind(other) or (kind is bool and not alike):
             raise Declined
         return holds(one, other)
+
+    return evaluate
+
+
+def _comparison_with(holds: Callable[[Any, Any], bool], left: Evaluate, number: float) -> Evaluate:
+    """The common case: a field and a number that is written out."""
+
+    def evaluate(message: Mapping[str, Any]) -> bool:
+        value = left(message)
+        if _kind(value) is float:
+            return holds(value, number)
+        raise Declined
 
     return evaluate
 

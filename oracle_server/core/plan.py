@@ -101,6 +101,7 @@ def _plan_stream(spec: Spec, stream: StreamSpec, formulas: tuple[tuple[Atom, ...
     views = []
     for formula_atoms in formulas:
         tests = specialise(formula_atoms, known, possible.__contains__)
-        views.append(View(len(formula_atoms), tests, frozenset(c.key for t in tests for c in t.constraints) - RESERVED))
+        reads = frozenset().union(*(test.reads for test in tests)) - RESERVED
+        views.append(View(len(formula_atoms), tests, reads))
     guards = tuple(i for i, p in enumerate(spec.properties) if stream.name in p.guards)
     return StreamPlan(stream, project, known, tuple(views), guards)
