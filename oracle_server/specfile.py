@@ -140,7 +140,7 @@ def _engines(spec: Spec) -> Iterator[Problem]:
     for i, prop in enumerate(spec.properties):
         reason = refusal(prop)
         if reason:
-            key = "engine" if prop.engine not in ("auto", "reelay") else "time" if prop.time != "steps" else "formula"
+            key = "engine" if prop.engine != "reelay" else "time" if prop.time != "steps" else "formula"
             yield Problem(("properties", i, key), f"property '{prop.id}': {reason}")
 
 

@@ -7,23 +7,26 @@ from oracle_server.core.errors import EngineError
 from oracle_server.core.plan import Plan
 from oracle_server.core.session import orders
 from oracle_server.core.spec import Property
+from oracle_server.engines.native import NativeEngine
 from oracle_server.engines.reelay import ReelayEngine
 from oracle_server.engines.reelay import refusal as reelay_refusal
+
+_BUILT = ("auto", "native", "reelay")
 
 
 def refusal(prop: Property) -> str | None:
     """Why no engine of this version can judge a property as its spec asks, None where one can."""
-    if prop.engine not in ("auto", "reelay"):
-        return f"`engine: {prop.engine}` is not in this version yet; `auto` and `reelay` are"
-    return reelay_refusal(prop.formula, prop.time)
+    if prop.engine not in _BUILT:
+        return f"`engine: {prop.engine}` is not in this version yet; `auto`, `native` and `reelay` are"
+    return reelay_refusal(prop.formula, prop.time) if prop.engine == "reelay" else None
 
 
 def make_engine(prop: Property) -> Engine:
-    """A fresh engine for a property; takes tens of milliseconds. Raises `EngineError` where there is none."""
+    """A fresh engine for a property; reelay's takes tens of milliseconds. Raises `EngineError` where there is none."""
     reason = refusal(prop)
     if reason:
         raise EngineError(reason)
-    return ReelayEngine(prop.formula)
+    return ReelayEngine(prop.formula) if prop.engine == "reelay" else NativeEngine(prop.formula, prop.time)
 
 
 def make_engines(plan: Plan) -> list[list[Engine]]:

@@ -19,6 +19,7 @@ from oracle_server.core.formula.parse import Time, parse_formula
 from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import Formula, Scalar
 from oracle_server.core.verdicts import FINAL, NEGATIVE, Outcome
+from oracle_server.engines.native import NativeEngine
 from oracle_server.engines.reelay import MAX_BOUND, ReelayEngine, refusal
 from tests import strategies
 from tests.brute import TimedSignals, truths
@@ -28,11 +29,13 @@ Maker = Callable[[Formula], Engine]
 
 MAKERS: dict[tuple[str, Time], Maker] = {
     ("reelay", "steps"): ReelayEngine,
+    ("native", "steps"): NativeEngine,
+    ("native", "seconds"): lambda formula: NativeEngine(formula, "seconds"),
 }
 """Makes a fresh engine for a formula, for each engine and each clock that it has."""
 
 SEED = 0 if os.environ.get("CI") else int(os.environ.get("TEST_SEED") or random.randrange(2**32))
-many = settings(max_examples=2_000, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+many = settings(max_examples=1_000, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 some = settings(many, max_examples=200)
 
 each_engine = pytest.mark.parametrize(

@@ -1,0 +1,250 @@
+"""The Boolean part between nodes, as the node above it sees it: values on demand, and the keys at which they change."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from itertools import chain
+from typing import Any, Literal, Protocol
+
+from oracle_server.engines.native.keys import ALL, Key, Region, Variables, fresh_key, key_of, picker, texts_of
+from oracle_server.engines.native.nodes import Node
+
+Expression = Any
+"""A node, `("not", node)`, or `("and" | "or", left, right)`: negations stand at nodes only."""
+
+
+def negated(expression: Expression) -> Expression:
+    """The negation, moved down to the nodes."""
+    if not isinstance(expression, tuple):
+        return ("not", expression)
+    if expression[0] == "not":
+        return expression[1]
+    word = "or" if expression[0] == "and" else "and"
+    return (word, negated(expression[1]), negated(expression[2]))
+
+
+def nodes_of(expression: Expression) -> list[Node]:
+    """The nodes of an expression, from left to right."""
+    if not isinstance(expression, tuple):
+        return [expression]
+    return [node for part in expression[1:] for node in nodes_of(part)]
+
+
+def variables_of(*expressions: Expression) -> Variables:
+    """The variables that expressions depend on, outermost first."""
+    return tuple(sorted({v for e in expressions for node in nodes_of(e) for v in node.variables}))
+
+
+class _Part(Protocol):
+    """An expression over the variables of a body."""
+
+    at: Callable[[Key], bool]
+
+    def points(self) -> Collection[Key]: ...
+    def spread(self, region: Region, place: int) -> Collection[str]: ...
+    def constant(self, region: Region) -> bool | None: ...
+    def weight(self) -> int: ...
+
+
+class _Leaf:
+    """A node or its negation."""
+
+    __slots__ = ("_key", "_node", "_places", "_positive", "at")
+
+    def __init__(self, node: Node, variables: Variables, *, positive: bool) -> None:
+        self._node, self._positive = node, positive
+        self._places = [variables.index(v) for v in node.variables]
+        self._key = picker(self._places, len(variables))
+        self.at = _value(node.at, self._key, positive)
+
+    def points(self) -> Collection[Key]:
+        return () if self._key is not None else self._node.points()
+
+    def spread(self, region: Region, place: int) -> Collection[str]:
+        if place not in self._places:
+            return ()
+        return self._node.spread([region[p] for p in self._places], self._places.index(place))
+
+    def constant(self, region: Region) -> bool | None:
+        part = [region[p] for p in self._places]
+        value = self._node.constant(part) if ALL in part else self._node.at(key_of(part))
+        return value if value is None else value is self._positive
+
+    def weight(self) -> int:
+        return len(self._node.points())
+
+
+def _value(at: Callable[[Key], bool], pick: Callable[[Key], Key] | None, positive: bool) -> Callable[[Key], bool]:
+    if pick is None:
+        return at if positive else lambda key: not at(key)
+    if positive:
+        return lambda key: at(pick(key))
+    return lambda key: not at(pick(key))
+
+
+class _Both:
+    """A conjunction or, with `absorbing` true, a disjunction: one side that is absorbing decides."""
+
+    __slots__ = ("_absorbing", "_fresh", "_left", "_right", "at")
+
+    def __init__(self, left: _Part, right: _Part, size: int, *, absorbing: bool) -> None:
+        self._left, self._right, self._absorbing = left, right, absorbing
+        self._fresh = fresh_key(size)
+        p, q = left.at, right.at
+        self.at: Callable[[Key], bool] = (lambda k: p(k) or q(k)) if absorbing else (lambda k: p(k) and q(k))
+
+    def points(self) -> Collection[Key]:
+        sides = self._deciding(self._left.at(self._fresh), self._right.at(self._fresh))
+        return set(chain.from_iterable(side.points() for side in sides)) if len(sides) > 1 else sides[0].points()
+
+    def spread(self, region: Region, place: int) -> Collection[str]:
+        elsewhere = [*region]
+        elsewhere[place] = None
+        sides = self._deciding(self._left.constant(elsewhere), self._right.constant(elsewhere))
+        if len(sides) == 1:
+            return sides[0].spread(region, place)
+        return set(chain.from_iterable(side.spread(region, place) for side in sides))
+
+    def constant(self, region: Region) -> bool | None:
+        left = self._left.constant(region)
+        if left is self._absorbing:
+            return left
+        right = self._right.constant(region)
+        if right is self._absorbing:
+            return right
+        return None if left is None or right is None else left
+
+    def weight(self) -> int:
+        return self._left.weight() + self._right.weight()
+
+    def _deciding(self, left: bool | None, right: bool | None) -> Sequence[_Part]:
+        """Outside of where these sides differ from their values for fresh values, the whole does not either."""
+        sides = [s for s, value in ((self._left, left), (self._right, right)) if value is self._absorbing]
+        if not sides:
+            return (self._left, self._right)
+        return (min(sides, key=lambda side: side.weight()),) if len(sides) > 1 else sides
+
+
+def _part(expression: Expression, variables: Variables) -> _Part:
+    if not isinstance(expression, tuple):
+        return _Leaf(expression, variables, positive=True)
+    if expression[0] == "not":
+        return _Leaf(expression[1], variables, positive=False)
+    left, right = (_part(e, variables) for e in expression[1:])
+    return _Both(left, right, len(variables), absorbing=expression[0] == "or")
+
+
+class Own(Protocol):
+    """The keys that the node above a body tells apart itself."""
+
+    def points(self) -> Collection[Key]:
+        """All of them."""
+        ...
+
+    def spread(self, region: Region, place: int) -> Collection[str]:
+        """Their texts at a place of a region."""
+        ...
+
+
+class _Nothing:
+    def points(self) -> Collection[Key]:
+        return ()
+
+    def spread(self, region: Region, place: int) -> Collection[str]:  # noqa: ARG002
+        return ()
+
+
+NOTHING: Own = _Nothing()
+
+
+class Body:
+    """One expression or more under a node, over the variables of all of them."""
+
+    __slots__ = ("_first", "_fresh", "_leaves", "_parts", "at", "flat", "nodes", "variables")
+
+    def __init__(self, *expressions: Expression) -> None:
+        self.variables = variables_of(*expressions)
+        self._parts = [_part(e, self.variables) for e in expressions]
+        self.at = [part.at for part in self._parts]
+        """The value of each expression at a key."""
+        self.nodes = list(dict.fromkeys(node for e in expressions for node in nodes_of(e)))
+        size = len(self.variables)
+        self.flat = size < 2 or all(n.flat and n.variables == self.variables for n in self.nodes)
+        """Whether the values differ from those at the fresh key at finitely many keys without fresh values."""
+        self._leaves = [(n, [self.variables.index(v) for v in n.variables]) for n in self.nodes]
+        self._fresh = fresh_key(size)
+        self._first = True
+        if not self.flat:
+            for node in self.nodes:
+                node.index()
+
+    def touched(self, own: Own) -> Collection[Key]:
+        """The keys at which a value may have changed with this step, those with fresh values last.
+
+        The first time, and where all values may have changed, these are the keys that are told apart here, those of
+        `own`, and the fresh one.
+        """
+        if self._first:
+            self._first = False
+            return self._everything(own)
+        if not self.flat:
+            return self._mixed(own)
+        keys: list[Key] | None = None
+        for node, places in self._leaves:
+            changes = node.changes
+            if changes:
+                if len(places) < len(self.variables) or self._fresh in changes:
+                    return self._everything(own)
+                keys = changes if keys is None else keys + changes
+        return keys or ()
+
+    def _everything(self, own: Own) -> Collection[Key]:
+        if not self.flat:
+            return self._resolve([[ALL] * len(self.variables)], own)
+        keys = set(own.points()).union(*(part.points() for part in self._parts))
+        keys.discard(self._fresh)
+        return [*keys, self._fresh]
+
+    def _mixed(self, own: Own) -> Collection[Key]:
+        regions: set[Key] = set()
+        size = len(self.variables)
+        for node, places in self._leaves:
+            for key in node.changes:
+                region: list[Any] = [ALL] * size
+                for place, text in zip(places, texts_of(key), strict=True):
+                    region[place] = ALL if text is None else text
+                regions.add(tuple(region))
+        return self._resolve(regions, own) if regions else ()
+
+    def _resolve(self, regions: Collection[Region], own: Own) -> Collection[Key]:
+        keys: set[Key] = set()
+        known = -1
+        while known < len(keys):  # what one region tells apart is told apart in the others too
+            known = len(keys)
+            for region in regions:
+                self._split(list(region), own, keys)
+            if len(regions) == 1:
+                break
+        return sorted(keys, key=lambda key: [text is None for text in key])
+
+    def _split(self, region: list[Any], own: Own, keys: set[Key]) -> None:
+        """Add the keys of a region between which values may differ, here, in `own` or by the keys found so far."""
+        if ALL not in region:
+            keys.add(tuple(region))
+            return
+        place = region.index(ALL)
+        texts: set[str | None] = {None, *own.spread(region, place)}
+        texts.update(
+            key[place]
+            for key in keys
+            if all(text is None or text == wanted for text, wanted in zip(key[:place], region, strict=False))
+        )
+        for part in self._parts:
+            texts.update(part.spread(region, place))
+        for text in texts:
+            inner = region.copy()
+            inner[place] = text
+            self._split(inner, own, keys)
+
+
+Sign = Literal["and", "or", "not"]

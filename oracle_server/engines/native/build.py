@@ -1,0 +1,133 @@
+"""A formula as nodes: what engines are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from oracle_server.core.formula import tree
+from oracle_server.core.formula.tree import Atom, Bound, Formula
+from oracle_server.engines.native.body import Body, Expression, negated, variables_of
+from oracle_server.engines.native.clock import Clock
+from oracle_server.engines.native.ever import Ever
+from oracle_server.engines.native.nodes import AtomNode
+from oracle_server.engines.native.previous import Previous
+from oracle_server.engines.native.some import Some, SomeOf
+from oracle_server.engines.native.window import Window
+
+Scope = Mapping[str, int]
+"""The number of the quantifier that binds each variable: inner ones have larger numbers."""
+Operator = Ever | Window | Previous | Some | SomeOf
+
+
+@dataclass(slots=True)
+class Network:
+    """The nodes of a formula: atoms with their places among the formula's, and operators, each after those below it."""
+
+    clock: Clock
+    atoms: list[tuple[int, AtomNode]] = field(default_factory=list)
+    operators: list[Operator] = field(default_factory=list)
+    root: Body = field(init=False)
+
+
+def build(formula: Formula, clock: Clock) -> Network:
+    """The nodes of a formula, before its first step."""
+    network = Network(clock)
+    builder = _Builder(formula, network)
+    network.root = Body(builder.expression(formula, {}))
+    return network
+
+
+class _Builder:
+    def __init__(self, formula: Formula, network: Network) -> None:
+        self._network = network
+        self._places = {atom: i for i, atom in enumerate(tree.atoms(formula))}
+        self._atoms: dict[tuple[int, tuple[int, ...]], AtomNode] = {}
+        self._quantifiers = 0
+
+    def expression(self, node: Formula, scope: Scope) -> Expression:
+        """A part of the formula, as nodes."""
+        match node:
+            case tree.Atom():
+                return self._atom(node, scope)
+            case tree.Exists():
+                return self._some(node, scope)
+            case tree.Forall():
+                return negated(self._some(node, scope))
+            case tree.Not() | tree.And() | tree.Or() | tree.Implies():
+                return self._boolean(node, scope)
+            case _:
+                return self._temporal(node, scope)
+
+    def _boolean(self, node: tree.Not | tree.And | tree.Or | tree.Implies, scope: Scope) -> Expression:
+        match node:
+            case tree.Not(operand):
+                return negated(self.expression(operand, scope))
+            case tree.And(left, right):
+                return ("and", self.expression(left, scope), self.expression(right, scope))
+            case tree.Or(left, right):
+                return ("or", self.expression(left, scope), self.expression(right, scope))
+            case tree.Implies(left, right):
+                return ("or", negated(self.expression(left, scope)), self.expression(right, scope))
+
+    def _temporal(self, node: tree.Pre | tree.Once | tree.Historically | tree.Since, scope: Scope) -> Expression:
+        match node:
+            case tree.Pre(operand):
+                return self._add(Previous(Body(self.expression(operand, scope))))
+            case tree.Once(operand, bound):
+                return self._once(self.expression(operand, scope), bound)
+            case tree.Historically(operand, bound):
+                return ("not", self._once(negated(self.expression(operand, scope)), bound))
+            case tree.Since(left, right, bound):
+                body = Body(self.expression(right, scope), self.expression(left, scope))
+                return self._add(Window(body, bound, self._network.clock))
+
+    def _atom(self, atom: Atom, scope: Scope) -> AtomNode:
+        refs = tuple(scope[name] for _, name in atom.refs)
+        place = self._places[atom]
+        node = self._atoms.get((place, refs))
+        if node is None:
+            node = self._atoms[place, refs] = AtomNode(tuple(sorted(set(refs))), refs)
+            self._network.atoms.append((place, node))
+        return node
+
+    def _once(self, operand: Expression, bound: Bound) -> Expression:
+        body = Body(operand)
+        if bound.upper is None and body.flat and (not body.variables or _not_fresh(operand)):
+            return self._add(Ever(body, bound.lower, self._network.clock))
+        return self._add(Window(body, bound, self._network.clock))
+
+    def _some(self, node: tree.Exists | tree.Forall, scope: Scope) -> Expression:
+        """A quantifier, and those of its kind that follow directly; for all is none for which not."""
+        kind, part, inner, bound = type(node), node, dict(scope), set[int]()
+        body: Formula = node
+        while isinstance(body, kind):
+            part = body
+            self._quantifiers += 1
+            inner[part.variable] = self._quantifiers
+            bound.add(self._quantifiers)
+            body = part.body
+        operand = self.expression(body, inner)
+        if kind is tree.Forall:
+            operand = negated(operand)
+        used = len(bound.intersection(variables_of(operand)))
+        if not used:
+            return operand
+        whole = Body(operand)
+        return self._add(Some(whole) if used == len(whole.variables) else SomeOf(whole, used))
+
+    def _add(self, operator: Operator) -> Operator:
+        self._network.operators.append(operator)
+        return operator
+
+
+def _not_fresh(expression: Expression) -> bool:
+    """Whether an expression can't hold where its variables have fresh values."""
+    if not isinstance(expression, tuple):
+        if isinstance(expression, AtomNode | Ever):
+            return bool(expression.variables)
+        return False
+    if expression[0] == "not":
+        return False
+    sides = [_not_fresh(e) for e in expression[1:]]
+    return any(sides) if expression[0] == "and" else all(sides)

@@ -1,0 +1,117 @@
+"""What the nodes of an engine have in common, and the atoms.
+
+A node is a part of the formula that has a state: an atom, a temporal operator, a quantifier. What stands between nodes
+is Boolean and is computed on demand. At each step a node takes the keys at which the nodes below it changed, and tells
+the keys at which it changed itself, so that a step costs what changes and not what is known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from typing import Protocol
+
+from oracle_server.core.atoms import Match
+from oracle_server.engines.native.keys import ALL, Key, Region, Variables, key_of, texts_of
+
+
+class Node(Protocol):
+    """A part of the formula with a state, as those above it see it.
+
+    Where `flat`, its values are those at its fresh key but for finitely many keys without fresh values; otherwise they
+    form a tree by variables, and `spread` alone tells where they differ.
+    """
+
+    variables: Variables
+    flat: bool
+    changes: list[Key]
+    """The keys at which the value may have changed with this step; a fresh value stands for all."""
+    at: Callable[[Key], bool]
+    """The value at a key."""
+
+    def points(self) -> Collection[Key]:
+        """The keys other than the fresh one whose value may differ from the one there; for flat nodes."""
+        ...
+
+    def spread(self, region: Region, place: int) -> Collection[str]:
+        """The texts that tell values apart at a place of a region, where all before that place is no `ALL`."""
+        ...
+
+    def constant(self, region: Region) -> bool | None:
+        """The value all over a region, None where it may differ."""
+        ...
+
+    def index(self) -> None:
+        """Be asked for `spread`."""
+        ...
+
+
+class Absent:
+    """Stands where an atom has no key since it does not hold."""
+
+
+_ABSENT = Absent()
+
+
+class AtomNode:
+    """An atom: holds at one key at most."""
+
+    __slots__ = ("_pick", "_repeated", "changes", "current", "flat", "variables")
+
+    def __init__(self, variables: Variables, refs: tuple[int, ...]) -> None:
+        """`refs` are the variables at the atom's refs, in their order; one can stand at several."""
+        self.variables = variables
+        self.flat = True
+        self.changes: list[Key] = []
+        self.current: Key | Absent = _ABSENT
+        places = [refs.index(v) for v in variables]
+        self._pick = places
+        self._repeated = [(i, refs.index(v)) for i, v in enumerate(refs) if refs.index(v) != i]
+
+    @property
+    def holds(self) -> bool:
+        """Whether it holds at some key."""
+        return self.current is not _ABSENT
+
+    def take(self, match: Match) -> None:
+        """Move on to the next step."""
+        key: Key | Absent
+        if match is None or (self._repeated and any(match[i] != match[j] for i, j in self._repeated)):
+            key = _ABSENT
+        elif len(self._pick) == 1:
+            key = match[self._pick[0]]
+        else:
+            key = tuple([match[i] for i in self._pick])
+        if key == self.current:
+            self.changes = []
+            return
+        self.changes = [k for k in (self.current, key) if k is not _ABSENT]
+        self.current = key
+
+    def at(self, key: Key) -> bool:
+        """Whether it holds at a key."""
+        return bool(key == self.current)
+
+    def points(self) -> Collection[Key]:
+        """The key at which it holds."""
+        return [self.current] if self.holds and self.variables else []
+
+    def spread(self, region: Region, place: int) -> Collection[str]:
+        """The text at the place, where it holds in the region."""
+        if isinstance(self.current, Absent):
+            return ()
+        texts = texts_of(self.current)
+        fits = all(r is ALL or r == t for r, t in zip(region, texts, strict=True))
+        text = texts[place]
+        return (text,) if fits and text is not None else ()
+
+    def constant(self, region: Region) -> bool | None:
+        """False where it holds nowhere in the region."""
+        if isinstance(self.current, Absent):
+            return False
+        if ALL not in region:
+            return self.at(key_of(region))
+        fits = all(r is ALL or r == t for r, t in zip(region, texts_of(self.current), strict=True))
+        return None if fits else False
+
+    def index(self) -> None:
+        """Nothing to prepare."""

@@ -1,0 +1,81 @@
+"""`pre`: the value of one step before."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from oracle_server.engines.native.body import Body
+from oracle_server.engines.native.keys import ALL, Key, Region, is_fresh, key_of
+from oracle_server.engines.native.tables import table
+
+
+class _Value:
+    __slots__ = ("value",)
+
+    def __init__(self, value: bool) -> None:
+        self.value = value
+
+    def copy(self) -> _Value:
+        return _Value(self.value)
+
+
+def _same(one: _Value, other: _Value) -> bool:
+    return one.value is other.value
+
+
+class Previous:
+    """Keeps what its operand was, and at the next step becomes that."""
+
+    def __init__(self, body: Body) -> None:
+        self._body = body
+        self._operand = body.at[0]
+        self.variables, self.flat = body.variables, body.flat
+        self.changes: list[Key] = []
+        self._table = table(len(self.variables), _Value(False), _Value.copy, flat=self.flat)
+        self.next: list[tuple[Key, bool]] = []
+        """What the operand became with the last step, keys with fresh values last."""
+
+    def at(self, key: Key) -> bool:
+        """The value at a key."""
+        return self._table.get(key).value
+
+    def step(self) -> None:
+        """Become what the operand was, and take what it became."""
+        if self.changes:
+            self.changes = []
+        if self.next:
+            self._become()
+        self.next = [(key, self._operand(key)) for key in self._body.touched(self._table)]
+
+    def due(self) -> int | None:
+        """When this must be stepped even if nothing changes below."""
+        return 0 if self.next else None
+
+    def points(self) -> Collection[Key]:
+        """The keys that are told apart."""
+        return self._table.points()
+
+    def spread(self, region: Region, place: int) -> Collection[str]:
+        """The texts that are told apart at a place of a region."""
+        return self._table.spread(region, place)
+
+    def constant(self, region: Region) -> bool | None:
+        """The value all over a region, None where it may differ."""
+        if ALL not in region:
+            return self.at(key_of(region))
+        return self._table.fresh.value if len(self._table.states) <= (not self.flat) else None
+
+    def index(self) -> None:
+        """Be asked for `spread`."""
+        self._table.index()
+
+    def _become(self) -> None:
+        fresh = False
+        for key, value in self.next:
+            state = self._table.own(key)
+            if state.value is not value:
+                state.value = value
+                self.changes.append(key)
+            fresh = fresh or is_fresh(key)
+        for key in self._table.keys() if fresh else [key for key, _ in self.next]:
+            self._table.drop(key, _same)

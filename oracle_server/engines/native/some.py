@@ -1,0 +1,190 @@
+"""`exists`, for the variables of quantifiers that follow each other: the keys at which the body holds."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from oracle_server.engines.native.body import Body
+from oracle_server.engines.native.keys import ALL, Key, Region, Variables, fresh_key, is_fresh, key_of, texts_of
+from oracle_server.engines.native.tables import Flat, Tree, table
+
+
+class Some:
+    """A quantifier that binds all variables of its body.
+
+    Of the keys at which the body holds, `held` has one at least for each that no later change tells from it.
+    """
+
+    __slots__ = ("_body", "_operand", "changes", "flat", "held", "variables")
+
+    def __init__(self, body: Body) -> None:
+        self._body = body
+        self._operand = body.at[0]
+        self.variables: Variables = ()
+        self.flat = True
+        self.changes: list[Key] = []
+        self.held: set[Key] = set()
+
+    def at(self, key: Key) -> bool:  # noqa: ARG002 -- it has one value
+        """The value."""
+        return bool(self.held)
+
+    def step(self) -> None:
+        """Take what changed below."""
+        if self.changes:
+            self.changes = []
+        keys = self._body.touched(self)
+        if keys:
+            held, operand = self.held, self._operand
+            before = bool(held)
+            for key in keys:
+                if operand(key):
+                    held.add(key)
+                else:
+                    held.discard(key)
+            if bool(held) is not before:
+                self.changes = [()]
+
+    def due(self) -> int | None:
+        """Never by itself."""
+        return None
+
+    def points(self) -> Collection[Key]:
+        """The keys at which the body holds."""
+        return self.held
+
+    def spread(self, region: Region, place: int) -> Collection[str]:
+        """The texts at a place of these keys in a region."""
+        return _texts(self.held, region, place)
+
+    def constant(self, region: Region) -> bool | None:  # noqa: ARG002
+        """The value."""
+        return bool(self.held)
+
+    def index(self) -> None:
+        """Nothing to prepare."""
+
+
+class _Held:
+    """The keys of the bound variables at which the body holds; `value` is what was told of them last."""
+
+    __slots__ = ("keys", "value")
+
+    def __init__(self) -> None:
+        self.keys: set[tuple[str | None, ...]] = set()
+        self.value = False
+
+    def copy(self) -> _Held:
+        other = _Held()
+        other.keys, other.value = self.keys.copy(), self.value
+        return other
+
+
+def _same(one: _Held, other: _Held) -> bool:
+    return one.keys == other.keys
+
+
+class SomeOf:
+    """A quantifier whose body has free variables: what `Some` is, for each of their keys."""
+
+    def __init__(self, body: Body, bound: int) -> None:
+        """`bound` is how many of the body's variables it binds, which are the last ones."""
+        self._body = body
+        self._operand = body.at[0]
+        self._own = len(body.variables) - bound
+        self.variables = body.variables[: self._own]
+        self.flat = body.flat or self._own == 1
+        self.changes: list[Key] = []
+        self._table = table(self._own, _Held(), _Held.copy, flat=self.flat)
+        self._asked = _Asked(self._table, self._own, bound)
+
+    def at(self, key: Key) -> bool:
+        """The value at a key of the free variables."""
+        return self._table.get(key).value
+
+    def step(self) -> None:
+        """Take what changed below."""
+        if self.changes:
+            self.changes = []
+        keys = self._body.touched(self._asked)
+        if not keys:
+            return
+        owns: dict[Key, _Held] = {}
+        for key in self._with_rest(keys):
+            own = key_of(key[: self._own])
+            held = owns[own] = self._table.own(own)
+            if self._operand(key):
+                held.keys.add(key[self._own :])
+            else:
+                held.keys.discard(key[self._own :])
+        fresh = False
+        for own, held in owns.items():
+            if bool(held.keys) is not held.value:
+                held.value = not held.value
+                self.changes.append(own)
+            fresh = fresh or is_fresh(own)
+        for own in self._table.keys() if fresh else list(owns):
+            self._table.drop(own, _same)
+
+    def _with_rest(self, keys: Collection[Key]) -> Collection[Key]:
+        """The keys, and where the last one stands for all others, what it stands for with free variables told apart."""
+        if not self._body.flat or not is_fresh(last := list(keys)[-1]):
+            return keys
+        for key in keys:
+            self._table.own(key_of(key[: self._own]))
+        rest = last[self._own :]
+        return [*keys, *((*texts_of(own), *rest) for own in self._table.points())]
+
+    def due(self) -> int | None:
+        """Never by itself."""
+        return None
+
+    def points(self) -> Collection[Key]:
+        """The keys that are told apart."""
+        return self._table.points()
+
+    def spread(self, region: Region, place: int) -> Collection[str]:
+        """The texts that are told apart at a place of a region."""
+        return self._table.spread(region, place)
+
+    def constant(self, region: Region) -> bool | None:
+        """The value all over a region, None where it may differ."""
+        if ALL not in region:
+            return self.at(key_of(region))
+        return self._table.fresh.value if len(self._table.states) <= (not self._table.flat) else None
+
+    def index(self) -> None:
+        """Be asked for `spread`."""
+        self._table.index()
+
+
+class _Asked:
+    """What a `SomeOf` tells apart, as keys of all variables of its body."""
+
+    def __init__(self, table: Flat[_Held] | Tree[_Held], own: int, bound: int) -> None:
+        self._table, self._own = table, own
+        self._fresh = texts_of(fresh_key(bound))
+
+    def points(self) -> Collection[Key]:
+        found: set[Key] = set()
+        for own, held in self._table.items():
+            texts = texts_of(own)
+            found.update((*texts, *bound) for bound in held.keys)
+            found.add((*texts, *self._fresh))
+        return found
+
+    def spread(self, region: Region, place: int) -> Collection[str]:
+        if place < self._own:
+            return self._table.spread(region[: self._own], place)
+        held = self._table.get(key_of(region[: self._own]))
+        return _texts(held.keys, region[self._own :], place - self._own)
+
+
+def _texts(keys: Collection[Key], region: Region, place: int) -> Collection[str]:
+    """The texts at a place of the keys in a region."""
+    fixed = [(i, text) for i, text in enumerate(region) if text is not ALL and i != place]
+    return {
+        text
+        for key in map(texts_of, keys)
+        if (text := key[place]) is not None and all(key[i] == wanted for i, wanted in fixed)
+    }

@@ -1,0 +1,218 @@
+"""States by key: one for each key that was told apart, one for all others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator
+from typing import Generic, TypeVar
+
+from oracle_server.engines.native.keys import ALL, Key, Region, fresh_key
+
+S = TypeVar("S")
+
+
+class Index:
+    """Keys of two variables and more by the texts in them."""
+
+    __slots__ = ("_by",)
+
+    def __init__(self, size: int) -> None:
+        self._by: list[dict[str, set[Key]]] = [{} for _ in range(size)]
+
+    def add(self, key: Key) -> None:
+        """Take in a key."""
+        for by, text in zip(self._by, key, strict=True):
+            by.setdefault(text, set()).add(key)
+
+    def remove(self, key: Key) -> None:
+        """Forget a key."""
+        for by, text in zip(self._by, key, strict=True):
+            keys = by.get(text)
+            if keys is not None:
+                keys.discard(key)
+                if not keys:
+                    del by[text]
+
+    def spread(self, region: Region, place: int) -> Collection[str]:
+        """The texts at a place of the keys in a region."""
+        fixed = [(i, text) for i, text in enumerate(region) if text is not ALL and i != place]
+        if not fixed:
+            return self._by[place]
+        fewest: Collection[Key] = min((self._by[i].get(t, ()) if t is not None else () for i, t in fixed), key=len)
+        return {key[place] for key in fewest if all(key[i] == text for i, text in fixed)}
+
+
+class Flat(Generic[S]):
+    """States that differ from the fresh key's at finitely many keys without fresh values."""
+
+    __slots__ = ("_copy", "_fresh_key", "_index", "_size", "fresh", "states")
+    flat = True
+
+    def __init__(self, size: int, fresh: S, copy: Callable[[S], S]) -> None:
+        self.fresh = fresh
+        self.states: dict[Key, S] = {}
+        self._fresh_key = fresh_key(size)
+        self._copy = copy
+        self._size = size
+        self._index: Index | None = None
+
+    def get(self, key: Key) -> S:
+        """The state at a key."""
+        return self.states.get(key, self.fresh)
+
+    def own(self, key: Key) -> S:
+        """The state at a key, told apart from now on."""
+        if key == self._fresh_key:
+            return self.fresh
+        state = self.states.get(key)
+        if state is None:
+            state = self.states[key] = self._copy(self.fresh)
+            if self._index is not None:
+                self._index.add(key)
+        return state
+
+    def drop(self, key: Key, same: Callable[[S, S], bool]) -> None:
+        """Tell a key apart no more where its state is the same as the others'."""
+        state = self.states.get(key)
+        if state is not None and same(state, self.fresh):
+            del self.states[key]
+            if self._index is not None:
+                self._index.remove(key)
+
+    def known(self, key: Key) -> S | None:
+        """The state of a key that is told apart, None for others."""
+        return self.fresh if key == self._fresh_key else self.states.get(key)
+
+    def items(self) -> Iterator[tuple[Key, S]]:
+        """All keys with their states, the fresh one first."""
+        yield self._fresh_key, self.fresh
+        yield from list(self.states.items())
+
+    def keys(self) -> list[Key]:
+        """All keys, the fresh one first."""
+        return [self._fresh_key, *self.states]
+
+    def points(self) -> Collection[Key]:
+        """The keys that are told apart."""
+        return self.states.keys()
+
+    def spread(self, region: Region, place: int) -> Collection[str]:
+        """The texts at a place of the keys in a region."""
+        if self._size == 1:
+            return self.states.keys()
+        if self._index is None:
+            return Index.spread(_indexed(self._size, self.states), region, place)
+        return self._index.spread(region, place)
+
+    def index(self) -> None:
+        """Be asked for `spread`, before anything is told apart."""
+        if self._size > 1 and self._index is None:
+            self._index = _indexed(self._size, self.states)
+
+
+def _indexed(size: int, keys: Collection[Key]) -> Index:
+    index = Index(size)
+    for key in keys:
+        index.add(key)
+    return index
+
+
+class Tree(Generic[S]):
+    """States by two variables and more that can differ along one variable for all values of another.
+
+    A value that is told apart at a place has a branch of its own; others share the fresh one's.
+    """
+
+    __slots__ = ("_branches", "_copy", "_fresh", "_size", "states")
+    flat = False
+
+    def __init__(self, size: int, fresh: S, copy: Callable[[S], S]) -> None:
+        self._size, self._copy = size, copy
+        self._fresh = fresh_key(size)
+        self.states: dict[Key, S] = {self._fresh: fresh}
+        self._branches: dict[Key, set[str]] = {}
+
+    @property
+    def fresh(self) -> S:
+        """The state at the fresh key."""
+        return self.states[self._fresh]
+
+    def get(self, key: Key) -> S:
+        """The state at a key."""
+        return self.states[self._find(key)]
+
+    def own(self, key: Key) -> S:
+        """The state at a key, told apart from now on."""
+        path: Key = ()
+        for text in key:
+            if text is not None and text not in self._branches.get(path, ()):
+                self._grow((*path, None), (*path, text))
+                self._branches.setdefault(path, set()).add(text)
+            path = (*path, text)
+        return self.states[key]
+
+    def drop(self, key: Key, same: Callable[[S, S], bool]) -> None:
+        """Tell a key apart no more where its state is the same as that of the branch beside it."""
+        for length in range(self._size, 0, -1):
+            path = key[:length]
+            if path[-1] is None:
+                continue
+            rest = (None,) * (self._size - length)
+            beside = (*path[:-1], None)
+            mine, other = self.states.get((*path, *rest)), self.states.get((*beside, *rest))
+            if mine is None or other is None or not same(mine, other) or self._bushy(path) or self._bushy(beside):
+                return
+            del self.states[(*path, *rest)]
+            self._branches[path[:-1]].discard(path[-1])
+
+    def known(self, key: Key) -> S | None:
+        """The state of a key that is told apart, None for others."""
+        return self.states.get(key)
+
+    def items(self) -> Iterator[tuple[Key, S]]:
+        """All keys with their states, fresh ones first."""
+        yield from sorted(self.states.items(), key=lambda item: [text is not None for text in item[0]])
+
+    def keys(self) -> list[Key]:
+        """All keys, fresh ones first."""
+        return [key for key, _ in self.items()]
+
+    def points(self) -> Collection[Key]:
+        """The keys that are told apart, fresh values among them."""
+        return self.states.keys()
+
+    def spread(self, region: Region, place: int) -> Collection[str]:
+        """The texts that are told apart at a place of a region."""
+        return self._branches.get(self._find(region[:place]), ())
+
+    def index(self) -> None:
+        """Nothing to prepare."""
+
+    def _find(self, key: Region) -> Key:
+        path: Key = ()
+        for text in key:
+            path = (*path, text if text in self._branches.get(path, ()) else None)
+        return path
+
+    def _grow(self, source: Key, target: Key) -> None:
+        """Copy all that grows on one branch to another."""
+        if len(source) == self._size:
+            self.states[target] = self._copy(self.states[source])
+            return
+        texts = self._branches.get(source, set())
+        if texts:
+            self._branches[target] = set(texts)
+        for text in (None, *texts):
+            self._grow((*source, text), (*target, text))
+
+    def _bushy(self, path: Key) -> bool:
+        """Whether something is told apart on a branch."""
+        while len(path) < self._size:
+            if self._branches.get(path):
+                return True
+            path = (*path, None)
+        return False
+
+
+def table(size: int, fresh: S, copy: Callable[[S], S], *, flat: bool) -> Flat[S] | Tree[S]:
+    """A table for keys of `size` variables."""
+    return Flat(size, fresh, copy) if flat or size < 2 else Tree(size, fresh, copy)

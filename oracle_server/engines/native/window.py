@@ -1,0 +1,220 @@
+"""`once` and `since` with any bound.
+
+For each key: the runs of steps at which the right side held, as far as they can still count, and deadlines at which a
+run comes into the window or leaves it. With no lower bound the last run decides, with no upper bound the first one;
+only with both are all runs in the window kept.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Collection
+
+from oracle_server.core.formula.tree import Bound
+from oracle_server.engines.native.body import Body
+from oracle_server.engines.native.clock import Clock
+from oracle_server.engines.native.keys import ALL, Key, Region, is_fresh, key_of
+from oracle_server.engines.native.tables import table
+
+
+class Runs:
+    """What is known at one key.
+
+    `left` and `right` are the sides' values at the last step; `starts` and `ends` the times at which runs of the right
+    side began and ended, the last one not yet where there is a start more; `value` the operator's value.
+    """
+
+    __slots__ = ("ends", "left", "right", "starts", "value")
+
+    def __init__(self) -> None:
+        self.left, self.right, self.value = True, False, False
+        self.starts: deque[int] | list[int] = []
+        self.ends: deque[int] | list[int] = []
+
+    def copy(self) -> Runs:
+        """The same, to go a way of its own."""
+        other = Runs.__new__(Runs)
+        other.left, other.right, other.value = self.left, self.right, self.value
+        other.starts, other.ends = self.starts.copy(), self.ends.copy()
+        return other
+
+
+class Window:
+    """`left since[a:b] right`, or `once[a:b] right` where there is no left side."""
+
+    def __init__(self, body: Body, bound: Bound, clock: Clock) -> None:
+        """`body` has the right side, and the left one after it where there is one."""
+        self._body, self._clock = body, clock
+        self._lower, self._upper = bound.lower, bound.upper
+        self._right = body.at[0]
+        self._left = body.at[1] if len(body.at) > 1 else None
+        self.variables, self.flat = body.variables, body.flat
+        self.changes: list[Key] = []
+        self._all = bound.lower > 0 and bound.upper is not None
+        fresh = Runs()
+        if self._all:
+            fresh.starts, fresh.ends = deque(), deque()
+        self._table = table(len(self.variables), fresh, Runs.copy, flat=self.flat)
+        self._entering: deque[tuple[int, Key]] = deque()
+        self._leaving: deque[tuple[int, Key]] = deque()
+        self._new_entering: list[tuple[int, Key]] = []
+        self._new_leaving: list[tuple[int, Key]] = []
+        self._sparse = self._all and clock.timed
+        """Whether the window may hold no step at all."""
+        self._peopled = True
+        if self._sparse and bound.upper is not None:
+            clock.keep(bound.upper)
+
+    def at(self, key: Key) -> bool:
+        """The value at a key."""
+        return self._table.get(key).value
+
+    def step(self) -> None:
+        """Take what changed below and what time changes."""
+        if self.changes:
+            self.changes = []
+        keys = self._body.touched(self._table)
+        peopled = self._peopled
+        if self._sparse and self._upper is not None:
+            self._peopled = self._clock.any_between(self._lower, self._upper)
+        if keys:
+            self._touch(keys)
+        if self._peopled is not peopled:
+            self._refresh_all()
+        self._pop(self._entering)
+        self._pop(self._leaving)
+
+    def due(self) -> int | None:
+        """When this must be stepped even if nothing changes below."""
+        if self._sparse:
+            return 0
+        queues = [queue[0][0] for queue in (self._entering, self._leaving) if queue]
+        return min(queues, default=None)
+
+    def points(self) -> Collection[Key]:
+        """The keys that are told apart."""
+        return self._table.points()
+
+    def spread(self, region: Region, place: int) -> Collection[str]:
+        """The texts that are told apart at a place of a region."""
+        return self._table.spread(region, place)
+
+    def constant(self, region: Region) -> bool | None:
+        """The value all over a region, None where it may differ."""
+        if ALL not in region:
+            return self.at(key_of(region))
+        return self._table.fresh.value if len(self._table.states) <= (not self.flat) else None
+
+    def index(self) -> None:
+        """Be asked for `spread`."""
+        self._table.index()
+
+    def _touch(self, keys: Collection[Key]) -> None:
+        fresh = False
+        for key in keys:
+            runs = self._table.own(key)
+            left = self._left is None or self._left(key)
+            closed = self._move(key, runs, left, self._right(key))
+            self._refresh(key, runs)
+            other = self._table.fresh
+            if self._upper is not None and (closed or (runs.left is other.left and runs.right is other.right)):
+                self._new_leaving.append((self._clock.before + self._upper + 1, key))
+            fresh = fresh or is_fresh(key)
+        if fresh:
+            self._refresh_all()
+        else:
+            for key in keys:
+                self._table.drop(key, self._same)
+        for queue, new in ((self._entering, self._new_entering), (self._leaving, self._new_leaving)):
+            if new:
+                new.sort(key=_deadline)
+                queue.extend(new)
+                new.clear()
+
+    def _move(self, key: Key, runs: Runs, left: bool, right: bool) -> bool:
+        """Take the sides' values at this step; whether a run was closed."""
+        held, closed = runs.right, False
+        if not left:  # a run that counts begins where the left side fails for the last time
+            runs.starts.clear()
+            runs.ends.clear()
+        elif not runs.left:
+            if held:
+                self._open(key, runs, self._clock.before)
+                closed = not right
+            elif right:
+                self._open(key, runs, self._clock.now)
+        elif right and not held:
+            self._open(key, runs, self._clock.now)
+        elif held and not right:
+            closed = True
+        if closed:
+            self._close(runs)
+        runs.left, runs.right = left, right
+        return closed
+
+    def _open(self, key: Key, runs: Runs, start: int) -> None:
+        if self._upper is None:
+            if runs.starts:
+                return
+        elif not self._lower:
+            runs.starts.clear()
+            runs.ends.clear()
+        runs.starts.append(start)
+        if self._lower:
+            self._new_entering.append((start + self._lower, key))
+
+    def _close(self, runs: Runs) -> None:
+        if self._upper is not None:
+            runs.ends.append(self._clock.before)
+
+    def _refresh(self, key: Key, runs: Runs) -> None:
+        value = self._value(runs)
+        if value is not runs.value:
+            runs.value = value
+            self.changes.append(key)
+
+    def _value(self, runs: Runs) -> bool:
+        if not runs.left:
+            return runs.right and not self._lower
+        farthest = None if self._upper is None else self._clock.now - self._upper
+        if farthest is not None:
+            while runs.ends and runs.ends[0] < farthest:
+                del runs.ends[0]
+                del runs.starts[0]
+        nearest = self._clock.now - self._lower
+        if not runs.starts or runs.starts[0] > nearest:
+            return False
+        if not self._sparse or self._peopled or farthest is None:
+            return True
+        return runs.starts[0] >= farthest or bool(runs.ends and runs.ends[0] <= nearest)
+
+    def _same(self, runs: Runs, other: Runs) -> bool:
+        """Whether two keys will be told the same from now on for as long as the sides are."""
+        if runs.left is not other.left or runs.right is not other.right or len(runs.starts) != len(other.starts):
+            return False
+        # before here, when a run began makes no difference any more
+        past = self._clock.now - (self._lower if self._upper is None else self._upper)
+        begun = zip(runs.starts, other.starts, strict=True)
+        return all(p == q or max(p, q) <= past for p, q in begun) and list(runs.ends) == list(other.ends)
+
+    def _refresh_all(self) -> None:
+        for key, runs in self._table.items():
+            self._refresh(key, runs)
+        for key in self._table.keys():  # noqa: SIM118 -- a table is no mapping
+            self._table.drop(key, self._same)
+
+    def _pop(self, queue: deque[tuple[int, Key]]) -> None:
+        now = self._clock.now
+        while queue and queue[0][0] <= now:
+            _, key = queue.popleft()
+            if is_fresh(key):
+                self._refresh_all()
+                continue
+            runs = self._table.known(key)
+            if runs is not None:
+                self._refresh(key, runs)
+                self._table.drop(key, self._same)
+
+
+def _deadline(entry: tuple[int, Key]) -> int:
+    return entry[0]

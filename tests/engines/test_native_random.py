@@ -1,0 +1,33 @@
+"""The native engine against the formula table, on thousands of random cases with quantifiers nested three deep.
+
+    CASES=50000 pytest tests/engines/test_native_random.py
+
+is the long run. A case is told by its number alone.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+
+import pytest
+
+from oracle_server.core.formula.parse import Time
+from oracle_server.core.formula.render import render
+from oracle_server.engines.native import NativeEngine
+from tests import generate
+from tests.brute import truths
+from tests.engines.test_against_brute import SEED, holds, outcomes
+
+CASES = int(os.environ.get("CASES", "3000"))
+
+
+@pytest.mark.parametrize("time", ["steps", "seconds"])
+def test_every_case_is_judged_as_the_table_says(time: Time) -> None:
+    for number in range(SEED, SEED + CASES):
+        rng = random.Random(f"{time} {number}")
+        formula = generate.formula(rng, time, rng.randint(2, 5))
+        steps = generate.trace(rng, rng.randint(3, 14))
+        found = [holds(outcome) for outcome in outcomes(NativeEngine(formula, time), formula, steps)]
+        expected = truths(formula, steps, time)
+        assert found == expected, f"case {number}, {time}: {render(formula, time)}\n{steps}"
