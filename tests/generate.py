@@ -1,4 +1,4 @@
-"""Random formulas and traces by a seed: a hundred times as fast as drawing them with hypothesis, and nothing shrinks."""
+"""Random formulas and traces by a seed: a hundred times as fast as drawing them with hypothesis; nothing shrinks."""
 
 from __future__ import annotations
 
