@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from itertools import chain
-from typing import Any, Literal, Protocol
+from typing import Any, Protocol
 
 from oracle_server.engines.native.keys import ALL, Key, Region, Variables, fresh_key, key_of, picker, texts_of
 from oracle_server.engines.native.nodes import Node
@@ -58,7 +58,7 @@ class _Leaf:
         self.at = _value(node.at, self._key, positive)
 
     def points(self) -> Collection[Key]:
-        return () if self._key is not None else self._node.points()
+        return self._node.points() if self._key is None and self._places else ()
 
     def spread(self, region: Region, place: int) -> Collection[str]:
         if place not in self._places:
@@ -132,6 +132,11 @@ def _part(expression: Expression, variables: Variables) -> _Part:
         return _Leaf(expression[1], variables, positive=False)
     left, right = (_part(e, variables) for e in expression[1:])
     return _Both(left, right, len(variables), absorbing=expression[0] == "or")
+
+
+def value_of(expression: Expression, variables: Variables) -> Callable[[Key], bool]:
+    """What gives the value of an expression at a key of these variables."""
+    return _part(expression, variables).at
 
 
 class Own(Protocol):
@@ -245,6 +250,3 @@ class Body:
             inner = region.copy()
             inner[place] = text
             self._split(inner, own, keys)
-
-
-Sign = Literal["and", "or", "not"]

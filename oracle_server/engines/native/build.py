@@ -10,6 +10,7 @@ from oracle_server.core.formula.tree import Atom, Bound, Formula
 from oracle_server.engines.native.body import Body, Expression, negated, variables_of
 from oracle_server.engines.native.clock import Clock
 from oracle_server.engines.native.ever import Ever
+from oracle_server.engines.native.guarded import SomeGuarded, guard_of
 from oracle_server.engines.native.nodes import AtomNode
 from oracle_server.engines.native.previous import Previous
 from oracle_server.engines.native.some import Some, SomeOf
@@ -17,7 +18,7 @@ from oracle_server.engines.native.window import Window
 
 Scope = Mapping[str, int]
 """The number of the quantifier that binds each variable: inner ones have larger numbers."""
-Operator = Ever | Window | Previous | Some | SomeOf
+Operator = Ever | Window | Previous | Some | SomeOf | SomeGuarded
 
 
 @dataclass(slots=True)
@@ -113,6 +114,9 @@ class _Builder:
         used = len(bound.intersection(variables_of(operand)))
         if not used:
             return operand
+        guard = guard_of(operand, variables_of(operand)) if used == len(variables_of(operand)) else None
+        if guard is not None:
+            return self._add(SomeGuarded(guard, operand))
         whole = Body(operand)
         return self._add(Some(whole) if used == len(whole.variables) else SomeOf(whole, used))
 

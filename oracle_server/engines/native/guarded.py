@@ -1,0 +1,65 @@
+"""`exists` over a body that holds only where an atom does, as in `forall[x]. ({…, k: *x} -> …)`: one key to look at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+
+from oracle_server.engines.native.body import Expression, value_of
+from oracle_server.engines.native.keys import Key, Region, Variables
+from oracle_server.engines.native.nodes import AtomNode
+
+
+class SomeGuarded:
+    """A quantifier that binds all variables of its body, one conjunct of which is an atom with all of them."""
+
+    __slots__ = ("_guard", "_operand", "changes", "flat", "held", "variables")
+
+    def __init__(self, guard: AtomNode, operand: Expression) -> None:
+        self._guard = guard
+        self._operand: Callable[[Key], bool] = value_of(operand, guard.variables)
+        self.variables: Variables = ()
+        self.flat = True
+        self.changes: list[Key] = []
+        self.held: list[Key] = []
+        """The key at which the body holds, where it does."""
+
+    def at(self, key: Key) -> bool:  # noqa: ARG002 -- it has one value
+        """The value."""
+        return bool(self.held)
+
+    def step(self) -> None:
+        """Look again: nowhere else can the body hold."""
+        guard, before = self._guard, self.held
+        self.held = [guard.current] if guard.holds and self._operand(guard.current) else []
+        if self.changes:
+            self.changes = []
+        if bool(self.held) is not bool(before):
+            self.changes = [()]
+
+    def due(self) -> int | None:
+        """Never by itself: while the atom holds, each step is looked at."""
+        return None
+
+    def points(self) -> Collection[Key]:
+        """None: it has one value."""
+        return ()
+
+    def spread(self, region: Region, place: int) -> Collection[str]:  # noqa: ARG002 -- as at every node
+        """None: it has one value."""
+        return ()
+
+    def constant(self, region: Region) -> bool | None:  # noqa: ARG002
+        """The value."""
+        return bool(self.held)
+
+    def index(self) -> None:
+        """Nothing to prepare."""
+
+
+def guard_of(expression: Expression, variables: Variables) -> AtomNode | None:
+    """An atom with all of these variables that must hold wherever an expression does, None where there is none."""
+    if isinstance(expression, AtomNode):
+        return expression if expression.variables == variables else None
+    if not isinstance(expression, tuple) or expression[0] != "and":
+        return None
+    return guard_of(expression[1], variables) or guard_of(expression[2], variables)
