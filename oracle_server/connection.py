@@ -201,6 +201,7 @@ class Connection:
         self._ready.set()
         if self._monitor.numbering.upto:
             self.send({"type": "ack", "upto": self._monitor.numbering.upto})
+        self._session.tell_verdicts(self._monitor)
 
     def _take(self, text: str) -> None:
         assert self._session is not None  # noqa: S101 -- only called once attached

@@ -20,6 +20,7 @@ from oracle_server.numbering import Numbering
 from oracle_server.protocol import Attach, ClockMessage, EventMessage, OutcomeMessage, TimeBase, WireError, encode
 from oracle_server.restore import Restored
 from oracle_server.schema import step_row
+from oracle_server.standing import Mark, mark, verdicts_frame
 from oracle_server.store import Store
 
 log = structlog.get_logger()
@@ -57,6 +58,8 @@ class Monitor:
     attached: bool = False
     clock: TimeBase = "wall"
     detaching: bool = False
+    verdicts: bool = False
+    """Whether it wants to know how the properties stand."""
     lost: int = 0
     """Events that never came or could not be read, to be told with the next one that does."""
     unsettled: int = 0
@@ -97,6 +100,9 @@ class LiveSession:
         self._store, self._clock, self._resume_within, self._on_over = store, clock, resume_within, on_over
         self._gaps: dict[tuple[str, int], int] = {}
         self._unwritten: list[Judged] = []
+        self._standing: dict[str, Any] | None = None
+        """How the properties stand by the history, as a frame; None until a monitor wants to know."""
+        self._mark: Mark | None = None
         self._timer: asyncio.TimerHandle | None = None
         self._armed: int | None = None
 
@@ -120,10 +126,19 @@ class LiveSession:
             monitor.numbering.restart()
         monitor.instance, monitor.outbox, monitor.streams, monitor.detaching = wanted.instance, outbox, streams, False
         monitor.clock = wanted.clock
+        monitor.verdicts = wanted.verdicts
+        if wanted.verdicts and self._standing is None:
+            self._write()
+            self._standing = self._changed_standing()
         self._set_attached(monitor, attached=True)
         self.credit.open(monitor.name)
         self._deliver(self.core.attach(monitor.name, streams, self._enter()))
         return monitor
+
+    def tell_verdicts(self, monitor: Monitor) -> None:
+        """Tell a monitor that wants to know how the properties stand; to be called once its past is committed."""
+        if monitor.verdicts and monitor.outbox and self._standing:
+            monitor.outbox.send(self._standing)
 
     def ingest(self, monitor: Monitor, message: EventMessage) -> None:
         """Take an event: judged once, and answered again where it is sent again. Raises `WireError`."""
@@ -333,9 +348,21 @@ class LiveSession:
             rows.append(step_row(self.number, self.position, gap, item, outcome))
             violations += [{"type": "violation", **record(item, v)} for v in item.verdicts if v.explanation]
         if rows:
-            self._store.append("steps", rows, lambda: self._committed(settled, violations))
+            standing = self._changed_standing() if self._standing else None
+            self._store.append("steps", rows, lambda: self._committed(settled, violations, standing))
 
-    def _committed(self, settled: list[tuple[Monitor, int, int]], violations: list[dict[str, Any]]) -> None:
+    def _changed_standing(self) -> dict[str, Any] | None:
+        """How the properties stand after what is written, None where it is as it was."""
+        judge = next(iter(self.core.judges.values()))
+        before, self._mark = self._mark, mark(judge)
+        if self._mark == before:
+            return None
+        return verdicts_frame(judge, self.position * len(self.spec.properties))
+
+    def _committed(
+        self, settled: list[tuple[Monitor, int, int]], violations: list[dict[str, Any]],
+        standing: dict[str, Any] | None = None,
+    ) -> None:  # fmt: skip
         touched = {}
         for monitor, seq, gap in settled:
             monitor.numbering.commit(seq, gap)
@@ -349,6 +376,10 @@ class LiveSession:
             for monitor in self.monitors.values():
                 if monitor.outbox:
                     monitor.outbox.send(frame)
+        if standing:
+            self._standing = standing
+            for monitor in self.monitors.values():
+                self.tell_verdicts(monitor)
 
     def _acknowledge(self, monitor: Monitor) -> None:
         if monitor.outbox:

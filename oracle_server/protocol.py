@@ -40,6 +40,8 @@ class Attach(_Message):
     spec: Identifier | None = None
     streams: list[str] | None = None
     clock: TimeBase = "wall"
+    verdicts: bool = False
+    """Whether it wants to be told how the properties stand, now and after each commit that changes it."""
 
 
 class EventMessage(_Message):

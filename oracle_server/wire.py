@@ -97,6 +97,28 @@ class ViolationFrame(_Frame):
     explanation: dict[str, Any]
 
 
+class Standing(_Frame):
+    """How one property stands; `level` and `text` say it as diagnostics do, `first_violation` is a record's `n`."""
+
+    outcome: Outcome
+    level: Literal["ok", "warn", "error", "stale"]
+    text: str
+    violations: int
+    first_violation: int | None
+
+
+class VerdictsFrame(_Frame):
+    """To monitors that attached with `verdicts`: once attached, and after each commit that changed something of it.
+
+    It is as of the verdict `n`, in the order that decides; `worst` is the gravest outcome, `unknown` before any.
+    """
+
+    type: Literal["verdicts"]
+    n: int
+    worst: Outcome
+    properties: dict[str, Standing]
+
+
 class ErrorFrame(_Frame):
     """Something was refused; after a fatal error the server closes.
 
@@ -125,7 +147,14 @@ class DetachedFrame(_Frame):
 
 
 Outgoing = Annotated[
-    AttachedFrame | DecisionFrame | AckFrame | ViolationFrame | ErrorFrame | CreditFrame | DetachedFrame,
+    AttachedFrame
+    | DecisionFrame
+    | AckFrame
+    | ViolationFrame
+    | VerdictsFrame
+    | ErrorFrame
+    | CreditFrame
+    | DetachedFrame,
     Field(discriminator="type"),
 ]
 

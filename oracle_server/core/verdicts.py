@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from enum import StrEnum
 from typing import Any, Literal
 
@@ -25,6 +25,13 @@ class Outcome(StrEnum):
 NEGATIVE = frozenset({Outcome.FALSE, Outcome.CURRENTLY_FALSE})
 FINAL = frozenset({Outcome.TRUE, Outcome.FALSE})
 DENYING = NEGATIVE | {Outcome.UNKNOWN}
+_GRAVEST_FIRST = (Outcome.FALSE, Outcome.CURRENTLY_FALSE, Outcome.UNKNOWN, Outcome.CURRENTLY_TRUE, Outcome.TRUE)
+
+
+def worst(outcomes: Iterable[Outcome]) -> Outcome:
+    """The gravest of some outcomes; what is not known is graver than what holds, and nothing at all is unknown."""
+    return min(outcomes, key=_GRAVEST_FIRST.index, default=Outcome.UNKNOWN)
+
 
 Choice = Literal["allow", "deny"]
 

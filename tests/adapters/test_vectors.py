@@ -37,7 +37,7 @@ class Adapter:
 
     def __init__(self, attach: Frame) -> None:
         streams = attach.get("streams")
-        hello = {key: attach.get(key) for key in ("session", "spec")}
+        hello = {key: attach.get(key) for key in ("session", "spec", "verdicts")}
         names = None if streams is None else tuple(streams)
         self.protocol = Protocol(
             Hello(attach["monitor"], attach["instance"], streams=names, clock=attach.get("clock", "wall"), **hello), 100

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 from tests.server.client import attached, make_clock, make_event, make_events
 from tests.server.harness import Server
@@ -48,6 +49,25 @@ async def test_both_orders_are_judged_side_by_side(server: Server, session: str)
         (3, "publication", 1, 2, "currently_true"),
         (4, "publication", 2, 1, "currently_true"),
     ]
+
+
+async def test_how_properties_stand_is_told_again_after_a_reconnect_and_a_restart(tmp_path: Path) -> None:
+    specs = Path(__file__).parent / "specs"
+    with Server(specs, tmp_path) as server:
+        async with attached(server, session="s", spec="pair", streams=["/a"], verdicts=True) as monitor:
+            assert (await monitor.expect("verdicts"))["worst"] == "unknown"
+            await monitor.send(make_event(1, data={"v": 101}))
+            told = await monitor.expect("verdicts")
+        assert told["properties"]["stays_small"] == {
+            "outcome": "false", "level": "error", "text": "violated for good", "violations": 1,
+            "first_violation": told["properties"]["stays_small"]["first_violation"],
+        }  # fmt: skip
+        async with attached(server, session="s", spec="pair", streams=["/a"], verdicts=True) as monitor:
+            assert await monitor.expect("verdicts") == told
+        server.stop()
+    with Server(specs, tmp_path) as server:
+        async with attached(server, session="s", spec="pair", streams=["/a"], verdicts=True) as monitor:
+            assert await monitor.expect("verdicts") == told
 
 
 async def test_latched_and_final_outcomes_stay(server: Server, session: str) -> None:

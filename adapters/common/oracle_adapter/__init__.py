@@ -1,5 +1,6 @@
 """The link from a ROS adapter to an oracle server; it knows no ROS."""
 
+from oracle_adapter.board import Board, Status, graph_name
 from oracle_adapter.connection import Timing
 from oracle_adapter.decision import Answer, Policy, Why, should_pass
 from oracle_adapter.errors import LinkError
@@ -13,6 +14,7 @@ from oracle_adapter.stats import Stats
 __all__ = [
     "Answer",
     "Attached",
+    "Board",
     "ClockStamp",
     "Link",
     "LinkError",
@@ -20,8 +22,10 @@ __all__ = [
     "Stamp",
     "State",
     "Stats",
+    "Status",
     "Timing",
     "Why",
     "dumps",
+    "graph_name",
     "should_pass",
 ]

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Callable, Dict, Literal, Optional, Union
 
 from oracle_adapter.decision import Answer
 from oracle_adapter.errors import LinkError
-from oracle_adapter.protocol import Answered, Attached, Protocol, Room, Violation
+from oracle_adapter.protocol import Answered, Attached, Protocol, Room, Verdicts, Violation
 
 if TYPE_CHECKING:
     import asyncio
@@ -42,8 +42,10 @@ class Exchange:
         on_violation: Optional[Callable[[Mapping[str, Any]], None]],
         on_state: Optional[Callable[[State, str], None]],
         on_error: Optional[Callable[[LinkError], None]],
+        on_verdicts: Optional[Callable[[Mapping[str, Any]], None]] = None,
     ) -> None:
         self._on_violation, self._on_state, self._on_error = on_violation, on_state, on_error
+        self._on_verdicts = on_verdicts
         self._lock = threading.Lock()  # over all that follows
         self._changed = threading.Condition(self._lock)  # opened, attached or ended
         self._protocol = protocol
@@ -241,6 +243,8 @@ class Exchange:
                     self._wake()
             elif isinstance(notice, Violation):
                 _call(self._on_violation, notice.record)
+            elif isinstance(notice, Verdicts):
+                _call(self._on_verdicts, notice.frame)
             elif not notice.fatal:  # a fatal one is reported when all is over
                 self.report(notice)
 

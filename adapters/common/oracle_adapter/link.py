@@ -34,9 +34,10 @@ class Link:
     default all. `capacity`: events held until the server has committed them; more than its order
     holds, or events are lost here before the server makes room.
 
-    `on_violation(record)`, `on_state(state, detail)` and `on_error(error)` are called in the link's
-    thread, as the futures' callbacks are: they must be quick, and must neither wait for an answer
-    nor close the link. Errors that no `on_error` takes are logged.
+    `on_violation(record)`, `on_verdicts(frame)`, `on_state(state, detail)`, `on_error(error)` are
+    called in the link's thread, as the futures' callbacks are: they must be quick, and must neither
+    wait for an answer nor close the link. `on_verdicts` gets how the properties stand, once
+    attached and whenever it changes. Errors that no `on_error` takes are logged.
     """
 
     def __init__(
@@ -55,10 +56,13 @@ class Link:
         on_violation: Optional[Callable[[Mapping[str, Any]], None]] = None,
         on_state: Optional[Callable[[State, str], None]] = None,
         on_error: Optional[Callable[[LinkError], None]] = None,
+        on_verdicts: Optional[Callable[[Mapping[str, Any]], None]] = None,
     ) -> None:
         names = None if streams is None else tuple(streams)
-        hello = Hello(monitor, _instance(os.getpid()), session, spec, names, clock)
-        self._exchange = Exchange(Protocol(hello, capacity), on_violation, on_state, on_error)
+        wanted = True if on_verdicts else None
+        hello = Hello(monitor, _instance(os.getpid()), session, spec, names, clock, wanted)
+        protocol = Protocol(hello, capacity)
+        self._exchange = Exchange(protocol, on_violation, on_state, on_error, on_verdicts)
         address = Address(attach_url(url), token, tls)
         if tls is not None and not address.url.startswith("wss:"):
             raise ValueError(f"tls needs a wss:// or https:// address, not {url!r}")

@@ -22,7 +22,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Hello:
-    """What a monitor says of itself; `streams` are those it will observe, None for all."""
+    """What a monitor says of itself; `streams` are those it will observe, None for all.
+
+    `verdicts`: whether it wants to be told how the properties stand.
+    """
 
     monitor: str
     instance: str
@@ -30,6 +33,7 @@ class Hello:
     spec: Optional[str] = None
     streams: Optional[Tuple[str, ...]] = None
     clock: Literal["wall", "sim"] = "wall"
+    verdicts: Optional[bool] = None
 
 
 @dataclass(frozen=True)
@@ -64,7 +68,14 @@ class Room:
     """There may be events to write again."""
 
 
-Notice = Union[Attached, Answered, Violation, Room, LinkError]
+@dataclass(frozen=True)
+class Verdicts:
+    """The server told how the properties stand."""
+
+    frame: Mapping[str, Any]
+
+
+Notice = Union[Attached, Answered, Violation, Verdicts, Room, LinkError]
 
 
 class Protocol:
@@ -141,6 +152,7 @@ class Protocol:
             "ack": self._on_ack,
             "decision": self._on_decision,
             "violation": self._on_violation,
+            "verdicts": self._on_verdicts,
             "credit": self._on_credit,
             "error": self._on_error,
             "detached": self._on_detached,
@@ -254,8 +266,10 @@ class Protocol:
         self._answer(event, Answer("decision", decision, denied_by, verdicts, event=event))
 
     def _on_violation(self, frame: Mapping[str, Any]) -> None:
-        record = {key: value for key, value in frame.items() if key != "type"}
-        self._notices.append(Violation(record))
+        self._notices.append(Violation(_without_type(frame)))
+
+    def _on_verdicts(self, frame: Mapping[str, Any]) -> None:
+        self._notices.append(Verdicts(_without_type(frame)))
 
     def _on_credit(self, frame: Mapping[str, Any]) -> None:
         if self._outbox.credit is not None:
@@ -294,3 +308,7 @@ class Protocol:
         self._outbox.answered(event)
         self._open.discard(event)
         self._notices.append(Answered(event, answer))
+
+
+def _without_type(frame: Mapping[str, Any]) -> Mapping[str, Any]:
+    return {key: value for key, value in frame.items() if key != "type"}

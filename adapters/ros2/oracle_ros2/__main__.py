@@ -10,7 +10,7 @@ import threading
 from typing import Sequence
 
 import rclpy
-from oracle_adapter import Attached, Link, LinkError
+from oracle_adapter import Attached, Board, Link, LinkError
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -18,6 +18,7 @@ from rclpy.utilities import remove_ros_args
 
 from oracle_ros2.codec import CodecError
 from oracle_ros2.monitor import Monitor
+from oracle_ros2.screen import Screen
 from oracle_ros2.stamps import simulated
 
 
@@ -49,6 +50,7 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
     name = options.monitor.strip("/").replace("/", "_").replace("-", "_").replace(".", "_") or "monitor"
     node = Node(name, start_parameter_services=False)  # seven services that every callback would pay for
     log = node.get_logger()
+    board = Board(options.monitor, Screen(node, options.monitor))
     failed: list[LinkError] = []
 
     def on_error(error: LinkError) -> None:
@@ -59,15 +61,14 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
 
     link = Link(
         options.oracle, options.monitor, spec=options.spec or None, session=options.session or None,
-        clock="sim" if simulated(node) else "wall", token=options.token, on_error=on_error,
-        on_state=lambda state, detail: log.info(f"oracle: {state} {detail}"),
-        on_violation=lambda record: log.error(f"violation {record['n']}: {_text(record)}"),
+        clock="sim" if simulated(node) else "wall", token=options.token, on_error=on_error, on_state=board.on_state,
+        on_violation=board.on_violation, on_verdicts=board.on_verdicts,
     )  # fmt: skip
     link.start()
     attached = _wait_attached(link, stopping, options.oracle, node)
     status = 0
     if attached is not None:
-        status = _observe(node, link, attached, stopping)
+        status = _observe(node, link, board, attached, stopping)
     link.close()
     node.destroy_node()
     return 2 if failed else status
@@ -87,9 +88,9 @@ def _wait_attached(link: Link, stopping: threading.Event, url: str, node: Node) 
     return None
 
 
-def _observe(node: Node, link: Link, attached: Attached, stopping: threading.Event) -> int:
+def _observe(node: Node, link: Link, board: Board, attached: Attached, stopping: threading.Event) -> int:
     try:
-        monitor = Monitor(node, link, attached.streams)
+        monitor = Monitor(node, link, board, attached.streams)
     except CodecError as error:
         node.get_logger().fatal(str(error))
         return 2
@@ -104,11 +105,6 @@ def _observe(node: Node, link: Link, attached: Attached, stopping: threading.Eve
     monitor.stop()
     executor.shutdown()
     return 0
-
-
-def _text(record: object) -> str:
-    explanation = record.get("explanation") if isinstance(record, dict) else None
-    return str(explanation["text"]) if explanation else str(record)
 
 
 if __name__ == "__main__":

@@ -11,19 +11,20 @@ from oracle_ros2.stamps import on_back, simulated, time_of
 from oracle_ros2.topics import FilteredTopic, LoggedTopic
 
 if TYPE_CHECKING:
-    from oracle_adapter import ClockStamp, Link
+    from oracle_adapter import Board, ClockStamp, Link
     from rclpy.node import Node
 
 CLOCK_PERIOD = 0.01
 REMATCH_PERIOD = 0.5
+SHOW_PERIOD = 0.1
 
 
 class Monitor:
     """Everything that one node observes for one link."""
 
-    def __init__(self, node: Node, link: Link, streams: Sequence[Mapping[str, Any]]) -> None:
+    def __init__(self, node: Node, link: Link, board: Board, streams: Sequence[Mapping[str, Any]]) -> None:
         """Observe the streams that the server named. Raises `CodecError` where a type is not there."""
-        self._link = link
+        self._link, self._board = link, board
         self._now = time_of(node)
         if simulated(node):
             self._watch = on_back(node, lambda: link.renew(lambda: self._readings(self._now())))
@@ -33,17 +34,20 @@ class Monitor:
         }
         by_key = {(s["name"], s["kind"]): s for s in streams}
         self._topics = [
-            (FilteredTopic if s["action"] == "filter" else LoggedTopic)(node, link, s)
+            FilteredTopic(node, link, board, s) if s["action"] == "filter" else LoggedTopic(node, link, s)
             for s in streams
             if s["kind"] == "topic"
         ]
         self._services = [
-            ProxiedService(node, link, s, by_key[s["name"], "response"]) for s in streams if s["kind"] == "request"
+            ProxiedService(node, link, board, s, by_key[s["name"], "response"])
+            for s in streams
+            if s["kind"] == "request"
         ]
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
         self._timers = [
             node.create_timer(REMATCH_PERIOD, self._rematch, clock=steady),
             node.create_timer(CLOCK_PERIOD, self._tell_time, clock=steady),
+            node.create_timer(SHOW_PERIOD, lambda: board.tick(link.stats()), clock=steady),
         ]
 
     def stop(self) -> None:

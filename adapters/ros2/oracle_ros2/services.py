@@ -6,7 +6,7 @@ import itertools
 import time
 from typing import TYPE_CHECKING, Any, Mapping
 
-from oracle_adapter import Answer, Link, should_pass
+from oracle_adapter import Answer, Board, Link
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.task import Future
@@ -24,9 +24,11 @@ DISCOVERY = 2.0  # seconds that a service may take to be discovered
 class ProxiedService:
     """Serves `proxy`, and calls the service with what may pass. Calls wait for nothing but their own answers."""
 
-    def __init__(self, node: Node, link: Link, request: Mapping[str, Any], response: Mapping[str, Any]) -> None:
+    def __init__(
+        self, node: Node, link: Link, board: Board, request: Mapping[str, Any], response: Mapping[str, Any]
+    ) -> None:
         """Serve at once; `request` and `response` are the service's streams. Raises `CodecError`."""
-        self._node, self._link, self._time = node, link, time_of(node)
+        self._node, self._link, self._board, self._time = node, link, board, time_of(node)
         self.name: str = request["name"]
         self._type = load_type(request["type"])
         self._denied: Mapping[str, Any] = request.get("denied_response") or {}
@@ -88,10 +90,7 @@ class ProxiedService:
 
         asked.add_done_callback(settle)
         answer = await settled
-        passed, why = should_pass(answer, side.on_unavailable)
-        if not passed:
-            reason = ", ".join(answer.denied_by) or answer.reason
-            self._node.get_logger().warning(f"denied a {side.kind} of {self.name}, call {call}: {reason}")
+        passed, why = self._board.settle(answer, side.on_unavailable, f"a {side.kind} of {self.name}, call {call}")
         self._link.outcome(answer, passed, why)
         return passed
 

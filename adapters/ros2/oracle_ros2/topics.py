@@ -6,7 +6,7 @@ import threading
 from collections import deque
 from typing import TYPE_CHECKING, Any, Mapping
 
-from oracle_adapter import Answer, Link, should_pass
+from oracle_adapter import Answer, Board, Link
 
 from oracle_ros2.codec import load_type, reader
 from oracle_ros2.qos import Matched
@@ -67,8 +67,8 @@ class FilteredTopic:
     `intercept: publisher` takes X_mon and gives X, `subscriber` takes X and gives X_mon.
     """
 
-    def __init__(self, node: Node, link: Link, stream: Mapping[str, Any]) -> None:
-        self._node, self._link, self._stream = node, link, stream
+    def __init__(self, node: Node, link: Link, board: Board, stream: Mapping[str, Any]) -> None:
+        self._link, self._board, self._stream = link, board, stream
         self._observed = Observed(node, stream)
         name = self._observed.name
         source, target = (name + SUFFIX, name) if stream["intercept"] == "publisher" else (name, name + SUFFIX)
@@ -90,10 +90,8 @@ class FilteredTopic:
             while self._waiting and self._waiting[0][1].done():
                 message, future = self._waiting.popleft()
                 answer = future.result()
-                passed, why = should_pass(answer, self._stream["on_unavailable"])
+                event = f"a message of {self._observed.name}"
+                passed, why = self._board.settle(answer, self._stream["on_unavailable"], event)
                 if passed:
                     self._publisher.publish(message)
-                else:
-                    reason = ", ".join(answer.denied_by) or answer.reason
-                    self._node.get_logger().warning(f"withheld a message of {self._observed.name}: {reason}")
                 self._link.outcome(answer, passed, why)

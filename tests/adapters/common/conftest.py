@@ -176,6 +176,7 @@ class News:
 
     def __init__(self) -> None:
         self.violations: queue.Queue[Any] = queue.Queue()
+        self.verdicts: queue.Queue[Any] = queue.Queue()
         self.states: queue.Queue[Any] = queue.Queue()
         self.errors: queue.Queue[Any] = queue.Queue()
 

@@ -672,6 +672,17 @@ class TestEnding:
 
 
 class TestNews:
+    def test_how_properties_stand_is_told_to_those_who_ask(
+        self, oracle: Oracle, news: News, links: List[Link]
+    ) -> None:
+        links.append(Link(oracle.url, "uav1", on_verdicts=news.verdicts.put))
+        links[0].start()
+        peer = oracle.accept()
+        assert peer.attach()["verdicts"] is True
+        peer.send("verdicts", n=2, worst="false", properties={})
+        told = news.verdicts.get(timeout=PATIENCE)
+        assert told == {"n": 2, "worst": "false", "properties": {}}
+
     def test_violations_and_refusals(self, oracle: Oracle, news: News, link: Link) -> None:
         peer = oracle.accept()
         peer.attach()

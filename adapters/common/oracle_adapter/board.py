@@ -1,0 +1,209 @@
+"""What people see of the oracle on the robot: verdict, errors, diagnostics, as texts and levels.
+
+The server words how properties stand; here is only added whether it can be heard. A ROS adapter
+hands a `Board` to its `Link`, and publishes what the board says.
+"""
+
+from __future__ import annotations
+
+import re
+import threading
+import time
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, Callable, Dict, List, Mapping, Sequence, Tuple
+
+from oracle_adapter.decision import should_pass
+from oracle_adapter.outage import Outages
+
+if TYPE_CHECKING:
+    from typing import Protocol
+
+    from oracle_adapter.decision import Answer, Policy, Why
+    from oracle_adapter.exchange import State
+    from oracle_adapter.stats import Stats
+
+    class Screen(Protocol):
+        """What an adapter lends to the board; called in any thread."""
+
+        def verdict(self, outcome: str) -> None:
+            """Publish the worst outcome over the properties on `monitor_verdict`."""
+
+        def error(self, text: str) -> None:
+            """Log an error, and publish it on `monitor_error`."""
+
+        def info(self, text: str) -> None:
+            """Log a text."""
+
+        def diagnostics(self, statuses: Sequence[Status]) -> None:
+            """Publish these on `/diagnostics`."""
+
+
+OK, WARN, ERROR, STALE = 0, 1, 2, 3
+"""The levels of `diagnostic_msgs/DiagnosticStatus`."""
+LEVELS = {"ok": OK, "warn": WARN, "error": ERROR, "stale": STALE}
+UNKNOWN = "unknown"
+PERIOD = 1.0
+"""Seconds between diagnostics where nothing changes, as those who watch them expect."""
+
+
+@dataclass(frozen=True)
+class Status:
+    """One `diagnostic_msgs/DiagnosticStatus`; its `hardware_id` is the monitor's name."""
+
+    name: str
+    level: int
+    message: str
+    values: Tuple[Tuple[str, str], ...] = ()
+
+
+def graph_name(monitor: str) -> str:
+    """The namespace of a monitor's topics: its name, where what ROS does not allow is a `_`."""
+    parts = [re.sub("[^A-Za-z0-9]+", "_", part) for part in monitor.split("/") if part]
+    return "".join(f"/_{part}" if part[0].isdigit() else f"/{part}" for part in parts) or "/monitor"
+
+
+def violation_text(record: Mapping[str, Any]) -> str:
+    """A violation's record in one line: the property, the event, and why."""
+    explanation = record.get("explanation") or {}
+    event = "{stream} ({kind} {seq} of {monitor})".format_map(_Known(record))
+    text = explanation.get("text") or f"{record.get('property')} does not hold at {event}"
+    return f"violation {record.get('n')}: {text}"
+
+
+class Board:
+    """Takes what the link tells and what was done with events, and shows it on a screen."""
+
+    def __init__(
+        self, monitor: str, screen: Screen, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        """Show nothing yet but that nothing is known. `clock` gives seconds."""
+        self._monitor, self._screen, self._clock = monitor, screen, clock
+        self._lock = threading.Lock()  # over what follows; nothing is shown under it
+        self._outages = Outages(clock)
+        self._attached, self._detail = False, "not attached yet"
+        self._properties: Mapping[str, Mapping[str, Any]] = {}
+        self._troubles: Dict[str, str] = {}
+        self._shown: List[Tuple[str, int, str]] = []
+        self._shown_at = -PERIOD
+        self._verdict = UNKNOWN
+        screen.verdict(UNKNOWN)
+
+    # For the link, as its callbacks
+
+    def on_verdicts(self, frame: Mapping[str, Any]) -> None:
+        """Show how the properties stand."""
+        with self._lock:
+            self._properties = frame["properties"]
+        self._show_verdict(str(frame["worst"]))
+
+    def on_violation(self, record: Mapping[str, Any]) -> None:
+        """Show a violation."""
+        self._screen.error(violation_text(record))
+
+    def on_state(self, state: State, detail: str) -> None:
+        """Show whether the oracle is there; while it is away no verdict is known."""
+        with self._lock:
+            self._attached, self._detail = state == "attached", detail
+            over = self._outages.over() if self._attached else None
+        self._screen.info(f"oracle: {detail if detail.startswith(state) else f'{state} {detail}'}")
+        if over:
+            self._screen.info(over)
+        if state != "attached":
+            self._show_verdict(UNKNOWN)
+
+    # For the adapter
+
+    def settle(self, answer: Answer, on_unavailable: Policy, event: str) -> Tuple[bool, Why]:
+        """Say whether an event passes and why, and tell what is denied.
+
+        `event` names it for people, as in `a request of /SetLED, call 3`. What becomes of events
+        while the oracle is away is told for the first of them only, and counted.
+        """
+        passed, why = should_pass(answer, on_unavailable)
+        if why != "decision":
+            with self._lock:
+                begins = self._outages.undecided(passed=passed)
+            if begins:
+                done = "passed" if passed else "denied"
+                more = "until the oracle is back, more of this is counted and not told"
+                self._screen.error(f"{done} {event}: {answer.reason}; {more}")
+            return passed, why
+        with self._lock:
+            over = self._outages.over()
+        if over:
+            self._screen.info(over)
+        if not passed:
+            self._screen.error(f"denied {event}: {', '.join(answer.denied_by)}")
+        return passed, why
+
+    def trouble(self, subject: str, text: str) -> bool:
+        """Show what is wrong with a stream, an empty text for nothing; true where that is new."""
+        with self._lock:
+            before = self._troubles.get(subject, "")
+            if text or before:
+                self._troubles[subject] = text
+        if text == before:
+            return False
+        if text:
+            self._screen.error(f"{subject}: {text}")
+        else:
+            self._screen.info(f"{subject}: well again")
+        return True
+
+    def tick(self, stats: Stats) -> None:
+        """Show diagnostics where they changed, else every second; call it ten times a second."""
+        with self._lock:
+            statuses = [self._link_status(stats)]
+            statuses += self._property_statuses() + self._trouble_statuses()
+            shown = [(status.name, status.level, status.message) for status in statuses]
+            now = self._clock()
+            if shown == self._shown and now - self._shown_at < PERIOD:
+                return
+            self._shown, self._shown_at = shown, now
+        self._screen.diagnostics(statuses)
+
+    # Inside
+
+    def _show_verdict(self, outcome: str) -> None:
+        with self._lock:
+            before, self._verdict = self._verdict, outcome
+        if outcome != before:
+            self._screen.verdict(outcome)
+
+    def _link_status(self, stats: Stats) -> Status:
+        counters = {
+            **asdict(stats),
+            "passed without a decision": self._outages.total.passed,
+            "denied without a decision": self._outages.total.denied,
+        }
+        level, message = OK, f"attached to session {self._detail}"
+        if not self._attached:
+            level, message = STALE, f"the oracle is away: {self._detail}"
+        elif self._outages.lasting:
+            level, message = STALE, "attached, but the oracle does not decide in time"
+        values = tuple((name, str(value)) for name, value in counters.items())
+        return Status(f"{self._monitor}: oracle", level, message, values)
+
+    def _property_statuses(self) -> List[Status]:
+        return [self._property_status(name, told) for name, told in self._properties.items()]
+
+    def _property_status(self, name: str, told: Mapping[str, Any]) -> Status:
+        level, message = LEVELS.get(told["level"], STALE), str(told["text"])
+        if not self._attached:
+            level, message = STALE, f"the oracle is away; when it was last heard: {message}"
+        keys = ("outcome", "violations", "first_violation")
+        values = tuple((key, str(told.get(key))) for key in keys)
+        return Status(f"{self._monitor}: {name}", level, message, values)
+
+    def _trouble_statuses(self) -> List[Status]:
+        return [
+            Status(f"{self._monitor}: {name}", ERROR if text else OK, text or "well again")
+            for name, text in self._troubles.items()
+        ]
+
+
+class _Known(Dict[str, Any]):
+    """A record in which whatever is not told is a question mark."""
+
+    def __missing__(self, key: str) -> str:
+        return "?"

@@ -1,0 +1,234 @@
+"""What the board shows of the oracle, and what it keeps to itself."""
+
+from __future__ import annotations
+
+from typing import Any, Dict, List, Sequence, Tuple
+
+import pytest
+from oracle_adapter import Answer, Board, Stats, Status, graph_name
+from oracle_adapter.board import ERROR, OK, STALE, WARN
+
+DENIED = Answer("decision", "deny", ("p", "q"))
+ALLOWED = Answer("decision", "allow")
+SILENT = Answer("timeout", reason="no decision in time")
+AWAY = Answer("unavailable", reason="no connection to the oracle")
+
+
+class Screen:
+    """Keeps what is shown."""
+
+    def __init__(self) -> None:
+        self.verdicts: List[str] = []
+        self.errors: List[str] = []
+        self.infos: List[str] = []
+        self.shown: List[List[Status]] = []
+
+    def verdict(self, outcome: str) -> None:
+        self.verdicts.append(outcome)
+
+    def error(self, text: str) -> None:
+        self.errors.append(text)
+
+    def info(self, text: str) -> None:
+        self.infos.append(text)
+
+    def diagnostics(self, statuses: Sequence[Status]) -> None:
+        self.shown.append(list(statuses))
+
+
+class Clock:
+    now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def screen() -> Screen:
+    return Screen()
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def board(screen: Screen, clock: Clock) -> Board:
+    return Board("uav1", screen, clock)
+
+
+def told(worst: str, **levels: Tuple[str, str]) -> Dict[str, Any]:
+    """A `verdicts` frame with each property's level and text."""
+    properties = {
+        name: {
+            "outcome": "unknown",
+            "level": level,
+            "text": text,
+            "violations": 2,
+            "first_violation": 7,
+        }
+        for name, (level, text) in levels.items()
+    }
+    return {"n": 9, "worst": worst, "properties": properties}
+
+
+def statuses(screen: Screen) -> Dict[str, Tuple[int, str]]:
+    return {status.name: (status.level, status.message) for status in screen.shown[-1]}
+
+
+def test_nothing_is_known_until_the_oracle_has_spoken(screen: Screen, board: Board) -> None:
+    board.on_state("attached", "s1")
+    assert screen.verdicts == ["unknown"]
+    board.on_verdicts(told("currently_true"))
+    assert screen.verdicts == ["unknown", "currently_true"]
+
+
+def test_a_verdict_is_shown_where_it_changes_and_forgotten_with_the_link(
+    screen: Screen, board: Board
+) -> None:
+    board.on_state("attached", "s1")
+    for worst in ("currently_true", "currently_true", "false"):
+        board.on_verdicts(told(worst))
+    board.on_state("disconnected", "gone")
+    board.on_state("attached", "s1")
+    board.on_verdicts(told("false"))
+    board.on_state("ended", "closed")
+    assert screen.verdicts == ["unknown", "currently_true", "false", "unknown", "false", "unknown"]
+
+
+def test_diagnostics_say_what_the_server_says(screen: Screen, board: Board) -> None:
+    board.on_state("attached", "s1")
+    levels = {
+        "a": ("ok", "holds"),
+        "b": ("warn", "no"),
+        "c": ("error", "never"),
+        "d": ("stale", "?"),
+    }
+    board.on_verdicts(told("false", **levels))
+    board.tick(Stats())
+    assert statuses(screen) == {
+        "uav1: oracle": (OK, "attached to session s1"),
+        "uav1: a": (OK, "holds"),
+        "uav1: b": (WARN, "no"),
+        "uav1: c": (ERROR, "never"),
+        "uav1: d": (STALE, "?"),
+    }
+    values = dict(screen.shown[-1][1].values)
+    assert values == {"outcome": "unknown", "violations": "2", "first_violation": "7"}
+
+
+def test_all_is_stale_while_the_oracle_is_away(screen: Screen, board: Board) -> None:
+    board.on_state("attached", "s1")
+    board.on_verdicts(told("currently_true", a=("ok", "holds")))
+    board.on_state("disconnected", "no sign of life")
+    board.tick(Stats())
+    assert {level for level, _ in statuses(screen).values()} == {STALE}
+    assert statuses(screen)["uav1: oracle"][1] == "the oracle is away: no sign of life"
+    assert "holds" in statuses(screen)["uav1: a"][1]
+
+
+def test_an_attached_oracle_that_does_not_decide_is_stale_too(screen: Screen, board: Board) -> None:
+    board.on_state("attached", "s1")
+    board.settle(SILENT, "deny", "a message of /a")
+    board.tick(Stats())
+    assert statuses(screen)["uav1: oracle"][0] == STALE
+    board.settle(ALLOWED, "deny", "a message of /a")
+    board.tick(Stats())
+    assert statuses(screen)["uav1: oracle"][0] == OK
+
+
+def test_diagnostics_come_at_once_where_they_change_and_each_second_anyway(
+    screen: Screen, board: Board, clock: Clock
+) -> None:
+    board.tick(Stats())
+    board.tick(Stats(sent=1))
+    assert len(screen.shown) == 1
+    board.on_state("attached", "s1")
+    board.tick(Stats())
+    assert len(screen.shown) == 2
+    clock.now = 0.9
+    board.tick(Stats())
+    assert len(screen.shown) == 2
+    clock.now = 1.0
+    board.tick(Stats(sent=5))
+    assert len(screen.shown) == 3
+    assert dict(screen.shown[-1][0].values)["sent"] == "5"
+
+
+def test_a_denial_is_told_each_time_with_who_denies(screen: Screen, board: Board) -> None:
+    assert board.settle(DENIED, "pass", "a request of /set, call 1") == (False, "decision")
+    assert board.settle(ALLOWED, "deny", "a request of /set, call 2") == (True, "decision")
+    assert board.settle(DENIED, "pass", "a request of /set, call 3") == (False, "decision")
+    assert screen.errors == [
+        "denied a request of /set, call 1: p, q",
+        "denied a request of /set, call 3: p, q",
+    ]
+
+
+def test_an_outage_is_told_once_and_counted(screen: Screen, board: Board, clock: Clock) -> None:
+    for _ in range(3):
+        assert board.settle(SILENT, "pass", "a message of /a") == (True, "timeout")
+    for _ in range(2):
+        assert board.settle(AWAY, "deny", "a request of /b") == (False, "unavailable")
+    (begun,) = screen.errors
+    assert begun.startswith("passed a message of /a: no decision in time; ")
+    clock.now = 5.0
+    board.settle(ALLOWED, "deny", "a message of /a")
+    assert screen.infos == [
+        "the oracle is back after 5.0 s, in which 3 passed and 2 denied without it"
+    ]
+    board.settle(AWAY, "deny", "a message of /a")
+    assert len(screen.errors) == 2, "a new outage is told again"
+    board.on_state("disconnected", "gone")
+    assert len(screen.infos) == 2
+    board.on_state("attached", "s1")
+    board.settle(ALLOWED, "deny", "a message of /a")
+    assert screen.infos[-1].endswith("0 passed and 1 denied without it")
+    board.tick(Stats())
+    values = dict(screen.shown[-1][0].values)
+    assert (values["passed without a decision"], values["denied without a decision"]) == ("3", "3")
+
+
+def test_trouble_is_told_where_it_is_new_and_shown_until_it_is_over(
+    screen: Screen, board: Board
+) -> None:
+    assert board.trouble("/a", "published past the monitor")
+    assert not board.trouble("/a", "published past the monitor")
+    assert not board.trouble("/b", "")
+    board.tick(Stats())
+    assert statuses(screen)["uav1: /a"] == (ERROR, "published past the monitor")
+    assert screen.errors == ["/a: published past the monitor"]
+    assert board.trouble("/a", "")
+    board.tick(Stats())
+    assert statuses(screen)["uav1: /a"] == (OK, "well again")
+    assert "uav1: /b" not in statuses(screen)
+
+
+def test_a_violation_is_told_with_its_property_its_event_and_why(
+    screen: Screen, board: Board
+) -> None:
+    record = {"n": 4, "property": "p", "stream": "/a", "kind": "topic", "seq": 3, "monitor": "m"}
+    board.on_violation({**record, "explanation": {"text": "p fails, since it is late"}})
+    board.on_violation(record)
+    board.on_violation({})
+    assert screen.errors[0] == "violation 4: p fails, since it is late"
+    assert screen.errors[1] == "violation 4: p does not hold at /a (topic 3 of m)"
+    assert len(screen.errors) == 3
+
+
+@pytest.mark.parametrize(
+    ("monitor", "name"),
+    [
+        ("uav1", "/uav1"),
+        ("/fleet/uav-1/", "/fleet/uav_1"),
+        ("a.b", "/a_b"),
+        ("7", "/_7"),
+        ("a/7", "/a/_7"),
+        ("a--b__c", "/a_b_c"),
+        ("~", "/_"),
+        ("/", "/monitor"),
+    ],
+)
+def test_a_monitors_topics_have_names_that_ros_takes(monitor: str, name: str) -> None:
+    assert graph_name(monitor) == name
