@@ -12,6 +12,7 @@ from concurrent.futures import Future
 from operator import index
 from typing import TYPE_CHECKING, Any, Callable, Dict, Literal, Optional, Union
 
+from oracle_adapter.deadlines import Deadlines
 from oracle_adapter.decision import Answer
 from oracle_adapter.errors import LinkError
 from oracle_adapter.protocol import Answered, Attached, Protocol, Room, Verdicts, Violation
@@ -50,6 +51,8 @@ class Exchange:
         self._changed = threading.Condition(self._lock)  # opened, attached or ended
         self._protocol = protocol
         self._asks: Dict[int, Tuple[Queued, Future[Answer]]] = {}
+        self._deadlines = Deadlines()
+        self._timer: Optional[asyncio.TimerHandle] = None
         self._loop: Optional[asyncio.AbstractEventLoop] = None
         self._woken: Optional[asyncio.Event] = None
         self._awake = False  # the writer will look at the queue without being woken
@@ -91,10 +94,8 @@ class Exchange:
             asked = self._protocol.ask(_read(stamp), body, lost)
             if self._loop is not None and not isinstance(asked, Answer):
                 self._asks[asked.number] = asked, future
-                deadline = self._loop.time() + seconds
-                self._loop.call_soon_threadsafe(
-                    self._loop.call_at, deadline, self._expire, asked.number
-                )
+                if self._deadlines.add(self._loop.time() + seconds, asked.number):
+                    self._loop.call_soon_threadsafe(self._set_timer, self._loop)
                 self._wake()
         if isinstance(asked, Answer):
             future.set_result(asked)
@@ -213,10 +214,17 @@ class Exchange:
             _log.warning("%s", error)
         _call(self._on_error, error)
 
-    def _expire(self, number: int) -> None:
+    def _set_timer(self, loop: asyncio.AbstractEventLoop) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+        due = self._deadlines.timer
+        self._timer = None if due is None else loop.call_at(due, self._expire, loop)
+
+    def _expire(self, loop: asyncio.AbstractEventLoop) -> None:
         with self._lock:
-            if number in self._asks:
+            for number in self._deadlines.take_due(loop.time(), self._asks):
                 self._protocol.expire(self._asks[number][0])
+            self._set_timer(loop)
             notices = self._protocol.take_notices()
         self._deliver(notices)
 
