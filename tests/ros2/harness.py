@@ -252,9 +252,9 @@ class Scene:
         self._processes.append(process)
         return process
 
-    def adapter(self, spec: str, session: str = "s", monitor: str = "uav1") -> Process:
-        """An adapter that observes."""
-        words = ("--oracle", self.server.url, "--spec", spec, "--session", session, "--monitor", monitor)
+    def adapter(self, spec: str, session: str = "s", monitor: str = "uav1", more: Sequence[str] = ()) -> Process:
+        """An adapter that observes; `more` are more of its arguments."""
+        words = ("--oracle", self.server.url, "--spec", spec, "--session", session, "--monitor", monitor, *more)
         process = self.run("adapter", sys.executable, "-m", "oracle_ros2", *words)
         process.said("observing")
         return process

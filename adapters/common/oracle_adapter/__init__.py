@@ -8,16 +8,19 @@ from oracle_adapter.exchange import Stamp, State
 from oracle_adapter.jsonvalues import dumps
 from oracle_adapter.link import Link
 from oracle_adapter.marks import ClockStamp
+from oracle_adapter.names import PROXY, Names
 from oracle_adapter.protocol import Attached
 from oracle_adapter.stats import Stats
 
 __all__ = [
+    "PROXY",
     "Answer",
     "Attached",
     "Board",
     "ClockStamp",
     "Link",
     "LinkError",
+    "Names",
     "Policy",
     "Stamp",
     "State",

@@ -8,7 +8,7 @@ from launch_ros.actions import Node
 
 def generate_launch_description() -> LaunchDescription:
     """One monitor; its arguments are those of `python3 -m oracle_ros2`."""
-    arguments = {"oracle": "http://127.0.0.1:8642", "spec": "", "session": "", "monitor": "monitor"}
+    arguments = {"oracle": "http://127.0.0.1:8642", "spec": "", "session": "", "monitor": "monitor", "namespace": ""}
     given = [text for name in arguments for text in (f"--{name}", LaunchConfiguration(name))]
     return LaunchDescription(
         [

@@ -10,11 +10,10 @@ import threading
 from typing import Sequence
 
 import rclpy
-from oracle_adapter import Attached, Board, Link, LinkError
+from oracle_adapter import Attached, Board, Link, LinkError, Names
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
-from rclpy.utilities import remove_ros_args
 
 from oracle_ros2.codec import CodecError
 from oracle_ros2.monitor import Monitor
@@ -24,9 +23,9 @@ from oracle_ros2.stamps import simulated
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run until SIGINT or SIGTERM; 0 after a clean stop, 2 where it can't start or the server refused."""
-    own = remove_ros_args(list(arguments if arguments is not None else sys.argv))[1:]
+    own, for_ros = _split(sys.argv if arguments is None else arguments)
     options = _parse(own)
-    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    rclpy.init(args=for_ros, signal_handler_options=SignalHandlerOptions.NO)
     stopping = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopping.set())
@@ -36,14 +35,35 @@ def main(arguments: Sequence[str] | None = None) -> int:
         rclpy.try_shutdown()
 
 
+def _split(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
+    """The adapter's own arguments, and those between `--ros-args` and `--`; rcl would take a bare `a:=b` as its own."""
+    own: list[str] = []
+    for_ros: list[str] = []
+    inside = False
+    for word in arguments[1:]:
+        inside = inside or word == "--ros-args"
+        (for_ros if inside else own).append(word)
+        inside = inside and word != "--"
+    return own, for_ros
+
+
 def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser("oracle_ros2", description=__doc__)
     parser.add_argument("--oracle", default=os.environ.get("ORACLE_URL", "http://127.0.0.1:8642"), help="its address")
     parser.add_argument("--spec", help="the spec to judge by; needed where the session is new")
     parser.add_argument("--session", help="the session to join or make; default a new one of its own")
     parser.add_argument("--monitor", default="monitor", help="this monitor's name (%(default)s)")
+    parser.add_argument(
+        "--remap", action="append", default=[], metavar="/NAME:=/ROS_NAME", help="what a stream of the spec is here"
+    )
+    parser.add_argument("--namespace", default="", help="what goes before all names of the spec, such as /uav1")
     parser.add_argument("--token", default=os.environ.get("ORACLE_TOKEN"), help="the server's token")
-    return parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
+    try:
+        options.names = Names(options.remap, options.namespace)
+    except ValueError as error:
+        parser.error(str(error))
+    return options
 
 
 def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
@@ -68,7 +88,7 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
     attached = _wait_attached(link, stopping, options.oracle, node)
     status = 0
     if attached is not None:
-        status = _observe(node, link, board, attached, stopping)
+        status = _observe(node, link, board, options.names, attached, stopping)
     link.close()
     node.destroy_node()
     return 2 if failed else status
@@ -88,9 +108,13 @@ def _wait_attached(link: Link, stopping: threading.Event, url: str, node: Node) 
     return None
 
 
-def _observe(node: Node, link: Link, board: Board, attached: Attached, stopping: threading.Event) -> int:
+def _observe(node: Node, link: Link, board: Board, names: Names, attached: Attached, stopping: threading.Event) -> int:
+    unknown = list(names.unused(name for s in attached.streams for name in (s["name"], s.get("proxy") or s["name"])))
+    if unknown:
+        node.get_logger().fatal(f"--remap {unknown[0]}: {attached.spec} has no such stream")
+        return 2
     try:
-        monitor = Monitor(node, link, board, attached.streams)
+        monitor = Monitor(node, link, board, names, attached.streams)
     except CodecError as error:
         node.get_logger().fatal(str(error))
         return 2

@@ -11,7 +11,7 @@ from oracle_ros2.stamps import on_back, simulated, time_of
 from oracle_ros2.topics import FilteredTopic, LoggedTopic
 
 if TYPE_CHECKING:
-    from oracle_adapter import Board, ClockStamp, Link
+    from oracle_adapter import Board, ClockStamp, Link, Names
     from rclpy.node import Node
 
 CLOCK_PERIOD = 0.01
@@ -22,7 +22,9 @@ SHOW_PERIOD = 0.1
 class Monitor:
     """Everything that one node observes for one link."""
 
-    def __init__(self, node: Node, link: Link, board: Board, streams: Sequence[Mapping[str, Any]]) -> None:
+    def __init__(
+        self, node: Node, link: Link, board: Board, names: Names, streams: Sequence[Mapping[str, Any]]
+    ) -> None:
         """Observe the streams that the server named. Raises `CodecError` where a type is not there."""
         self._link, self._board = link, board
         self._now = time_of(node)
@@ -34,12 +36,12 @@ class Monitor:
         }
         by_key = {(s["name"], s["kind"]): s for s in streams}
         self._topics = [
-            FilteredTopic(node, link, board, s) if s["action"] == "filter" else LoggedTopic(node, link, s)
+            FilteredTopic(node, link, board, names, s) if s["action"] == "filter" else LoggedTopic(node, link, names, s)
             for s in streams
             if s["kind"] == "topic"
         ]
         self._services = [
-            ProxiedService(node, link, board, s, by_key[s["name"], "response"])
+            ProxiedService(node, link, board, names, s, by_key[s["name"], "response"])
             for s in streams
             if s["kind"] == "request"
         ]

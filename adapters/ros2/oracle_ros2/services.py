@@ -15,7 +15,7 @@ from oracle_ros2.codec import load_type, reader, write
 from oracle_ros2.stamps import stamp_reader, time_of
 
 if TYPE_CHECKING:
-    from oracle_adapter import ClockStamp
+    from oracle_adapter import ClockStamp, Names
     from rclpy.node import Node
 
 DISCOVERY = 2.0  # seconds that a service may take to be discovered
@@ -25,7 +25,13 @@ class ProxiedService:
     """Serves `proxy`, and calls the service with what may pass. Calls wait for nothing but their own answers."""
 
     def __init__(
-        self, node: Node, link: Link, board: Board, request: Mapping[str, Any], response: Mapping[str, Any]
+        self,
+        node: Node,
+        link: Link,
+        board: Board,
+        names: Names,
+        request: Mapping[str, Any],
+        response: Mapping[str, Any],
     ) -> None:
         """Serve at once; `request` and `response` are the service's streams. Raises `CodecError`."""
         self._node, self._link, self._board, self._time = node, link, board, time_of(node)
@@ -37,8 +43,9 @@ class ProxiedService:
         self._response = _Side(response, self._type.Response)
         self._calls = itertools.count(1)
         self._group = ReentrantCallbackGroup()
-        self._client = node.create_client(self._type, self.name, callback_group=self._group)
-        self._service = node.create_service(self._type, request["proxy"], self._serve, callback_group=self._group)
+        self._client = node.create_client(self._type, names[self.name], callback_group=self._group)
+        proxy = names[request["proxy"]]
+        self._service = node.create_service(self._type, proxy, self._serve, callback_group=self._group)
 
     async def _serve(self, request: Any, response: Any) -> Any:
         call = next(self._calls)

@@ -6,7 +6,7 @@ import threading
 from collections import deque
 from typing import TYPE_CHECKING, Any, Mapping
 
-from oracle_adapter import Answer, Board, Link
+from oracle_adapter import PROXY, Answer, Board, Link
 
 from oracle_ros2.codec import load_type, reader
 from oracle_ros2.qos import Matched
@@ -15,9 +15,8 @@ from oracle_ros2.stamps import simulated, stamp_reader, time_of
 if TYPE_CHECKING:
     from concurrent.futures import Future
 
+    from oracle_adapter import Names
     from rclpy.node import Node
-
-SUFFIX = "_mon"
 
 
 class Observed:
@@ -51,10 +50,10 @@ class Observed:
 class LoggedTopic:
     """Reports every message of a topic."""
 
-    def __init__(self, node: Node, link: Link, stream: Mapping[str, Any]) -> None:
+    def __init__(self, node: Node, link: Link, names: Names, stream: Mapping[str, Any]) -> None:
         self._link = link
         self._observed = Observed(node, stream)
-        self.matched = Matched(node, self._observed.type, self._observed.name, self._take)
+        self.matched = Matched(node, self._observed.type, names[self._observed.name], self._take)
 
     def _take(self, message: Any, info: Mapping[str, Any]) -> None:
         stamp, data, more = self._observed.event(message, info)
@@ -67,11 +66,11 @@ class FilteredTopic:
     `intercept: publisher` takes X_mon and gives X, `subscriber` takes X and gives X_mon.
     """
 
-    def __init__(self, node: Node, link: Link, board: Board, stream: Mapping[str, Any]) -> None:
+    def __init__(self, node: Node, link: Link, board: Board, names: Names, stream: Mapping[str, Any]) -> None:
         self._link, self._board, self._stream = link, board, stream
         self._observed = Observed(node, stream)
-        name = self._observed.name
-        source, target = (name + SUFFIX, name) if stream["intercept"] == "publisher" else (name, name + SUFFIX)
+        plain, beside = names[self._observed.name], names[self._observed.name + PROXY]
+        source, target = (beside, plain) if stream["intercept"] == "publisher" else (plain, beside)
         self._waiting: deque[tuple[Any, Future[Answer]]] = deque()
         self._forwarding = threading.Lock()
         self._publisher = node.create_publisher(self._observed.type, target, 1000)

@@ -1,0 +1,85 @@
+"""Many robots: two UAVs in one session, each by its own names, as docs/adapters.md has it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.ros2.harness import ROOT, Scene, eventually
+
+msg = pytest.importorskip("std_msgs.msg")
+
+# rclpy imports an old lark with its first node, and warns by a function of its own that is deprecated.
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:module 'sre_:DeprecationWarning", "ignore:Deprecated in favor of:DeprecationWarning"
+)
+
+
+def documented() -> str:
+    """The spec of the fleet in the documentation."""
+    found = re.search(r"```yaml\n(id: fleet\n.*?)```", (ROOT / "docs" / "adapters.md").read_text(), re.DOTALL)
+    assert found
+    return found[1]
+
+
+def test_two_uavs_in_one_session_are_judged_each_by_its_own_and_by_the_others(tmp_path: Path) -> None:
+    specs = tmp_path / "specs"
+    specs.mkdir()
+    (specs / "fleet.yaml").write_text(documented())
+    with Scene(tmp_path, specs) as scene:
+        first = scene.adapter("fleet", monitor="uav1", more=["--namespace", "/uav1"])
+        second = scene.adapter(
+            "fleet", monitor="uav2", more=["--remap", "/battery:=/uav2/power", "--remap", "/takeoff:=/uav2/takeoff"]
+        )
+        peer = scene.peer()
+        batteries = [peer.publisher(msg.Float64, topic) for topic in ("/uav1/battery", "/uav2/power")]
+        asked = [peer.publisher(msg.Empty, f"/{uav}/takeoff_mon") for uav in ("uav1", "uav2")]
+        heard = {uav: peer.record(msg.Empty, f"/{uav}/takeoff") for uav in ("uav1", "uav2")}
+        peer.until(lambda: all(peer.node.count_publishers(f"/{uav}/takeoff") for uav in heard))
+
+        def say(publisher: object, message: object) -> None:
+            count = len(scene.server.events("s"))
+            publisher.publish(message)  # type: ignore[attr-defined]
+            eventually(lambda: scene.server.events("s"), lambda found: len(found) == count + 1)
+
+        say(batteries[0], msg.Float64(data=90.0))
+        say(batteries[1], msg.Float64(data=20.0))
+        say(asked[1], msg.Empty())  # not charged, and the leader is not up
+        say(asked[0], msg.Empty())
+        peer.until(lambda: heard["uav1"])
+        say(batteries[1], msg.Float64(data=70.0))
+        say(asked[1], msg.Empty())
+        peer.until(lambda: heard["uav2"])
+        assert {uav: len(messages) for uav, messages in heard.items()} == {"uav1": 1, "uav2": 1}
+        events = [(e["monitor"], e["stream"], e["decision"]) for e in scene.server.events("s")]
+        assert events == [
+            ("uav1", "/battery", None),
+            ("uav2", "/battery", None),
+            ("uav2", "/takeoff", "deny"),
+            ("uav1", "/takeoff", "allow"),
+            ("uav2", "/battery", None),
+            ("uav2", "/takeoff", "allow"),
+        ]
+        second.said("denied a message of /takeoff: charged_takeoff, leader_first")
+        first.ends_well()
+        second.ends_well()
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--remap", "/batery:=/uav1/battery"], "--remap /batery: fleet has no such stream"),
+        (["--remap", "/battery"], "'/battery' is no remap like"),
+        (["--namespace", "uav 1"], "'uav 1' is no namespace like"),
+    ],
+)
+def test_a_remap_that_means_nothing_is_refused(words: list[str], told: str, tmp_path: Path) -> None:
+    specs = tmp_path / "specs"
+    specs.mkdir()
+    (specs / "fleet.yaml").write_text(documented())
+    with Scene(tmp_path, specs) as scene:
+        with pytest.raises(AssertionError, match="did not say 'observing'") as failed:
+            scene.adapter("fleet", more=words)
+        assert told in str(failed.value)
