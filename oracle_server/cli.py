@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -41,13 +41,26 @@ def _root(
         typer.echo(context.get_help())
 
 
+_ROS: dict[str, Literal[1, 2]] = {"1": 1, "2": 2}
+
+
+class RosVersion(StrEnum):
+    """A version of ROS."""
+
+    ONE = "1"
+    TWO = "2"
+
+
 @app.command()
-def check(specs: Annotated[list[Path], typer.Argument(metavar="SPEC…", help="Spec files.")]) -> None:
+def check(
+    specs: Annotated[list[Path], typer.Argument(metavar="SPEC…", help="Spec files.")],
+    ros: Annotated[RosVersion | None, typer.Option(help="Warn of what this version of ROS lacks.")] = None,
+) -> None:
     """Validate specs: schema, expressions, formulas, ordering hazards."""
     sound = True
     for path in specs:
         try:
-            loaded = load_spec(path)
+            loaded = load_spec(path, _ROS[ros] if ros else None)
         except SpecError as error:
             sound = False
             typer.echo(str(error), err=True)

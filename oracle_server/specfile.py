@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from oracle_server.core.errors import Finding, FormulaError, Problem, SpecError
 from oracle_server.core.formula.parse import parse_formula
 from oracle_server.core.hazards import inspect
+from oracle_server.core.ros import Ros, ros_hazards
 from oracle_server.core.spec import Ordering, Property, Spec, StreamSpec
 from oracle_server.engines.choice import refusal
 from oracle_server.specmodel import PropertyModel, ServiceModel, SpecModel, TopicModel
@@ -29,8 +30,8 @@ class SpecFile:
     warnings: tuple[Finding, ...]
 
 
-def load_spec(path: Path) -> SpecFile:
-    """Read and check a spec file. Raises `SpecError` with everything that was found."""
+def load_spec(path: Path, ros: Ros | None = None) -> SpecFile:
+    """Read and check a spec file, with `ros` for that version of ROS. Raises `SpecError` with all that was found."""
     try:
         with path.open("rb") as file:
             data = file.read(4 * MAX_TEXT + 1)
@@ -40,10 +41,10 @@ def load_spec(path: Path) -> SpecFile:
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise SpecError([Finding(str(path), line, 1, "not UTF-8 text")]) from None
-    return parse_spec(text, str(path))
+    return parse_spec(text, str(path), ros)
 
 
-def parse_spec(text: str, file: str) -> SpecFile:
+def parse_spec(text: str, file: str, ros: Ros | None = None) -> SpecFile:
     """Read and check a spec; `file` is what findings call it. Raises `SpecError`."""
     document = read_yaml(text, file)
     try:
@@ -56,7 +57,7 @@ def parse_spec(text: str, file: str) -> SpecFile:
     if findings:
         raise SpecError(findings)
     spec = _spec(model, tuple(p for p in properties if p is not None))
-    problems = [*inspect(spec), *_engines(spec)]
+    problems = [*inspect(spec), *_engines(spec), *(ros_hazards(spec, ros) if ros else ())]
     findings = sorted((_finding(document, p, spec) for p in problems), key=lambda f: (f.line, f.column))
     if any(f.severity == "error" for f in findings):
         raise SpecError(findings)

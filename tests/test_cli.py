@@ -36,6 +36,26 @@ def test_check_of_sound_specs() -> None:
     assert f"{SPEC}: sound" in ended.stdout
 
 
+def test_check_for_ros_2_warns_of_a_denied_call_that_could_look_like_a_success(tmp_path: Path) -> None:
+    spec = tmp_path / "spec.yaml"
+    spec.write_text(
+        "id: doors\n"
+        "streams:\n"
+        "  - {service: /open, action: filter}\n"
+        "  - {service: /close, action: filter, denied_response: {success: false}}\n"
+        "  - {service: /state}\n"
+        "properties:\n"
+        "  - id: p\n"
+        "    formula: 'not {kind: request, v: 7}'\n"
+        "    guards: [/open, /close]\n"
+    )
+    plain, first, second = run("check", spec), run("check", "--ros", "1", spec), run("check", "--ros", "2", spec)
+    assert {ended.returncode for ended in (plain, first, second)} == {0}
+    assert (plain.stderr, "denied_response" in first.stderr) == ("", False)
+    (line,) = second.stderr.splitlines()
+    assert line.startswith(f"{spec}:3:30: warning: /open is filtered without a `denied_response`: on ROS 2")
+
+
 def test_check_tells_each_finding_with_its_place(tmp_path: Path) -> None:
     bad, good = tmp_path / "bad.yaml", tmp_path / "good.yaml"
     bad.write_text(

@@ -261,6 +261,18 @@ def test_a_service_that_is_not_there_is_answered_by_the_denied_response(tmp_path
         assert switch(peer, True) == (True, "on")
 
 
+def test_without_a_denied_response_a_denied_call_gets_the_defaults_and_the_log_says_so(tmp_path: Path) -> None:
+    spec = SWITCH.replace("    denied_response: {success: false, message: not now}\n", "")
+    with scene_of(tmp_path, spec) as scene:
+        adapter, peer = scene.adapter("switch"), scene.peer()
+        errors = peer.record(msg.String, "/uav1/monitor_error", 100)
+        peer.until(lambda: peer.node.count_publishers("/uav1/monitor_error"))
+        served(peer, say("on"))
+        assert switch(peer, False) == (False, "")
+        adapter.said("a denied call of /switch is answered by the defaults of its type")
+        peer.until(lambda: any("denied a request of /switch, call 1: only_on" in e.data for e in errors))
+
+
 def test_a_call_that_is_never_answered_holds_up_no_other(tmp_path: Path) -> None:
     with scene_of(tmp_path, SWITCH) as scene:
         adapter, peer = scene.adapter("switch"), scene.peer()

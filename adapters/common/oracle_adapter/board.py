@@ -136,6 +136,10 @@ class Board:
             self._screen.error(f"denied {event}: {', '.join(answer.denied_by)}")
         return passed, why
 
+    def error(self, text: str) -> None:
+        """Show an error of the adapter's own."""
+        self._screen.error(text)
+
     def trouble(self, subject: str, text: str) -> bool:
         """Show what is wrong with a stream, an empty text for nothing; true where that is new."""
         with self._lock:

@@ -39,6 +39,11 @@ class ProxiedService:
         self._type = load_type(request["type"])
         self._denied: Mapping[str, Any] = request.get("denied_response") or {}
         write(self._type.Response(), self._denied)
+        if request["action"] == "filter" and not self._denied:
+            node.get_logger().warning(
+                f"a denied call of {self.name} is answered by the defaults of its type, which a client may take for a "
+                "success; the spec can say otherwise by `denied_response`"
+            )
         self._request = _Side(request, self._type.Request)
         self._response = _Side(response, self._type.Response)
         self._calls = itertools.count(1)
@@ -52,7 +57,7 @@ class ProxiedService:
         if not await self._may_pass(self._request, request, call):
             return write(response, self._denied)
         if not self._client.service_is_ready() and not await self._appears():
-            self._node.get_logger().error(f"{self.name} is not there: call {call} is answered by denied_response")
+            self._board.error(f"{self.name} is not there: call {call} is answered by denied_response")
             return write(response, self._denied)
         answer = await self._client.call_async(request)
         if not await self._may_pass(self._response, answer, call):
