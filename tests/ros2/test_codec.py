@@ -2,93 +2,115 @@
 
 from __future__ import annotations
 
-import array
 import importlib
 import json
 import math
 import random
 import re
 import string
+import struct
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 pytest.importorskip("rclpy")
 codec = pytest.importorskip("oracle_ros2.codec")
 adapter = pytest.importorskip("oracle_adapter")
-numpy = pytest.importorskip("numpy")
+serialization = pytest.importorskip("rclpy.serialization")
 
-TYPES = [
-    *(f"std_msgs/msg/{name}" for name in ("Header", "String", "ColorRGBA", "Int64MultiArray", "UInt8MultiArray")),
-    *(f"std_msgs/msg/{name}" for name in ("Byte", "Char", "UInt64", "Float32", "Float64", "ByteMultiArray", "Empty")),
-    *(f"geometry_msgs/msg/{name}" for name in ("PoseWithCovarianceStamped", "TwistStamped", "Polygon", "PoseArray")),
-    *(f"sensor_msgs/msg/{name}" for name in ("Imu", "Image", "LaserScan", "BatteryState", "JointState", "PointCloud2")),
-    *(f"diagnostic_msgs/msg/{name}" for name in ("DiagnosticArray", "KeyValue")),
-    *(f"test_msgs/msg/{name}" for name in ("BasicTypes", "Arrays", "BoundedSequences", "UnboundedSequences")),
-    *(f"test_msgs/msg/{name}" for name in ("Strings", "MultiNested", "Nested", "Constants", "Defaults")),
-    "test_msgs/srv/BasicTypes_Request",
-]
+# rclpy imports an old lark with its first message, and warns by a function of its own that is deprecated.
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:module 'sre_:DeprecationWarning", "ignore:Deprecated in favor of:DeprecationWarning"
+)
+
+PACKAGES = (
+    "diagnostic_msgs", "geometry_msgs", "nav_msgs", "sensor_msgs", "std_msgs", "std_srvs", "test_msgs", "trajectory_msgs",
+)  # fmt: skip
 MANY = re.compile(r"sequence<(?P<of>.+?)(, (?P<most>\d+))?>|(?P<array>.+)\[(?P<size>\d+)\]")
 FEW = 3  # items of a sequence, at most
-LETTERS = string.printable + "äß漢字🤖\u2028\ud7ff"
+LETTERS = string.printable + "äß漢字🤖\u2028\ud7ff\ufffd"
 INTEGER = re.compile(r"(u?)int(\d+)")
+
+
+def types() -> Iterator[str]:
+    """Every message, request and response of the packages."""
+    for package in PACKAGES:
+        for kind in ("msg", "srv"):
+            try:
+                module = importlib.import_module(f"{package}.{kind}")
+            except ImportError:
+                continue  # a package may have messages only, or services only
+            for name, found in sorted(vars(module).items()):
+                if kind == "msg" and hasattr(found, "get_fields_and_field_types"):
+                    yield f"{package}/{kind}/{name}"
+                elif hasattr(found, "Request"):
+                    yield from (f"{package}/{kind}/{name}_Request", f"{package}/{kind}/{name}_Response")
+
+
+TYPES = list(types())
 
 
 def type_of(name: str) -> Any:
     package, kind, short = name.split("/")
-    return getattr(importlib.import_module(f"{package}.{kind}"), short)
+    module = importlib.import_module(f"{package}.{kind}")
+    if kind == "srv":
+        service, _, side = short.rpartition("_")
+        return getattr(getattr(module, service), side)
+    return getattr(module, short)
 
 
-def fill(message: Any, chance: random.Random) -> Any:
-    """Put random values into every field."""
-    for name, kind in message.get_fields_and_field_types().items():
+class Draw:
+    """Random values of any kind; those at the limits are as likely as all others together."""
+
+    def __init__(self, seed: str) -> None:
+        self._chance = random.Random(seed)
+
+    def message(self, message: Any) -> Any:
+        """The message, with a value in every field."""
+        for name, kind in message.get_fields_and_field_types().items():
+            setattr(message, name, self.value(kind))
+        return message
+
+    def value(self, kind: str) -> Any:
         many = MANY.fullmatch(kind)
-        if many:
-            setattr(message, name, items(many, getattr(message, name), chance))
-        else:
-            setattr(message, name, one(kind, chance))
-    return message
+        if not many:
+            return self._one(kind)
+        size = int(many["size"]) if many["size"] else self._chance.randint(0, min(FEW, int(many["most"] or FEW)))
+        return [self._one(many["of"] or many["array"]) for _ in range(size)]
+
+    def _one(self, kind: str) -> Any:
+        if "/" in kind:
+            return self.message(codec.load_type(kind)())
+        if kind == "boolean":
+            return self._chance.random() < 0.5
+        if kind in ("octet", "byte"):
+            return self._chance.randbytes(1)
+        if kind in ("float", "double"):
+            return self._number(kind)
+        if kind.startswith(("string", "wstring")):
+            most = re.search(r"\d+", kind)
+            return "".join(self._chance.choices(LETTERS, k=self._chance.randint(0, int(most[0]) if most else 12)))
+        parts = INTEGER.fullmatch(kind)
+        assert parts, kind
+        bits = int(parts[2])
+        low, high = (0, 2**bits - 1) if parts[1] else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
+        return self._chance.choice([low, high, 0, *(self._chance.randint(low, high) for _ in range(3))])
+
+    def _number(self, kind: str) -> float:
+        """Of any size, and none; any bits are a number of that kind."""
+        size = "<f" if kind == "float" else "<d"
+        (bits,) = struct.unpack(size, self._chance.randbytes(struct.calcsize(size)))
+        value = self._chance.choice([0.0, -0.0, 0.1, math.inf, -math.inf, math.nan, bits, bits, bits])
+        # a 32-bit place holds a 32-bit number, and one NaN is as good as another
+        return math.nan if math.isnan(value) else struct.unpack(size, struct.pack(size, value))[0]
 
 
-def items(many: re.Match[str], current: Any, chance: random.Random) -> Any:
-    size = int(many["size"]) if many["size"] else chance.randint(0, min(FEW, int(many["most"] or FEW)))
-    values = [one(many["of"] or many["array"], chance) for _ in range(size)]
-    if isinstance(current, array.array):
-        return array.array(current.typecode, values)
-    return numpy.array(values, dtype=current.dtype) if isinstance(current, numpy.ndarray) else values
-
-
-def one(kind: str, chance: random.Random) -> Any:
-    if "/" in kind:
-        return fill(codec.load_type(kind)(), chance)
-    if kind == "boolean":
-        return chance.random() < 0.5
-    if kind in ("octet", "byte"):
-        return bytes([chance.randrange(256)])
-    if kind == "char":
-        return chance.randrange(256)
-    if kind in ("float", "double"):
-        return number(kind, chance)
-    if kind.startswith(("string", "wstring")):
-        most = re.search(r"\d+", kind)
-        return "".join(chance.choice(LETTERS) for _ in range(chance.randint(0, int(most[0]) if most else 12)))
-    return integer(kind, chance)
-
-
-def number(kind: str, chance: random.Random) -> float:
-    """Of any size; whatever has a 32-bit place is a 32-bit float."""
-    value = chance.choice(
-        [0.0, -0.0, 0.1, 1 / 3, 2.0**24 + 1, chance.uniform(-1e9, 1e9), 10 ** chance.uniform(-30, 30)]
-    )
-    return float(numpy.float32(value)) if kind == "float" else value
-
-
-def integer(kind: str, chance: random.Random) -> int:
-    parts = INTEGER.fullmatch(kind)
-    assert parts, kind
-    bits = int(parts[2])
-    low, high = (0, 2**bits - 1) if parts[1] else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
-    return int(chance.choice([low, high, 0, chance.randint(low, high)]))
+def on_the_wire(message: Any) -> str:
+    """The message as it arrives where ROS sends it; in words, since NaN is not equal to itself."""
+    return repr(serialization.deserialize_message(serialization.serialize_message(message), type(message)))
 
 
 def sent(message: Any, fields: list[str] | None = None) -> Any:
@@ -96,11 +118,28 @@ def sent(message: Any, fields: list[str] | None = None) -> Any:
     return json.loads(adapter.dumps(codec.reader(type(message), fields)(message)))
 
 
-@pytest.mark.parametrize("seed", range(20))
 @pytest.mark.parametrize("name", TYPES)
-def test_what_was_written_is_what_was_read(name: str, seed: int) -> None:
-    message = fill(type_of(name)(), random.Random(f"{name} {seed}"))
-    assert codec.write(type(message)(), sent(message)) == message
+def test_what_was_written_is_what_was_read(name: str) -> None:
+    for seed in range(5):
+        message = Draw(f"{name} {seed}").message(type_of(name)())
+        assert on_the_wire(codec.write(type(message)(), sent(message))) == on_the_wire(message), seed
+
+
+@pytest.mark.parametrize("width", [32, 64])
+@settings(max_examples=300, deadline=None)
+@given(data=st.data())
+def test_any_number_comes_back(width: int, data: st.DataObject) -> None:
+    kind = type_of(f"std_msgs/msg/Float{width}")
+    number = data.draw(st.floats(width=width, allow_nan=False))
+    assert repr(codec.write(kind(), sent(kind(data=number))).data) == repr(number)
+
+
+@settings(max_examples=300, deadline=None)
+@given(text=st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0")))
+def test_any_text_comes_back(text: str) -> None:
+    for kind, field in (("std_msgs/msg/String", "data"), ("test_msgs/msg/WStrings", "wstring_value")):
+        message = type_of(kind)(**{field: text})
+        assert on_the_wire(codec.write(type_of(kind)(), sent(message))) == on_the_wire(message)
 
 
 @pytest.mark.parametrize("name", TYPES)
@@ -129,8 +168,10 @@ def test_what_is_no_finite_number_comes_back(name: str, value: float) -> None:
 
 
 def test_only_the_fields_that_are_asked_for_are_read() -> None:
-    pose = fill(type_of("geometry_msgs/msg/PoseWithCovarianceStamped")(), random.Random(1))
+    pose = type_of("geometry_msgs/msg/PoseWithCovarianceStamped")()
+    pose.header.frame_id = "map"
     position = pose.pose.pose.position
+    position.x, position.y = 0.1, -2.5
     assert sent(pose, ["pose.pose.position.x", "header.frame_id"]) == {
         "pose": {"pose": {"position": {"x": position.x}}},
         "header": {"frame_id": pose.header.frame_id},
@@ -139,6 +180,18 @@ def test_only_the_fields_that_are_asked_for_are_read() -> None:
     assert sent(pose, ["pose.pose.position.x", "pose.pose.position"])["pose"]["pose"]["position"] == sent(position)
     assert sent(pose, ["nothing", "header.nothing", "nothing.at.all"]) == {"header": {}}
     assert sent(pose, []) == {}
+
+
+def test_an_unread_image_is_not_touched() -> None:
+    class Untouchable:
+        header = type_of("std_msgs/msg/Header")(frame_id="front")
+
+        @property
+        def data(self) -> None:
+            pytest.fail("the image was read")
+
+    read = codec.reader(type_of("sensor_msgs/msg/Image"), ["header.frame_id"])
+    assert read(Untouchable()) == {"header": {"frame_id": "front"}}
 
 
 def test_a_path_through_a_sequence_reads_its_items() -> None:
@@ -153,6 +206,21 @@ def test_a_path_through_a_sequence_reads_its_items() -> None:
         ("std_msgs/msg/Int8", {"data": 200}, "data: 200 does not fit int8"),
         ("std_msgs/msg/Int8", {"data": 1.5}, "data: 1.5 does not fit int8"),
         ("std_msgs/msg/Int8", {"data": None}, "data: None does not fit int8"),
+        ("std_msgs/msg/Int8", {"data": True}, "data: True does not fit int8"),
+        ("std_msgs/msg/UInt64", {"data": 2**64}, r"data: \d+ does not fit uint64"),
+        ("std_msgs/msg/Float64", {"data": True}, "data: True does not fit double"),
+        ("std_msgs/msg/Float64", {"data": "1.5"}, "data: '1.5' does not fit double"),
+        ("std_msgs/msg/Float64", {"data": None}, "data: None does not fit double"),
+        ("std_msgs/msg/Byte", {"data": "a"}, "data: 'a' does not fit octet"),
+        ("std_msgs/msg/Byte", {"data": True}, "data: True does not fit octet"),
+        ("test_msgs/msg/UnboundedSequences", {"string_values": "abc"}, "string_values: 'abc' does not fit sequence<string>"),
+        ("test_msgs/msg/UnboundedSequences", {"string_values": {"a": 1}}, r"string_values: \{'a': 1\} does not fit"),
+        ("test_msgs/msg/UnboundedSequences", {"string_values": ["a", 1]}, r"string_values\[1\]: 1 does not fit string"),
+        ("test_msgs/msg/UnboundedSequences", {"int8_values": [1, 200]}, r"int8_values: \[1, 200\] does not fit"),
+        ("test_msgs/msg/BoundedSequences", {"int8_values": [1] * 4}, r"int8_values: \[1, 1, 1, 1\] does not fit"),
+        ("test_msgs/msg/Arrays", {"uint8_values": "AAA="}, "uint8_values: 'AAA=' does not fit uint8"),
+        ("sensor_msgs/msg/Image", {"data": [1, 256]}, r"data: \[1, 256\] does not fit sequence<uint8>"),
+        ("test_msgs/msg/MultiNested", {"array_of_arrays": [{"bool_values": 1}, {}, {}]}, r"array_of_arrays\[0\]\.bool_values: 1"),
         ("std_msgs/msg/String", {"data": 5}, "data: 5 does not fit string"),
         ("std_msgs/msg/Bool", {"data": "yes"}, "data: 'yes' does not fit boolean"),
         ("std_msgs/msg/Float64", {"data": "much"}, "data: 'much' does not fit double"),

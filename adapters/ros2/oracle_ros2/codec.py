@@ -18,6 +18,7 @@ import numpy
 Read = Callable[[Any], Any]
 
 _SEQUENCE = re.compile(r"sequence<(?P<of>.+?)(, \d+)?>|(?P<array>.+)\[\d+\]")
+_NO_NUMBERS = frozenset({"NaN", "Infinity", "-Infinity"})
 _BYTES = frozenset({"uint8", "octet", "byte"})
 
 
@@ -100,27 +101,56 @@ def write(message: Any, data: Mapping[str, Any], place: str = "") -> Any:
             raise CodecError(f"{where}: {type(message).__name__} has no such field")
         try:
             written = _written(types[name], getattr(message, name), value, where)
-            setattr(checked, name, written)
+            setattr(checked, name, _checkable(types[name], written))
             setattr(message, name, written)
         except (AssertionError, TypeError, ValueError, OverflowError) as error:
             raise CodecError(f"{where}: {value!r} does not fit {types[name]} ({error})") from error
     return message
 
 
+def _checkable(kind: str, written: Any) -> Any:
+    """What stands for a value in the check: rclpy's bound for 32-bit floats is below the largest one."""
+    if kind == "float":
+        return 0.0
+    return [0.0] * len(written) if kind.startswith(("float[", "sequence<float")) else written
+
+
 def _written(kind: str, current: Any, value: Any, where: str) -> Any:
     many = _SEQUENCE.fullmatch(kind)
     if many:
-        of = many["of"] or many["array"]
-        if of in _BYTES and isinstance(value, str):
-            data = base64.b64decode(value, validate=True)
-            return list(data) if of == "uint8" else [bytes([byte]) for byte in data]
-        return [
-            _written(of, load_type(of)() if "/" in of else None, item, f"{where}[{i}]") for i, item in enumerate(value)
-        ]
+        return _items(many["of"] or many["array"], value, where)
     if "/" in kind:
         return write(current, value, where)
     if kind in ("float", "double"):
-        return struct.unpack("<" + kind[0], struct.pack("<" + kind[0], float(value)))[0]
-    if kind in ("octet", "byte") and isinstance(value, int):
+        return _number(kind, value)
+    if isinstance(value, bool) and kind != "boolean":  # Python takes it for an integer
+        raise TypeError("it is a boolean")
+    if kind in ("octet", "byte"):
         return bytes([value])
+    if kind.startswith(("string", "wstring")) and not isinstance(value, str):
+        raise TypeError("it is no text")
     return value
+
+
+def _items(kind: str, value: Any, where: str) -> list[Any]:
+    if kind in _BYTES and isinstance(value, str):
+        data = base64.b64decode(value, validate=True)
+        return list(data) if kind == "uint8" else [bytes([byte]) for byte in data]
+    if not isinstance(value, (list, tuple)):
+        raise TypeError("it is no list")
+    message_type = load_type(kind) if "/" in kind else None
+    items = []
+    for i, item in enumerate(value):
+        place = f"{where}[{i}]"
+        try:
+            items.append(_written(kind, message_type() if message_type else None, item, place))
+        except (TypeError, ValueError, OverflowError) as error:
+            raise CodecError(f"{place}: {item!r} does not fit {kind} ({error})") from error
+    return items
+
+
+def _number(kind: str, value: Any) -> float:
+    """What JSON has no word for comes as text; a 32-bit place holds the nearest 32-bit number."""
+    if isinstance(value, bool) or (isinstance(value, str) and value not in _NO_NUMBERS):
+        raise TypeError("it is no number")
+    return float(struct.unpack("<" + kind[0], struct.pack("<" + kind[0], float(value)))[0])
