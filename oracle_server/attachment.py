@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from oracle_server.core.spec import StreamSpec
-from oracle_server.live import LiveSession, Monitor
+from oracle_server.live import LiveSession
+from oracle_server.monitors import Monitor
 from oracle_server.protocol import MAX_BATCH, MAX_DEPTH, MAX_FRAME
 
 

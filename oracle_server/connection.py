@@ -10,7 +10,8 @@ import structlog
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from oracle_server.attachment import attached_frame
-from oracle_server.live import LiveSession, Monitor
+from oracle_server.live import LiveSession
+from oracle_server.monitors import Monitor
 from oracle_server.patience import Patience
 from oracle_server.protocol import (
     SUBPROTOCOL,

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import structlog
 
@@ -16,59 +15,15 @@ from oracle_server.core.session import Session
 from oracle_server.core.simulated import ClockReading, SimulatedTime
 from oracle_server.core.spec import Spec
 from oracle_server.core.verdicts import Judged, record
+from oracle_server.monitors import Monitor, Outbox
 from oracle_server.numbering import Numbering
 from oracle_server.protocol import Attach, ClockMessage, EventMessage, OutcomeMessage, TimeBase, WireError, encode
 from oracle_server.restore import Restored
 from oracle_server.schema import step_row
-from oracle_server.standing import Mark, mark, verdicts_frame
+from oracle_server.standing import Frame, Standing
 from oracle_server.store import Store
 
 log = structlog.get_logger()
-
-
-class Outbox(Protocol):
-    """Where frames to a monitor go; never blocks."""
-
-    def send(self, frame: dict[str, Any]) -> None:
-        """Queue a frame."""
-        ...
-
-    def drop(self, reason: WireError) -> None:
-        """Send an error and close."""
-        ...
-
-    async def sent(self) -> None:
-        """Wait until the last frame was sent, or can't be any more."""
-        ...
-
-    def finish(self, frame: dict[str, Any]) -> None:
-        """Send a last frame and close."""
-        ...
-
-
-@dataclass(slots=True)
-class Monitor:
-    """One monitor of a session, attached or lately so."""
-
-    name: str
-    instance: str
-    numbering: Numbering
-    outbox: Outbox | None = None
-    streams: tuple[StreamKey, ...] = ()
-    attached: bool = False
-    clock: TimeBase = "wall"
-    detaching: bool = False
-    verdicts: bool = False
-    """Whether it wants to know how the properties stand."""
-    lost: int = 0
-    """Events that never came or could not be read, to be told with the next one that does."""
-    unsettled: int = 0
-    """Events taken and not committed yet."""
-    answers: dict[int, dict[str, Any]] = field(default_factory=dict)
-    """Decisions on events that are not committed yet, by number."""
-    outcomes: dict[int, tuple[bool, str]] = field(default_factory=dict)
-    """What the adapter did about events that are not judged yet."""
-    expiry: asyncio.TimerHandle | None = None
 
 
 class Identity(NamedTuple):
@@ -100,9 +55,7 @@ class LiveSession:
         self._store, self._clock, self._resume_within, self._on_over = store, clock, resume_within, on_over
         self._gaps: dict[tuple[str, int], int] = {}
         self._unwritten: list[Judged] = []
-        self._standing: dict[str, Any] | None = None
-        """How the properties stand by the history, as a frame; None until a monitor wants to know."""
-        self._mark: Mark | None = None
+        self._standing = Standing(next(iter(core.judges.values())))
         self._timer: asyncio.TimerHandle | None = None
         self._armed: int | None = None
 
@@ -127,9 +80,9 @@ class LiveSession:
         monitor.instance, monitor.outbox, monitor.streams, monitor.detaching = wanted.instance, outbox, streams, False
         monitor.clock = wanted.clock
         monitor.verdicts = wanted.verdicts
-        if wanted.verdicts and self._standing is None:
+        if wanted.verdicts:
             self._write()
-            self._standing = self._changed_standing()
+            self._standing.follow(self._last_verdict)
         self._set_attached(monitor, attached=True)
         self.credit.open(monitor.name)
         self._deliver(self.core.attach(monitor.name, streams, self._enter()))
@@ -137,8 +90,8 @@ class LiveSession:
 
     def tell_verdicts(self, monitor: Monitor) -> None:
         """Tell a monitor that wants to know how the properties stand; to be called once its past is committed."""
-        if monitor.verdicts and monitor.outbox and self._standing:
-            monitor.outbox.send(self._standing)
+        if monitor.verdicts and monitor.outbox and self._standing.committed:
+            monitor.outbox.send(self._standing.committed)
 
     def ingest(self, monitor: Monitor, message: EventMessage) -> None:
         """Take an event: judged once, and answered again where it is sent again. Raises `WireError`."""
@@ -293,7 +246,7 @@ class LiveSession:
         monitor.unsettled += 1
         monitor.lost += gap + (code == "bad_event")
         row = (self.number, monitor.name, seq, gap, self._clock.now(), code, message)
-        self._store.append("refused", [row], lambda: self._committed([(monitor, seq, gap)], []))
+        self._store.append("refused", [row], lambda: self._committed([(monitor, seq, gap)], [], None))
         return WireError(code, message, seq=seq)
 
     def _count_again(self, monitor: Monitor, key: StreamKey) -> None:
@@ -348,21 +301,14 @@ class LiveSession:
             rows.append(step_row(self.number, self.position, gap, item, outcome))
             violations += [{"type": "violation", **record(item, v)} for v in item.verdicts if v.explanation]
         if rows:
-            standing = self._changed_standing() if self._standing else None
+            standing = self._standing.changed(self._last_verdict)
             self._store.append("steps", rows, lambda: self._committed(settled, violations, standing))
 
-    def _changed_standing(self) -> dict[str, Any] | None:
-        """How the properties stand after what is written, None where it is as it was."""
-        judge = next(iter(self.core.judges.values()))
-        before, self._mark = self._mark, mark(judge)
-        if self._mark == before:
-            return None
-        return verdicts_frame(judge, self.position * len(self.spec.properties))
+    @property
+    def _last_verdict(self) -> int:
+        return self.position * len(self.spec.properties)
 
-    def _committed(
-        self, settled: list[tuple[Monitor, int, int]], violations: list[dict[str, Any]],
-        standing: dict[str, Any] | None = None,
-    ) -> None:  # fmt: skip
+    def _committed(self, settled: list[tuple[Monitor, int, int]], told: list[Frame], standing: Frame | None) -> None:
         touched = {}
         for monitor, seq, gap in settled:
             monitor.numbering.commit(seq, gap)
@@ -372,12 +318,12 @@ class LiveSession:
         for monitor in touched.values():
             self._acknowledge(monitor)
             self._settle(monitor)
-        for frame in violations:
+        for frame in told:
             for monitor in self.monitors.values():
                 if monitor.outbox:
                     monitor.outbox.send(frame)
         if standing:
-            self._standing = standing
+            self._standing.committed = standing
             for monitor in self.monitors.values():
                 self.tell_verdicts(monitor)
 

@@ -14,17 +14,37 @@ _SAID = {
     Outcome.FALSE: ("error", "violated for good"),
 }
 
-Mark = tuple[tuple[Outcome, int, bool], ...]
-"""What tells two standings apart: each property's outcome, its violations, and whether it could be judged so far."""
+Frame = dict[str, Any]
 
 
-def mark(judge: Judge) -> Mark:
-    """What changes with the standing, to be compared after each batch of steps."""
-    return tuple([(state.outcome, state.violations, state.failures > 0) for state in judge.properties])
+class Standing:
+    """How the properties stand by the history, in the order that decides; followed once a monitor wants to know."""
+
+    def __init__(self, judge: Judge) -> None:
+        """Follow nothing yet."""
+        self.committed: Frame | None = None
+        """The `verdicts` frame as of the last commit; None while nobody wants it."""
+        self._judge = judge
+        self._mark: tuple[tuple[Outcome, int, bool], ...] = ()
+
+    def follow(self, n: int) -> None:
+        """Begin to follow; the verdicts up to number `n` are in the history, or on their way."""
+        if self.committed is None:
+            self._mark, self.committed = self._marked(), _frame(self._judge, n)
+
+    def changed(self, n: int) -> Frame | None:
+        """What is to be told once the verdicts up to `n` are committed, None where it is as it was."""
+        if self.committed is None:
+            return None
+        before, self._mark = self._mark, self._marked()
+        return None if self._mark == before else _frame(self._judge, n)
+
+    def _marked(self) -> tuple[tuple[Outcome, int, bool], ...]:
+        """What changes with the standing: outcomes, violations, and whether all could be judged so far."""
+        return tuple([(state.outcome, state.violations, state.failures > 0) for state in self._judge.properties])
 
 
-def verdicts_frame(judge: Judge, n: int) -> dict[str, Any]:
-    """The `verdicts` frame; `n` is the number of the last verdict that it takes in."""
+def _frame(judge: Judge, n: int) -> Frame:
     return {
         "type": "verdicts",
         "n": n,

@@ -1,0 +1,56 @@
+"""What a session keeps of each of its monitors, and how it speaks to them."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from oracle_server.core.events import StreamKey
+from oracle_server.numbering import Numbering
+from oracle_server.protocol import TimeBase, WireError
+
+
+class Outbox(Protocol):
+    """Where frames to a monitor go; never blocks."""
+
+    def send(self, frame: dict[str, Any]) -> None:
+        """Queue a frame."""
+        ...
+
+    def drop(self, reason: WireError) -> None:
+        """Send an error and close."""
+        ...
+
+    async def sent(self) -> None:
+        """Wait until the last frame was sent, or can't be any more."""
+        ...
+
+    def finish(self, frame: dict[str, Any]) -> None:
+        """Send a last frame and close."""
+        ...
+
+
+@dataclass(slots=True)
+class Monitor:
+    """One monitor of a session, attached or lately so."""
+
+    name: str
+    instance: str
+    numbering: Numbering
+    outbox: Outbox | None = None
+    streams: tuple[StreamKey, ...] = ()
+    attached: bool = False
+    clock: TimeBase = "wall"
+    detaching: bool = False
+    verdicts: bool = False
+    """Whether it wants to know how the properties stand."""
+    lost: int = 0
+    """Events that never came or could not be read, to be told with the next one that does."""
+    unsettled: int = 0
+    """Events taken and not committed yet."""
+    answers: dict[int, dict[str, Any]] = field(default_factory=dict)
+    """Decisions on events that are not committed yet, by number."""
+    outcomes: dict[int, tuple[bool, str]] = field(default_factory=dict)
+    """What the adapter did about events that are not judged yet."""
+    expiry: asyncio.TimerHandle | None = None
