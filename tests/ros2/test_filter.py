@@ -13,7 +13,6 @@ import pytest
 from tests.ros2.harness import Data, Peer, Scene, Server, eventually, without_gaps
 
 callback_groups = pytest.importorskip("rclpy.callback_groups")
-qos = pytest.importorskip("rclpy.qos")
 task = pytest.importorskip("rclpy.task")
 msg = pytest.importorskip("std_msgs.msg")
 geometry = pytest.importorskip("geometry_msgs.msg")
@@ -165,22 +164,6 @@ def test_without_an_oracle_messages_are_withheld_where_the_spec_says_so(tmp_path
         first, second = settled(scene.server, 2)
         assert (first["decision"], first["passed"]) == ("allow", False)
         assert (second["decision"], second["passed"]) == ("allow", True)
-
-
-def test_a_best_effort_publisher_is_heard(tmp_path: Path) -> None:
-    with gate(tmp_path) as scene:
-        adapter, peer = scene.adapter("gate"), scene.peer()
-        heard = peer.record(msg.Int64, "/number")
-        effort = qos.QoSProfile(depth=10, reliability=qos.ReliabilityPolicy.BEST_EFFORT)
-        publisher = peer.publisher(msg.Int64, "/number_mon", qos=effort)
-
-        def publish() -> bool:
-            publisher.publish(msg.Int64(data=5))
-            return bool(heard)
-
-        peer.until(publish)
-        assert set(values(heard)) == {5}
-        adapter.said("matching the publishers of /number_mon: best_effort")
 
 
 def test_a_message_without_a_stamp_is_of_the_time_it_was_published(tmp_path: Path) -> None:

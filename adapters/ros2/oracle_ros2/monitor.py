@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
 CLOCK_PERIOD = 0.01
-REMATCH_PERIOD = 0.5
+LOOK_PERIOD = 0.5
 SHOW_PERIOD = 0.1
 
 
@@ -47,7 +47,7 @@ class Monitor:
         ]
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
         self._timers = [
-            node.create_timer(REMATCH_PERIOD, self._rematch, clock=steady),
+            node.create_timer(LOOK_PERIOD, self._look, clock=steady),
             node.create_timer(CLOCK_PERIOD, self._tell_time, clock=steady),
             node.create_timer(SHOW_PERIOD, lambda: board.tick(link.stats()), clock=steady),
         ]
@@ -57,9 +57,9 @@ class Monitor:
         for timer in self._timers:
             timer.cancel()
 
-    def _rematch(self) -> None:
+    def _look(self) -> None:
         for topic in self._topics:
-            topic.matched.rematch()
+            self._board.trouble(topic.name, topic.look())
 
     def _tell_time(self) -> None:
         """Say how far each stream has come: exactly where messages are stamped here, else less a delay.
@@ -68,7 +68,7 @@ class Monitor:
         """
         heard = self._now()
         for topic in self._topics:
-            topic.matched.take_all()
+            topic.heard.take_all()
         self._link.clock(lambda: self._readings(heard))
 
     def _readings(self, heard: int) -> list[ClockStamp]:

@@ -1,62 +1,69 @@
-"""Subscriptions that hear every publisher of their topic, whatever quality of service it offers."""
+"""Qualities of service: which to ask for and which to offer, from what the others on a topic do."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Callable, Mapping
+from typing import Any, Sequence
 
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-
-if TYPE_CHECKING:
-    from rclpy.node import Node
+from rclpy.qos import (
+    DurabilityPolicy,
+    LivelinessPolicy,
+    QoSCompatibility,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_check_compatible,
+)
 
 DEPTH = 1000
+FOREVER = 2**62  # ns; the graph tells of no end as a number that is larger
 
-Take = Callable[[Any, Mapping[str, Any]], None]
+
+def to_hear(offered: Sequence[QoSProfile]) -> QoSProfile:
+    """The strictest profile that every publisher offers; reliable and volatile where there is none yet."""
+    reliable = all(profile.reliability != ReliabilityPolicy.BEST_EFFORT for profile in offered)
+    lasting = offered and all(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for profile in offered)
+    return _profile(DEPTH, reliable=reliable, lasting=bool(lasting))
 
 
-class Matched:
-    """A subscription that is made anew where a publisher appears that it could not hear."""
+def to_forward(offered: Sequence[QoSProfile]) -> QoSProfile:
+    """What the publishers offer, for their messages to be passed on with; of several, the most that one offers.
 
-    def __init__(self, node: Node, message_type: Any, topic: str, take: Take) -> None:
-        self._node, self._type, self._topic, self._take = node, message_type, topic, take
-        self._profile = self._wanted()
-        self._subscription = self._subscribe()
+    How many messages a publisher keeps is not told on the graph: of those that last, one is kept for each of them.
+    """
+    reliable = not offered or any(profile.reliability != ReliabilityPolicy.BEST_EFFORT for profile in offered)
+    lasting = sum(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for profile in offered)
+    times = [_times(profile) for profile in offered]
+    common = times[0] if times and all(other == times[0] for other in times) else {}
+    return _profile(lasting or DEPTH, reliable=reliable, lasting=bool(lasting), **common)
 
-    def rematch(self) -> None:
-        """Look at the publishers again."""
-        wanted = self._wanted()
-        if (wanted.reliability, wanted.durability) == (self._profile.reliability, self._profile.durability):
-            return
-        self._node.get_logger().info(f"matching the publishers of {self._topic}: {wanted.reliability.name.lower()}")
-        self._profile = wanted
-        self._node.destroy_subscription(self._subscription)
-        self._subscription = self._subscribe()
 
-    def take_all(self) -> None:
-        """Take every message that has come by now; to be called where callbacks run."""
-        handle = self._subscription.handle
-        with handle:
-            for _ in range(DEPTH):
-                taken = handle.take_message(self._type, False)
-                if taken is None:
-                    break
-                self._take(*taken)
+def same(one: QoSProfile, other: QoSProfile) -> bool:
+    """Whether two profiles are one to everybody else on the graph."""
+    return _times(one) == _times(other) and all(
+        getattr(one, name) == getattr(other, name) for name in ("reliability", "durability", "depth")
+    )
 
-    def _wanted(self) -> QoSProfile:
-        """The strictest profile that every publisher offers; reliable and volatile where there is none yet."""
-        offered = [info.qos_profile for info in self._node.get_publishers_info_by_topic(self._topic)]
-        reliable = all(profile.reliability != ReliabilityPolicy.BEST_EFFORT for profile in offered)
-        lasting = offered and all(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for profile in offered)
-        return QoSProfile(
-            depth=DEPTH,
-            reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-            durability=DurabilityPolicy.TRANSIENT_LOCAL if lasting else DurabilityPolicy.VOLATILE,
-        )
 
-    def _subscribe(self) -> Any:
-        take = self._take
+def misfit(offered: QoSProfile, requested: QoSProfile) -> str:
+    """Why a subscription can't hear a publisher, both as the graph tells of them; empty where it can."""
+    compatibility, reason = qos_check_compatible(offered, requested)
+    if compatibility != QoSCompatibility.ERROR:
+        return ""
+    return ", ".join(part.strip().removeprefix("ERROR: ").lower() for part in reason.split(";") if "ERROR" in part)
 
-        def callback(message: Any, info: Any) -> None:  # rclpy hands over `info` by the number of parameters
-            take(message, info)
 
-        return self._node.create_subscription(self._type, self._topic, callback, self._profile)
+def _times(profile: QoSProfile) -> dict[str, Any]:
+    """What a profile promises about time, where it promises anything."""
+    times = {name: getattr(profile, name) for name in ("deadline", "lifespan", "liveliness_lease_duration")}
+    promised = {name: time for name, time in times.items() if 0 < time.nanoseconds < FOREVER}
+    if profile.liveliness == LivelinessPolicy.MANUAL_BY_TOPIC:
+        promised["liveliness"] = profile.liveliness
+    return promised
+
+
+def _profile(depth: int, *, reliable: bool, lasting: bool, **times: Any) -> QoSProfile:
+    return QoSProfile(
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if lasting else DurabilityPolicy.VOLATILE,
+        **times,
+    )

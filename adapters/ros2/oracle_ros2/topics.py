@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Mapping
 from oracle_adapter import PROXY, Answer, Board, Link
 
 from oracle_ros2.codec import load_type, reader
-from oracle_ros2.qos import Matched
+from oracle_ros2.endpoints import Forwarded, Heard
 from oracle_ros2.stamps import simulated, stamp_reader, time_of
 
 if TYPE_CHECKING:
@@ -31,20 +31,24 @@ class Observed:
         self._read = reader(self.type, stream["fields"])
         self._numbers: dict[str, int] = {}
 
-    def event(self, message: Any, info: Mapping[str, Any]) -> tuple[int | None, Any, dict[str, Any]]:
-        """The stamp (ns), the data and the rest of a message's event."""
-        source = str(info.get("publisher_gid", ""))
+    def event(self, message: Any, info: Mapping[str, Any]) -> tuple[int | None, Any, dict[str, Any]] | None:
+        """The stamp (ns), the data and the rest of a message's event; None where it came before."""
+        publisher = info.get("publisher_gid")
+        source = publisher["data"].hex() if publisher else ""
+        missed = self._missed(source, info)
+        if missed < 0:
+            return None
         stamp = self._stamp(message) or (self._now() if self._now else info["source_timestamp"]) or None
-        return stamp, self._read(message), {"source": source, "lost": self._missed(source, info)}
+        return stamp, self._read(message), {"source": source, "lost": missed}
 
     def _missed(self, source: str, info: Mapping[str, Any]) -> int:
-        """How many messages of a publisher were lost just before this one, as its sequence numbers tell."""
+        """How many messages of a publisher were lost just before this one, as its numbers tell; -1 where it is old."""
         number = info.get("publication_sequence_number")
         if number is None:
             return 0
-        before = self._numbers.get(source)
-        self._numbers[source] = number
-        return 0 if before is None else max(0, number - before - 1)
+        before = self._numbers.get(source, number - 1)
+        self._numbers[source] = max(number, before)
+        return max(-1, number - before - 1)
 
 
 class LoggedTopic:
@@ -53,11 +57,18 @@ class LoggedTopic:
     def __init__(self, node: Node, link: Link, names: Names, stream: Mapping[str, Any]) -> None:
         self._link = link
         self._observed = Observed(node, stream)
-        self.matched = Matched(node, self._observed.type, names[self._observed.name], self._take)
+        self.name = self._observed.name
+        self.heard = Heard(node, self._observed.type, names[self.name], self._take)
+
+    def look(self) -> str:
+        """Look at the other nodes again, and tell what is wrong."""
+        return self.heard.look()
 
     def _take(self, message: Any, info: Mapping[str, Any]) -> None:
-        stamp, data, more = self._observed.event(message, info)
-        self._link.send(self._observed.name, "topic", stamp, data, **more)
+        event = self._observed.event(message, info)
+        if event is not None:
+            stamp, data, more = event
+            self._link.send(self.name, "topic", stamp, data, **more)
 
 
 class FilteredTopic:
@@ -69,17 +80,26 @@ class FilteredTopic:
     def __init__(self, node: Node, link: Link, board: Board, names: Names, stream: Mapping[str, Any]) -> None:
         self._link, self._board, self._stream = link, board, stream
         self._observed = Observed(node, stream)
-        plain, beside = names[self._observed.name], names[self._observed.name + PROXY]
+        self.name = self._observed.name
+        plain, beside = names[self.name], names[self.name + PROXY]
         source, target = (beside, plain) if stream["intercept"] == "publisher" else (plain, beside)
         self._waiting: deque[tuple[Any, Future[Answer]]] = deque()
         self._forwarding = threading.Lock()
-        self._publisher = node.create_publisher(self._observed.type, target, 1000)
-        self.matched = Matched(node, self._observed.type, source, self._take)
+        self._forwarded = Forwarded(node, self._observed.type, target)
+        self.heard = Heard(node, self._observed.type, source, self._take)
+
+    def look(self) -> str:
+        """Look at the other nodes again, and tell what is wrong."""
+        troubles = (self.heard.look(), self._forwarded.look(self.heard.offered))
+        return "; ".join(trouble for trouble in troubles if trouble)
 
     def _take(self, message: Any, info: Mapping[str, Any]) -> None:
-        stamp, data, more = self._observed.event(message, info)
+        event = self._observed.event(message, info)
+        if event is None:
+            return
+        stamp, data, more = event
         within = self._stream["decide_within"] / 10**9
-        answer = self._link.ask(self._observed.name, "topic", stamp, data, decide_within=within, **more)
+        answer = self._link.ask(self.name, "topic", stamp, data, decide_within=within, **more)
         self._waiting.append((message, answer))
         answer.add_done_callback(lambda _: self._forward())
 
@@ -89,8 +109,8 @@ class FilteredTopic:
             while self._waiting and self._waiting[0][1].done():
                 message, future = self._waiting.popleft()
                 answer = future.result()
-                event = f"a message of {self._observed.name}"
+                event = f"a message of {self.name}"
                 passed, why = self._board.settle(answer, self._stream["on_unavailable"], event)
                 if passed:
-                    self._publisher.publish(message)
+                    self._forwarded.publish(message)
                 self._link.outcome(answer, passed, why)

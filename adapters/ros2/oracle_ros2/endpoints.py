@@ -1,0 +1,132 @@
+"""Subscriptions and publishers that follow those of the other nodes, and tell where they don't fit.
+
+One that fits better is used beside the old one until it has met the others: what is said meanwhile must not be lost.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping, Sequence
+
+from oracle_ros2.qos import DEPTH, misfit, same, to_forward, to_hear
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+    from rclpy.qos import QoSProfile
+
+Take = Callable[[Any, Mapping[str, Any]], None]
+
+
+class Heard:
+    """A topic that every publisher is heard on, whatever quality of service it offers.
+
+    `look` is to be called from time to time, where callbacks run; a message that comes twice has its number twice.
+    """
+
+    def __init__(self, node: Node, message_type: Any, topic: str, take: Take) -> None:
+        """Hear at once."""
+        self._node, self._type, self._topic, self._take = node, message_type, topic, take
+        self.offered: list[QoSProfile] = []
+        """What the publishers offer, as of the last look."""
+        self._subscriptions: list[Any] = []
+        self._publishers = self._look_around()
+        self._subscribe(to_hear(self.offered))
+
+    def look(self) -> str:
+        """Look at the publishers again, and tell what is wrong with them."""
+        while len(self._subscriptions) > 1:
+            self._node.destroy_subscription(self._subscriptions.pop(0))
+        self._publishers = self._look_around()
+        wanted = to_hear(self.offered)
+        if self.offered and not same(wanted, self._profile):
+            text = f"matching the publishers of {self._topic}: {wanted.reliability.name.lower()}"
+            self._node.get_logger().info(f"{text}, {wanted.durability.name.lower()}")
+            self._subscribe(wanted)
+        return "; ".join(self._troubles())
+
+    def take_all(self) -> None:
+        """Take every message that has come by now; to be called where callbacks run."""
+        for subscription in self._subscriptions:
+            handle = subscription.handle
+            with handle:
+                for _ in range(DEPTH):
+                    taken = handle.take_message(self._type, False)
+                    if taken is None:
+                        break
+                    self._take(*taken)
+
+    def _look_around(self) -> Sequence[Any]:
+        found = self._node.get_publishers_info_by_topic(self._topic)
+        self.offered = [info.qos_profile for info in found]
+        return found
+
+    def _troubles(self) -> Iterator[str]:
+        wanted = type_name(self._type)
+        for info in self._publishers:
+            if info.topic_type != wanted:
+                yield f"{full_name(info)} publishes it as {info.topic_type}, not as {wanted}"
+        if len({profile.durability for profile in self.offered}) > 1:
+            yield "its publishers differ in durability: what some have kept for late subscribers is not heard"
+
+    def _subscribe(self, profile: QoSProfile) -> None:
+        take = self._take
+
+        def callback(message: Any, info: Any) -> None:  # rclpy hands over `info` by the number of parameters
+            take(message, info)
+
+        self._profile = profile
+        self._subscriptions.append(self._node.create_subscription(self._type, self._topic, callback, profile))
+
+
+class Forwarded:
+    """A topic that messages are passed on to, with the quality of service of their own publishers."""
+
+    def __init__(self, node: Node, message_type: Any, topic: str) -> None:
+        """Offer what is usual until `look` tells what the originals offer."""
+        self._node, self._type, self._topic = node, message_type, topic
+        self._publisher = self._next = self._make(to_forward([]))
+        self._retired: Any = None
+
+    def publish(self, message: Any) -> None:
+        """Pass a message on, from any thread."""
+        self._publisher.publish(message)
+
+    def look(self, originals: Sequence[QoSProfile]) -> str:
+        """Offer what the originals do, and tell what is wrong on the topic."""
+        if self._retired is not None:
+            self._node.destroy_publisher(self._retired)
+            self._retired = None
+        if self._next is not self._publisher:  # it has had the time from look to look to meet the subscribers
+            self._retired, self._publisher = self._publisher, self._next
+        wanted = to_forward(originals)
+        if originals and not same(wanted, self._next.qos_profile):
+            self._next = self._make(wanted)
+            return ""
+        return "" if self._retired else "; ".join(self._troubles())
+
+    def _make(self, profile: QoSProfile) -> Any:
+        return self._node.create_publisher(self._type, self._topic, profile)
+
+    def _troubles(self) -> Iterator[str]:
+        own, others = [], []
+        for info in self._node.get_publishers_info_by_topic(self._topic):
+            (own if self._is_own(info) else others).append(info)
+        for info in others:
+            yield f"{full_name(info)} publishes {self._topic} past the monitor"
+        for info in self._node.get_subscriptions_info_by_topic(self._topic):
+            why = misfit(own[0].qos_profile, info.qos_profile) if own else ""
+            if why:
+                yield f"{full_name(info)} can't hear {self._topic}: {why}"
+
+    def _is_own(self, info: Any) -> bool:
+        mine = (self._node.get_name(), self._node.get_namespace())
+        return (info.node_name, info.node_namespace) == mine
+
+
+def type_name(message_type: Any) -> str:
+    """What the graph calls a message type."""
+    return f"{message_type.__module__.partition('.')[0]}/msg/{message_type.__name__}"
+
+
+def full_name(info: Any) -> str:
+    """The name of an endpoint's node."""
+    return f"{info.node_namespace.rstrip('/')}/{info.node_name}"

@@ -1,0 +1,162 @@
+"""Quality of service on real ROS 2: everybody is heard and hears, or it is told who isn't."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.ros2.harness import Peer, Scene, eventually
+
+rclpy_qos = pytest.importorskip("rclpy.qos")
+qos = pytest.importorskip("oracle_ros2.qos")
+msg = pytest.importorskip("std_msgs.msg")
+duration = pytest.importorskip("rclpy.duration")
+
+# rclpy imports an old lark with its first node, and warns by a function of its own that is deprecated.
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:module 'sre_:DeprecationWarning", "ignore:Deprecated in favor of:DeprecationWarning"
+)
+
+SPEC = """
+id: gate
+description: Numbers pass, but for multiples of 7
+streams:
+  - topic: /number
+    type: std_msgs/msg/Int64
+    action: filter
+    intercept: publisher
+    decide_within: 60s
+    signals: {seven: msg.data % 7 == 0}
+  - topic: /logged
+    type: std_msgs/msg/Int64
+properties:
+  - id: no_sevens
+    formula: 'not {topic: "/number", seven}'
+    guards: [/number]
+"""
+RELIABLE, EFFORT = rclpy_qos.ReliabilityPolicy.RELIABLE, rclpy_qos.ReliabilityPolicy.BEST_EFFORT
+VOLATILE, LASTING = rclpy_qos.DurabilityPolicy.VOLATILE, rclpy_qos.DurabilityPolicy.TRANSIENT_LOCAL
+
+
+def profile(reliability: Any = RELIABLE, durability: Any = VOLATILE, depth: int = 10, **more: Any) -> Any:
+    return rclpy_qos.QoSProfile(depth=depth, reliability=reliability, durability=durability, **more)
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Any:
+    specs = tmp_path / "specs"
+    specs.mkdir()
+    (specs / "gate.yaml").write_text(SPEC)
+    with Scene(tmp_path, specs) as scene:
+        yield scene
+
+
+def values(heard: list[Any]) -> list[int]:
+    return [said.data for said in heard]
+
+
+def offers(peer: Peer, topic: str) -> list[tuple[Any, Any]]:
+    found = [info.qos_profile for info in peer.node.get_publishers_info_by_topic(topic)]
+    return [(offered.reliability, offered.durability) for offered in found]
+
+
+def test_a_best_effort_publisher_that_comes_later_is_heard_and_forwarded_as_it_is(scene: Scene) -> None:
+    adapter, peer = scene.adapter("gate"), scene.peer()
+    heard = peer.record(msg.Int64, "/number", profile(EFFORT))
+    publisher = peer.node.create_publisher(msg.Int64, "/number_mon", profile(EFFORT))
+    adapter.said("matching the publishers of /number_mon: best_effort")
+    peer.until(lambda: offers(peer, "/number") == [(EFFORT, VOLATILE)], "it is not offered as the original")
+    peer.until(lambda: publisher.get_subscription_count() == 1)
+
+    def publish() -> bool:  # not each message of best effort must come
+        publisher.publish(msg.Int64(data=5))
+        return bool(heard)
+
+    peer.until(publish)
+    assert set(values(heard)) == {5}
+    assert peer.record(msg.Int64, "/number", profile(RELIABLE)) == []
+    adapter.said("/number: /peer can't hear /number: .*reliab")
+
+
+def test_what_lasts_is_forwarded_to_those_who_come_later(scene: Scene) -> None:
+    adapter, peer = scene.adapter("gate"), scene.peer()
+    publisher = peer.node.create_publisher(msg.Int64, "/number_mon", profile(durability=LASTING, depth=1))
+    publisher.publish(msg.Int64(data=1))  # before the adapter has matched
+    publisher.publish(msg.Int64(data=2))
+    adapter.said("matching the publishers of /number_mon: reliable, transient_local")
+    peer.until(lambda: offers(peer, "/number") == [(RELIABLE, LASTING)])
+    events = eventually(lambda: scene.server.events("s"), lambda found: found)
+    publisher.publish(msg.Int64(data=3))
+    publisher.publish(msg.Int64(data=7))
+    more = eventually(lambda: scene.server.events("s"), lambda found: len(found) == len(events) + 2)
+    assert [event["decision"] for event in more[-2:]] == ["allow", "deny"]
+    late = peer.record(msg.Int64, "/number", profile(durability=LASTING))
+    peer.until(lambda: late)
+    assert values(late) == [3]
+
+
+def test_a_reliable_publisher_beside_a_best_effort_one_loses_nothing_while_they_are_matched(scene: Scene) -> None:
+    adapter, peer = scene.adapter("gate"), scene.peer()
+    steady = peer.publisher(msg.Int64, "/logged")
+    effort: list[Any] = []
+    count = 0
+
+    def publish() -> bool:
+        nonlocal count
+        count += 1
+        steady.publish(msg.Int64(data=count))
+        if count == 20:
+            effort.append(peer.node.create_publisher(msg.Int64, "/logged", profile(EFFORT)))
+        return "matching the publishers of /logged" in adapter.log and count > 100
+
+    peer.until(publish)
+    last = count
+    events = eventually(lambda: scene.server.events("s"), lambda found: len(found) >= last)
+    assert len(events) == last
+    counters = scene.server.session("s")["counters"]
+    assert (counters["lost"], counters["refused"]) == (0, 0)
+
+
+def test_a_message_published_past_the_monitor_is_told(scene: Scene) -> None:
+    adapter, peer = scene.adapter("gate"), scene.peer()
+    errors = peer.record(msg.String, "/uav1/monitor_error", 100)
+    peer.until(lambda: peer.node.count_publishers("/uav1/monitor_error"))
+    past = peer.node.create_publisher(msg.Int64, "/number", 10)
+    adapter.said("/number: /peer publishes /number past the monitor")
+    peer.until(lambda: any("past the monitor" in error.data for error in errors))
+    peer.node.destroy_publisher(past)
+    adapter.said("/number: well again")
+
+
+def test_a_publisher_of_another_type_is_told(scene: Scene) -> None:
+    adapter, peer = scene.adapter("gate"), scene.peer()
+    peer.node.create_publisher(msg.String, "/logged", 10)
+    adapter.said("/logged: /peer publishes it as std_msgs/msg/String, not as std_msgs/msg/Int64")
+
+
+@pytest.mark.parametrize(
+    ("offered", "heard", "forwarded"),
+    [
+        ([], (RELIABLE, VOLATILE), (RELIABLE, VOLATILE)),
+        ([(RELIABLE, VOLATILE)], (RELIABLE, VOLATILE), (RELIABLE, VOLATILE)),
+        ([(EFFORT, VOLATILE)], (EFFORT, VOLATILE), (EFFORT, VOLATILE)),
+        ([(RELIABLE, LASTING)], (RELIABLE, LASTING), (RELIABLE, LASTING)),
+        ([(EFFORT, VOLATILE), (RELIABLE, LASTING)], (EFFORT, VOLATILE), (RELIABLE, LASTING)),
+    ],
+)
+def test_what_is_asked_for_fits_all_and_what_is_offered_is_what_was(offered: Any, heard: Any, forwarded: Any) -> None:
+    profiles = [profile(*one) for one in offered]
+    asked, given = qos.to_hear(profiles), qos.to_forward(profiles)
+    assert (asked.reliability, asked.durability) == heard
+    assert (given.reliability, given.durability) == forwarded
+    assert all(qos.misfit(one, asked) == "" for one in profiles)
+
+
+def test_a_deadline_is_forwarded_where_all_keep_the_same() -> None:
+    deadline = duration.Duration(nanoseconds=10**8)
+    one, other = profile(deadline=deadline), profile()
+    assert qos.to_forward([one]).deadline == deadline
+    assert qos.same(qos.to_forward([one, one]), qos.to_forward([one]))
+    assert qos.same(qos.to_forward([one, other]), qos.to_forward([]))
