@@ -130,6 +130,17 @@ class Outbox:
         self._next = self._last_here = None
         return gone
 
+    def move(self) -> None:
+        """Go on in a new session with all that is not known to be in the last one's history."""
+        self._rewind(0)
+        self.marks.rewind()
+        for event in self._unsent:
+            event.seq = None
+        self.marks.forget_numbered()
+        self.asked.clear()
+        self._acked = 0
+        self._next = self._last_here = None
+
     def ack(self, upto: int) -> None:
         """Let go of every event up to there."""
         self._acked = max(self._acked, upto)

@@ -86,7 +86,7 @@ class Protocol:
         """What the server answered on this connection; None without one."""
         self.detached = False
         self.ended: Optional[LinkError] = None
-        self._hello = hello
+        self._hello, self._private = hello, hello.session is None
         self._stats = Stats()
         self._outbox = Outbox(capacity, self._stats)
         self._open: Set[Queued] = set()  # asks without an answer
@@ -217,6 +217,11 @@ class Protocol:
             return str(self.ended)
         return "the link is closing" if self._detaching else ""
 
+    @property
+    def _may_move(self) -> bool:
+        """Whether a session of our own was closed while we were away, so that a new one can do."""
+        return self._private and self._met and self.attached is None
+
     def _put(self, stamp: Optional[int], body: str, lost: int, *, ask: bool) -> Optional[Queued]:
         if self._closed_reason:
             self._stats.lost += 1
@@ -278,9 +283,13 @@ class Protocol:
 
     def _on_error(self, frame: Mapping[str, Any]) -> None:
         code, seq = str(frame["code"]), frame.get("seq")
-        fatal = code in ENDING and bool(frame.get("fatal", True))
+        moving = code == "session_closed" and self._may_move
+        fatal = code in ENDING and bool(frame.get("fatal", True)) and not moving
         error = LinkError(code, str(frame.get("message", "")), seq=seq, fatal=fatal)
         self._notices.append(error)
+        if moving:
+            self._hello = replace(self._hello, session=None)
+            self._outbox.move()
         if code == "session_ended":
             self._start_over(frame.get("session"), str(error))
         if seq is not None:

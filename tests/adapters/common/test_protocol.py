@@ -212,6 +212,57 @@ class TestGoingOnInAnotherSession:
         side.protocol.disconnected()
         assert "session" not in json.loads(side.protocol.hello())
 
+    def test_a_session_of_ones_own_that_was_closed_meanwhile_is_made_anew(self, side: Side) -> None:
+        side.attach()
+        side.send("kept", "in flight")
+        asked = side.queued("asked")
+        side.frames()
+        side.receive("ack", upto=1)
+        side.protocol.disconnected()
+        side.send("waiting")
+        (error,) = side.receive("error", code="session_closed", message="gone", fatal=True)
+        assert not error.fatal
+        hello = json.loads(side.protocol.hello())
+        assert ("session" in hello, hello["spec"]) == (False, "battery")
+        side.reconnect(1, session="s2")
+        assert [(event["seq"], event["data"]) for event in side.events()] == [
+            (1, "in flight"), (2, "asked"), (3, "waiting"),
+        ]  # fmt: skip
+        answered = answer_in(side.receive("decision", seq=2, decision="allow"))
+        assert answered.event is asked
+        side.protocol.outcome(answered, True, "decision")
+        side.receive("ack", upto=3)
+        assert side.frames() == [{"type": "outcome", "seq": 2, "passed": True, "why": "decision"}]
+        stats = side.protocol.stats()
+        assert (stats.lost, stats.queued) == (0, 0)
+
+    def test_what_was_done_in_the_closed_session_is_not_told_in_the_new_one(
+        self, side: Side
+    ) -> None:
+        side.attach()
+        side.ask()
+        side.frames()
+        answer = answer_in(side.receive("decision", seq=1, decision="allow"))
+        side.receive("ack", upto=1)
+        side.protocol.outcome(answer, True, "decision")
+        side.frames()
+        side.protocol.disconnected()
+        side.receive("error", code="session_closed", message="gone", fatal=True)
+        side.reconnect(1, session="s2")
+        assert side.frames() == []
+
+    def test_a_session_that_somebody_closes_is_over(self, side: Side) -> None:
+        side.attach()
+        (error,) = side.receive("error", code="session_closed", message="by hand", fatal=True)
+        assert error.fatal
+
+    def test_a_named_session_that_was_closed_is_over(self) -> None:
+        side = Side(session="flight1")
+        side.attach(session="flight1")
+        side.protocol.disconnected()
+        (error,) = side.receive("error", code="session_closed", message="gone", fatal=True)
+        assert error.fatal
+
     def test_an_ask_after_it_waits_too(self, side: Side) -> None:
         side.attach()
         side.protocol.renew([("/a", "topic", 5)])
