@@ -11,6 +11,7 @@ import typer
 
 from oracle_server import __version__
 from oracle_server.core.errors import OracleError, SpecError
+from oracle_server.rosgraph import load_graph
 from oracle_server.specfile import load_spec
 
 app = typer.Typer(
@@ -55,12 +56,14 @@ class RosVersion(StrEnum):
 def check(
     specs: Annotated[list[Path], typer.Argument(metavar="SPEC…", help="Spec files.")],
     ros: Annotated[RosVersion | None, typer.Option(help="Warn of what this version of ROS lacks.")] = None,
+    ros_graph: Annotated[Path | None, typer.Option(help="A dump of the robot's graph, to find deadlocks by.")] = None,
 ) -> None:
     """Validate specs: schema, expressions, formulas, ordering hazards."""
+    graph = load_graph(ros_graph) if ros_graph else None
     sound = True
     for path in specs:
         try:
-            loaded = load_spec(path, _ROS[ros] if ros else None)
+            loaded = load_spec(path, _ROS[ros] if ros else None, graph)
         except SpecError as error:
             sound = False
             typer.echo(str(error), err=True)

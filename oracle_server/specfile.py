@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
+from oracle_server.core.dependencies import GraphNode
 from oracle_server.core.errors import Finding, FormulaError, Problem, SpecError
 from oracle_server.core.formula.parse import parse_formula
 from oracle_server.core.hazards import inspect
@@ -30,8 +31,8 @@ class SpecFile:
     warnings: tuple[Finding, ...]
 
 
-def load_spec(path: Path, ros: Ros | None = None) -> SpecFile:
-    """Read and check a spec file, with `ros` for that version of ROS. Raises `SpecError` with all that was found."""
+def load_spec(path: Path, ros: Ros | None = None, graph: Sequence[GraphNode] | None = None) -> SpecFile:
+    """Read and check a spec, for a version of ROS and a graph if given. Raises `SpecError` with all that was found."""
     try:
         with path.open("rb") as file:
             data = file.read(4 * MAX_TEXT + 1)
@@ -41,10 +42,10 @@ def load_spec(path: Path, ros: Ros | None = None) -> SpecFile:
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise SpecError([Finding(str(path), line, 1, "not UTF-8 text")]) from None
-    return parse_spec(text, str(path), ros)
+    return parse_spec(text, str(path), ros, graph)
 
 
-def parse_spec(text: str, file: str, ros: Ros | None = None) -> SpecFile:
+def parse_spec(text: str, file: str, ros: Ros | None = None, graph: Sequence[GraphNode] | None = None) -> SpecFile:
     """Read and check a spec; `file` is what findings call it. Raises `SpecError`."""
     document = read_yaml(text, file)
     try:
@@ -57,7 +58,7 @@ def parse_spec(text: str, file: str, ros: Ros | None = None) -> SpecFile:
     if findings:
         raise SpecError(findings)
     spec = _spec(model, tuple(p for p in properties if p is not None))
-    problems = [*inspect(spec), *_engines(spec), *(ros_hazards(spec, ros) if ros else ())]
+    problems = [*inspect(spec, graph), *_engines(spec), *(ros_hazards(spec, ros) if ros else ())]
     findings = sorted((_finding(document, p, spec) for p in problems), key=lambda f: (f.line, f.column))
     if any(f.severity == "error" for f in findings):
         raise SpecError(findings)

@@ -56,6 +56,26 @@ def test_check_for_ros_2_warns_of_a_denied_call_that_could_look_like_a_success(t
     assert line.startswith(f"{spec}:3:30: warning: /open is filtered without a `denied_response`: on ROS 2")
 
 
+def test_check_foresees_a_deadlock_by_the_robot_s_graph(tmp_path: Path) -> None:
+    waits, graph = tmp_path / "waits.yaml", tmp_path / "graph.json"
+    text = SPEC.read_text()
+    assert text.count("max_delay: 200ms") == text.count("    causes: [/status_accepted]") == 1
+    waits.write_text(text.replace("max_delay: 200ms", "max_delay: none").replace("    causes: [/status_accepted]", ""))
+    supervisor = {"name": "/supervisor", "publishes": {"/battery_status": []}, "calls": {"/SetLED_mon": ["x/srv/Y"]}}
+    graph.write_text(json.dumps({"nodes": [supervisor]}))
+    assert run("check", waits).returncode == 0
+    ended = run("check", waits, "--ros-graph", graph)
+    assert ended.returncode == 1
+    (line,) = (line for line in ended.stderr.splitlines() if "warning" not in line)
+    assert "deadlock: /SetLED -> /battery_status -> /SetLED" in line
+    assert "by /supervisor" in line
+    assert run("check", SPEC, "--ros-graph", graph).returncode == 0
+    for broken in ('{"nodes": 7}', "{", ""):
+        graph.write_text(broken)
+        assert "--dump-graph" in failed("check", SPEC, "--ros-graph", graph)
+    assert "--dump-graph" in failed("check", SPEC, "--ros-graph", tmp_path / "nowhere.json")
+
+
 def test_check_tells_each_finding_with_its_place(tmp_path: Path) -> None:
     bad, good = tmp_path / "bad.yaml", tmp_path / "good.yaml"
     bad.write_text(

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
+from oracle_server.core.deadlocks import deadlocks, starvation
+from oracle_server.core.dependencies import GraphNode
 from oracle_server.core.errors import ExpressionError, Problem
 from oracle_server.core.events import StreamKey
 from oracle_server.core.expressions import parse_expression
@@ -15,15 +17,17 @@ from oracle_server.core.spec import Spec, StreamSpec
 from oracle_server.core.withholding import mendable
 
 
-def inspect(spec: Spec) -> list[Problem]:
-    """Everything that is wrong or doubtful in a spec that could be read."""
+def inspect(spec: Spec, graph: Sequence[GraphNode] | None = None) -> list[Problem]:
+    """Everything that is wrong or doubtful in a spec that could be read, on a robot of this graph."""
     return [
         *_duplicates(spec),
         *_signals(spec),
         *_filters(spec),
         *_guards(spec),
         *_atoms(spec),
-        *_deadlocks(spec),
+        *_causes(spec),
+        *deadlocks(spec, graph),
+        *(starvation(spec, graph) if graph is not None else ()),
         *_not_yet(spec),
     ]
 
@@ -142,41 +146,13 @@ def _has(stream: StreamSpec, key: str, held: frozenset[str]) -> bool:
     return stream.signals is None or key in stream.signals or key in held
 
 
-def _deadlocks(spec: Spec) -> Iterator[Problem]:
-    """With `max_delay: none`, a filtered stream must not wait for a stream that can't speak before it has passed."""
-    streams = {s.name: s for s in spec.streams}
+def _causes(spec: Spec) -> Iterator[Problem]:
+    names = {s.name for s in spec.streams}
     for i, stream in enumerate(spec.streams):
-        if stream.kind == "response":
-            continue
         for name in stream.causes:
-            if name not in streams:
-                yield Problem(
-                    ("streams", i, "causes"),
-                    f"{stream.name} causes '{name}', which is no stream of this spec",
-                )
-        if stream.action != "filter" or not stream.ordered or spec.ordering.max_delay is not None:
-            continue
-        for path in _consequences(stream.name, streams):
-            if streams[path[-1]].ordered:
-                chain = " -> ".join((*path, path[0]))
-                yield Problem(
-                    ("streams", i, "causes"),
-                    f"deadlock: {chain}: a message on {path[0]} waits in the order for {path[-1]}, which can't "
-                    "speak before that message has passed; give `max_delay` an end, or take one of them out with "
-                    "`ordered: false`",
-                )
-
-
-def _consequences(start: str, streams: dict[str, StreamSpec]) -> Iterator[tuple[str, ...]]:
-    """The paths along `causes` from a stream to each one that depends on it."""
-    seen, todo = {start}, [tuple[str, ...]([start])]
-    while todo:
-        path = todo.pop()
-        for name in streams[path[-1]].causes:
-            if name in streams and name not in seen:
-                seen.add(name)
-                todo.append((*path, name))
-                yield (*path, name)
+            if name not in names and stream.kind != "response":
+                message = f"{stream.name} causes '{name}', which is no stream of this spec"
+                yield Problem(("streams", i, "causes"), message)
 
 
 def _not_yet(spec: Spec) -> Iterator[Problem]:

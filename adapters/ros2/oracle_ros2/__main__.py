@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import signal
 import sys
@@ -16,6 +17,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from oracle_ros2.codec import CodecError
+from oracle_ros2.graph import dump_graph
 from oracle_ros2.monitor import Monitor
 from oracle_ros2.screen import Screen
 from oracle_ros2.stamps import simulated
@@ -30,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopping.set())
     try:
-        return _run(options, stopping)
+        return _dump_graph() if options.dump_graph else _run(options, stopping)
     finally:
         rclpy.try_shutdown()
 
@@ -58,12 +60,20 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     )
     parser.add_argument("--namespace", default="", help="what goes before all names of the spec, such as /uav1")
     parser.add_argument("--token", default=os.environ.get("ORACLE_TOKEN"), help="the server's token")
+    parser.add_argument("--dump-graph", action="store_true", help="print the live graph as JSON, and end")
     options = parser.parse_args(arguments)
     try:
         options.names = Names(options.remap, options.namespace)
     except ValueError as error:
         parser.error(str(error))
     return options
+
+
+def _dump_graph() -> int:
+    node = Node("oracle_graph", start_parameter_services=False)
+    sys.stdout.write(json.dumps(dump_graph(node), indent=2) + "\n")
+    node.destroy_node()
+    return 0
 
 
 def _run(options: argparse.Namespace, stopping: threading.Event) -> int:

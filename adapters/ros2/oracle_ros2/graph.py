@@ -1,0 +1,63 @@
+"""Who publishes, subscribes, serves and calls what: the live graph, as `oracle-server check --ros-graph` reads it."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any, Callable
+
+from rclpy.executors import SingleThreadedExecutor
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+SETTLED = 4.0  # seconds without news after which all is taken for discovered: more than nodes are silent for
+PATIENCE = 20.0
+NOISE = ("/rosout", "/parameter_events")
+PARAMETERS = ("describe_parameters", "get_parameter_types", "get_parameters", "get_type_description",
+              "list_parameters", "set_parameters", "set_parameters_atomically")  # fmt: skip
+
+Named = Callable[[str, str], "list[tuple[str, list[str]]]"]
+
+
+def dump_graph(node: Node) -> dict[str, Any]:
+    """The graph without `node` itself, once discovery has settled; types by the names of topics and services."""
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    graph, since, end = _look(node), time.monotonic(), time.monotonic() + PATIENCE
+    while time.monotonic() < min(since + SETTLED, end):
+        executor.spin_once(timeout_sec=0.05)
+        now = _look(node)
+        if now != graph:
+            graph, since = now, time.monotonic()
+    executor.remove_node(node)
+    executor.shutdown()
+    return graph
+
+
+def _look(node: Node) -> dict[str, Any]:
+    own = (node.get_name(), node.get_namespace())
+    found = sorted(set(node.get_node_names_and_namespaces()) - {own})
+    return {"nodes": [_describe(node, name, space) for name, space in found]}
+
+
+def _describe(node: Node, name: str, space: str) -> dict[str, Any]:
+    full = f"{space.rstrip('/')}/{name}"
+    reads: dict[str, Named] = {
+        "publishes": node.get_publisher_names_and_types_by_node,
+        "subscribes": node.get_subscriber_names_and_types_by_node,
+        "serves": node.get_service_names_and_types_by_node,
+        "calls": node.get_client_names_and_types_by_node,
+    }
+    found: dict[str, Any] = {"name": full}
+    for key, read in reads.items():
+        try:
+            named = read(name, space)
+        except Exception:  # noqa: BLE001 - the node has gone meanwhile
+            named = []
+        found[key] = {n: sorted(types) for n, types in sorted(named) if not _is_noise(n)}
+    return found
+
+
+def _is_noise(name: str) -> bool:
+    """Whether every node has it: nothing that a robot says."""
+    return name in NOISE or name.rpartition("/")[2] in PARAMETERS

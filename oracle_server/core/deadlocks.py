@@ -1,0 +1,56 @@
+"""Orderings that wait for what can't come: deadlocks and starvation where `max_delay` has no end."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from itertools import pairwise
+
+from oracle_server.core.dependencies import Edges, GraphNode, dependencies, heard_of, paths
+from oracle_server.core.errors import Problem
+from oracle_server.core.spec import Spec
+
+_MEND = "give `max_delay` an end, or take one of them out with `ordered: false`"
+
+
+def deadlocks(spec: Spec, graph: Iterable[GraphNode] | None) -> Iterator[Problem]:
+    """A filtered ordered stream must not wait for one that can't speak before its message has passed."""
+    if spec.ordering.max_delay is not None:
+        return
+    edges = dependencies(spec, graph)
+    ordered = {s.name for s in spec.streams if s.ordered}
+    for i, stream in enumerate(spec.streams):
+        if stream.kind == "response" or stream.action != "filter" or not stream.ordered:
+            continue
+        for path in paths(stream.name, edges):
+            if path[-1] in ordered:
+                yield Problem(("streams", i, "causes"), _words(path, edges))
+
+
+def starvation(spec: Spec, graph: Iterable[GraphNode]) -> Iterator[Problem]:
+    """With no end to the wait, an ordered stream on which nobody speaks holds up all others."""
+    ordered = [i for i, s in enumerate(spec.streams) if s.ordered and s.kind != "response"]
+    if spec.ordering.max_delay is not None or len(ordered) < 2:
+        return
+    spoken = heard_of(spec, graph)
+    for i in ordered:
+        stream = spec.streams[i]
+        if stream.name not in spoken:
+            verb = "publishes" if stream.kind == "topic" else "calls"
+            yield Problem(
+                ("streams", i, "topic" if stream.kind == "topic" else "service"),
+                f"starvation: no node of the graph {verb} {stream.name}, and all that is ordered waits for it unless "
+                f"its monitor tells clocks; {_MEND}",
+                severity="warning",
+            )
+
+
+def _words(path: tuple[str, ...], edges: Edges) -> str:
+    """The cycle, in the terms of the ROSMonitoring 2.0 paper, and the mend."""
+    start, end = path[0], path[-1]
+    chain = " -> ".join((*path, start))
+    nodes = {node: None for cause, effect in pairwise(path) if (node := edges[cause][effect])}
+    by = f" (the graph has it by {', '.join(nodes)})" if nodes else ""
+    return (
+        f"deadlock: {chain}: a message on {start} waits in the order for {end}, which can't speak before that message "
+        f"has passed{by}; {_MEND}"
+    )
