@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 
+from benchmarks.paper.algorithm1 import Arrival, never_released
 from tests.ros2.harness import Data, Peer, Process, Scene, eventually, without_gaps
 
 msg = pytest.importorskip("battery_uav_msgs.msg")
@@ -196,6 +197,22 @@ def test_a_supervisor_that_calls_inside_its_callback_completes(tmp_path: Path) -
         assert flight.nodes["supervisor"].log.count(": done") == 3
         assert len(calls(flight)) == 6
         assert flight.negative(*CAUSES) == []
+        stuck = never_released(arrivals(flight), says_after)
+        assert [a.stamp for a in stuck] == [calls(flight)[0]["stamp"]], "Algorithm 1 waits for ever at the first call"
+
+
+def arrivals(flight: Flight) -> list[Arrival]:
+    """What the paper's monitor puts in order, as it arrived here."""
+    return [
+        Arrival(event["stream"], event["stamp"], event["arrived"], event["kind"])
+        for event in flight.server.events("s")
+        if event["stream"] in ("/battery_percentage", "/input_accepted", "/battery_status", "/SetLED")
+    ]
+
+
+def says_after(later: Arrival, request: Arrival) -> bool:
+    """Whether the supervisor, which waits inside its callback, could not say this before the call was over."""
+    return later.buffer != "/battery_percentage" and later.stamp > request.stamp
 
 
 def test_a_server_killed_and_restarted_loses_nothing_and_judges_nothing_twice(tmp_path: Path) -> None:

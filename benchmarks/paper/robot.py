@@ -1,0 +1,138 @@
+"""The battery UAV, a monitor and an oracle as processes, and what they cost."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+SERVER = ROOT / ".build" / "server" / "bin" / "oracle-server"
+ROS_ONLY = ("PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
+PATIENCE = 60.0
+_TICK = os.sysconf("SC_CLK_TCK")
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a process has used so far: seconds of CPU, and at most so many MB of memory."""
+
+    cpu: float
+    memory: float
+
+
+class Process:
+    """A program, its log and its cost."""
+
+    def __init__(self, name: str, command: Sequence[object], setting: dict[str, str]) -> None:
+        self.name, self.log = name, ""
+        self._said = threading.Condition()
+        self._process = subprocess.Popen(
+            [str(word) for word in command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=setting
+        )
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def said(self, pattern: str) -> re.Match[str]:
+        """Wait until the log holds a pattern."""
+        with self._said:
+            found = self._said.wait_for(lambda: re.search(pattern, self.log), PATIENCE)
+        if not found:
+            raise SystemExit(f"{self.name} did not say {pattern!r} within {PATIENCE:.0f} s:\n{self.log}")
+        return found
+
+    def cost(self) -> Cost:
+        """As `/proc` tells it; of a live process."""
+        folder = Path("/proc") / str(self._process.pid)
+        fields = (folder / "stat").read_text().rpartition(")")[2].split()
+        peak = re.search(r"VmHWM:\s+(\d+)", (folder / "status").read_text())
+        return Cost((int(fields[11]) + int(fields[12])) / _TICK, int(peak[1]) / 1024 if peak else 0.0)
+
+    def wait(self) -> None:
+        self._process.wait(PATIENCE)
+
+    def end(self) -> None:
+        if self._process.poll() is None:
+            self._process.send_signal(signal.SIGTERM)
+        try:
+            self._process.wait(10)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            with self._said:
+                self.log += re.sub(r"\x1b\[[0-9;]*m", "", line)
+                self._said.notify_all()
+
+
+class Robot:
+    """One run: the three nodes, with an oracle's monitor in between or without one; all ends with the block."""
+
+    def __init__(self, folder: Path, spec: str | None, jitter: int) -> None:
+        self.costs: dict[str, Cost] = {}
+        """By process, over the countdown."""
+        self.calls: list[float] = []
+        """The response times of the service calls (ms), in their order."""
+        self.history = folder / "data"
+        self._folder, self._spec, self._jitter = folder, spec, jitter
+        self._processes: dict[str, Process] = {}
+
+    def fly(self) -> None:
+        """Count down from 100 % to 0, and end everything in order."""
+        with ExitStack() as stack:
+            if self._spec is not None:
+                self._start_oracle(stack, self._spec)
+            monitors = 0 if self._spec is None else 1
+            service = "/SetLED" if self._spec is None else "/SetLED_mon"
+            self._start_node(stack, "led_panel", wait_for=monitors)
+            self._start_node(stack, "supervisor", wait_for=monitors, service=service)
+            self._processes["led_panel"].said("ready")
+            battery = self._start_node(stack, "battery", wait_for=monitors + 1)
+            battery.said("ready")
+            before = {name: p.cost() for name, p in self._processes.items()}
+            time.sleep(101 / 25)
+            for name, process in self._processes.items():
+                after = process.cost()
+                self.costs[name] = Cost(after.cpu - before[name].cpu, after.memory)
+            battery.wait()
+            time.sleep(0.5)  # what is on its way arrives
+            log = self._processes["supervisor"].log
+            self.calls = [float(ms) for ms in re.findall(r"done after ([\d.]+) ms", log)]
+
+    def _start_oracle(self, stack: ExitStack, spec: str) -> None:
+        specs = self._folder / "specs"
+        specs.mkdir(parents=True)
+        (specs / "battery_uav.yaml").write_text(spec)
+        command = [SERVER, "serve", "--specs", specs, "--data-dir", self.history, "--port", "0"]
+        url = self._start(stack, "server", command, without=ROS_ONLY).said(r"url=(http://\S+)")[1]
+        words = ["--oracle", url, "--spec", "battery_uav", "--session", "run", "--monitor", "uav1"]
+        if self._jitter:
+            relay = [sys.executable, "-m", "benchmarks.paper.relay", self._jitter]
+            self._start(stack, "relay", relay).said("ready")
+            words += ["--ros-args", "-r", "/battery_percentage:=/battery_percentage_delayed"]
+        self._start(stack, "monitor", [sys.executable, "-m", "oracle_ros2", *words]).said("observing")
+
+    def _start_node(self, stack: ExitStack, module: str, **parameters: object) -> Process:
+        words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
+        return self._start(stack, module, [sys.executable, "-m", f"battery_uav.{module}", "--ros-args", *words])
+
+    def _start(self, stack: ExitStack, name: str, command: Sequence[object], without: Sequence[str] = ()) -> Process:
+        setting = os.environ | {
+            "PYTHONPATH": f"{ROOT}:{os.environ.get('PYTHONPATH', '')}",
+            "ROS_DOMAIN_ID": str(os.getpid() % 80 + 20),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "ROS_LOG_DIR": str(self._folder / "ros"),
+        }
+        process = Process(name, command, {k: v for k, v in setting.items() if k not in without})
+        stack.callback(process.end)
+        self._processes[name] = process
+        return process
