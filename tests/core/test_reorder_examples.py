@@ -95,3 +95,15 @@ def test_closing_lets_the_others_go_on() -> None:
     assert buffer.push(4, SB, "", 13, 13) == []
     assert items(buffer.close("m")) == [4]
     assert buffer.flush() == []
+
+
+def test_bursts_of_thousands_of_equal_stamps_keep_the_order_of_arrival_and_lose_nothing() -> None:
+    buffer = opened(None)
+    released = []
+    for burst in range(3):
+        for n in range(3_000):
+            released += buffer.push(3_000 * burst + n, (SA, SB, SC)[n % 3], str(n % 7), burst, burst)
+    assert len(buffer) + len(released) == 9_000
+    released += buffer.flush()
+    assert items(released) == list(range(9_000))
+    assert not any(r.late or r.forced for r in released)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import deque
-from typing import Any, Deque, Dict, List, Set
+from typing import Any, Deque, Dict, List, Optional, Set
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -102,6 +102,7 @@ class Wire(RuleBasedStateMachine):
         self.value = 0
         self.queued: List[int] = []
         self.missed = 0
+        self.credit: Optional[int] = None
         self.asks: List[Queued] = []
         self.answers: Dict[int, Answer] = {}
         self.reported: Dict[int, bool] = {}
@@ -151,9 +152,10 @@ class Wire(RuleBasedStateMachine):
     # The network
 
     @precondition(lambda self: not self.connected)
-    @rule()
-    def connect(self) -> None:
+    @rule(credit=st.sampled_from([None, 0, 2]))
+    def connect(self, credit: Optional[int] = None) -> None:
         self.connected = True
+        self.credit = credit
         assert json.loads(self.protocol.hello())["type"] == "attach"
         self.down.append(
             {
@@ -162,7 +164,7 @@ class Wire(RuleBasedStateMachine):
                 "session": "s1",
                 "streams": [],
                 "next": self.server.next,
-                "limits": {"max_batch": 3},
+                "limits": {"max_batch": 3, "credit": credit},
             }
         )
         if self.server.committed:
@@ -183,7 +185,26 @@ class Wire(RuleBasedStateMachine):
             frame = self.protocol.next_frame()
             if frame is not None:
                 assert self.connected
+                self._spend(json.loads(frame))
                 self.up.append(frame)
+
+    def _spend(self, frame: Frame) -> None:
+        """Without credit only asks go, what is before them, and what a full queue would lose."""
+        if self.credit is None or frame["type"] not in ("event", "events"):
+            return
+        events = frame.get("events", [frame])
+        self.credit -= len(events)
+        newest_ask = max((self.queued[ask.number - 1] for ask in self.asks), default=0)
+        urgent = (
+            events[-1]["data"] <= newest_ask or self.protocol.stats().queued > 0.75 * self.capacity
+        )
+        assert self.credit >= 0 or urgent
+
+    @precondition(lambda self: self.connected and self.credit is not None)
+    @rule(events=st.integers(1, 4))
+    def grant(self, events: int) -> None:
+        self.down.append({"type": "credit", "events": events})
+        self.credit = (self.credit or 0) + events
 
     @rule(count=st.integers(1, 3))
     def read(self, count: int) -> None:
@@ -268,6 +289,8 @@ class Wire(RuleBasedStateMachine):
         self._check_answers()
 
     def _settle(self) -> None:
+        if self.credit is not None:
+            self.grant(1000)
         for _ in range(3):
             while self.down or self.up or self._writes():
                 self.read(100)
