@@ -15,6 +15,7 @@ from oracle_server.core.errors import SpecError
 from oracle_server.core.verdicts import Outcome
 from oracle_server.history import Query as Question
 from oracle_server.history import find
+from oracle_server.legacy import legacy_routes
 from oracle_server.library import Entry, Library, UnknownSpecError
 from oracle_server.protocol import Identifier
 from oracle_server.registry import Registry, SessionExistsError
@@ -33,14 +34,16 @@ class NewSession(BaseModel):
     id: Identifier | None = None
 
 
-def build_app(registry: Registry, library: Library, store: Store) -> FastAPI:
-    """The app over a server's parts."""
+def build_app(registry: Registry, library: Library, store: Store, legacy: str | None = None) -> FastAPI:
+    """The app over a server's parts; `legacy` is the spec of the old monitors that name none."""
     app = FastAPI(title="oracle-server", version=__version__)
     problems.install(app)
     app.include_router(_health(store))
     app.include_router(_specs(library), prefix="/api/v1", tags=["specs"])
     app.include_router(_sessions(registry), prefix="/api/v1", tags=["sessions"])
     app.include_router(_verdicts(registry, store), prefix="/api/v1", tags=["verdicts"])
+
+    app.include_router(legacy_routes(registry, store, legacy))
 
     @app.websocket("/api/v1/attach")
     async def attach(socket: WebSocket) -> None:

@@ -94,12 +94,13 @@ def serve(
     data_dir: Annotated[Path | None, typer.Option(help="Where the history is kept.")] = None,
     host: Annotated[str | None, typer.Option(help="The address to bind; default 127.0.0.1.")] = None,
     port: Annotated[int | None, typer.Option(min=0, max=65535, help="The port; default 8642.")] = None,
+    legacy: Annotated[str | None, typer.Option(metavar="SPEC", help="The spec of ROSMonitoring's monitors.")] = None,
 ) -> None:
     """Run the server in the foreground, until SIGTERM or SIGINT."""
     from oracle_server.server import serve as run
     from oracle_server.settings import load_settings
 
-    run(load_settings(specs=specs, data_dir=data_dir, host=host, port=port))
+    run(load_settings(specs=specs, data_dir=data_dir, host=host, port=port, legacy=legacy))
 
 
 Url = Annotated[str, typer.Option(envvar="ORACLE_URL", help="The server's address.")]

@@ -93,16 +93,19 @@ class LiveSession:
         if monitor.verdicts and monitor.outbox and self._standing.committed:
             monitor.outbox.send(self._standing.committed)
 
-    def ingest(self, monitor: Monitor, message: EventMessage) -> None:
-        """Take an event: judged once, and answered again where it is sent again. Raises `WireError`."""
+    def ingest(self, monitor: Monitor, message: EventMessage) -> list[Judged]:
+        """Take an event, and tell what was judged by it: once; it is answered again where it is sent again.
+
+        Raises `WireError`.
+        """
         if self._takes_no_more:
-            return
+            return []
         self.credit.spend(monitor.name)
         gap = monitor.numbering.take(message.seq)
         if gap is None:
             self._count_again(monitor, StreamKey(message.stream, message.kind))
             self._answer_again(monitor, message)
-            return
+            return []
         key = StreamKey(message.stream, message.kind)
         if key not in self.spec.by_key:
             raise self._refuse(monitor, message.seq, gap, "unknown_stream", f"{key} is no stream of {self.spec.id}")
@@ -115,7 +118,9 @@ class LiveSession:
             message.call, message.lost + monitor.lost + gap, message.ask,
         )  # fmt: skip
         monitor.lost = 0
-        self._deliver(self.core.ingest(event))
+        judged = self.core.ingest(event)
+        self._deliver(judged)
+        return judged
 
     def refuse(self, monitor: Monitor, error: WireError) -> None:
         """Use up the number of an event that could not be read."""

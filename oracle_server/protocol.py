@@ -141,13 +141,18 @@ def decode(text: str) -> Frame:
         raise WireError("malformed", f"nested more than {MAX_DEPTH} deep") from None
     if not isinstance(value, dict):
         raise WireError("malformed", "expected a JSON object")
-    suspicious = text.count("[") + text.count("{") > MAX_DEPTH or _LONG_INTEGER.search(text) is not None
+    odd = suspicious(text)
     if value.get("type") == "event":
-        return Frame(event_of(value, suspicious=suspicious), suspicious)
+        return Frame(event_of(value, suspicious=odd), odd)
     try:
-        return Frame(_incoming.validate_python(value), suspicious)
+        return Frame(_incoming.validate_python(value), odd)
     except ValidationError as error:
         raise WireError("malformed", _reason(error), seq=_seq(value)) from None
+
+
+def suspicious(text: str) -> bool:
+    """Whether a frame may carry data nested too deep, or integers of more than 64 bits."""
+    return text.count("[") + text.count("{") > MAX_DEPTH or _LONG_INTEGER.search(text) is not None
 
 
 def event_of(value: Any, *, suspicious: bool) -> EventMessage:

@@ -14,8 +14,9 @@ import structlog
 
 from oracle_server.clock import Clock
 from oracle_server.core.errors import OracleError, SpecError
-from oracle_server.core.plan import plan
+from oracle_server.core.plan import judged_by, plan
 from oracle_server.core.session import Session
+from oracle_server.core.spec import By
 from oracle_server.engines.choice import make_engines
 from oracle_server.library import Entry, Library, UnknownSpecError
 from oracle_server.live import Identity, LiveSession, claimed
@@ -27,7 +28,7 @@ from oracle_server.specfile import parse_spec
 from oracle_server.state import session_state
 from oracle_server.store import Store
 
-_OPENED = "number, id, spec, text, digest, properties, private, opened"
+_OPENED = "number, id, spec, text, digest, properties, private, opened, asked"
 
 _GOODBYE_WITHIN = 2.0
 _ANEW = ".run"
@@ -75,14 +76,19 @@ class Registry:
             raise WireError("spec_mismatch", message, fatal=True)
         return session, session.attach(wanted, outbox)
 
-    async def create(self, spec_id: str, session_id: str | None, *, private: bool = False) -> LiveSession:
-        """Open a new session. Raises `UnknownSpecError`, `SpecError` or `SessionExistsError`."""
+    async def create(
+        self, spec_id: str, session_id: str | None, *, private: bool = False, by: By | None = None
+    ) -> LiveSession:
+        """Open a new session; `by` overrides the order that its spec asks for.
+
+        Raises `UnknownSpecError`, `SpecError` or `SessionExistsError`.
+        """
         async with self._opening:
             entry = self._library.get(spec_id)
             session_id = session_id or f"{spec_id[:40]}-{time.strftime('%Y%m%d-%H%M%S')}-{secrets.token_hex(2)}"
             if self.known(session_id) is not None:
                 raise SessionExistsError(f"a session '{session_id}' is there already")
-            return await self._open(entry, session_id, private=private)
+            return await self._open(entry, session_id, private=private, by=by)
 
     def known(self, session_id: str) -> Known | None:
         """What the history needs to be asked about a session, None where there is none of that name."""
@@ -160,22 +166,23 @@ class Registry:
         except SpecError as error:
             raise WireError("bad_spec", str(error), fatal=True) from None
 
-    async def _open(self, entry: Entry, session_id: str, *, private: bool) -> LiveSession:
+    async def _open(self, entry: Entry, session_id: str, *, private: bool, by: By | None) -> LiveSession:
         spec = entry.plan.spec
-        core = Session(entry.plan, await asyncio.to_thread(make_engines, entry.plan))
+        ready = judged_by(entry.plan, by)
+        core = Session(ready, await asyncio.to_thread(make_engines, ready))
         self._last += 1
         live = self._live(Identity(session_id, self._last, private, self._clock.now()), core)
         properties = msgspec.json.encode([p.id for p in spec.properties]).decode()
         self._store.execute(
-            f"INSERT INTO sessions ({_OPENED}) VALUES (?,?,?,?,?,?,?,?)",  # noqa: S608
-            (live.number, session_id, spec.id, entry.file.text, spec.digest, properties, private, live.opened),
+            f"INSERT INTO sessions ({_OPENED}) VALUES (?,?,?,?,?,?,?,?,?)",  # noqa: S608
+            (live.number, session_id, spec.id, entry.file.text, spec.digest, properties, private, live.opened, by),
         )
         log.info("session opened", session=session_id, spec=spec.id)
         return live
 
     async def _restore(self, row: Row) -> None:
-        number, session_id, _, text, _, _, private, opened = row
-        ready = plan(parse_spec(text, session_id).spec)
+        number, session_id, _, text, _, _, private, opened, by = row
+        ready = judged_by(plan(parse_spec(text, session_id).spec), by)
         restored = await asyncio.to_thread(restore, self._store, number, ready)
         live = self._live(Identity(session_id, number, bool(private), opened), restored.core)
         live.resume(restored)

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any
 
 from oracle_server.core.plan import plan
 from oracle_server.core.session import Session
-from oracle_server.core.spec import Spec
+from oracle_server.core.spec import By, Spec
 from oracle_server.core.verdicts import Judged
 from oracle_server.engines.choice import make_engines
 from oracle_server.trace import Trace
 
-By = Literal["publication", "arrival", "both"]
 _FOR_EVER = 2**63
 
 

@@ -14,8 +14,9 @@ from rich.progress import Progress
 from rich.table import Table
 
 from oracle_server.core.errors import TraceError
+from oracle_server.core.spec import By
 from oracle_server.core.verdicts import Judged, explain, record
-from oracle_server.replay import By, Replay
+from oracle_server.replay import Replay
 from oracle_server.specfile import load_spec
 from oracle_server.trace import Trace
 

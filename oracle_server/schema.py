@@ -9,7 +9,7 @@ import msgspec
 from oracle_server.core.events import Event, Order, Step, StreamKey
 from oracle_server.core.verdicts import Judged, Outcome, explain
 
-VERSION = 2
+VERSION = 3
 
 DDL = """
 CREATE TABLE IF NOT EXISTS sessions (
@@ -21,6 +21,7 @@ CREATE TABLE IF NOT EXISTS sessions (
     properties TEXT NOT NULL,    -- JSON: their ids, in the order of `outcomes`
     private INTEGER NOT NULL,    -- closed with its last monitor
     opened INTEGER NOT NULL,     -- ns
+    asked TEXT,                  -- the order that was asked for instead of the spec's
     closed INTEGER,              -- ns
     state TEXT                   -- JSON: how it stood when it was closed
 );

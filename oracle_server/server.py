@@ -41,6 +41,8 @@ def serve(settings: Settings) -> None:
     if settings.host not in _LOOPBACK:
         raise ServerError(f"{settings.host}: this version binds loopback addresses only; use 127.0.0.1")
     library = Library(_specs_folder(settings), settings.data_dir / "specs")
+    if settings.legacy is not None:
+        library.get(settings.legacy)  # refuses one that is not on hand
     listener = _listen(settings.host, settings.port)
     try:
         store = Store(settings.data_dir, settings.durability)
@@ -57,7 +59,7 @@ async def _serve(settings: Settings, library: Library, store: Store, listener: s
     (latest,) = store.read("SELECT max(judged) FROM steps")[0]
     registry = Registry(store, library, Clock(at_least=latest or 0), settings.resume_within)
     await registry.restore_all()
-    app = build_app(registry, library, store)
+    app = build_app(registry, library, store, settings.legacy)
     config = uvicorn.Config(
         Gate(app, hosts=(settings.host,)),
         ws="websockets-sansio",

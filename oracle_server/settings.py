@@ -26,6 +26,7 @@ class Settings(BaseSettings):
     port: Annotated[int, Field(ge=0, le=65535)] = 8642
     data_dir: Path = Field(default_factory=_data_dir)
     specs: Path | None = None
+    legacy: str | None = None
     durability: Literal["full", "normal"] = "full"
     resume_within: Annotated[float, Field(gt=0, le=3600)] = 10.0
     log: Literal["console", "json"] = "console"

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -13,9 +12,10 @@ import msgspec
 from msgspec import Meta, Struct
 
 from oracle_server.core.errors import TraceError
-from oracle_server.core.events import Event, StreamKey
+from oracle_server.core.events import Event
 from oracle_server.core.spec import Spec
-from oracle_server.core.stamps import nanoseconds, stamp_in
+from oracle_server.core.stamps import stamp_in
+from oracle_server.flat import decode_object, find_stream, flat_event
 
 Nanoseconds = Annotated[int, Meta(ge=0, le=2**63 - 1)]
 Count = Annotated[int, Meta(ge=0, le=2**63 - 1)]
@@ -23,7 +23,10 @@ MAX_LINE = 64 * 2**20
 
 
 class Line(Struct):
-    """A line of the project's own kind; `arrived` and `stamp` in nanoseconds since the epoch."""
+    """A line of the project's own kind; times in nanoseconds since the epoch.
+
+    `otherwise` is the publication time of a message in which none stands.
+    """
 
     stream: str
     data: dict[str, Any]
@@ -36,6 +39,7 @@ class Line(Struct):
     call: Count | None = None
     lost: Count = 0
     ask: bool = False
+    otherwise: Nanoseconds | None = None
 
 
 @dataclass(slots=True)
@@ -75,18 +79,17 @@ class Trace:
 
     def _line(self, text: bytes, number: int) -> Line:
         try:
-            value = _decode(text)
-            return msgspec.convert(value if "stream" in value else _unflattened(value), Line)
+            return msgspec.convert(_line_of(decode_object(text)), Line)
         except (msgspec.MsgspecError, ValueError, TypeError, RecursionError) as error:
             reason = "nested too deep" if isinstance(error, RecursionError) else error
             raise TraceError(f"{self.path}:{number}: not an event: {reason}") from None
 
     def _event(self, line: Line) -> Event | None:
-        key = _stream(line, self.spec)
+        key = find_stream(line.stream, line.kind, self.spec.by_key)
         if key is None:
             self.ignored[line.stream] += 1
             return None
-        stamp = line.stamp or stamp_in(line.data, self.spec.by_key[key].stamp)
+        stamp = line.stamp or stamp_in(line.data, self.spec.by_key[key].stamp) or line.otherwise
         arrived = line.arrived if self.clocked else stamp
         self._now = max(self._now, arrived or 0)
         self._seq[line.monitor] += 1
@@ -94,41 +97,10 @@ class Trace:
         return Event(key, line.monitor, seq, stamp, self._now, line.data, line.source, line.call, line.lost, line.ask)
 
 
-def _decode(text: bytes) -> Mapping[str, Any]:
-    try:
-        value = msgspec.json.decode(text)
-    except msgspec.DecodeError:
-        # old monitors write NaN and infinities bare; they become the strings that the wire has for them
-        value = json.loads(text, parse_constant=str)
-    if not isinstance(value, dict):
-        raise TypeError("expected a JSON object")
-    return value
-
-
-def _unflattened(value: Mapping[str, Any]) -> dict[str, Any]:
-    """ROSMonitoring's flat event as a line: what stands beside `topic` and `time` is the message."""
-    arrived = nanoseconds(value.get("time", value.get("t")))
-    line: dict[str, Any] = {"arrived": arrived}
-    if isinstance(value.get("topic"), str):
-        data = {k: v for k, v in value.items() if k not in ("topic", "time")}
-        return line | {
-            "stream": value["topic"],
-            "kind": "topic",
-            "stamp": stamp_in(data, None) or arrived,
-            "data": data,
-        }
-    kind = next((k for k in ("response", "request") if k in value), None)
-    if kind and isinstance(value.get("service"), str):
-        stamp = nanoseconds(value.get("stamp")) or arrived
-        return line | {"stream": value["service"], "kind": kind, "stamp": stamp, "data": value[kind]}
-    raise ValueError("it has neither `stream`, nor `topic`, nor `service` with a `request` or `response`")
-
-
-def _stream(line: Line, spec: Spec) -> StreamKey | None:
-    """The stream of the spec that a line speaks of; old monitors may leave the leading slash out."""
-    bare = line.stream.removeprefix("/")
-    for name in (line.stream, f"/{bare}", bare):
-        key = StreamKey(name, line.kind)
-        if key in spec.by_key:
-            return key
-    return None
+def _line_of(value: dict[str, Any]) -> Any:
+    """The line that a JSON object says; ROSMonitoring's flat events become such."""
+    if "stream" in value:
+        return value
+    flat = flat_event(value)
+    line = {"stream": flat.stream, "kind": flat.kind, "data": flat.data, "arrived": flat.time}
+    return line | {"otherwise": flat.stamp or flat.time}

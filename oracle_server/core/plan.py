@@ -6,14 +6,14 @@ A plan is shared by all sessions of its spec; it holds no state.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from oracle_server.core.atoms import AtomTest, specialise
 from oracle_server.core.events import StreamKey
 from oracle_server.core.formula.tree import Atom, Scalar, atoms
 from oracle_server.core.signals import RESERVED, DefaultProjection, Projection
-from oracle_server.core.spec import Spec, StreamSpec
+from oracle_server.core.spec import By, Spec, StreamSpec
 
 
 class Projects(Protocol):
@@ -64,6 +64,14 @@ def plan(spec: Spec) -> Plan:
     """Make a spec ready. Raises `ExpressionError` where an expression of its signals can't be read."""
     formulas = tuple(atoms(p.formula) for p in spec.properties)
     return Plan(spec, {s.key: _plan_stream(spec, s, formulas) for s in spec.streams})
+
+
+def judged_by(ready: Plan, by: By | None) -> Plan:
+    """A plan that judges in another order than its spec asks for, None for the same."""
+    if by is None:
+        return ready
+    ordering = replace(ready.spec.ordering, by=by)
+    return replace(ready, spec=replace(ready.spec, ordering=ordering))
 
 
 def constants(stream: StreamSpec) -> dict[str, Scalar]:

@@ -12,13 +12,14 @@ from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import Formula
 
 SECOND = 10**9
+By = Literal["publication", "arrival", "both"]
 
 
 @dataclass(frozen=True, slots=True)
 class Ordering:
     """How the events of a session's monitors are put in order; durations in nanoseconds."""
 
-    by: Literal["publication", "arrival", "both"] = "publication"
+    by: By = "publication"
     max_delay: int | None = SECOND // 5
     late: Literal["judge", "skip"] = "judge"
     max_skew: int = SECOND

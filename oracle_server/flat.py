@@ -1,0 +1,55 @@
+"""ROSMonitoring's flat events: a message's fields beside `topic` and `time`, or a service's `request` or `response`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Container, Mapping
+from typing import Any, NamedTuple
+
+import msgspec
+
+from oracle_server.core.events import Kind, StreamKey
+from oracle_server.core.stamps import nanoseconds
+
+
+class FlatEvent(NamedTuple):
+    """One flat event; `time` is when its monitor saw it, `stamp` what it says of a call's publication, both in ns."""
+
+    stream: str
+    kind: Kind
+    data: Any
+    time: int | None
+    stamp: int | None
+
+
+def decode_object(text: bytes | str) -> dict[str, Any]:
+    """A JSON object. Raises ValueError (msgspec's errors are some), TypeError or RecursionError.
+
+    Old monitors write NaN and infinities bare; they become the strings that the wire has for them.
+    """
+    try:
+        value = msgspec.json.decode(text)
+    except msgspec.DecodeError:
+        value = json.loads(text, parse_constant=str)
+    if not isinstance(value, dict):
+        raise TypeError("expected a JSON object")
+    return value
+
+
+def flat_event(value: Mapping[str, Any]) -> FlatEvent:
+    """Read a flat event. Raises ValueError where it is none."""
+    time = nanoseconds(value.get("time", value.get("t")))
+    topic, service = value.get("topic"), value.get("service")
+    if isinstance(topic, str):
+        data = {k: v for k, v in value.items() if k not in ("topic", "time")}
+        return FlatEvent(topic, "topic", data, time, None)
+    kind: Kind = "response" if "response" in value else "request"
+    if kind in value and isinstance(service, str):
+        return FlatEvent(service, kind, value[kind], time, nanoseconds(value.get("stamp")))
+    raise ValueError("it has neither `stream`, nor `topic`, nor `service` with a `request` or `response`")
+
+
+def find_stream(name: str, kind: Kind, streams: Container[StreamKey]) -> StreamKey | None:
+    """The stream of that name; old monitors may leave the leading slash out, and so may specs."""
+    bare = name.removeprefix("/")
+    return next((key for n in (name, f"/{bare}", bare) if (key := StreamKey(n, kind)) in streams), None)
