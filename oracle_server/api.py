@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict
 from starlette.requests import ClientDisconnect
 
 from oracle_server import __version__, problems
+from oracle_server.access import demand, grant_of
 from oracle_server.connection import Connection
 from oracle_server.core.errors import SpecError
 from oracle_server.core.verdicts import Outcome
@@ -18,7 +19,7 @@ from oracle_server.history import find
 from oracle_server.legacy import legacy_routes
 from oracle_server.library import Entry, Library, UnknownSpecError
 from oracle_server.protocol import Identifier
-from oracle_server.registry import Registry, SessionExistsError
+from oracle_server.registry import Known, Registry, SessionExistsError
 from oracle_server.store import Store
 
 Page = dict[str, Any]
@@ -34,8 +35,14 @@ class NewSession(BaseModel):
     id: Identifier | None = None
 
 
-def build_app(registry: Registry, library: Library, store: Store, legacy: str | None = None) -> FastAPI:
-    """The app over a server's parts; `legacy` is the spec of the old monitors that name none."""
+def build_app(
+    registry: Registry, library: Library, store: Store, *, legacy: str | None = None, max_rate: float = 0
+) -> FastAPI:
+    """The app over a server's parts.
+
+    `legacy` is the spec of the old monitors that name none; each monitor may send `max_rate` events a second, 0 for any
+    number.
+    """
     app = FastAPI(title="oracle-server", version=__version__)
     problems.install(app)
     app.include_router(_health(store))
@@ -47,7 +54,7 @@ def build_app(registry: Registry, library: Library, store: Store, legacy: str | 
 
     @app.websocket("/api/v1/attach")
     async def attach(socket: WebSocket) -> None:
-        await Connection(socket, registry, store).serve()
+        await Connection(socket, registry, store, max_rate).serve()
 
     return app
 
@@ -97,19 +104,22 @@ def _specs(library: Library) -> APIRouter:
         }
 
     @router.get("/specs")
-    async def list_specs() -> Page:
+    async def list_specs(request: Request) -> Page:
         """List the specs on hand; `problem` says why a file that has changed can't be used."""
-        return {"items": [listed(spec_id) for spec_id in library.ids()]}
+        bound = grant_of(request).specs
+        return {"items": [listed(spec_id) for spec_id in library.ids() if bound is None or spec_id in bound]}
 
     @router.get("/specs/{spec_id}")
-    async def get_spec(spec_id: str) -> dict[str, Any]:
+    async def get_spec(spec_id: str, request: Request) -> dict[str, Any]:
         """Tell what a spec says, with its text."""
+        demand_spec(request, spec_id)
         entry = current(spec_id)
         return described(entry) | {"text": entry.file.text}
 
     @router.put("/specs/{spec_id}", openapi_extra={"requestBody": {"content": {"application/yaml": {}}}})
     async def put_spec(spec_id: Identifier, request: Request, response: Response) -> dict[str, Any]:
         """Validate a spec as `check` does, and take it in; sessions that are open keep theirs."""
+        demand_spec(request, spec_id)
         entry, new = await asyncio.to_thread(library.put, spec_id, await _text(request))
         response.status_code = 201 if new else 200
         return described(entry) | {"warnings": [str(w) for w in entry.file.warnings]}
@@ -121,13 +131,15 @@ def _sessions(registry: Registry) -> APIRouter:
     router = APIRouter()
 
     @router.get("/sessions")
-    async def list_sessions() -> Page:
+    async def list_sessions(request: Request) -> Page:
         """List all sessions, open ones first."""
-        return {"items": await asyncio.to_thread(registry.states)}
+        grant, states = grant_of(request), await asyncio.to_thread(registry.states)
+        return {"items": [s for s in states if grant.covers(spec=s["spec"], session=s["id"])]}
 
     @router.post("/sessions", status_code=201)
-    async def create_session(wanted: Annotated[NewSession, Body()]) -> dict[str, Any]:
+    async def create_session(wanted: Annotated[NewSession, Body()], request: Request) -> dict[str, Any]:
         """Open a session that monitors can join by its name."""
+        demand(request, spec=wanted.spec, session=wanted.id)
         try:
             session = await registry.create(wanted.spec, wanted.id)
         except UnknownSpecError as error:
@@ -137,13 +149,15 @@ def _sessions(registry: Registry) -> APIRouter:
         return registry.state(session.id) or {}
 
     @router.get("/sessions/{session_id}")
-    async def get_session(session_id: str) -> dict[str, Any]:
+    async def get_session(session_id: str, request: Request) -> dict[str, Any]:
         """Tell how a session stands."""
+        demand_session(request, registry, session_id)
         return registry.state(session_id) or _unknown(session_id)
 
     @router.delete("/sessions/{session_id}")
-    async def close_session(session_id: str) -> dict[str, Any]:
+    async def close_session(session_id: str, request: Request) -> dict[str, Any]:
         """Judge what a session holds, and close it; its history stays."""
+        demand_session(request, registry, session_id)
         session = registry.open.get(session_id)
         if session is not None:
             await registry.close(session)
@@ -155,15 +169,14 @@ def _sessions(registry: Registry) -> APIRouter:
 def _verdicts(registry: Registry, store: Store) -> APIRouter:
     router = APIRouter()
 
-    async def page(session_id: str, question: Question) -> Page:
-        known = registry.known(session_id)
-        if known is None:
-            _unknown(session_id)
+    async def page(request: Request, session_id: str, question: Question) -> Page:
+        known = demand_session(request, registry, session_id)
         items, after = await asyncio.to_thread(find, store, known.number, known.properties, question)
         return {"items": items, "next": after}
 
     @router.get("/sessions/{session_id}/verdicts")
     async def list_verdicts(
+        request: Request,
         session_id: str,
         property: Annotated[list[str], Query()] = [],  # noqa: A002, B006 -- the contract's word; never changed
         outcome: Annotated[list[Outcome], Query()] = [],  # noqa: B006
@@ -176,10 +189,11 @@ def _verdicts(registry: Registry, store: Store) -> APIRouter:
     ) -> Page:
         """The verdict history; `since` and `until` bound the publication time in nanoseconds."""
         wanted = frozenset(property), frozenset(outcome)
-        return await page(session_id, Question(*wanted, stream, since, until, after, limit, order))
+        return await page(request, session_id, Question(*wanted, stream, since, until, after, limit, order))
 
     @router.get("/sessions/{session_id}/violations")
     async def list_violations(
+        request: Request,
         session_id: str,
         property: Annotated[list[str], Query()] = [],  # noqa: A002, B006
         stream: str | None = None,
@@ -193,9 +207,23 @@ def _verdicts(registry: Registry, store: Store) -> APIRouter:
         question = Question(
             frozenset(property), frozenset(), stream, since, until, after, limit, order, violations=True
         )
-        return await page(session_id, question)
+        return await page(request, session_id, question)
 
     return router
+
+
+def demand_spec(request: Request, spec_id: str) -> None:
+    """Raise 403 where the sender's token is bound to other specs; what it says of sessions does not matter."""
+    bound = grant_of(request).specs
+    if bound is not None and spec_id not in bound:
+        raise HTTPException(403, "the token is bound to other specs")
+
+
+def demand_session(request: Request, registry: Registry, session_id: str) -> Known:
+    """A session that is known and that the sender's token covers. Raises 404 or 403."""
+    known = registry.known(session_id)
+    demand(request, spec=known and known.spec, session=session_id)
+    return known or _unknown(session_id)
 
 
 def _unknown(session_id: str) -> NoReturn:
@@ -203,12 +231,8 @@ def _unknown(session_id: str) -> NoReturn:
 
 
 async def _text(request: Request) -> str:
-    body = bytearray()
     try:
-        async for chunk in request.stream():
-            body += chunk
-            if len(body) > 2**20:
-                raise HTTPException(413, "a spec is at most 256 KiB")
+        body = await request.body()
     except ClientDisconnect:
         raise HTTPException(400, "the client left in the middle") from None
     try:

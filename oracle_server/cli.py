@@ -1,4 +1,4 @@
-"""The command line: `oracle-server check`, `replay` and what reads a running server."""
+"""The command line: every command, and nothing of what it does."""
 
 from __future__ import annotations
 
@@ -88,24 +88,87 @@ def replay(
     raise typer.Exit(run_replay(spec, trace, by.value if by else None, as_json=as_json))
 
 
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+SpecsFolder = Annotated[Path | None, typer.Option("--specs", help="The folder of the specs; default ./specs.")]
+DataDir = Annotated[Path | None, typer.Option(help="Where the history is kept.")]
+Host = Annotated[str | None, typer.Option(help="The address to bind; default 127.0.0.1.")]
+Port = Annotated[int | None, typer.Option(min=0, max=65535, help="The port; default 8642.")]
+Certificate = Annotated[Path | None, typer.Option(help="The server's certificate (PEM), for TLS.")]
+Key = Annotated[Path | None, typer.Option(help="The certificate's key (PEM).")]
+ClientCa = Annotated[Path | None, typer.Option(help="Clients must show a certificate of this authority (PEM).")]
+Insecure = Annotated[bool | None, typer.Option("--insecure", help="Be reachable by others without tokens or TLS.")]
+Legacy = Annotated[str | None, typer.Option(metavar="SPEC", help="The spec of ROSMonitoring's monitors.")]
+Within = Annotated[float, typer.Option(min=0.1, help="Seconds to wait.")]
+
+
 @app.command()
 def serve(
-    specs: Annotated[Path | None, typer.Option(help="The folder of the specs; default ./specs.")] = None,
-    data_dir: Annotated[Path | None, typer.Option(help="Where the history is kept.")] = None,
-    host: Annotated[str | None, typer.Option(help="The address to bind; default 127.0.0.1.")] = None,
-    port: Annotated[int | None, typer.Option(min=0, max=65535, help="The port; default 8642.")] = None,
-    legacy: Annotated[str | None, typer.Option(metavar="SPEC", help="The spec of ROSMonitoring's monitors.")] = None,
+    specs: SpecsFolder = None,
+    data_dir: DataDir = None,
+    host: Host = None,
+    port: Port = None,
+    legacy: Legacy = None,
+    tls_cert: Certificate = None,
+    tls_key: Key = None,
+    tls_client_ca: ClientCa = None,
+    insecure: Insecure = None,
 ) -> None:
     """Run the server in the foreground, until SIGTERM or SIGINT."""
     from oracle_server.server import serve as run
     from oracle_server.settings import load_settings
 
-    run(load_settings(specs=specs, data_dir=data_dir, host=host, port=port, legacy=legacy))
+    run(
+        load_settings(
+            specs=specs, data_dir=data_dir, host=host, port=port, legacy=legacy, tls_cert=tls_cert, tls_key=tls_key,
+            tls_client_ca=tls_client_ca, insecure=insecure,
+        )
+    )  # fmt: skip
+
+
+@app.command()
+def start(
+    specs: SpecsFolder = None,
+    data_dir: DataDir = None,
+    host: Host = None,
+    port: Port = None,
+    legacy: Legacy = None,
+    tls_cert: Certificate = None,
+    tls_key: Key = None,
+    tls_client_ca: ClientCa = None,
+    insecure: Insecure = None,
+    within: Within = 300.0,
+) -> None:
+    """Run the server in the background; return once it accepts work."""
+    from oracle_server.daemon import start as run
+    from oracle_server.settings import load_settings
+
+    settings = load_settings(
+        specs=specs, data_dir=data_dir, host=host, port=port, legacy=legacy, tls_cert=tls_cert, tls_key=tls_key,
+        tls_client_ca=tls_client_ca, insecure=insecure,
+    )  # fmt: skip
+    run(settings, within)
+
+
+@app.command()
+def stop(data_dir: DataDir = None, within: Within = 60.0) -> None:
+    """Stop the server of a data directory, once it has judged and committed what it holds."""
+    from oracle_server.daemon import stop as run
+    from oracle_server.settings import load_settings
+
+    run(load_settings(data_dir=data_dir).data_dir, within)
+
+
+@app.command()
+def status(data_dir: DataDir = None, as_json: AsJson = False) -> None:
+    """Tell how the server of a data directory stands; exit status 3 where none runs."""
+    from oracle_server.daemon import status as tell
+    from oracle_server.settings import load_settings
+
+    raise typer.Exit(tell(load_settings(data_dir=data_dir).data_dir, as_json=as_json))
 
 
 Url = Annotated[str, typer.Option(envvar="ORACLE_URL", help="The server's address.")]
 Token = Annotated[str | None, typer.Option(envvar="ORACLE_TOKEN", help="The server's token.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 _DEFAULT_URL = "http://127.0.0.1:8642"
 
 
@@ -138,6 +201,52 @@ def verdicts(
     from oracle_server.client import Client, show_verdicts
 
     show_verdicts(Client(url, token), session, property_ or [], outcome or [], as_json=as_json)
+
+
+tokens = typer.Typer(help="Who may use the server: tokens, of which it keeps hashes only.", add_completion=False)
+app.add_typer(tokens, name="token")
+
+
+class Scope(StrEnum):
+    """What a token is good for."""
+
+    SUBMIT = "submit"
+    READ = "read"
+    ADMIN = "admin"
+
+
+@tokens.command("add")
+def token_add(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Whose it is.")],
+    scope: Annotated[list[Scope], typer.Option(help="What it is good for; repeatable.")],
+    spec: Annotated[list[str] | None, typer.Option(help="Good for this spec only; repeatable.")] = None,
+    session: Annotated[list[str] | None, typer.Option(help="Good for this session only; repeatable.")] = None,
+    data_dir: DataDir = None,
+) -> None:
+    """Make a token and print it; it is shown this once. A server that runs knows it at once."""
+    from oracle_server.settings import load_settings
+    from oracle_server.tokens import add
+
+    typer.echo(add(load_settings(data_dir=data_dir).token_file, name, [s.value for s in scope], spec, session))
+
+
+@tokens.command("remove")
+def token_remove(name: Annotated[str, typer.Argument(metavar="NAME")], data_dir: DataDir = None) -> None:
+    """Make a token good for nothing."""
+    from oracle_server.settings import load_settings
+    from oracle_server.tokens import remove
+
+    remove(load_settings(data_dir=data_dir).token_file, name)
+
+
+@tokens.command("list")
+def token_list(data_dir: DataDir = None, as_json: AsJson = False) -> None:
+    """List the tokens: whose they are and what they are good for."""
+    from oracle_server.client import show_tokens
+    from oracle_server.settings import load_settings
+    from oracle_server.tokens import listed
+
+    show_tokens(listed(load_settings(data_dir=data_dir).token_file), as_json=as_json)
 
 
 def main() -> None:

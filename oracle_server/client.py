@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from oracle_server.core.errors import OracleError
+from oracle_server.tokens import Token
 
 _WITHIN = 10.0
 
@@ -87,6 +88,15 @@ def show_verdicts(client: Client, session: str, properties: list[str], outcomes:
         _show({}, _RECORD, [_record_row(r) for r in violations], as_json=False)
 
 
+def show_tokens(tokens: Sequence[Token], *, as_json: bool) -> None:
+    """Print what tokens are good for."""
+    items = [t.model_dump(mode="json", exclude={"sha256"}) for t in tokens]
+    cells = [[", ".join(sorted(item[key])) if item[key] else "all" for key in _BOUND] for item in items]
+    rows = [(item["name"], *cell) for item, cell in zip(items, cells, strict=True)]
+    _show({"items": items}, ("token", *_BOUND), rows, as_json=as_json)
+
+
+_BOUND = ("scopes", "specs", "sessions")
 _RECORD = ("n", "step", "property", "outcome", "stream", "kind", "decision", "")
 
 

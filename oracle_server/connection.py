@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
+from collections.abc import Iterator
 from typing import Any
 
 import structlog
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from oracle_server.access import grant_of
 from oracle_server.attachment import attached_frame
 from oracle_server.live import LiveSession
 from oracle_server.monitors import Monitor
@@ -28,6 +30,7 @@ from oracle_server.protocol import (
 )
 from oracle_server.registry import Registry
 from oracle_server.store import Store
+from oracle_server.throttle import Throttle
 
 MAX_QUEUE = 10_000
 """Frames that may wait for a monitor for longer than `_STALLED`; beyond, it is cut off, and resumes by itself."""
@@ -43,8 +46,12 @@ log = structlog.get_logger()
 class Connection:
     """Serves one WebSocket until it ends."""
 
-    def __init__(self, socket: WebSocket, registry: Registry, store: Store) -> None:
+    def __init__(self, socket: WebSocket, registry: Registry, store: Store, max_rate: float = 0) -> None:
+        """Serve a socket whose monitor may send `max_rate` events a second on average; 0 for any number."""
         self._socket, self._registry, self._store = socket, registry, store
+        self._throttle, self._throttled = Throttle(max_rate), False
+        self._batch: Iterator[Any] = iter(())
+        self._suspicious = False
         self._queue: deque[dict[str, Any]] = deque()
         self._ready = asyncio.Event()
         self._end: tuple[int, str] | None = None
@@ -152,6 +159,10 @@ class Connection:
                 await self._store.room()
                 self._take(await self._receive())
                 await self._answer()
+                while self._throttle.is_due:
+                    await self._rest()
+                    self._take_some()
+                    await self._answer()
         except WireError as error:
             self.drop(error)
         except TimeoutError:
@@ -193,6 +204,7 @@ class Connection:
             raise WireError("bad_attach", error.message, fatal=True) from None
         if not isinstance(wanted, Attach):
             raise WireError("bad_attach", "the first frame must be `attach`", fatal=True)
+        self._check_grant(wanted)
         self._session, self._monitor = await self._registry.attach(wanted, self)
         log.info("monitor attached", session=self._session.id, monitor=self._monitor.name)
         await self._store.flush()  # once it is told, a restarted server must know that it is waited for
@@ -204,6 +216,12 @@ class Connection:
             self.send({"type": "ack", "upto": self._monitor.numbering.upto})
         self._session.tell_verdicts(self._monitor)
 
+    def _check_grant(self, wanted: Attach) -> None:
+        live = self._registry.open.get(wanted.session or "")
+        spec = live.spec.id if live else wanted.spec
+        if not grant_of(self._socket).covers(spec=spec, session=wanted.session):
+            raise WireError("forbidden", "the token is bound to other specs or sessions", fatal=True)
+
     def _take(self, text: str) -> None:
         assert self._session is not None  # noqa: S101 -- only called once attached
         assert self._monitor is not None  # noqa: S101
@@ -213,12 +231,38 @@ class Connection:
             self.send(WireError("detached", "the monitor has detached; what it says now is not heard").frame())
             return
         self._taking = True
+        self._throttle.count()
         try:
             self._dispatch(decode(text), self._session, self._monitor)
         except WireError as error:
             self._refuse(error)
         finally:
             self._taking = False
+
+    def _take_some(self) -> None:
+        """Go on with a batch, until it is at its end or it is the others' turn."""
+        assert self._session is not None  # noqa: S101 -- only called once attached
+        assert self._monitor is not None  # noqa: S101
+        if self._monitor.outbox is not self:
+            return
+        self._taking = True
+        for value in self._batch:
+            try:
+                self._session.ingest(self._monitor, event_of(value, suspicious=self._suspicious))
+            except WireError as error:
+                self._refuse(error)
+            self._throttle.count()
+            if self._throttle.is_due:
+                break
+        self._taking = False
+
+    async def _rest(self) -> None:
+        """Let the others have their turn, and a longer one where this monitor is too fast."""
+        pause = self._throttle.pause()
+        if pause and not self._throttled:
+            self._throttled = True
+            self.send(WireError("throttled", "more events than may come; the rest is read more slowly").frame())
+        await asyncio.sleep(pause)
 
     def _dispatch(self, frame: Frame, session: LiveSession, monitor: Monitor) -> None:
         match frame.message:
@@ -231,11 +275,8 @@ class Connection:
             case Detach():
                 session.detach(monitor)
             case Events(events=events):
-                for value in events:
-                    try:
-                        session.ingest(monitor, event_of(value, suspicious=frame.suspicious))
-                    except WireError as error:
-                        self._refuse(error)
+                self._batch, self._suspicious = iter(events), frame.suspicious
+                self._take_some()
             case message:
                 session.ingest(monitor, message)
 

@@ -7,7 +7,7 @@ from urllib.parse import urlsplit
 
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from oracle_server.problems import problem
+from oracle_server.problems import refuse
 
 _LOOPBACK = ("localhost", "127.0.0.1", "::1")
 
@@ -29,21 +29,16 @@ class Gate:
             await self._app(scope, receive, send)
             return
         headers = {name: value.decode("latin-1") for name, value in scope["headers"]}
-        refusal = self._refusal(headers.get(b"host", ""), headers.get(b"origin"))
+        own_address = (scope.get("server") or ("",))[0]
+        refusal = self._refusal(headers.get(b"host", ""), headers.get(b"origin"), own_address)
         if refusal is None:
             await self._app(scope, receive, send)
             return
-        response = problem(*refusal)
-        if scope["type"] == "websocket":
-            await receive()
-            if "websocket.http.response" not in scope.get("extensions", {}):
-                await send({"type": "websocket.close", "code": 1008, "reason": refusal[1]})
-                return
-        await response(scope, receive, send)
+        await refuse(scope, receive, send, *refusal)
 
-    def _refusal(self, host: str, origin: str | None) -> tuple[int, str] | None:
+    def _refusal(self, host: str, origin: str | None, own_address: str) -> tuple[int, str] | None:
         name = _name(host)
-        if name not in self._hosts:
+        if name not in self._hosts and name != own_address:  # an address can't be rebound to another machine
             return 421, f"this server does not answer for the host '{name or ''}'"
         if origin is not None and _location(origin) != host.lower():
             return 403, "pages of another origin may not use this server"

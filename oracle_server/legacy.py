@@ -16,7 +16,8 @@ from oracle_server.core.stamps import stamp_in
 from oracle_server.core.verdicts import NEGATIVE, Judged, Outcome
 from oracle_server.flat import decode_object, find_stream, flat_event
 from oracle_server.library import UnknownSpecError
-from oracle_server.live import LiveSession, Monitor
+from oracle_server.live import LiveSession
+from oracle_server.monitors import Monitor
 from oracle_server.problems import problem
 from oracle_server.protocol import Attach, EventMessage, WireError, event_of, suspicious
 from oracle_server.registry import Registry

@@ -9,6 +9,7 @@ from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
+from starlette.types import Receive, Scope, Send
 
 from oracle_server.core.errors import SpecError
 
@@ -17,6 +18,20 @@ def problem(status: int, detail: str, **more: Any) -> JSONResponse:
     """An error as a response."""
     body = {"type": "about:blank", "title": HTTPStatus(status).phrase, "status": status, "detail": detail, **more}
     return JSONResponse(body, status, media_type="application/problem+json")
+
+
+async def refuse(
+    scope: Scope, receive: Receive, send: Send, status: int, detail: str, headers: dict[str, str] | None = None
+) -> None:
+    """Answer a request, or the handshake of a WebSocket, with a problem."""
+    response = problem(status, detail)
+    response.headers.update(headers or {})
+    if scope["type"] == "websocket":
+        await receive()
+        if "websocket.http.response" not in scope.get("extensions", {}):
+            await send({"type": "websocket.close", "code": 1008, "reason": detail})
+            return
+    await response(scope, receive, send)
 
 
 def install(app: FastAPI) -> None:

@@ -15,8 +15,10 @@ MAX_FRAME = 2**20
 """Longest frame, in bytes."""
 MAX_DEPTH = 64
 """Deepest nesting of an event's data."""
-MAX_BATCH = 10_000
-"""Most events of one frame."""
+MAX_BATCH = 2**15
+"""Most events of one frame: more than fit into one."""
+MAX_KEYS = 50_000
+"""Most keys of all objects in one event's data."""
 
 Identifier = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,64}$")]
 MonitorName = Annotated[str, Field(pattern=r"^[~/A-Za-z0-9_][A-Za-z0-9_/.-]*$", max_length=255)]
@@ -125,7 +127,7 @@ _TAGS = frozenset({"attach", "events", "outcome", "clock", "detach"})
 
 
 class Frame(NamedTuple):
-    """A frame's message; a suspicious one may carry data nested too deep, or integers of more than 64 bits."""
+    """A frame's message; a suspicious one may hold data nested too deep, too many keys, or integers beyond 64 bits."""
 
     message: Message
     suspicious: bool
@@ -151,8 +153,12 @@ def decode(text: str) -> Frame:
 
 
 def suspicious(text: str) -> bool:
-    """Whether a frame may carry data nested too deep, or integers of more than 64 bits."""
-    return text.count("[") + text.count("{") > MAX_DEPTH or _LONG_INTEGER.search(text) is not None
+    """Whether a frame may carry data nested too deep, too many keys, or integers of more than 64 bits."""
+    return (
+        text.count("[") + text.count("{") > MAX_DEPTH
+        or text.count(":") > MAX_KEYS
+        or _LONG_INTEGER.search(text) is not None
+    )
 
 
 def event_of(value: Any, *, suspicious: bool) -> EventMessage:
@@ -176,7 +182,11 @@ def encode(frame: Any) -> str:
 def _unfit(data: dict[str, Any]) -> str | None:
     """Why an event's data can't be judged, None where it can."""
     level: list[Any] = [data]
+    keys = 0
     for _ in range(MAX_DEPTH):
+        keys += sum(len(outer) for outer in level if isinstance(outer, dict))
+        if keys > MAX_KEYS:
+            return f"data: more than {MAX_KEYS} keys"
         values = [v for outer in level for v in (outer.values() if isinstance(outer, dict) else outer)]
         if any(type(v) is int and v not in _INTEGERS for v in values):
             return "data: an integer of more than 64 bits"

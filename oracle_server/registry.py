@@ -31,6 +31,7 @@ from oracle_server.store import Store
 _OPENED = "number, id, spec, text, digest, properties, private, opened, asked"
 
 _GOODBYE_WITHIN = 2.0
+_FLUSH_WITHIN = 10.0
 _ANEW = ".run"
 """Stands between a session's name and a number where its simulation has begun anew: `s1`, `s1.run2`, `s1.run3`."""
 
@@ -38,9 +39,10 @@ log = structlog.get_logger()
 
 
 class Known(NamedTuple):
-    """A session's number in the history, and the ids of its properties in their order there."""
+    """A session's number in the history, its spec, and the ids of its properties in their order there."""
 
     number: int
+    spec: str
     properties: list[str]
 
 
@@ -94,9 +96,9 @@ class Registry:
         """What the history needs to be asked about a session, None where there is none of that name."""
         live = self.open.get(session_id)
         if live is not None:
-            return Known(live.number, [p.id for p in live.spec.properties])
-        rows = self._store.read("SELECT number, properties FROM sessions WHERE id = ?", (session_id,))
-        return Known(rows[0][0], msgspec.json.decode(rows[0][1])) if rows else None
+            return Known(live.number, live.spec.id, [p.id for p in live.spec.properties])
+        rows = self._store.read("SELECT number, spec, properties FROM sessions WHERE id = ?", (session_id,))
+        return Known(rows[0][0], rows[0][1], msgspec.json.decode(rows[0][2])) if rows else None
 
     def state(self, session_id: str) -> dict[str, Any] | None:
         """How a session stands, or stood when it was closed; None where it is not known."""
@@ -109,8 +111,10 @@ class Registry:
     def states(self) -> list[dict[str, Any]]:
         """Every session's state, the newest first."""
         rows = self._store.read("SELECT state FROM sessions WHERE closed IS NOT NULL ORDER BY number DESC LIMIT 1000")
-        live = [session_state(s, self._clock.now()) for s in reversed(self.open.values())]
-        return [*live, *(_decode(row[0]) for row in rows)]
+        closed = [_decode(row[0]) for row in rows]
+        told = {state["id"] for state in closed}
+        live = [session_state(s, self._clock.now()) for s in reversed(self.open.values()) if s.id not in told]
+        return [*live, *closed]
 
     async def close(self, session: LiveSession) -> None:
         """Judge what a session holds, and close it for good."""
@@ -137,7 +141,11 @@ class Registry:
         """Judge what all sessions hold, commit it, and tell the monitors; the sessions stay open in the history."""
         for session in self.open.values():
             session.close()
-        await self._store.flush()
+        try:
+            async with asyncio.timeout(_FLUSH_WITHIN):
+                await self._store.flush()
+        except TimeoutError:
+            log.error("the server stops without its last events in the history; their monitors send them again")
         outboxes = [m.outbox for session in self.open.values() for m in session.monitors.values() if m.outbox]
         for outbox in outboxes:
             outbox.drop(WireError("shutting_down", "the server stops; attach again later", fatal=True))

@@ -5,25 +5,35 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
-import logging
+import resource
 import signal
 import socket
-import sys
+import ssl
 from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import structlog
 import uvicorn
+from starlette.types import ASGIApp
 
+from oracle_server.access import Access
 from oracle_server.api import build_app
+from oracle_server.bodies import Bodies
 from oracle_server.clock import Clock
 from oracle_server.core.errors import OracleError
 from oracle_server.gate import Gate
 from oracle_server.library import Library
+from oracle_server.logs import set_up_logs
+from oracle_server.notify import notify
+from oracle_server.pidfile import PidFile
 from oracle_server.protocol import MAX_FRAME
 from oracle_server.registry import Registry
 from oracle_server.settings import Settings
 from oracle_server.store import Store
+from oracle_server.tokens import Tokens
+from oracle_server.transport import WebSocketTransport, bounded
+from oracle_server.watchdog import Watchdog
 
 _LOOPBACK = ("127.0.0.1", "::1", "localhost")
 _STOP_WITHIN = 10
@@ -37,52 +47,122 @@ class ServerError(OracleError):
 
 def serve(settings: Settings) -> None:
     """Run a server until SIGTERM or SIGINT. Raises `OracleError` where it refuses to start."""
-    _set_up_log(settings)
-    if settings.host not in _LOOPBACK:
-        raise ServerError(f"{settings.host}: this version binds loopback addresses only; use 127.0.0.1")
-    library = Library(_specs_folder(settings), settings.data_dir / "specs")
-    if settings.legacy is not None:
-        library.get(settings.legacy)  # refuses one that is not on hand
-    listener = _listen(settings.host, settings.port)
+    set_up_logs(settings)
+    pid_file = PidFile(settings.data_dir)
     try:
-        store = Store(settings.data_dir, settings.durability)
+        tokens = Tokens(settings.token_file)
+        _refuse_to_be_open(settings, tokens)
+        tls = _tls(settings)
+        library = Library(_specs_folder(settings), settings.data_dir / "specs")
+        if settings.legacy is not None:
+            library.get(settings.legacy)  # refuses one that is not on hand
+        listener = _listen(settings.host, settings.port)
         try:
-            asyncio.run(_serve(settings, library, store, listener))
+            store = Store(settings.data_dir, settings.durability)
+            try:
+                asyncio.run(_serve(settings, library, store, _Door(tokens, tls, pid_file, listener)))
+            finally:
+                store.close()
         finally:
-            store.close()
+            listener.close()
     finally:
-        listener.close()
+        pid_file.release()
 
 
-async def _serve(settings: Settings, library: Library, store: Store, listener: socket.socket) -> None:
+class _Door(NamedTuple):
+    """Where the server is reached, by whom and how."""
+
+    tokens: Tokens
+    tls: ssl.SSLContext | None
+    pid_file: PidFile
+    listener: socket.socket
+
+
+async def _serve(settings: Settings, library: Library, store: Store, door: _Door) -> None:
+    _take_all_files(settings.max_connections)
+    tls = door.tls
     store.start(asyncio.get_running_loop())
     (latest,) = store.read("SELECT max(judged) FROM steps")[0]
     registry = Registry(store, library, Clock(at_least=latest or 0), settings.resume_within)
-    await registry.restore_all()
-    app = build_app(registry, library, store, settings.legacy)
-    config = uvicorn.Config(
-        Gate(app, hosts=(settings.host,)),
-        ws="websockets-sansio",
-        ws_max_size=MAX_FRAME,
-        ws_per_message_deflate=False,
-        ws_ping_interval=5,
-        ws_ping_timeout=5,
-        lifespan="off",
-        log_config=None,
-        access_log=False,
-        proxy_headers=False,
-        server_header=False,
-        timeout_graceful_shutdown=_STOP_WITHIN,
+    with Watchdog():
+        await registry.restore_all()
+        app = build_app(registry, library, store, legacy=settings.legacy, max_rate=settings.max_rate)
+        config = uvicorn.Config(
+            _guarded(app, settings, door.tokens),
+            http=bounded(settings.max_connections),
+            ws=WebSocketTransport,
+            ws_max_size=MAX_FRAME,
+            ws_per_message_deflate=False,
+            ws_ping_interval=5,
+            ws_ping_timeout=5,
+            lifespan="off",
+            log_config=None,
+            access_log=False,
+            proxy_headers=False,
+            server_header=False,
+            timeout_graceful_shutdown=_STOP_WITHIN,
+            ssl_context_factory=(lambda *_: tls) if tls else None,
+        )
+        await _Server(config, registry, settings, door.pid_file).serve(sockets=[door.listener])
+
+
+def _guarded(app: ASGIApp, settings: Settings, tokens: Tokens) -> Gate:
+    """The app behind all that a request must pass."""
+    allowed = (name.strip() for name in settings.allowed_hosts.split(","))
+    hosts = [settings.host, *filter(None, allowed)]
+    return Gate(Access(Bodies(app), tokens), hosts=hosts)
+
+
+def _refuse_to_be_open(settings: Settings, tokens: Tokens) -> None:
+    if settings.host in _LOOPBACK or (tokens.required and settings.tls_cert):
+        return
+    missing = " and ".join(
+        name
+        for name, there in (("a token (`oracle-server token add`)", tokens.required), ("TLS", settings.tls_cert))
+        if not there
     )
-    await _Server(config, registry, settings).serve(sockets=[listener])
+    if not settings.insecure:
+        raise ServerError(
+            f"{settings.host}: others could reach the server there, and {missing} would be missing; "
+            "set them up, bind 127.0.0.1, or say --insecure"
+        )
+    log.warning("reachable by others without protection", host=settings.host, missing=missing)
+
+
+def _tls(settings: Settings) -> ssl.SSLContext | None:
+    """TLS as it is asked for. Raises `ServerError` where the certificates can't be used."""
+    if settings.tls_cert is None or settings.tls_key is None:
+        return None
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.minimum_version = ssl.TLSVersion.TLSv1_2
+    try:
+        context.load_cert_chain(settings.tls_cert, settings.tls_key)
+        if settings.tls_client_ca:
+            context.load_verify_locations(settings.tls_client_ca)
+            context.verify_mode = ssl.CERT_REQUIRED
+    except OSError as error:
+        files = ", ".join(str(f) for f in (settings.tls_cert, settings.tls_key, settings.tls_client_ca) if f)
+        raise ServerError(f"{files}: can't be used for TLS: {error.strerror or error}") from None
+    return context
+
+
+def _take_all_files(connections: int) -> None:
+    """Let the process open as many files as it may, and say so where that is too few for its connections."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = connections + 200
+    if soft != resource.RLIM_INFINITY and soft < wanted:
+        reach = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (reach, hard))
+        if reach < wanted:
+            log.warning("fewer files may be opened than connections are allowed", files=reach, connections=connections)
 
 
 class _Server(uvicorn.Server):
     """Says when work is accepted, and judges, commits and tells the monitors before connections are closed."""
 
-    def __init__(self, config: uvicorn.Config, registry: Registry, settings: Settings) -> None:
+    def __init__(self, config: uvicorn.Config, registry: Registry, settings: Settings, pid_file: PidFile) -> None:
         super().__init__(config)
-        self._registry, self._settings = registry, settings
+        self._registry, self._settings, self._pid_file = registry, settings, pid_file
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -96,10 +176,15 @@ class _Server(uvicorn.Server):
         await super().startup(sockets)
         for listener in sockets or ():
             host, port = listener.getsockname()[:2]
-            log.info("accepting work", url=f"http://{_bracketed(host)}:{port}", data=str(self._settings.data_dir))
+            scheme = "https" if self._settings.tls_cert else "http"
+            url = f"{scheme}://{_bracketed(host)}:{port}"
+            self._pid_file.tell(url)
+            log.info("accepting work", url=url, data=str(self._settings.data_dir))
+        notify("READY=1")
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         log.info("stopping")
+        notify("STOPPING=1")
         await self._registry.shut_down()
         await super().shutdown(sockets)
         log.info("stopped")
@@ -130,30 +215,3 @@ def _listen(host: str, port: int) -> socket.socket:
 
 def _bracketed(host: str) -> str:
     return f"[{host}]" if ":" in host else host
-
-
-def _set_up_log(settings: Settings) -> None:
-    renderer = (
-        structlog.processors.JSONRenderer()
-        if settings.log == "json"
-        else structlog.dev.ConsoleRenderer(colors=sys.stderr.isatty())
-    )
-    structlog.configure(
-        processors=[
-            structlog.processors.add_log_level,
-            structlog.processors.TimeStamper(fmt="iso", utc=True),
-            structlog.processors.format_exc_info,
-            renderer,
-        ],
-        wrapper_class=structlog.make_filtering_bound_logger(logging.INFO),
-        logger_factory=structlog.PrintLoggerFactory(sys.stderr),
-    )
-    logging.basicConfig(stream=sys.stderr, level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
-    logging.getLogger("uvicorn.error").addFilter(_without_traceback)
-
-
-def _without_traceback(record: logging.LogRecord) -> bool:
-    """A client's malformed text is no bug of ours: one line says so."""
-    if record.getMessage().startswith("Invalid UTF-8"):
-        record.exc_info = None
-    return True

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import fcntl
 import sqlite3
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any, Literal
+from typing import Any, Literal
 
 import structlog
 
@@ -50,8 +49,7 @@ class Store:
     """Appends to the history from the event loop's thread; each append tells when it is committed."""
 
     def __init__(self, folder: Path, durability: Durability = "full") -> None:
-        """Lock the folder and open its database. Raises `StoreError` where they can't be used."""
-        self._lock_file = _lock(folder)
+        """Open a folder's database, which must be nobody else's. Raises `StoreError` where it can't be used."""
         self.path = folder / "history.sqlite"
         try:
             self._writer = sqlite3.connect(self.path, isolation_level=None, check_same_thread=False)
@@ -102,7 +100,6 @@ class Store:
         if self._thread.is_alive():
             self._thread.join()
         self._writer.close()
-        self._lock_file.close()
 
     def read(self, sql: str, values: Sequence[Any] = ()) -> list[Row]:
         """Rows as of the last commit, on a connection of their own: reading never waits for writing."""
@@ -217,15 +214,3 @@ def _prepare(writer: sqlite3.Connection, durability: Durability) -> None:
     if version not in (0, VERSION):
         raise StoreError(f"the history has format {version}, and this version of the server reads {VERSION}")
     writer.executescript(f"BEGIN; {DDL} PRAGMA user_version = {VERSION}; COMMIT;")
-
-
-def _lock(folder: Path) -> IO[str]:
-    try:
-        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        file = (folder / "lock").open("a")
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise StoreError(f"{folder}: another server uses this data directory; stop it, or choose another one") from None
-    except OSError as error:
-        raise StoreError(f"{folder}: can't be used as data directory: {error.strerror}") from None
-    return file

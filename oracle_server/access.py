@@ -1,0 +1,73 @@
+"""Lets through what a token allows: 401 without a good one, 403 beyond its scopes, before anything else is read."""
+
+from __future__ import annotations
+
+import re
+from typing import cast
+
+from fastapi import HTTPException
+from starlette.requests import HTTPConnection
+from starlette.types import ASGIApp, Receive, Send
+from starlette.types import Scope as Connection
+
+from oracle_server.problems import refuse
+from oracle_server.tokens import Grant, Scope, Tokens
+
+_OPEN = re.compile(r"/(healthz|readyz|docs(/.*)?|openapi\.json)")
+"""What says nothing of any robot: it is told to all."""
+
+
+class Access:
+    """Finds out what the sender of each request and WebSocket may do, from its `Authorization` and nothing else."""
+
+    def __init__(self, app: ASGIApp, tokens: Tokens) -> None:
+        self._app, self._tokens = app, tokens
+
+    async def __call__(self, scope: Connection, receive: Receive, send: Send) -> None:
+        """Refuse a request or WebSocket, or hand it on with its grant."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        grant = self._tokens.grant(_bearer(scope))
+        needed = _needed(scope)
+        if needed is not None:
+            if grant is None:
+                challenge = {"WWW-Authenticate": "Bearer"}
+                detail = "a token is needed: send `Authorization: Bearer TOKEN`; `oracle-server token add` makes one"
+                await refuse(scope, receive, send, 401, detail, challenge)
+                return
+            if not grant.may(needed):
+                await refuse(scope, receive, send, 403, f"the token's scopes do not hold `{needed}`")
+                return
+        scope.setdefault("state", {})["grant"] = grant
+        await self._app(scope, receive, send)
+
+
+def grant_of(connection: HTTPConnection) -> Grant:
+    """What the sender of a request or WebSocket may do."""
+    return cast("Grant", connection.state.grant)
+
+
+def demand(connection: HTTPConnection, *, spec: str | None = None, session: str | None = None) -> None:
+    """Raise 403 where a token is bound to other specs or sessions; None stands for none that it could be bound to."""
+    grant = grant_of(connection)
+    if not grant.covers(spec=spec, session=session):
+        raise HTTPException(403, "the token is bound to other specs or sessions")
+
+
+def _needed(scope: Connection) -> Scope | None:
+    """The scope that a request needs, None where it needs no token."""
+    path, method = scope["path"], scope.get("method")
+    if scope["type"] == "websocket":
+        return "submit"
+    if method in ("GET", "HEAD"):
+        return None if _OPEN.fullmatch(path) else "read"
+    return "submit" if method == "POST" and path == "/api/v1/sessions" else "admin"
+
+
+def _bearer(scope: Connection) -> str | None:
+    found = [value for name, value in scope["headers"] if name == b"authorization"]
+    if len(found) != 1:
+        return None
+    scheme, _, token = found[0].decode("latin-1").partition(" ")
+    return token.strip() if scheme.lower() == "bearer" else None

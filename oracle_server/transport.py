@@ -1,0 +1,95 @@
+"""uvicorn's protocols with an end to every wait: too many connections, slow requests, and peers that have gone."""
+
+from __future__ import annotations
+
+import asyncio
+
+import h11
+from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+
+from oracle_server.problems import problem
+
+REQUEST_WITHIN = 10.0
+"""Seconds that a client may take for the head of a request, TLS included."""
+_CLOSE_WITHIN = 5.0
+
+
+class HttpTransport(H11Protocol):
+    """One connection of HTTP."""
+
+    max_connections = 2_000
+    _patience: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Refuse a connection beyond the limit, before anything of it is read."""
+        super().connection_made(transport)
+        if len(self.connections) > self.max_connections:
+            transport.write(_full(self.max_connections))
+            transport.close()
+            return
+        self._patience = self.loop.call_later(REQUEST_WITHIN, transport.abort)
+
+    def data_received(self, data: bytes) -> None:
+        """Wait for the head of a request no longer than `REQUEST_WITHIN`, however it trickles in."""
+        if self.transport.is_closing():
+            return
+        super().data_received(data)
+        waits = self.conn.their_state is h11.IDLE and (self.cycle is None or self.cycle.response_complete)
+        if not waits:
+            self._stop_waiting()
+        elif self._patience is None:
+            self._patience = self.loop.call_later(REQUEST_WITHIN, self.transport.abort)
+
+    def handle_websocket_upgrade(self, event: h11.Request) -> None:
+        """Hand the connection on."""
+        self._stop_waiting()
+        super().handle_websocket_upgrade(event)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Forget the timer with the connection."""
+        self._stop_waiting()
+        super().connection_lost(exc)
+
+    def _stop_waiting(self) -> None:
+        if self._patience is not None:
+            self._patience.cancel()
+            self._patience = None
+
+
+class WebSocketTransport(WebSocketsSansIOProtocol):
+    """One WebSocket."""
+
+    async def run_asgi(self) -> None:
+        """Leave no socket behind: closing in order waits for bytes to leave that no one may be there to take."""
+        try:
+            await super().run_asgi()
+        finally:
+            self.loop.call_later(_CLOSE_WITHIN, self.transport.abort)
+
+    def keepalive_timeout(self) -> None:
+        """Give up a peer that answers no pings, unless it is we who have not read its answer."""
+        if self.read_paused and not self.transport.is_closing():
+            self.pong_timer = None
+            self.pending_ping_payload = None
+            self.schedule_ping()
+            return
+        super().keepalive_timeout()
+        self.transport.abort()
+
+
+def bounded(max_connections: int) -> type[HttpTransport]:
+    """The protocol of a server that takes so many connections, WebSockets included."""
+
+    class Bounded(HttpTransport):
+        pass
+
+    Bounded.max_connections = max_connections
+    return Bounded
+
+
+def _full(limit: int) -> bytes:
+    response = problem(503, f"the server has {limit} connections, and takes no more")
+    head = b"HTTP/1.1 503 Service Unavailable\r\nconnection: close\r\n"
+    fields: list[tuple[bytes, bytes]] = response.raw_headers
+    return head + b"".join(b"%s: %s\r\n" % field for field in fields) + b"\r\n" + bytes(response.body)
