@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import ssl
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -27,7 +29,9 @@ class Client:
     def __init__(self, url: str, token: str | None = None) -> None:
         self._url = url.rstrip("/")
         headers = {"Authorization": f"Bearer {token}"} if token else {}
-        self._http = httpx.Client(base_url=f"{self._url}/api/v1/", headers=headers, timeout=_WITHIN, trust_env=False)
+        self._http = httpx.Client(
+            base_url=f"{self._url}/api/v1/", headers=headers, timeout=_WITHIN, trust_env=False, verify=_tls()
+        )
 
     def get(self, path: str, **query: Any) -> dict[str, Any]:
         """A document. Raises `ServerUnreachableError`."""
@@ -54,6 +58,19 @@ class Client:
             after = page["next"]
             if after is None:
                 return items
+
+
+def _tls() -> ssl.SSLContext:
+    """As ORACLE_CA, ORACLE_CLIENT_CERT and ORACLE_CLIENT_KEY say. Raises `ServerUnreachableError`."""
+    authority, cert, key = (os.environ.get(f"ORACLE_{name}") or None for name in ("CA", "CLIENT_CERT", "CLIENT_KEY"))
+    try:
+        context = ssl.create_default_context(cafile=authority)
+        if cert:
+            context.load_cert_chain(cert, key)
+    except OSError as error:
+        files = ", ".join(file for file in (authority, cert, key) if file)
+        raise ServerUnreachableError(f"{files}: can't be used for TLS: {error.strerror or error}") from None
+    return context
 
 
 def show_specs(client: Client, *, as_json: bool) -> None:

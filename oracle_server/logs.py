@@ -48,6 +48,10 @@ class RotatingFile:
     def flush(self) -> None:
         """All is flushed as it is written."""
 
+    def close(self) -> None:
+        """Write no more."""
+        self._file.close()
+
     def _rotate(self) -> None:
         self._file.close()
         for age in range(self._kept, 0, -1):

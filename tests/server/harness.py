@@ -43,7 +43,7 @@ class Server:
         )
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
-        self.url = self.said(r"url=(http://\S+)")[1]
+        self.url = self.said(r"url=(https?://\S+)")[1]
         self.http = httpx.Client(base_url=self.url, timeout=PATIENCE, trust_env=False)
 
     def __enter__(self) -> Self:

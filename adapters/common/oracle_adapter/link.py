@@ -12,6 +12,7 @@ from oracle_adapter.exchange import Exchange
 from oracle_adapter.jsonvalues import dumps
 from oracle_adapter.keeper import Keeper
 from oracle_adapter.protocol import Hello, Protocol
+from oracle_adapter.tls import context_from
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -32,7 +33,8 @@ class Link:
 
     `session`: without one the server makes one. `streams`: names of those that will be observed,
     default all. `capacity`: events held until the server has committed them; more than its order
-    holds, or events are lost here before the server makes room.
+    holds, or events are lost here before the server makes room. `tls`: default, for an encrypted
+    address, as `ORACLE_CA`, `ORACLE_CLIENT_CERT` and `ORACLE_CLIENT_KEY` say.
 
     `on_violation(record)`, `on_verdicts(frame)`, `on_state(state, detail)`, `on_error(error)` are
     called in the link's thread, as the futures' callbacks are: they must be quick, and must neither
@@ -63,6 +65,8 @@ class Link:
         hello = Hello(monitor, _instance(os.getpid()), session, spec, names, clock, wanted)
         protocol = Protocol(hello, capacity)
         self._exchange = Exchange(protocol, on_violation, on_state, on_error, on_verdicts)
+        if tls is None and attach_url(url).startswith("wss:"):
+            tls = context_from(os.environ)
         address = Address(attach_url(url), token, tls)
         if tls is not None and not address.url.startswith("wss:"):
             raise ValueError(f"tls needs a wss:// or https:// address, not {url!r}")

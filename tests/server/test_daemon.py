@@ -1,0 +1,112 @@
+"""The server in the background: started, asked how it is, and stopped."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from oracle_server.logs import RotatingFile
+from oracle_server.pidfile import running
+from tests.server.conftest import copy_specs
+from tests.server.harness import PATIENCE, failed, run
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Iterator[Path]:
+    """A data directory in which no server is left at the end."""
+    folder = tmp_path / "data"
+    yield folder
+    left = running(folder)
+    if left is not None:
+        os.kill(left.pid, signal.SIGKILL)
+
+
+@pytest.fixture
+def specs(tmp_path: Path) -> Path:
+    return copy_specs(tmp_path / "specs")
+
+
+def start(data: Path, specs: Path, **settings: str) -> str:
+    """Start a server, and tell its address."""
+    ended = run("start", "--data-dir", data, "--specs", specs, "--port", "0", **settings)
+    assert (ended.returncode, ended.stderr) == (0, ""), ended
+    return ended.stdout.split(": ")[0]
+
+
+def test_it_starts_tells_how_it_is_and_stops(data: Path, specs: Path) -> None:
+    assert run("status", "--data-dir", data).returncode == 3
+    url = start(data, specs)
+    told = run("status", "--data-dir", data, "--json")
+    assert told.returncode == 0
+    status = json.loads(told.stdout)
+    assert (status["state"], status["url"]) == ("ready", url)
+    assert str(status["pid"]) in run("status", "--data-dir", data).stdout
+    assert "lamp" in run("specs", "--url", url).stdout
+    assert "accepting work" in (data / "server.log").read_text()
+    stopped = run("stop", "--data-dir", data)
+    assert (stopped.returncode, stopped.stdout) == (0, f"{url}: stopped\n")
+    assert run("status", "--data-dir", data).returncode == 3
+    assert run("stop", "--data-dir", data).returncode == 0
+    with pytest.raises(ProcessLookupError):
+        os.kill(status["pid"], 0)
+
+
+def test_it_is_ready_only_once_its_sessions_are_back(data: Path, specs: Path) -> None:
+    url = start(data, specs)
+    for _ in range(2):
+        run("stop", "--data-dir", data)
+        url = start(data, specs, ORACLE_LOG="json")
+        lines = [json.loads(line) for line in (data / "server.log").read_text().splitlines() if line.startswith("{")]
+        assert lines[-1]["event"] == "accepting work"
+    assert run("sessions", "--url", url).returncode == 0
+
+
+def test_a_second_one_is_not_started(data: Path, specs: Path) -> None:
+    url = start(data, specs)
+    assert "runs already" in failed("start", "--data-dir", data)
+    assert "another server uses this data directory" in failed("serve", "--data-dir", data, "--port", "0")
+    port = url.rpartition(":")[2]
+    message = failed("start", "--data-dir", data.with_name("other"), "--specs", specs, "--port", port)
+    assert "Address already in use; stop what uses it, or choose another --port" in message
+    assert json.loads(run("status", "--data-dir", data, "--json").stdout)["url"] == url
+
+
+def test_the_pid_file_of_one_that_was_killed_deceives_nobody(data: Path, specs: Path) -> None:
+    start(data, specs)
+    server = running(data)
+    assert server is not None
+    os.kill(server.pid, signal.SIGKILL)
+    deadline = PATIENCE / 0.01
+    while running(data) is not None:
+        deadline -= 1
+        assert deadline
+        signal.sigtimedwait([], 0.01)
+    assert (data / "server.pid").read_text().startswith(str(server.pid))
+    assert run("status", "--data-dir", data).returncode == 3
+    assert run("stop", "--data-dir", data).returncode == 0
+    start(data, specs)
+
+
+def test_what_keeps_it_from_starting_is_told(data: Path, specs: Path, tmp_path: Path) -> None:
+    assert "is no folder" in failed("start", "--data-dir", data, "--specs", tmp_path / "nowhere", "--port", "0")
+    (specs / "single.yaml").write_text("id: single\n")
+    assert "single.yaml:1:1" in failed("start", "--data-dir", data, "--specs", specs, "--port", "0")
+    (tmp_path / "file").write_text("")
+    assert "can't be" in failed("start", "--data-dir", tmp_path / "file", "--specs", specs, "--port", "0")
+
+
+def test_the_log_is_put_aside_when_it_is_full(tmp_path: Path) -> None:
+    log = RotatingFile(tmp_path / "a.log", max_size=100, kept=2)
+    for number in range(40):
+        log.write(f"line {number:03}\n")
+    log.close()
+    names = ["a.log.2", "a.log.1", "a.log"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(names)
+    kept = "".join((tmp_path / name).read_text() for name in names).splitlines()
+    assert kept == [f"line {number:03}" for number in range(40 - len(kept), 40)]
+    assert all((tmp_path / name).stat().st_size <= 100 for name in names)
