@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import cast
+from typing import NoReturn, cast
 
 from fastapi import HTTPException
 from starlette.requests import HTTPConnection
@@ -11,6 +11,7 @@ from starlette.types import ASGIApp, Receive, Send
 from starlette.types import Scope as Connection
 
 from oracle_server.problems import refuse
+from oracle_server.registry import Known, Registry
 from oracle_server.tokens import Grant, Scope, Tokens
 
 _OPEN = re.compile(r"/(healthz|readyz|docs(/.*)?|openapi\.json)")
@@ -53,6 +54,25 @@ def demand(connection: HTTPConnection, *, spec: str | None = None, session: str 
     grant = grant_of(connection)
     if not grant.covers(spec=spec, session=session):
         raise HTTPException(403, "the token is bound to other specs or sessions")
+
+
+def demand_spec(connection: HTTPConnection, spec_id: str) -> None:
+    """Raise 403 where the sender's token is bound to other specs; what it says of sessions does not matter."""
+    bound = grant_of(connection).specs
+    if bound is not None and spec_id not in bound:
+        raise HTTPException(403, "the token is bound to other specs")
+
+
+def demand_session(connection: HTTPConnection, registry: Registry, session_id: str) -> Known:
+    """A session that is known and that the sender's token covers. Raises 404 or 403."""
+    known = registry.known(session_id)
+    demand(connection, spec=known and known.spec, session=session_id)
+    return known or unknown_session(session_id)
+
+
+def unknown_session(session_id: str) -> NoReturn:
+    """Raise 404."""
+    raise HTTPException(404, f"no session '{session_id}' is known")
 
 
 def _needed(scope: Connection) -> Scope | None:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-from typing import Annotated, Any, Literal, NoReturn
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Body, FastAPI, HTTPException, Query, Request, Response, WebSocket
 from pydantic import BaseModel, ConfigDict
 from starlette.requests import ClientDisconnect
 
-from oracle_server import __version__, problems
-from oracle_server.access import demand, grant_of
+from oracle_server import __version__, pages, problems, stream
+from oracle_server.access import demand, demand_session, demand_spec, grant_of, unknown_session
 from oracle_server.connection import Connection
 from oracle_server.core.errors import SpecError
 from oracle_server.core.verdicts import Outcome
@@ -19,7 +19,7 @@ from oracle_server.history import find
 from oracle_server.legacy import legacy_routes
 from oracle_server.library import Entry, Library, UnknownSpecError
 from oracle_server.protocol import Identifier
-from oracle_server.registry import Known, Registry, SessionExistsError
+from oracle_server.registry import Registry, SessionExistsError
 from oracle_server.store import Store
 
 Page = dict[str, Any]
@@ -43,12 +43,14 @@ def build_app(
     `legacy` is the spec of the old monitors that name none; each monitor may send `max_rate` events a second, 0 for any
     number.
     """
-    app = FastAPI(title="oracle-server", version=__version__)
+    app = FastAPI(title="oracle-server", version=__version__, docs_url=None, redoc_url=None)
     problems.install(app)
     app.include_router(_health(store))
     app.include_router(_specs(library), prefix="/api/v1", tags=["specs"])
     app.include_router(_sessions(registry), prefix="/api/v1", tags=["sessions"])
     app.include_router(_verdicts(registry, store), prefix="/api/v1", tags=["verdicts"])
+    app.include_router(stream.router(registry, store), prefix="/api/v1", tags=["verdicts"])
+    app.include_router(pages.router())
 
     app.include_router(legacy_routes(registry, store, legacy))
 
@@ -152,7 +154,7 @@ def _sessions(registry: Registry) -> APIRouter:
     async def get_session(session_id: str, request: Request) -> dict[str, Any]:
         """Tell how a session stands."""
         demand_session(request, registry, session_id)
-        return registry.state(session_id) or _unknown(session_id)
+        return registry.state(session_id) or unknown_session(session_id)
 
     @router.delete("/sessions/{session_id}")
     async def close_session(session_id: str, request: Request) -> dict[str, Any]:
@@ -161,7 +163,7 @@ def _sessions(registry: Registry) -> APIRouter:
         session = registry.open.get(session_id)
         if session is not None:
             await registry.close(session)
-        return registry.state(session_id) or _unknown(session_id)
+        return registry.state(session_id) or unknown_session(session_id)
 
     return router
 
@@ -210,24 +212,6 @@ def _verdicts(registry: Registry, store: Store) -> APIRouter:
         return await page(request, session_id, question)
 
     return router
-
-
-def demand_spec(request: Request, spec_id: str) -> None:
-    """Raise 403 where the sender's token is bound to other specs; what it says of sessions does not matter."""
-    bound = grant_of(request).specs
-    if bound is not None and spec_id not in bound:
-        raise HTTPException(403, "the token is bound to other specs")
-
-
-def demand_session(request: Request, registry: Registry, session_id: str) -> Known:
-    """A session that is known and that the sender's token covers. Raises 404 or 403."""
-    known = registry.known(session_id)
-    demand(request, spec=known and known.spec, session=session_id)
-    return known or _unknown(session_id)
-
-
-def _unknown(session_id: str) -> NoReturn:
-    raise HTTPException(404, f"no session '{session_id}' is known")
 
 
 async def _text(request: Request) -> str:

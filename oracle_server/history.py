@@ -46,6 +46,11 @@ def find(store: Store, session: int, properties: list[str], query: Query) -> tup
     return found, None
 
 
+def latest(store: Store, session: int, properties: int) -> int:
+    """The `n` of a session's last committed record, 0 where there is none."""
+    return (store.read("SELECT max(position) FROM steps WHERE session = ?", (session,))[0][0] or 0) * properties
+
+
 def recorded_answer(store: Store, session: int, properties: list[str], monitor: str, seq: int) -> dict[str, Any] | None:
     """The decision frame of an event that was asked about and is committed, None where there is none."""
     rows = store.read(

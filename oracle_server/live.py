@@ -16,6 +16,7 @@ from oracle_server.core.simulated import ClockReading, SimulatedTime
 from oracle_server.core.spec import Spec
 from oracle_server.core.verdicts import Judged, record
 from oracle_server.monitors import Monitor, Outbox
+from oracle_server.news import News
 from oracle_server.numbering import Numbering
 from oracle_server.protocol import Attach, ClockMessage, EventMessage, OutcomeMessage, TimeBase, WireError, encode
 from oracle_server.restore import Restored
@@ -50,6 +51,8 @@ class LiveSession:
         self.position = 0
         self.refused = 0
         self.closing = False
+        self.news = News()
+        """Tells of each commit."""
         self.clock_went_back = False
         """Whether its simulation began anew, so that it takes nothing more."""
         self._store, self._clock, self._resume_within, self._on_over = store, clock, resume_within, on_over
@@ -320,6 +323,7 @@ class LiveSession:
             monitor.unsettled -= 1
             monitor.answers.pop(seq, None)
             touched[monitor.name] = monitor
+        self.news.tell()
         for monitor in touched.values():
             self._acknowledge(monitor)
             self._settle(monitor)

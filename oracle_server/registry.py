@@ -129,6 +129,7 @@ class Registry:
         self._store.execute(sql, (now, msgspec.json.encode(state).decode(), session.number))
         await self._store.flush()
         self.open.pop(session.id, None)
+        session.news.end()
         if session.clock_went_back:
             reason = _ended(session.id, successor)
         else:
@@ -146,6 +147,8 @@ class Registry:
                 await self._store.flush()
         except TimeoutError:
             log.error("the server stops without its last events in the history; their monitors send them again")
+        for session in self.open.values():
+            session.news.end()
         outboxes = [m.outbox for session in self.open.values() for m in session.monitors.values() if m.outbox]
         for outbox in outboxes:
             outbox.drop(WireError("shutting_down", "the server stops; attach again later", fatal=True))

@@ -12,6 +12,8 @@ from oracle_server.problems import problem
 
 REQUEST_WITHIN = 10.0
 """Seconds that a client may take for the head of a request, TLS included."""
+READ_WITHIN = 10.0
+"""Seconds for which a client may read nothing of what waits for it."""
 _CLOSE_WITHIN = 5.0
 
 
@@ -20,6 +22,7 @@ class HttpTransport(H11Protocol):
 
     max_connections = 2_000
     _patience: asyncio.TimerHandle | None = None
+    _stalled: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Refuse a connection beyond the limit, before anything of it is read."""
@@ -46,10 +49,26 @@ class HttpTransport(H11Protocol):
         self._stop_waiting()
         super().handle_websocket_upgrade(event)
 
+    def pause_writing(self) -> None:
+        """Give up a client that has stopped to read an answer."""
+        super().pause_writing()
+        self._stalled = self.loop.call_later(READ_WITHIN, self.transport.abort)
+
+    def resume_writing(self) -> None:
+        """It reads again."""
+        self._read_again()
+        super().resume_writing()
+
     def connection_lost(self, exc: Exception | None) -> None:
-        """Forget the timer with the connection."""
+        """Forget the timers with the connection."""
         self._stop_waiting()
+        self._read_again()
         super().connection_lost(exc)
+
+    def _read_again(self) -> None:
+        if self._stalled is not None:
+            self._stalled.cancel()
+            self._stalled = None
 
     def _stop_waiting(self) -> None:
         if self._patience is not None:
@@ -65,7 +84,11 @@ class WebSocketTransport(WebSocketsSansIOProtocol):
         try:
             await super().run_asgi()
         finally:
-            self.loop.call_later(_CLOSE_WITHIN, self.transport.abort)
+            self.loop.call_later(_CLOSE_WITHIN, self._let_go)
+
+    def _let_go(self) -> None:
+        if self.transport.get_write_buffer_size():
+            self.transport.abort()
 
     def keepalive_timeout(self) -> None:
         """Give up a peer that answers no pings, unless it is we who have not read its answer."""
