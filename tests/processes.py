@@ -1,0 +1,186 @@
+"""A server, and programs on ROS, as processes: what they say, how they end; free of ROS itself."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, TypeVar
+from urllib.error import URLError
+from urllib.parse import urlencode
+from urllib.request import urlopen
+
+T = TypeVar("T")
+Data = dict[str, Any]
+Setting = dict[str, str]
+
+PATIENCE = 60.0
+"""Seconds that anything may take before a test fails."""
+ROOT = Path(__file__).parents[1]
+SERVER = ROOT / ".build" / "server" / "bin" / "oracle-server"
+ROS_ONLY = ("PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
+"""What the server, which is no part of ROS, must not see of this environment."""
+
+
+def environment(without: Sequence[str] = (), **settings: str) -> Setting:
+    """This process's environment without what would set up a server or an adapter, and with what is given."""
+    plain = {k: v for k, v in os.environ.items() if not k.startswith("ORACLE_") and k not in without}
+    return plain | {"COLUMNS": "200"} | settings
+
+
+class Process:
+    """A program that runs, and what it says."""
+
+    def __init__(self, name: str, command: Sequence[object], setting: Setting) -> None:
+        self.name = name
+        self._lines: list[str] = []
+        self._said = threading.Condition()
+        self._process = subprocess.Popen(
+            [str(word) for word in command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=setting
+        )
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    @property
+    def log(self) -> str:
+        """What it has said so far."""
+        with self._said:
+            return "".join(self._lines)
+
+    @property
+    def running(self) -> bool:
+        return self._process.poll() is None
+
+    def said(self, pattern: str) -> re.Match[str]:
+        """Wait until the log holds a pattern."""
+
+        def found() -> re.Match[str] | None:
+            return re.search(pattern, "".join(self._lines))
+
+        with self._said:
+            self._said.wait_for(lambda: found() or not self._reader.is_alive(), PATIENCE)
+            match = found()
+        assert match, f"{self.name} did not say {pattern!r}:\n{self.log}"
+        return match
+
+    def send(self, number: signal.Signals) -> None:
+        self._process.send_signal(number)
+
+    def end(self, number: signal.Signals = signal.SIGTERM) -> int:
+        """Ask it to end, unless it has, and tell its exit status."""
+        if self.running:
+            self._process.send_signal(number)
+        try:
+            return self._process.wait(PATIENCE)
+        finally:
+            self.remove()
+
+    def remove(self) -> None:
+        """Let nothing of it be left."""
+        self._process.kill()
+        self._process.wait(PATIENCE)
+        self._reader.join(PATIENCE)
+        assert self._process.stdout is not None
+        self._process.stdout.close()
+
+    def ends_well(self, number: signal.Signals = signal.SIGTERM) -> None:
+        """End it: with status 0, without an abort, and with nothing said that is a bug's mark."""
+        status = self.end(number)
+        assert status == 0, f"{self.name} ended with {status}:\n{self.log}"
+        for mark in ("Traceback", "terminate called", "never retrieved", "callback of the link failed"):
+            assert mark not in self.log, f"{self.name}:\n{self.log}"
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            with self._said:
+                self._lines.append(re.sub(r"\x1b\[[0-9;]*m", "", line))
+                self._said.notify_all()
+        with self._said:
+            self._said.notify_all()
+
+
+class Server:
+    """An `oracle-server serve`, which can be killed and started again at the same address on the same data."""
+
+    def __init__(self, specs: Path, data: Path) -> None:
+        self._specs, self._data = specs, data
+        self._port = "0"
+        self.process, self.url = self._start()
+        self._port = self.url.rpartition(":")[2]
+
+    def restart(self) -> None:
+        """Start it again, after `kill`."""
+        self.process, self.url = self._start()
+
+    def kill(self) -> None:
+        """SIGKILL."""
+        self.process.remove()
+
+    def _start(self) -> tuple[Process, str]:
+        command = [SERVER, "serve", "--specs", self._specs, "--data-dir", self._data, "--port", self._port]
+        process = Process("oracle-server", command, environment(ROS_ONLY))
+        try:
+            return process, process.said(r"url=(http://\S+)")[1]
+        except AssertionError:
+            process.remove()
+            raise
+
+    def get(self, path: str, **query: Any) -> Any:
+        """A document of the API."""
+        with urlopen(f"{self.url}/api/v1/{path}?{urlencode(query, doseq=True)}", timeout=PATIENCE) as answer:
+            return json.load(answer)
+
+    def session(self, session: str) -> Any:
+        """How a session stands."""
+        return self.get(f"sessions/{session}")
+
+    def records(self, session: str, what: str = "verdicts", **query: Any) -> list[Data]:
+        """All records of a session that a question asks for."""
+        items: list[Data] = []
+        after: Data = {}
+        while True:
+            page = self.get(f"sessions/{session}/{what}", limit=1000, **query, **after)
+            items += page["items"]
+            if page["next"] is None:
+                return items
+            after = {"after": page["next"]}
+
+    def events(self, session: str, **query: Any) -> list[Data]:
+        """The first of each event's records, in the order of judging; ticks are none."""
+        steps: dict[int, Data] = {}
+        for record in self.records(session, **query):
+            if record["kind"] != "tick":
+                steps.setdefault(record["step"], record)
+        return list(steps.values())
+
+    def reachable(self) -> bool:
+        try:
+            self.get("sessions")
+        except URLError:
+            return False
+        return True
+
+
+def eventually(ask: Callable[[], T], good: Callable[[T], object]) -> T:
+    """Ask again and again until the answer is good."""
+    end = time.monotonic() + PATIENCE
+    while True:
+        answer = ask()
+        if good(answer):
+            return answer
+        assert time.monotonic() < end, f"not within {PATIENCE} s; the last answer was {answer!r}"
+        time.sleep(0.01)  # between two questions
+
+
+def without_gaps(numbers: Sequence[int]) -> bool:
+    """Whether they are 1, 2, 3…, each once, in whatever order."""
+    ordered = sorted(numbers)
+    return ordered[:1] == [1] and all(b == a + 1 for a, b in pairwise(ordered))
