@@ -23,6 +23,7 @@ from oracle_server.protocol import (
     Events,
     Frame,
     OutcomeMessage,
+    ReportMessage,
     WireError,
     decode,
     encode,
@@ -272,6 +273,8 @@ class Connection:
                 session.outcome(monitor, message)
             case ClockMessage() as message:
                 session.clock(monitor, message)
+            case ReportMessage() as message:
+                session.report(monitor, message)
             case Detach():
                 session.detach(monitor)
             case Events(events=events):

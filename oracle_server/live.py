@@ -18,7 +18,16 @@ from oracle_server.core.verdicts import Judged, record
 from oracle_server.monitors import Monitor, Outbox
 from oracle_server.news import News
 from oracle_server.numbering import Numbering
-from oracle_server.protocol import Attach, ClockMessage, EventMessage, OutcomeMessage, TimeBase, WireError, encode
+from oracle_server.protocol import (
+    Attach,
+    ClockMessage,
+    EventMessage,
+    OutcomeMessage,
+    ReportMessage,
+    TimeBase,
+    WireError,
+    encode,
+)
 from oracle_server.restore import Restored
 from oracle_server.schema import step_row
 from oracle_server.standing import Frame, Standing
@@ -147,6 +156,14 @@ class LiveSession:
         self._deliver(self.core.clock(monitor.name, claimed, self._enter()))
         if len(claimed) < len(readings):
             raise WireError("unknown_stream", "the clock names a stream that was not claimed at attach")
+
+    def report(self, monitor: Monitor, message: ReportMessage) -> None:
+        """Keep what a monitor says of its streams, for who asks how the session stands."""
+        for said in message.streams:
+            key = StreamKey(said.stream, said.kind)
+            if key not in monitor.streams:
+                raise WireError("unknown_stream", "the report names a stream that was not claimed at attach")
+            monitor.reports[key] = said
 
     def outcome(self, monitor: Monitor, message: OutcomeMessage) -> None:
         """Keep what the adapter did about an event that it asked about."""

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 from oracle_server.core.events import StreamKey
 from oracle_server.numbering import Numbering
-from oracle_server.protocol import TimeBase, WireError
+from oracle_server.protocol import StreamReport, TimeBase, WireError
 
 
 class Outbox(Protocol):
@@ -53,4 +53,6 @@ class Monitor:
     """Decisions on events that are not committed yet, by number."""
     outcomes: dict[int, tuple[bool, str]] = field(default_factory=dict)
     """What the adapter did about events that are not judged yet."""
+    reports: dict[StreamKey, StreamReport] = field(default_factory=dict)
+    """What it says of its streams."""
     expiry: asyncio.TimerHandle | None = None

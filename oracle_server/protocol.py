@@ -92,13 +92,33 @@ class ClockMessage(_Message):
     stamps: list[ClockStamp]
 
 
+TimeSource = Literal["field", "middleware", "arrival"]
+"""Where publication time comes from: a field of the message, the middleware's word, or the clock of who received it."""
+
+
+class StreamReport(_Message):
+    """What a monitor says of one of its streams; an empty `trouble` says that nothing is wrong with it."""
+
+    stream: str
+    kind: Kind = "topic"
+    time_source: TimeSource | None = None
+    trouble: Annotated[str, Field(max_length=1000)] = ""
+
+
+class ReportMessage(_Message):
+    """How a monitor's streams are with it; replaces what it said of these streams before."""
+
+    type: Literal["report"]
+    streams: list[StreamReport]
+
+
 class Detach(_Message):
     """The monitor goes; what it sent is still judged."""
 
     type: Literal["detach"]
 
 
-Message = Attach | EventMessage | Events | OutcomeMessage | ClockMessage | Detach
+Message = Attach | EventMessage | Events | OutcomeMessage | ClockMessage | ReportMessage | Detach
 Incoming = Annotated[Message, Field(discriminator="type")]
 
 
@@ -123,7 +143,7 @@ _event = TypeAdapter(EventMessage)
 _LONG_INTEGER = re.compile(r"-[0-9]{19}|[0-9]{20}")
 """What every integer outside of `_INTEGERS` has; a stamp in nanoseconds, which every event may have, is shorter."""
 _INTEGERS = range(-(2**63), 2**64)
-_TAGS = frozenset({"attach", "events", "outcome", "clock", "detach"})
+_TAGS = frozenset({"attach", "events", "outcome", "clock", "report", "detach"})
 
 
 class Frame(NamedTuple):

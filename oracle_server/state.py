@@ -37,6 +37,7 @@ def session_state(session: LiveSession, now: int) -> dict[str, Any]:
                 "connected": monitor.outbox is not None,
                 "next": monitor.numbering.next,
                 "credit": session.credit.left.get(monitor.name),
+                "streams": [said.model_dump() for said in monitor.reports.values()],
             }
             for monitor in session.monitors.values()
         ],

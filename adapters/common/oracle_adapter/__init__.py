@@ -9,7 +9,7 @@ from oracle_adapter.jsonvalues import dumps
 from oracle_adapter.link import Link
 from oracle_adapter.marks import ClockStamp
 from oracle_adapter.names import PROXY, Names
-from oracle_adapter.protocol import Attached
+from oracle_adapter.protocol import Attached, TimeSource
 from oracle_adapter.stats import Stats
 
 __all__ = [
@@ -26,6 +26,7 @@ __all__ = [
     "State",
     "Stats",
     "Status",
+    "TimeSource",
     "Timing",
     "Why",
     "dumps",

@@ -121,6 +121,12 @@ class Exchange:
             self._protocol.renew(stamps())
             self._wake()
 
+    def describe(self, stream: str, kind: str, said: Mapping[str, Any]) -> None:
+        """Queue what is said of a stream."""
+        with self._lock:
+            if self._protocol.report(stream, kind, **said):
+                self._wake()
+
     def stats(self) -> Stats:
         """The counters, as they are now."""
         with self._lock:

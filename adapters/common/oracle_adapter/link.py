@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from oracle_adapter.errors import LinkError
     from oracle_adapter.exchange import Stamp, State
     from oracle_adapter.marks import ClockStamp
-    from oracle_adapter.protocol import Attached
+    from oracle_adapter.protocol import Attached, TimeSource
     from oracle_adapter.stats import Stats
 
 
@@ -143,6 +143,22 @@ class Link:
         next. `stamps` is as for `clock`, and tells the new time; the server ends the session by it.
         """
         self._exchange.renew(stamps)
+
+    def report(
+        self,
+        stream: str,
+        kind: str,
+        *,
+        time_source: Optional[TimeSource] = None,
+        trouble: Optional[str] = None,
+    ) -> None:
+        """Have the server show of a stream where its times come from, or what is wrong with it.
+
+        What is not given stays as it was said before; an empty `trouble` says that all is well.
+        """
+        given = {"time_source": time_source, "trouble": trouble}
+        said = {name: value for name, value in given.items() if value is not None}
+        self._exchange.describe(stream, kind, said)
 
     def stats(self) -> Stats:
         """The counters, as they are now."""

@@ -19,6 +19,9 @@ from oracle_adapter.stats import Stats
 if TYPE_CHECKING:
     from oracle_adapter.decision import Why
 
+TimeSource = Literal["field", "middleware", "arrival"]
+"""Where a stream's publication time comes from."""
+
 
 @dataclass(frozen=True)
 class Hello:
@@ -91,6 +94,8 @@ class Protocol:
         self._outbox = Outbox(capacity, self._stats)
         self._open: Set[Queued] = set()  # asks without an answer
         self._notices: List[Notice] = []
+        self._reports: Dict[Tuple[str, str], Dict[str, Any]] = {}
+        self._unreported: Set[Tuple[str, str]] = set()
         self._met = self._detaching = self._detach_sent = self._over = False
 
     # From the adapter
@@ -132,6 +137,16 @@ class Protocol:
         """End the session by clocks that go back, and go on in the next one."""
         if not self._closed_reason:
             self._outbox.renew(stamps)
+
+    def report(self, stream: str, kind: str, **said: Any) -> bool:
+        """Say something of a stream, on all connections; False where that was said already."""
+        key = stream, kind
+        report = {**self._reports.get(key, {}), **said}
+        if self._reports.get(key) == report:
+            return False
+        self._reports[key] = report
+        self._unreported.add(key)
+        return True
 
     def detach(self) -> None:
         """Take nothing more, and detach when all is written, with credit for it or without."""
@@ -186,6 +201,8 @@ class Protocol:
         """The next frame to write, or None for now."""
         if self.attached is None or self._detach_sent or self._over:
             return None
+        if self._unreported:
+            return self._report_frame()
         frame = self._outbox.next_frame()
         if frame is None and self._detaching:
             self._detach_sent = True
@@ -222,6 +239,14 @@ class Protocol:
         """Whether a session of our own was closed while we were away, so that a new one can do."""
         return self._private and self._met and self.attached is None
 
+    def _report_frame(self) -> str:
+        streams = [
+            {"stream": stream, "kind": kind, **self._reports[stream, kind]}
+            for stream, kind in sorted(self._unreported)
+        ]
+        self._unreported.clear()
+        return dumps({"type": "report", "streams": streams})
+
     def _put(self, stamp: Optional[int], body: str, lost: int, *, ask: bool) -> Optional[Queued]:
         if self._closed_reason:
             self._stats.lost += 1
@@ -245,6 +270,7 @@ class Protocol:
                 self._unavailable(event, "the event was lost in a reconnect")
         self._outbox.credit = None if self._detaching else limits.get("credit")
         self.attached = attached
+        self._unreported = set(self._reports)
         # To resume this session, or have it made anew from its spec where the server has lost it.
         spec = self._hello.spec or attached.spec
         self._hello = replace(self._hello, session=attached.session, spec=spec)

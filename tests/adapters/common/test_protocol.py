@@ -729,3 +729,19 @@ class TestDetaching:
         side.send(*values)
         side.protocol.detach()
         assert side.protocol.done == (not values)
+
+
+def test_what_is_said_of_streams_is_told_once_a_connection(side: Side) -> None:
+    assert side.protocol.report("/a", "topic", time_source="field")
+    assert side.frames() == []
+    side.attach()
+    first = {"stream": "/a", "kind": "topic", "time_source": "field"}
+    assert side.frames() == [{"type": "report", "streams": [first]}]
+    assert not side.protocol.report("/a", "topic", time_source="field")
+    assert side.protocol.report("/b", "topic", trouble="bad")
+    second = {"stream": "/b", "kind": "topic", "trouble": "bad"}
+    assert side.frames() == [{"type": "report", "streams": [second]}]
+    side.reconnect(1)
+    assert side.protocol.report("/b", "topic", trouble="")
+    assert side.frames() == [{"type": "report", "streams": [first, {**second, "trouble": ""}]}]
+    assert side.frames() == []

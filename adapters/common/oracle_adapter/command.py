@@ -1,0 +1,74 @@
+"""What the adapters' command lines have in common."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from typing import TYPE_CHECKING, Any, Callable, Mapping, Optional, Union
+
+from oracle_adapter.errors import LinkError
+
+if TYPE_CHECKING:
+    import threading
+
+    from oracle_adapter.link import Link
+    from oracle_adapter.protocol import Attached
+
+DEFAULT_URL = "http://127.0.0.1:8642"
+
+
+def parser(program: str, description: Optional[str]) -> argparse.ArgumentParser:
+    """The options of every adapter; what is not given is None."""
+    options = argparse.ArgumentParser(program, description=description)
+    options.add_argument("--oracle", help=f"its address; default ORACLE_URL or {DEFAULT_URL}")
+    options.add_argument("--spec", help="the spec to judge by; needed where the session is new")
+    options.add_argument(
+        "--session", help="the session to join or make; default a new one of its own"
+    )
+    options.add_argument("--monitor", help="this monitor's name; default monitor")
+    options.add_argument("--token", help="the server's token; default ORACLE_TOKEN")
+    return options
+
+
+def default(name: str) -> Optional[str]:
+    """What an option is where nobody gives it."""
+    defaults = {
+        "oracle": os.environ.get("ORACLE_URL", DEFAULT_URL),
+        "monitor": "monitor",
+        "token": os.environ.get("ORACLE_TOKEN"),
+    }
+    return defaults.get(name)
+
+
+def wait_attached(
+    link: Link, stopping: threading.Event, tell: Callable[[str], None]
+) -> Optional[Attached]:
+    """Wait for the oracle; None where the link is over or `stopping` is set.
+
+    `tell` hears of it where that takes long.
+    """
+    told = False
+    while not stopping.is_set():
+        found = _attached(link, 0.5)
+        if isinstance(found, LinkError):
+            if found.fatal:
+                return None
+            if not told:
+                tell(f"waiting for the oracle: {found}")
+            told = True
+        else:
+            return found
+    return None
+
+
+def _attached(link: Link, timeout: float) -> Union[Attached, LinkError]:
+    try:
+        return link.wait_attached(timeout)
+    except LinkError as error:
+        return error
+
+
+def violation_text(record: Mapping[str, Any]) -> str:
+    """A violation's record in words."""
+    explanation = record.get("explanation")
+    return f"violation {record['n']}: {explanation['text'] if explanation else record}"

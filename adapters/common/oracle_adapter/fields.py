@@ -1,0 +1,33 @@
+"""Which fields of a message are read, and how a 32-bit float is written."""
+
+from __future__ import annotations
+
+import struct
+from typing import Dict, Iterable, List, Optional
+
+_SINGLE = struct.Struct("<f")
+
+
+def grouped(paths: Iterable[str]) -> Dict[str, Optional[List[str]]]:
+    """Dotted paths by their first name: the paths inside it, or None where all of it is read."""
+    wanted: Dict[str, Optional[List[str]]] = {}
+    for path in paths:
+        name, _, rest = path.partition(".")
+        inner = wanted.setdefault(name, [])
+        if rest and inner is not None:
+            inner.append(rest)
+        else:
+            wanted[name] = None
+    return wanted
+
+
+def shortest(value: float) -> float:
+    """A 32-bit float as the shortest decimal that means it: 0.1, not 0.10000000149011612."""
+    for digits in (6, 7, 8):
+        short = float(f"{value:.{digits}g}")
+        try:
+            if _SINGLE.unpack(_SINGLE.pack(short))[0] == value:
+                return short
+        except OverflowError:  # rounded up, beyond the largest
+            continue
+    return float(f"{value:.9g}")

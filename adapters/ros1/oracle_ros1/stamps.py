@@ -1,0 +1,41 @@
+"""Times in nanoseconds: where a message's publication time stands, and what time it is."""
+
+from __future__ import annotations
+
+import time
+from typing import Any, Callable, Optional, Sequence
+
+import genpy
+import rospy
+
+_DEFAULTS = ("header.stamp", "stamp")
+
+Now = Callable[[], Optional[int]]
+
+
+def stamp_reader(message_type: Any, path: Optional[str]) -> Optional[Callable[[Any], Optional[int]]]:
+    """A function from messages to the time at `path`, or in the usual places, which gives None where it is zero.
+
+    None where the type has no time there: ROS 1 carries no publication time of its own.
+    """
+    for place in (path,) if path else _DEFAULTS:
+        names = place.split(".")
+        if isinstance(_at(message_type(), names), genpy.Time):
+            return lambda message: _at(message, names).to_nsec() or None
+    return None
+
+
+def wall_now() -> int:
+    """The time by the wall clock."""
+    return time.time_ns()
+
+
+def simulated_now() -> Optional[int]:
+    """The time that /clock tells; None while it has not told any."""
+    return rospy.get_rostime().to_nsec() or None
+
+
+def _at(message: Any, names: Sequence[str]) -> Any:
+    for name in names:
+        message = getattr(message, name, None)
+    return message
