@@ -1,0 +1,163 @@
+"""A ROS master, a server, an adapter and ROS nodes, all processes of their own, for one test."""
+
+from __future__ import annotations
+
+import itertools
+import multiprocessing
+import socket
+import sys
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, Self
+
+from tests.processes import PATIENCE, ROOT, Process, Server, environment, eventually
+from tests.ros1 import peer
+
+
+class Peer:
+    """The test's side of a node in a process of its own."""
+
+    def __init__(self, name: str, settings: dict[str, str]) -> None:
+        spawning = multiprocessing.get_context("spawn")
+        self._connection, other = spawning.Pipe()
+        self._process = spawning.Process(target=peer.main, args=(other, name, settings), daemon=True)
+        self._process.start()
+        other.close()
+        self._calls = itertools.count()
+        assert self._connection.poll(PATIENCE), "the node does not start"
+        self._connection.recv()
+
+    def record(self, kind: Any, topic: str, speakers: int = 0) -> None:
+        """Hear a topic from now on, once so many publish it."""
+        self._do("record", topic, kind)
+        self.until(lambda: self._do("speakers", topic) >= speakers, lambda: f"nobody speaks on {topic}")
+
+    def heard(self, topic: str, count: int = 0) -> list[Any]:
+        """What it has heard of a topic, once there is so much of it."""
+        self.until(lambda: self._do("count", topic) >= count, lambda: f"{self._do('count', topic)} came on {topic}")
+        found: list[Any] = self._do("heard", topic)
+        return found
+
+    def advertise(self, kind: Any, topic: str, listeners: int = 1, latch: bool = False) -> None:
+        """Get ready to publish, until so many hear it."""
+        self._do("advertise", topic, kind, latch)
+        self.until(lambda: self._do("listeners", topic) >= listeners, lambda: f"nobody hears {topic}")
+
+    def publish(self, topic: str, *messages: Any, rate: float = 0) -> None:
+        self._do("publish", topic, messages, rate)
+
+    def serve(self, kind: Any, service: str, answer: Callable[[Any], Any]) -> None:
+        """Serve by a function that can be pickled."""
+        self._do("serve", service, kind, answer)
+
+    def reached(self, service: str) -> list[Any]:
+        found: list[Any] = self._do("reached", service)
+        return found
+
+    def begin(self, kind: Any, service: str, request: Any) -> int:
+        """Call a service, and go on; tells the call's number."""
+        number = next(self._calls)
+        self._do("call", number, service, kind, request)
+        return number
+
+    def answer(self, number: int, wait: bool = True) -> peer.Answer | None:
+        """What came of a call: the response, or the error's text."""
+        if wait:
+            self.until(lambda: self._do("answer", number), lambda: "the service does not answer")
+        answer: peer.Answer | None = self._do("answer", number)
+        return answer
+
+    def call(self, kind: Any, service: str, request: Any) -> peer.Answer:
+        answer = self.answer(self.begin(kind, service, request))
+        assert answer is not None
+        return answer
+
+    def until(self, condition: Callable[[], object], what: Callable[[], str]) -> None:
+        end = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < end, what()
+            time.sleep(0.02)  # between two questions
+
+    def close(self) -> None:
+        self._connection.close()
+        self._process.join(5)
+        self._process.kill()
+        self._process.join()
+
+    def _do(self, method: str, *arguments: Any) -> Any:
+        self._connection.send((method, arguments))
+        assert self._connection.poll(PATIENCE), f"{method} takes too long"
+        return self._connection.recv()
+
+
+class Scene:
+    """A master and a server, with the processes and nodes that a test adds; at the end none is left."""
+
+    def __init__(self, folder: Path, specs: Path = ROOT / "specs") -> None:
+        self._folder, self._specs = folder, specs
+        self._processes: list[Process] = []
+        self._peers = itertools.count()
+
+    def __enter__(self) -> Self:
+        self._folder.mkdir(exist_ok=True)
+        with ExitStack() as begun:  # undone where something does not start
+            port = free_port()
+            self.settings = {
+                "ROS_MASTER_URI": f"http://127.0.0.1:{port}",
+                "ROS_IP": "127.0.0.1",
+                "ROS_LOG_DIR": str(self._folder / "ros"),
+                "PYTHONUNBUFFERED": "1",
+            }
+            self._stack = begun
+            core = self.run("roscore", "roscore", "-p", port)
+            begun.callback(core.end)  # or it would leave its own processes
+            core.said("started core service")
+            self.server = Server(self._specs, self._folder / "data")
+            begun.callback(self.server.kill)
+            self._stack = begun.pop_all()
+        return self
+
+    def __exit__(self, failure: object, *_: object) -> None:
+        if failure:
+            for process in (self.server.process, *self._processes):
+                print(f"== {process.name} said:\n{process.log}")
+        self._stack.close()
+
+    def run(self, name: str, *command: object) -> Process:
+        """A program on ROS, removed at the end."""
+        process = Process(name, command, environment(**self.settings))
+        self._stack.callback(process.remove)
+        self._processes.append(process)
+        return process
+
+    def adapter(self, spec: str, session: str = "s", monitor: str = "uav1", more: Sequence[str] = ()) -> Process:
+        """An adapter that observes."""
+        words = ("--oracle", self.server.url, "--spec", spec, "--session", session, "--monitor", monitor)
+        process = self.run("adapter", sys.executable, "-m", "oracle_ros1", *words, *more)
+        process.said("observing")
+        return process
+
+    def node(self, module: str, **parameters: object) -> Process:
+        """One of the example's nodes."""
+        words = [f"_{name}:={str(value).lower()}" for name, value in parameters.items()]
+        return self.run(module, sys.executable, "-m", f"battery_uav.{module}", *words)
+
+    def peer(self) -> Peer:
+        made = Peer(f"peer{next(self._peers)}", self.settings)
+        self._stack.callback(made.close)
+        return made
+
+    def parameter(self, name: str, value: str) -> None:
+        """Set a parameter on the master."""
+        assert self.run("rosparam", "rosparam", "set", name, value).end() == 0
+
+
+def free_port() -> int:
+    with socket.socket() as mark:
+        mark.bind(("127.0.0.1", 0))
+        return int(mark.getsockname()[1])
+
+
+__all__ = ["Peer", "Process", "Scene", "Server", "eventually"]

@@ -1,0 +1,199 @@
+"""Filtered topics and proxied services on real ROS 1: what passes, what doesn't, and what if the oracle is away."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from std_msgs.msg import Int64
+from std_srvs.srv import SetBool, SetBoolResponse
+
+from tests.processes import Data, Server, eventually, without_gaps
+from tests.robot import GATE, SIDES, SWITCH, settled, spec_folder
+from tests.ros1.harness import Peer, Scene
+
+
+def gate(folder: Path, intercept: str = "publisher", unavailable: str = "deny", within: str = "60s") -> Scene:
+    return Scene(folder, spec_folder(folder, GATE, intercept=intercept, unavailable=unavailable, within=within))
+
+
+def numbers(*values: int) -> list[Int64]:
+    return [Int64(data=value) for value in values]
+
+
+def values(heard: Sequence[Any]) -> list[int]:
+    return [said.data for said in heard]
+
+
+def opened(scene: Scene, intercept: str = "publisher") -> tuple[Peer, Peer, str, str]:
+    """A node that publishes and one that hears, which are connected through the adapter, and their topics."""
+    speaker, hearer = scene.peer(), scene.peer()
+    source, target = SIDES[intercept]
+    hearer.record(Int64, target, speakers=1)
+    speaker.advertise(Int64, source)
+    return speaker, hearer, source, target
+
+
+@pytest.mark.parametrize("intercept", ["publisher", "subscriber"])
+def test_a_fast_stream_passes_in_order_but_for_what_is_denied(intercept: str, tmp_path: Path) -> None:
+    with gate(tmp_path, intercept) as scene:
+        adapter = scene.adapter("gate")
+        speaker, hearer, source, target = opened(scene, intercept)
+        every = range(1, 3001)
+        speaker.publish(source, *numbers(*every), rate=1000)
+        allowed = [number for number in every if number % 7]
+        assert values(hearer.heard(target, len(allowed))) == allowed
+        events = settled(scene.server, len(every))
+        assert without_gaps([event["seq"] for event in events])
+        verdicts = [("allow", True) if number % 7 else ("deny", False) for number in every]
+        assert [(event["decision"], event["passed"]) for event in events] == verdicts
+        assert scene.server.session("s")["counters"]["lost"] == 0
+        adapter.ends_well()
+
+
+def leave(server: Server) -> None:
+    server.process.end(signal.SIGTERM)
+
+
+def hang(server: Server) -> None:
+    server.process.send(signal.SIGSTOP)
+
+
+@pytest.mark.parametrize("away", [Server.kill, leave, hang])
+def test_without_an_oracle_messages_pass_where_the_spec_says_so(away: Callable[[Server], None], tmp_path: Path) -> None:
+    with gate(tmp_path, unavailable="pass", within="400ms") as scene:
+        scene.adapter("gate")
+        speaker, hearer, source, target = opened(scene)
+        away(scene.server)
+        began = time.monotonic()
+        speaker.publish(source, *numbers(7, 8))
+        assert values(hearer.heard(target, 2)) == [7, 8]
+        assert time.monotonic() - began >= 0.4
+
+
+def test_a_frozen_oracle_denies_and_catches_up(tmp_path: Path) -> None:
+    with gate(tmp_path, unavailable="deny", within="400ms") as scene:
+        adapter = scene.adapter("gate")
+        speaker, hearer, source, target = opened(scene)
+        scene.server.process.send(signal.SIGSTOP)
+        thawed = time.monotonic() + 5
+        speaker.publish(source, *numbers(*range(1, 51)), rate=20)
+        adapter.said("disconnected")
+        time.sleep(max(0, thawed - time.monotonic()))
+        scene.server.process.send(signal.SIGCONT)
+        eventually(lambda: adapter.log.count("oracle: attached"), lambda count: count == 2)
+        speaker.publish(source, *numbers(100))
+        assert values(hearer.heard(target, 1)) == [100]
+        events = settled(scene.server, 51)
+        assert without_gaps([event["seq"] for event in events])
+        assert [event["passed"] for event in events] == [False] * 50 + [True]
+        assert [event["decision"] for event in events] == [("allow", "deny")[n % 7 == 0] for n in (*range(1, 51), 100)]
+        adapter.ends_well()
+
+
+def test_latched_messages_pass_to_who_comes_later(tmp_path: Path) -> None:
+    with gate(tmp_path) as scene:
+        scene.adapter("gate")
+        speaker, late = scene.peer(), scene.peer()
+        speaker.advertise(Int64, "/number_mon", latch=True)
+        speaker.publish("/number_mon", *numbers(5))
+        settled(scene.server, 1)
+        late.record(Int64, "/number")
+        assert values(late.heard("/number", 1)) == [5]
+
+
+def test_another_type_than_the_spec_says_is_told_and_does_not_pass(tmp_path: Path) -> None:
+    from std_msgs.msg import Int32
+
+    with gate(tmp_path) as scene:
+        adapter, speaker = scene.adapter("gate"), scene.peer()
+        speaker.advertise(Int32, "/number_mon")
+        speaker.publish("/number_mon", Int32(data=1))
+        adapter.said(
+            "/number: nothing of /peer0 can be read: it publishes std_msgs/Int32, and the spec says std_msgs/Int64"
+        )
+
+
+def say_on(_: Any) -> SetBoolResponse:
+    return SetBoolResponse(True, "on")
+
+
+def say_nonsense(_: Any) -> SetBoolResponse:
+    return SetBoolResponse(True, "nonsense")
+
+
+def never_the_first(request: Any, seen: list[Any] = []) -> SetBoolResponse:  # noqa: B006 - one list a process
+    seen.append(request)
+    if len(seen) == 1:
+        time.sleep(10**6)
+    return say_on(request)
+
+
+def fail(_: Any) -> SetBoolResponse:
+    raise ValueError("burnt out")
+
+
+def test_a_denied_request_is_an_error_with_the_propertys_name_and_reaches_nobody(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, SWITCH)) as scene:
+        adapter, panel, caller = scene.adapter("switch"), scene.peer(), scene.peer()
+        panel.serve(SetBool, "/switch", say_on)
+        answers = [caller.call(SetBool, "/switch_mon", data) for data in (True, False, True)]
+        assert [(a.success, a.message) if a else error for a, error in answers] == [
+            (True, "on"),
+            "service [/switch_mon] responded with an error: "
+            "b'service cannot process request: the oracle denied the request of /switch: only_on'",
+            (True, "on"),
+        ]
+        assert [request.data for request in panel.reached("/switch")] == [True, True]
+        allowed = [("request", "allow", True), ("response", "allow", True)]
+        assert parts(settled(scene.server, 5)) == [*allowed, ("request", "deny", False), *allowed]
+        adapter.said("denied a request of /switch.*: only_on")
+        adapter.ends_well()
+
+
+def parts(events: list[Data]) -> list[tuple[str, str, bool]]:
+    return [(event["kind"], event["decision"], event["passed"]) for event in events]
+
+
+@pytest.mark.parametrize(
+    ("answer", "told"), [(say_nonsense, "denied the response of /switch: no_nonsense"), (fail, "burnt out")]
+)
+def test_what_the_service_did_wrong_is_an_error_at_the_client(
+    answer: Callable[[Any], Any], told: str, tmp_path: Path
+) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, SWITCH)) as scene:
+        scene.adapter("switch")
+        panel, caller = scene.peer(), scene.peer()
+        panel.serve(SetBool, "/switch", answer)
+        response, error = caller.call(SetBool, "/switch_mon", True)
+        assert response is None
+        assert told in str(error)
+        assert len(panel.reached("/switch")) == 1
+
+
+def test_a_service_that_is_not_there_is_an_error_at_the_client(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, SWITCH)) as scene:
+        scene.adapter("switch")
+        panel, caller = scene.peer(), scene.peer()
+        response, error = caller.call(SetBool, "/switch_mon", True)
+        assert response is None
+        assert "service [/switch] unavailable" in str(error)
+        panel.serve(SetBool, "/switch", say_on)
+        answer, _ = caller.call(SetBool, "/switch_mon", True)
+        assert answer.message == "on"
+
+
+def test_a_call_that_is_never_answered_holds_up_no_other(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, SWITCH)) as scene:
+        adapter, panel, caller = scene.adapter("switch"), scene.peer(), scene.peer()
+        panel.serve(SetBool, "/switch", never_the_first)
+        waiting = caller.begin(SetBool, "/switch_mon", True)
+        panel.until(lambda: panel.reached("/switch"), lambda: "the first call does not arrive")
+        others = [caller.begin(SetBool, "/switch_mon", True) for _ in range(3)]
+        assert [caller.answer(number)[0].message for number in others] == ["on"] * 3
+        assert caller.answer(waiting, wait=False) is None
+        adapter.ends_well()
