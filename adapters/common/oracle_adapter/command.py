@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
-from typing import TYPE_CHECKING, Any, Callable, Mapping, Optional, Union
+from typing import TYPE_CHECKING, Callable, Optional, Union
 
 from oracle_adapter.errors import LinkError
 
@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     import threading
 
     from oracle_adapter.link import Link
+    from oracle_adapter.names import Names
     from oracle_adapter.protocol import Attached
 
 DEFAULT_URL = "http://127.0.0.1:8642"
@@ -26,6 +27,16 @@ def parser(program: str, description: Optional[str]) -> argparse.ArgumentParser:
         "--session", help="the session to join or make; default a new one of its own"
     )
     options.add_argument("--monitor", help="this monitor's name; default monitor")
+    options.add_argument(
+        "--remap",
+        action="append",
+        default=[],
+        metavar="/NAME:=/ROS_NAME",
+        help="what a stream of the spec is here",
+    )
+    options.add_argument(
+        "--namespace", help="what goes before all names of the spec, such as /uav1"
+    )
     options.add_argument("--token", help="the server's token; default ORACLE_TOKEN")
     return options
 
@@ -68,7 +79,7 @@ def _attached(link: Link, timeout: float) -> Union[Attached, LinkError]:
         return error
 
 
-def violation_text(record: Mapping[str, Any]) -> str:
-    """A violation's record in words."""
-    explanation = record.get("explanation")
-    return f"violation {record['n']}: {explanation['text'] if explanation else record}"
+def unknown_remap(names: Names, attached: Attached) -> Optional[str]:
+    """A remapped name that is none of a stream or a proxy of the spec; None where there is none."""
+    known = (n for s in attached.streams for n in (s["name"], s.get("proxy") or s["name"]))
+    return next(iter(names.unused(known)), None)

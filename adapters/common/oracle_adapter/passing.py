@@ -6,31 +6,23 @@ import threading
 from collections import deque
 from typing import TYPE_CHECKING, Any, Callable, Deque, Mapping, Optional, Tuple
 
-from oracle_adapter.decision import should_pass
-
 if TYPE_CHECKING:
     from concurrent.futures import Future
 
+    from oracle_adapter.board import Board
     from oracle_adapter.decision import Answer
     from oracle_adapter.exchange import Stamp
     from oracle_adapter.link import Link
 
-Tell = Callable[[str], None]
-
 
 class Passing:
-    """What becomes of the events of one filtered stream.
+    """What becomes of the events of one filtered stream, which the server has described."""
 
-    `stream` is the server's description of it. `tell` hears of every denial, and once per outage
-    of what happens without decisions.
-    """
-
-    def __init__(self, link: Link, stream: Mapping[str, Any], tell: Tell) -> None:
-        self._link, self._tell = link, tell
+    def __init__(self, link: Link, board: Board, stream: Mapping[str, Any]) -> None:
+        self._link, self._board = link, board
         self._name, self._kind = stream["name"], stream["kind"]
         self._within = stream["decide_within"] / 10**9
         self._policy = stream["on_unavailable"]
-        self._undecided = 0  # in this outage
 
     def ask(self, stamp: Stamp, data: Any, **more: Any) -> Future[Answer]:
         """Ask about an event; `more` is what `Link.ask` takes besides."""
@@ -38,27 +30,13 @@ class Passing:
             self._name, self._kind, stamp, data, decide_within=self._within, **more
         )
 
-    def settle(self, answer: Answer) -> Tuple[bool, str]:
+    def settle(self, answer: Answer, call: Optional[int] = None) -> Tuple[bool, str]:
         """Whether it passes, and why not, in words; the server is told what was done."""
-        passed, why = should_pass(answer, self._policy)
-        reason = ", ".join(answer.denied_by) or answer.reason
-        if why == "decision":
-            if self._undecided:
-                self._tell(f"{self._name}: decided again, after {self._undecided} without")
-            self._undecided = 0
-            if not passed:
-                self._tell(f"denied a {self._word} of {self._name}: {reason}")
-        else:
-            self._undecided += 1
-            if self._undecided == 1:
-                done = "passes" if passed else "is denied"
-                self._tell(f"no decision on a {self._word} of {self._name}, which {done}: {reason}")
+        word = "message" if self._kind == "topic" else self._kind
+        event = f"a {word} of {self._name}" + (f", call {call}" if call else "")
+        passed, why = self._board.settle(answer, self._policy, event)
         self._link.outcome(answer, passed, why)
-        return passed, reason
-
-    @property
-    def _word(self) -> str:
-        return "message" if self._kind == "topic" else self._kind
+        return passed, ", ".join(answer.denied_by) or answer.reason
 
 
 class Gate:

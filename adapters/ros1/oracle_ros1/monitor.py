@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from typing import Any, List, Mapping, Sequence, Union
 
-from oracle_adapter import ClockStamp, Link
+from oracle_adapter import Board, ClockStamp, Link, Names
 
 from oracle_ros1.services import ProxiedService
 from oracle_ros1.stamps import Now
@@ -13,21 +13,25 @@ from oracle_ros1.topics import FilteredTopic, LoggedTopic
 
 CLOCK_PERIOD = 0.01
 """Seconds between two turns."""
-LOOK_EVERY = 5  # turns
+LOOK_EVERY = 5
+"""Turns between two looks at the publishers, and two of the diagnostics."""
 
 
 class Monitor:
     """Everything that one node observes for one link."""
 
-    def __init__(self, link: Link, streams: Sequence[Mapping[str, Any]], now: Now) -> None:
+    def __init__(self, link: Link, board: Board, names: Names, streams: Sequence[Mapping[str, Any]], now: Now) -> None:
         """Observe the streams that the server named. Raises `CodecError` where a type is not there."""
-        self._link, self._now = link, now
+        self._link, self._board, self._now = link, board, now
         by_key = {(s["name"], s["kind"]): s for s in streams}
         self._services = [
-            ProxiedService(link, s, by_key[s["name"], "response"], now) for s in streams if s["kind"] == "request"
+            ProxiedService(link, board, names, s, by_key[s["name"], "response"], now)
+            for s in streams
+            if s["kind"] == "request"
         ]
+        self._sides = [side for service in self._services for side in service.sides]
         self._topics: List[Union[FilteredTopic, LoggedTopic]] = [
-            (FilteredTopic if s["action"] == "filter" else LoggedTopic)(link, s, now)
+            (FilteredTopic if s["action"] == "filter" else LoggedTopic)(link, board, names, s, now)
             for s in streams
             if s["kind"] == "topic"
         ]
@@ -38,6 +42,11 @@ class Monitor:
         if next(self._turns) % LOOK_EVERY == 0:
             for topic in self._topics:
                 topic.look()
+                name = topic.observed.name
+                self._link.report(name, "topic", time_source=topic.observed.time_source)
+            for side in self._sides:
+                self._link.report(side.name, side.kind, time_source="field" if side.stamp else "arrival")
+            self._board.tick(self._link.stats())
         self._link.clock(self._stamps)
 
     def stop(self) -> None:
@@ -52,9 +61,11 @@ class Monitor:
         now = self._now()
         if now is None:
             return []
-        sides = [side for service in self._services for side in service.sides]
         return [
-            *((side.name, side.kind, now if side.stamp is None else max(0, now - side.latency)) for side in sides),
+            *(
+                (side.name, side.kind, now if side.stamp is None else max(0, now - side.latency))
+                for side in self._sides
+            ),
             *((topic.observed.name, "topic", self._spoken_for(topic, now)) for topic in self._topics),
         ]
 

@@ -6,7 +6,7 @@ import itertools
 from typing import Any, List, Mapping
 
 import rospy
-from oracle_adapter import ClockStamp, Link
+from oracle_adapter import Board, ClockStamp, Link, Names
 from oracle_adapter.passing import Passing
 
 from oracle_ros1.codec import reader
@@ -20,14 +20,17 @@ class ProxiedService:
     A call that is denied, or that the service fails, is an error at the client: ROS 1 has errors of services.
     """
 
-    def __init__(self, link: Link, request: Mapping[str, Any], response: Mapping[str, Any], now: Now) -> None:
+    def __init__(
+        self, link: Link, board: Board, names: Names, request: Mapping[str, Any], response: Mapping[str, Any], now: Now
+    ) -> None:
         """Serve at once; `request` and `response` are the service's streams. Raises `CodecError`."""
         self._link, self._now, self.name = link, now, str(request["name"])
         self._type = installed_service(ros1_name(request["type"]))
-        self._request = _Side(link, request, self._type._request_class)  # noqa: SLF001 - genpy's own interface
-        self._response = _Side(link, response, self._type._response_class)  # noqa: SLF001
+        self._request = _Side(link, board, request, self._type._request_class)  # noqa: SLF001 - genpy's own interface
+        self._response = _Side(link, board, response, self._type._response_class)  # noqa: SLF001
         self._calls = itertools.count(1)
-        self._service = rospy.Service(request["proxy"], self._type, self._serve)
+        self._served = names[self.name]
+        self._service = rospy.Service(names[request["proxy"]], self._type, self._serve)
 
     @property
     def sides(self) -> "List[_Side]":
@@ -41,7 +44,7 @@ class ProxiedService:
     def _serve(self, request: Any) -> Any:
         call = next(self._calls)
         self._judge(self._request, request, call)
-        response = rospy.ServiceProxy(self.name, self._type)(request)
+        response = rospy.ServiceProxy(self._served, self._type)(request)
         self._judge(self._response, response, call)
         return response
 
@@ -55,7 +58,7 @@ class ProxiedService:
             return
         asked = side.passing.ask(stamp, data, call=call)
         self._link.clock(self._stamps)  # or the decision would wait for the monitor's next one
-        passed, reason = side.passing.settle(asked.result())
+        passed, reason = side.passing.settle(asked.result(), call)
         if not passed:
             raise rospy.ServiceException(f"the oracle denied the {side.kind} of {self.name}: {reason}")
 
@@ -67,11 +70,11 @@ class ProxiedService:
 class _Side:
     """The requests or the responses of a service."""
 
-    def __init__(self, link: Link, stream: Mapping[str, Any], message_type: Any) -> None:
+    def __init__(self, link: Link, board: Board, stream: Mapping[str, Any], message_type: Any) -> None:
         self.name, self.kind = str(stream["name"]), str(stream["kind"])
         self.latency: int = stream["latency"]
         self.filtered = stream["action"] == "filter"
         if self.filtered:
-            self.passing = Passing(link, stream, rospy.logwarn)
+            self.passing = Passing(link, board, stream)
         self.read = reader(message_type, stream["fields"], lookup_installed)
         self.stamp = stamp_reader(message_type, stream["stamp"]) if stream["stamp"] else None

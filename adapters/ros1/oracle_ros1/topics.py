@@ -11,14 +11,13 @@ from dataclasses import dataclass
 from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple, Union
 
 import rospy
-from oracle_adapter import Link, TimeSource
+from oracle_adapter import PROXY, Board, Link, Names, TimeSource
 from oracle_adapter.passing import Gate, Passing
 
 from oracle_ros1.codec import CodecError, Read, reader
 from oracle_ros1.definitions import Definition, installed_message, ros1_name, sent_definition
 from oracle_ros1.stamps import Now, stamp_reader
 
-SUFFIX = "_mon"
 DEPTH = 1000  # messages that wait for a slow subscriber
 
 Header = Mapping[str, str]
@@ -39,8 +38,9 @@ class Decoder:
 class Observed:
     """A topic as its messages arrive: their stamp, their publisher, and the fields that are read."""
 
-    def __init__(self, stream: Mapping[str, Any], now: Now) -> None:
+    def __init__(self, stream: Mapping[str, Any], now: Now, board: Board) -> None:
         self.name: str = stream["name"]
+        self._board = board
         self.latency: int = stream["latency"]
         self._type = ros1_name(stream["type"]) if stream["type"] else ""
         self._fields, self._path, self._now = stream["fields"], stream["stamp"], now
@@ -74,7 +74,7 @@ class Observed:
                 try:
                     self._decoders[digest] = self._found(header)
                 except CodecError as error:
-                    rospy.logerr(f"{self.name}: nothing of {header.get('callerid')} can be read: {error}")
+                    self._board.error(f"{self.name}: nothing of {header.get('callerid')} can be read: {error}")
                     self._decoders[digest] = None
             return self._decoders[digest]
 
@@ -94,9 +94,9 @@ class Observed:
 class LoggedTopic:
     """Reports every message of a topic."""
 
-    def __init__(self, link: Link, stream: Mapping[str, Any], now: Now) -> None:
-        self._link, self.observed = link, Observed(stream, now)
-        self._subscriber = rospy.Subscriber(self.observed.name, rospy.AnyMsg, self._take, tcp_nodelay=True)
+    def __init__(self, link: Link, board: Board, names: Names, stream: Mapping[str, Any], now: Now) -> None:
+        self._link, self.observed = link, Observed(stream, now, board)
+        self._subscriber = rospy.Subscriber(names[self.observed.name], rospy.AnyMsg, self._take, tcp_nodelay=True)
 
     def look(self) -> None:
         """Learn what its publishers say of themselves."""
@@ -121,11 +121,11 @@ class FilteredTopic:
     subscribed to at once where the type is installed, else from the moment that the first publisher has connected.
     """
 
-    def __init__(self, link: Link, stream: Mapping[str, Any], now: Now) -> None:
-        self.observed = Observed(stream, now)
-        name = self.observed.name
-        self.taken, self.given = (name + SUFFIX, name) if stream["intercept"] == "publisher" else (name, name + SUFFIX)
-        self._gate = Gate(Passing(link, stream, rospy.logwarn), self._forward)
+    def __init__(self, link: Link, board: Board, names: Names, stream: Mapping[str, Any], now: Now) -> None:
+        self.observed, self._board = Observed(stream, now, board), board
+        name, proxy = names[self.observed.name], names[self.observed.name + PROXY]
+        self.taken, self.given = (proxy, name) if stream["intercept"] == "publisher" else (name, proxy)
+        self._gate = Gate(Passing(link, board, stream), self._forward)
         self._making = threading.Lock()
         self._publisher: Optional[rospy.Publisher] = None
         self._latched = False
@@ -152,8 +152,7 @@ class FilteredTopic:
         header = message._connection_header  # noqa: SLF001 - rospy's own interface
         self._publish(decoder, latched=header.get("latching") == "1")
         if self._publisher is None or self._publisher.md5sum != header["md5sum"]:
-            version = f"another version of {header['type']} than is given there"
-            rospy.logerr_throttle(10, f"{self.given}: {source(message)} sends {version}")
+            self._board.trouble(self.observed.name, f"{source(message)} sends another version of {header['type']}")
             return
         self._gate.take(message, stamp, data, source=source(message))
 
