@@ -9,9 +9,8 @@ from battery_uav_msgs.msg import BatteryPercentage
 from rclpy.duration import Duration
 from rclpy.node import Node
 
+from .logic import COUNTDOWN, percentage
 from .node import DEPTH, header, heard, run, when
-
-COUNTDOWN = 101  # messages, from 100 % down to 0
 
 
 class Battery(Node):
@@ -34,9 +33,9 @@ class Battery(Node):
             if self._percentages.wait_for_all_acked(Duration()):  # it asks, and does not wait
                 raise SystemExit
             return
-        percentage = 100.0 - self._number % COUNTDOWN
         self._number += 1
-        self._percentages.publish(BatteryPercentage(header=header(self), id=self._number, percentage=percentage))
+        percent = percentage(self._number)
+        self._percentages.publish(BatteryPercentage(header=header(self), id=self._number, percentage=percent))
 
 
 def main() -> None:

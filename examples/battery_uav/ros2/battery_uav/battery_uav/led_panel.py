@@ -11,10 +11,8 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.task import Future
 
+from .logic import Lights
 from .node import DEPTH, fault_of, header, heard, run, when
-
-LIGHTS = ("off", "green", "yellow", "red")  # by status
-IGNORED_CALL = 2  # by a silent panel, counted from 1: the one for a warning
 
 
 class Panel(Node):
@@ -23,9 +21,7 @@ class Panel(Node):
     def __init__(self) -> None:
         super().__init__("led_panel")
         self._period = 1 / self.declare_parameter("rate", 35.0).value
-        self._silent = fault_of(self) == "silent_panel"
-        self._calls = 0
-        self._shown = (0, 0)  # id and status
+        self._lights_on = Lights(fault_of(self))
         self._accepted = self.create_publisher(msg.StatusAccepted, "status_accepted", DEPTH)
         self._lights = self.create_publisher(msg.LedPanel, "LED_panel", DEPTH)
         when(self, heard(self, [self._accepted, self._lights], 0), self._begin)
@@ -37,20 +33,18 @@ class Panel(Node):
         self.create_timer(self._period, self._tell)
 
     async def _set_led(self, request: SetLED.Request, response: SetLED.Response) -> SetLED.Response:
-        self._calls += 1
-        if self._silent and self._calls == IGNORED_CALL:
+        if self._lights_on.ignores():
             self.get_logger().warning(f"ignoring the request for id {request.id}")
             await Future()  # which nobody ever completes
         response.id = request.id
-        response.success = request.status < len(LIGHTS)
+        response.success = self._lights_on.show(request.id, request.status)
         if response.success:
-            self._shown = (request.id, request.status)
             self._accepted.publish(msg.StatusAccepted(header=header(self), id=request.id))
         return response
 
     def _tell(self) -> None:
-        cause, status = self._shown
-        self._lights.publish(msg.LedPanel(header=header(self), id=cause, light=LIGHTS[status]))
+        shown = self._lights_on
+        self._lights.publish(msg.LedPanel(header=header(self), id=shown.cause, light=shown.light))
 
 
 def main() -> None:

@@ -11,14 +11,9 @@ from rclpy.publisher import Publisher
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Header
 
+from .logic import known_fault
+
 DEPTH = 100  # messages that a topic keeps for a slow subscriber
-FAULTS = (
-    "none",
-    "wrong_status",  # the supervisor reports one wrong class
-    "status_without_cause",  # the supervisor reports once on an id that no percentage had
-    "request_without_change",  # the supervisor calls once for a status that was no change
-    "silent_panel",  # the panel never answers its second request
-)
 
 
 def run(make: Callable[[], Node]) -> None:
@@ -43,10 +38,7 @@ def header(node: Node) -> Header:
 
 def fault_of(node: Node) -> str:
     """Return the parameter `fault`: one of `FAULTS`, which may be another node's."""
-    fault = str(node.declare_parameter("fault", "none").value)
-    if fault not in FAULTS:
-        raise SystemExit(f"unknown fault '{fault}'; there are {', '.join(FAULTS)}")
-    return fault
+    return known_fault(str(node.declare_parameter("fault", "none").value))
 
 
 def when(node: Node, ready: Callable[[], bool], begin: Callable[[], None]) -> None:

@@ -18,16 +18,8 @@ from rclpy.node import Node
 from rclpy.task import Future
 from rclpy.timer import Timer
 
+from .logic import OFFSET, Report, Supervision
 from .node import DEPTH, fault_of, header, heard, run, when
-
-UNKNOWN, HEALTHY, WARNING, CRITICAL = range(4)  # as in BatteryStatus
-FAULTY_BELOW = 50.0  # percent, far from any change: at the first round there, a fault happens
-OFFSET = 0.07  # of a period: how long after the first percentage the rounds begin
-
-
-def status_of(percentage: float) -> int:
-    """Return the status that a percentage calls for."""
-    return HEALTHY if percentage > 40 else WARNING if percentage > 30 else CRITICAL
 
 
 class Supervisor(Node):
@@ -37,9 +29,8 @@ class Supervisor(Node):
         super().__init__("battery_supervisor")
         self._period = 1 / self.declare_parameter("rate", 10.0).value
         self._inside: bool = self.declare_parameter("call_inside_callback", False).value
-        self._fault = fault_of(self)
+        self._supervision = Supervision(fault_of(self))
         self._newest: BatteryPercentage | None = None
-        self._status = UNKNOWN
         self._timer: Timer | None = None
         self._inputs = self.create_publisher(InputAccepted, "input_accepted", DEPTH)
         self._statuses = self.create_publisher(BatteryStatus, "battery_status", DEPTH)
@@ -71,25 +62,20 @@ class Supervisor(Node):
         percentage, self._newest = self._newest, None
         if percentage is None:
             return
-        fault = "none"
-        if percentage.percentage <= FAULTY_BELOW:
-            fault, self._fault = self._fault, "none"
-        status = status_of(percentage.percentage)
-        change = status != self._status
-        self._status = status
+        reports, calls = self._supervision.round(percentage.id, percentage.percentage)
         self._inputs.publish(InputAccepted(header=header(self), id=percentage.id))
-        self._report(percentage.id, WARNING if fault == "wrong_status" else status, change=change)
-        if fault == "status_without_cause":
-            self._report(0, status, change=False)
-        if change or fault == "request_without_change":
+        for report in reports:
+            self._report(report)
+        if calls:
+            status = reports[0].status
             if self._inside:
                 await self._set_led(percentage.id, status)
             else:
                 self._changes.publish(StatusChange(header=header(self), id=percentage.id, status=status))
 
-    def _report(self, cause: int, status: int, *, change: bool) -> None:
-        report = BatteryStatus(header=header(self), id=cause, status=status, status_change=change)
-        self._statuses.publish(report)
+    def _report(self, report: Report) -> None:
+        cause, status, change = report
+        self._statuses.publish(BatteryStatus(header=header(self), id=cause, status=status, status_change=change))
 
     def _hear_change(self, change: StatusChange) -> None:
         self._set_led(change.id, change.status)

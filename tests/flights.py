@@ -1,0 +1,129 @@
+"""What must be true of the battery UAV's countdowns, on whichever ROS they were flown: each fault has its verdicts."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from tests.processes import Data, Process, Server, without_gaps
+
+CAUSES = ["status_matches_percentage", "request_has_a_cause", "response_has_a_request"]
+NEGATIVE = ["false", "currently_false"]
+LAST = 101  # the id of 0 %
+SPEED = 2
+"""Times as fast as the example: all nodes alike, so that as many steps as ever lie between cause and effect."""
+RATES = {"battery": 25.0, "supervisor": 10.0, "led_panel": 35.0}
+"""Hz, in the example."""
+ATTEMPTS = 5
+"""Flights until one is on a machine that is not starved."""
+WARNING = 2
+LATENCY = 20_000_000  # ns, as in the spec
+ALLOWED = [("request", "allow", True), ("response", "allow", True)]
+
+
+@dataclass(frozen=True)
+class Flown:
+    """A countdown that is over: what a node heard of it by topic, and what the oracle made of it."""
+
+    server: Server
+    adapter: Process
+    supervisor: Process
+    heard: Mapping[str, Sequence[Any]]
+    stamp: Callable[[Any], int]
+
+    def starved(self) -> bool:
+        """Whether this machine kept messages back for longer than the spec's latency, so that some came late."""
+        late = [event for event in self.server.events("s") if event["late"]]
+        assert all(event["arrived"] - event["stamp"] > LATENCY for event in late), late
+        return bool(late)
+
+    def ids(self, topic: str) -> list[int]:
+        return [said.id for said in self.heard[topic]]
+
+    def changes(self) -> list[int]:
+        """The ids of the percentages that changed the status."""
+        return [said.id for said in self.heard["/battery_status"] if said.status_change]
+
+    def negative(self, *properties: str) -> list[Data]:
+        return self.server.records("s", property=properties, outcome=NEGATIVE)
+
+    def violations(self, *properties: str) -> list[tuple[str, str, str, str]]:
+        """Property, stream, kind and the id of the percentage it goes back to."""
+        found = self.server.records("s", "violations", property=properties)
+        return [(v["property"], v["stream"], v["kind"], cause(v)) for v in found]
+
+    def calls(self) -> list[tuple[str, str, bool]]:
+        """Kind, decision and whether it passed, of each request and response."""
+        return [(c["kind"], c["decision"], c["passed"]) for c in self.server.events("s", stream="/SetLED")]
+
+    def recorded_as_published(self) -> None:
+        """Everything that was published until the last report is in the history, once, and nothing was lost or late."""
+        events = self.server.events("s")
+        last = self.stamp(self.heard["/battery_status"][-1])
+        for topic, messages in self.heard.items():
+            published = [self.stamp(said) for said in messages if self.stamp(said) <= last]
+            recorded = [event["stamp"] for event in events if event["stream"] == topic and event["stamp"] <= last]
+            assert Counter(recorded) == Counter(published), topic
+        assert without_gaps([event["seq"] for event in events])
+        assert without_gaps(sorted({record["n"] for record in self.server.records("s")}))
+        [monitor] = self.server.session("s")["monitors"]
+        assert monitor["next"] == len(events) + 1
+        assert not monitor["attached"], "the adapter has not detached"
+        counters = self.server.session("s")["counters"]
+        assert {name: counters[name] for name in ("held", "refused", "skipped", "lost")} == {
+            "held": 0, "refused": 0, "skipped": 0, "lost": 0,
+        }  # fmt: skip
+
+
+def cause(violation: Data) -> str:
+    signals = violation["explanation"]["event"]["signals"]
+    return str(signals.get("id") or signals.get("req_id") or signals.get("res_id"))
+
+
+def clean(flown: Flown) -> None:
+    assert flown.negative(*CAUSES) == []
+    assert flown.calls() == 3 * ALLOWED
+    assert flown.heard["/LED_panel"][-1].light == "red"
+
+
+def wrong_status(flown: Flown) -> None:
+    [wrong] = [s.id for s in flown.heard["/battery_status"] if s.status == WARNING and not 60 < s.id <= 70]
+    assert flown.violations(*CAUSES) == [("status_matches_percentage", "/battery_status", "topic", str(wrong))]
+
+
+def status_without_cause(flown: Flown) -> None:
+    assert flown.violations(*CAUSES) == [("status_matches_percentage", "/battery_status", "topic", "0")]
+
+
+def request_without_change(flown: Flown) -> None:
+    """The call is denied, and never reaches the service."""
+    [(*where, denied)] = flown.violations(*CAUSES)
+    assert where == ["request_has_a_cause", "/SetLED", "request"]
+    assert 50 < int(denied) <= 60
+    assert len(flown.changes()) == 3
+    assert int(denied) not in flown.changes()
+    assert flown.ids("/status_accepted") == flown.changes()
+    assert flown.adapter.said(r"denied a request of /SetLED, call 2: (.*)")[1] == "request_has_a_cause"
+    assert flown.supervisor.said(r"light for id (\d+): denied")[1] == denied
+    assert flown.supervisor.log.count(": done") == 3
+    assert flown.calls() == [*ALLOWED, ("request", "deny", False), *ALLOWED, *ALLOWED]
+
+
+def silent_panel(flown: Flown) -> None:
+    """The missing response is found after 100 steps."""
+    [violation] = flown.server.records("s", "violations", property="request_is_followed_by_response")
+    ignored = [call for call in flown.server.events("s", stream="/SetLED") if call["kind"] == "request"][1]
+    assert violation["step"] == ignored["step"] + 100
+    assert flown.negative(*CAUSES) == []
+
+
+CHECKS = {
+    "none": clean,
+    "wrong_status": wrong_status,
+    "status_without_cause": status_without_cause,
+    "request_without_change": request_without_change,
+    "silent_panel": silent_panel,
+}
+"""By the fault."""
