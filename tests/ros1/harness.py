@@ -80,6 +80,10 @@ class Peer:
             assert time.monotonic() < end, what()
             time.sleep(0.02)  # between two questions
 
+    def parameter(self, name: str, value: object) -> None:
+        """Set a parameter on the master."""
+        self._do("parameter", name, value)
+
     def close(self) -> None:
         self._connection.close()
         self._process.join(5)
@@ -148,10 +152,6 @@ class Scene:
         made = Peer(f"peer{next(self._peers)}", self.settings)
         self._stack.callback(made.close)
         return made
-
-    def parameter(self, name: str, value: str) -> None:
-        """Set a parameter on the master."""
-        assert self.run("rosparam", "rosparam", "set", name, value).end() == 0
 
 
 def free_port() -> int:

@@ -58,6 +58,9 @@ class Node:
                 due += 1 / rate
                 time.sleep(max(0.0, due - time.monotonic()))
 
+    def parameter(self, name: str, value: Any) -> None:
+        rospy.set_param(name, value)
+
     def serve(self, service: str, kind: Any, answer: Callable[[Any], Any]) -> None:
         reached = self._reached[service]
 

@@ -1,0 +1,279 @@
+"""What the ROS 1 adapter hears and shows: any type, stamps and their sources, simulated time, verdicts on the graph."""
+
+from __future__ import annotations
+
+import itertools
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PointStamped
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Float64, Int64, String
+
+from tests.processes import environment, eventually
+from tests.robot import GATE, settled, spec_folder
+from tests.ros1.harness import Peer, Scene
+
+WATCH = """
+id: watch
+description: Points with a stamp, numbers without
+streams:
+  - topic: /number
+    type: std_msgs/Int64
+  - topic: /point
+    type: geometry_msgs/PointStamped
+properties:
+  - id: small
+    formula: 'not {topic: "/number", data > 100}'
+  - id: not_negative
+    formula: 'historically not {topic: "/number", data < 0}'
+"""
+ODD = """
+id: odd
+description: Messages of a package that is not installed here
+streams:
+  - topic: /odd
+    type: odd_msgs/Odd
+    action: filter
+    intercept: publisher
+    signals: {answer: msg.inner.answer, size: size(msg.blob)}
+properties:
+  - id: no_13
+    formula: 'not {topic: "/odd", answer: 13}'
+    guards: [/odd]
+"""
+
+
+def generated(folder: Path) -> Path:
+    """Where the package `odd_msgs` can be imported from, by those who are told."""
+    source, made = folder / "odd_msgs", folder / "generated"
+    (source / "msg").mkdir(parents=True)
+    (source / "msg" / "Inner.msg").write_text("int64 answer\n")
+    (source / "msg" / "Odd.msg").write_text("Header header\nInner inner\nuint8[] blob\n")
+    output = made / "odd_msgs"
+    output.mkdir(parents=True)
+    (output / "__init__.py").touch()
+    include = ["-I", f"odd_msgs:{source}/msg", "-I", "std_msgs:/usr/share/std_msgs/msg"]
+    files = sorted((source / "msg").iterdir())
+    for words in ([*include, "-o", output / "msg", *files], ["--initpy", "-o", output / "msg"]):
+        command = [sys.executable, "/usr/lib/genpy/genmsg_py.py", "-p", "odd_msgs", *words]
+        subprocess.run([str(word) for word in command], check=True)
+    return made
+
+
+class Seen:
+    """What a node hears of a monitor."""
+
+    def __init__(self, peer: Peer, monitor: str) -> None:
+        self.peer, self._own = peer, monitor
+        peer.record(String, f"{monitor}/monitor_verdict", speakers=1)
+        peer.record(String, f"{monitor}/monitor_error", speakers=1)
+        peer.record(DiagnosticArray, "/diagnostics", speakers=1)
+
+    def said(self, what: str) -> list[str]:
+        return [message.data for message in self.peer.heard(f"{self._own}/{what}")]
+
+    def verdict(self, outcome: str) -> None:
+        """Wait until this is the verdict."""
+        self.peer.until(
+            lambda: self.said("monitor_verdict")[-1:] == [outcome], lambda: f"{outcome}: {self.said('monitor_verdict')}"
+        )
+
+    def error(self, *parts: str) -> None:
+        """Wait for an error with all of these in its text."""
+        self.peer.until(
+            lambda: any(all(part in text for part in parts) for text in self.said("monitor_error")),
+            lambda: f"{parts}: {self.said('monitor_error')}",
+        )
+
+    def levels(self, **wanted: int) -> None:
+        """Wait until the diagnostics have these levels."""
+
+        def found() -> dict[str, Any]:
+            heard = self.peer.heard("/diagnostics")[-1:]
+            return {s.name.partition(": ")[2]: s.level for array in heard for s in array.status}
+
+        self.peer.until(lambda: wanted.items() <= found().items(), lambda: f"{wanted}: {found()}")
+
+
+def test_the_graph_sees_verdicts_errors_and_diagnostics(tmp_path: Path) -> None:
+    ok, warn, error, stale = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE
+    with Scene(tmp_path, spec_folder(tmp_path, WATCH)) as scene:
+        adapter, peer = scene.adapter("watch", monitor="/fleet/uav-1"), scene.peer()
+        seen = Seen(peer, "/fleet/uav_1")
+        peer.advertise(Int64, "/number")
+        seen.verdict("unknown")
+        seen.levels(oracle=ok, small=stale, not_negative=stale)
+        peer.publish("/number", Int64(1))
+        seen.verdict("currently_true")
+        seen.levels(oracle=ok, small=ok, not_negative=ok)
+        peer.publish("/number", Int64(101))
+        seen.verdict("currently_false")
+        seen.levels(small=warn, not_negative=ok)
+        seen.error("violation", "small", "/number (topic", "data > 100")
+        peer.publish("/number", Int64(-1))
+        seen.verdict("false")
+        seen.levels(small=ok, not_negative=error)
+        scene.server.kill()
+        seen.verdict("unknown")
+        seen.levels(oracle=stale, small=stale, not_negative=stale)
+        scene.server.restart()
+        late = Seen(scene.peer(), "/fleet/uav_1")  # who comes later sees how it stands
+        late.verdict("false")
+        late.levels(oracle=ok, not_negative=error)
+        adapter.ends_well()
+
+
+def test_where_stamps_come_from_is_known_and_shown(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, WATCH)) as scene:
+        scene.adapter("watch")
+        peer = scene.peer()
+        peer.advertise(Int64, "/number")
+        peer.advertise(PointStamped, "/point")
+        stamped = PointStamped()
+        stamped.header.stamp.secs, stamped.header.stamp.nsecs = 1_700_000_000, 5
+        began = time.time_ns()
+        peer.publish("/number", Int64(1))
+        peer.publish("/point", PointStamped(), stamped)
+        events = eventually(lambda: scene.server.events("s"), lambda found: len(found) == 3)
+        ended = time.time_ns()
+        [number], (unset, old) = (
+            sorted((e for e in events if e["stream"] == name), key=lambda e: e["seq"]) for name in ("/number", "/point")
+        )
+        assert all(began <= event["stamp"] <= event["arrived"] <= ended for event in (number, unset))
+        assert old["stamp"] == 1_700_000_000 * 10**9 + 5
+        [monitor] = scene.server.session("s")["monitors"]
+        assert {s["stream"]: s["time_source"] for s in monitor["streams"]} == {"/number": "arrival", "/point": "field"}
+
+
+def test_a_topic_whose_package_is_not_installed_is_read_and_filtered(tmp_path: Path) -> None:
+    made = generated(tmp_path)
+    with Scene(tmp_path, spec_folder(tmp_path, ODD)) as scene:
+        adapter = scene.adapter("odd")
+        scene.settings["PYTHONPATH"] = f"{made}:{environment()['PYTHONPATH']}"
+        script = tmp_path / "odd.py"
+        script.write_text(ODD_NODES)
+        hearer = scene.run("hearer", sys.executable, script, "hear")
+        speaker = scene.run("speaker", sys.executable, script, "speak")
+        hearer.said(r"heard \[12, 14\] 3 bytes odd_frame")
+        assert speaker.running
+        events = settled(scene.server, 3)
+        assert [(event["decision"], event["passed"]) for event in events] == [
+            ("allow", True),
+            ("deny", False),
+            ("allow", True),
+        ]
+        [monitor] = scene.server.session("s")["monitors"]
+        assert [s["time_source"] for s in monitor["streams"]] == ["field"]
+        adapter.ends_well()
+
+
+ODD_NODES = """
+import sys
+import rospy
+from odd_msgs.msg import Inner, Odd
+from std_msgs.msg import Header
+
+rospy.init_node(sys.argv[1])
+if sys.argv[1] == "hear":
+    heard = []
+    rospy.Subscriber("/odd", Odd, heard.append)
+    while len(heard) < 2:
+        rospy.sleep(0.02)
+    answers = [odd.inner.answer for odd in heard]
+    print(f"heard {answers} {len(heard[0].blob)} bytes {heard[0].header.frame_id}", flush=True)
+else:
+    publisher = rospy.Publisher("/odd_mon", Odd, queue_size=10)
+    while not publisher.get_num_connections() or "/odd" not in dict(rospy.get_published_topics()):
+        rospy.sleep(0.02)
+    while "/odd" not in [topic for topic, nodes in rospy.get_master().getSystemState()[2][1]]:
+        rospy.sleep(0.02)
+    rospy.sleep(1)  # until who hears has connected, as a robot's nodes have after their start
+    for answer in (12, 13, 14):
+        header = Header(stamp=rospy.Time.now(), frame_id="odd_frame")
+        publisher.publish(Odd(header=header, inner=Inner(answer), blob=b"abc"))
+rospy.spin()
+"""
+
+
+def test_simulated_time_orders_by_the_simulation_and_can_stand_still(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, WATCH)) as scene:
+        simulator = scene.peer()
+        simulator.parameter("/use_sim_time", True)
+        scene.adapter("watch")
+        simulator.advertise(Clock, "/clock")
+        simulator.advertise(Int64, "/number")
+        simulator.advertise(PointStamped, "/point")
+        seconds = itertools.count(10)
+
+        def reached(topic: str) -> int:
+            return next(s["frontier"] for s in scene.server.session("s")["streams"] if s["stream"] == topic)
+
+        def tick() -> None:
+            clock = Clock()
+            clock.clock.secs = next(seconds)
+            simulator.publish("/clock", clock)
+            eventually(lambda: reached("/number"), lambda at: at == clock.clock.to_nsec())
+
+        for number in range(3):
+            tick()
+            point = PointStamped()
+            point.header.stamp.secs = 10 + number
+            simulator.publish("/point", point)
+            simulator.publish("/number", Int64(number))
+        tick()
+        events = eventually(lambda: scene.server.events("s"), lambda found: len(found) == 6)
+        assert [event["stamp"] // 10**9 for event in events] == [10, 10, 11, 11, 12, 12]
+        assert not any(event["late"] or event["skewed"] for event in events)
+
+
+def test_two_uavs_in_one_session_have_their_own_names(tmp_path: Path) -> None:
+    documented = (Path(__file__).parents[2] / "docs" / "adapters.md").read_text()
+    text = re.search(r"```yaml\n(id: fleet\n.*?)```", documented, re.DOTALL)
+    assert text
+    with Scene(tmp_path, spec_folder(tmp_path, text[1])) as scene:
+        scene.adapter("fleet", monitor="uav1", more=["--namespace", "/uav1"])
+        scene.adapter(
+            "fleet", monitor="uav2", more=["--remap", "/battery:=/uav2/power", "--remap", "/takeoff:=/uav2/takeoff"]
+        )
+        peer = scene.peer()
+        peer.advertise(Float64, "/uav1/battery")
+        peer.advertise(Float64, "/uav2/power")
+        peer.publish("/uav1/battery", Float64(90.0))
+        peer.publish("/uav2/power", Float64(20.0))
+        events = eventually(lambda: scene.server.events("s"), lambda found: len(found) == 2)
+        assert {(e["monitor"], e["stream"]) for e in events} == {("uav1", "/battery"), ("uav2", "/battery")}
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--spec", "nothing"], "unknown_spec: "),
+        (["--spec", "gate", "--remap", "/nothing:=/something"], "--remap /nothing: gate has no such stream"),
+        (["--spec", "gate", "--remap", "nonsense"], "'nonsense' is no remap like"),
+        (["--spec", "gate", "--oracle", "ftp://nowhere"], "is no address like"),
+    ],
+)
+def test_an_adapter_that_cannot_start_says_why(words: list[str], told: str, tmp_path: Path) -> None:
+    specs = spec_folder(tmp_path, GATE, intercept="publisher", unavailable="deny", within="2s")
+    with Scene(tmp_path, specs) as scene:
+        adapter = scene.run("adapter", sys.executable, "-m", "oracle_ros1", "--oracle", scene.server.url, *words)
+        adapter.said(re.escape(told))
+        eventually(lambda: adapter.running, lambda running: not running)
+        assert adapter.end() == 2
+        assert "Traceback" not in adapter.log
+
+
+def test_a_private_parameter_stands_for_an_option(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, WATCH)) as scene:
+        words = [f"_oracle:={scene.server.url}", "_spec:=watch", "_session:=flight", "_monitor:=uav7", "__name:=other"]
+        adapter = scene.run("adapter", sys.executable, "-m", "oracle_ros1", *words)
+        adapter.said("observing 2 streams for session flight")
+        assert [monitor["name"] for monitor in scene.server.session("flight")["monitors"]] == ["uav7"]
+        adapter.ends_well()
