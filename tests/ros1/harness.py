@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import multiprocessing
+import os
 import socket
 import sys
 import time
@@ -139,7 +140,8 @@ class Scene:
     def adapter(self, spec: str, session: str = "s", monitor: str = "uav1", more: Sequence[str] = ()) -> Process:
         """An adapter that observes."""
         words = ("--oracle", self.server.url, "--spec", spec, "--session", session, "--monitor", monitor)
-        process = self.run("adapter", sys.executable, "-m", "oracle_ros1", *words, *more)
+        python = os.environ.get("ADAPTER_PYTHON", sys.executable)  # such as a Python 3.8
+        process = self.run("adapter", python, "-m", "oracle_ros1", *words, *more)
         process.said("observing")
         return process
 
