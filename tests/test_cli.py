@@ -76,6 +76,29 @@ def test_check_foresees_a_deadlock_by_the_robot_s_graph(tmp_path: Path) -> None:
     assert "--dump-graph" in failed("check", SPEC, "--ros-graph", tmp_path / "nowhere.json")
 
 
+def test_check_for_ros_1_warns_of_topics_that_are_ordered_by_their_arrival(tmp_path: Path) -> None:
+    spec = tmp_path / "spec.yaml"
+    spec.write_text(
+        "id: mixed\n"
+        "streams:\n"
+        "  - {topic: /number, type: std_msgs/Int64}\n"
+        "  - {topic: /loose, type: std_msgs/Int64, ordered: false}\n"
+        "  - {topic: /placed, type: std_msgs/Time, stamp: data}\n"
+        "  - {topic: /point, type: geometry_msgs/msg/PointStamped}\n"
+        "  - {topic: /own, type: own_msgs/Own}\n"
+        "  - {service: /open, type: std_srvs/SetBool}\n"
+        "properties: [{id: p, formula: 'not {v: 7}'}]\n"
+    )
+    plain, first, second = run("check", spec), run("check", "--ros", "1", spec), run("check", "--ros", "2", spec)
+    assert {ended.returncode for ended in (plain, first, second)} == {0}
+    assert plain.stderr == second.stderr == ""
+    (line,) = first.stderr.splitlines()
+    assert line.startswith(f"{spec}:3:13: warning: /number is ordered by its arrival on ROS 1")
+    by_arrival = tmp_path / "by_arrival.yaml"
+    by_arrival.write_text(spec.read_text() + "ordering: {by: arrival}\n")
+    assert run("check", "--ros", "1", by_arrival).stderr == ""
+
+
 def test_check_tells_each_finding_with_its_place(tmp_path: Path) -> None:
     bad, good = tmp_path / "bad.yaml", tmp_path / "good.yaml"
     bad.write_text(

@@ -10,10 +10,22 @@ from oracle_server.core.spec import Spec
 
 Ros = Literal[1, 2]
 
+_WITHOUT_STAMP = {
+    "diagnostic_msgs": ("DiagnosticStatus", "KeyValue"),
+    "nav_msgs": ("GetMapAction", "GetMapFeedback", "GetMapGoal", "GetMapResult", "MapMetaData"),
+    "rosgraph_msgs": ("Clock", "TopicStatistics"),
+    "sensor_msgs": ("ChannelFloat32", "JoyFeedback", "JoyFeedbackArray", "LaserEcho", "NavSatStatus", "PointField",
+        "RegionOfInterest"),
+    "tf2_msgs": ("TFMessage",),
+    "visualization_msgs": ("MarkerArray",),
+}  # fmt: skip
+
 
 def ros_hazards(spec: Spec, ros: Ros) -> Iterator[Problem]:
     """What `check --ros` warns of."""
-    if ros == 2:
+    if ros == 1:
+        yield from _arrival_times(spec)
+    else:
         yield from _denied_responses(spec)
 
 
@@ -27,3 +39,30 @@ def _denied_responses(spec: Spec) -> Iterator[Problem]:
                 "defaults of the response's type, which a client may take for a success",
                 severity="warning",
             )
+
+
+def _arrival_times(spec: Spec) -> Iterator[Problem]:
+    """ROS 1 carries no publication time: a topic whose messages hold none is ordered as it arrives.
+
+    Services are left out: the adapter is where requests and responses pass, so that its clock is exact for them.
+    """
+    if spec.ordering.by == "arrival":
+        return
+    for i, stream in enumerate(spec.streams):
+        if stream.kind == "topic" and stream.ordered and stream.stamp is None and _has_no_stamp(stream.type):
+            yield Problem(
+                ("streams", i, "topic"),
+                f"{stream.name} is ordered by its arrival on ROS 1, which carries no publication time: {stream.type} "
+                "has neither `header.stamp` nor `stamp`; name the field under `stamp`, or say `ordered: false`",
+                severity="warning",
+            )
+
+
+def _has_no_stamp(name: str) -> bool:
+    """Whether a type is one of ROS's own that hold no time; of other types nothing is known here."""
+    package, _, short = name.replace("/msg/", "/").partition("/")
+    if package == "std_msgs":
+        return short != "Header"
+    if package == "geometry_msgs":
+        return not short.endswith("Stamped") and short != "PoseArray"
+    return short in _WITHOUT_STAMP.get(package, ())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import itertools
 import re
 import subprocess
@@ -13,10 +14,11 @@ from typing import Any
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PointStamped
+from oracle_ros1.stamps import stamp_reader
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64, Int64, String
 
-from tests.processes import environment, eventually
+from tests.processes import SERVER, environment, eventually
 from tests.robot import GATE, settled, spec_folder
 from tests.ros1.harness import Peer, Scene
 
@@ -277,3 +279,15 @@ def test_a_private_parameter_stands_for_an_option(tmp_path: Path) -> None:
         adapter.said("observing 2 streams for session flight")
         assert [monitor["name"] for monitor in scene.server.session("flight")["monitors"]] == ["uav7"]
         adapter.ends_well()
+
+
+def test_check_knows_which_of_ros_own_types_hold_no_time(tmp_path: Path) -> None:
+    packages = ("std_msgs", "geometry_msgs", "sensor_msgs", "nav_msgs", "diagnostic_msgs", "rosgraph_msgs")
+    modules = [importlib.import_module(f"{package}.msg") for package in packages]
+    kinds = [kind for module in modules for kind in vars(module).values() if hasattr(kind, "_type")]
+    streams = [f"  - {{topic: /a{i}, type: {kind._type}}}" for i, kind in enumerate(kinds)]
+    spec = tmp_path / "types.yaml"
+    spec.write_text("\n".join(["id: types", "streams:", *streams, "properties: [{id: p, formula: 'not {v: 7}'}]", ""]))
+    told = subprocess.run([SERVER, "check", "--ros", "1", spec], capture_output=True, text=True, check=True).stderr
+    warned = [kind._type for i, kind in enumerate(kinds) if f"/a{i} is ordered by its arrival" in told]
+    assert warned == [kind._type for kind in kinds if stamp_reader(kind, None) is None]
