@@ -46,6 +46,10 @@ class Peer:
         self._do("advertise", topic, kind, latch)
         self.until(lambda: self._do("listeners", topic) >= listeners, lambda: f"nobody hears {topic}")
 
+    def withdraw(self, topic: str) -> None:
+        """Publish a topic no more."""
+        self._do("withdraw", topic)
+
     def publish(self, topic: str, *messages: Any, rate: float = 0) -> None:
         self._do("publish", topic, messages, rate)
 

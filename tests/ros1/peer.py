@@ -46,6 +46,9 @@ class Node:
     def advertise(self, topic: str, kind: Any, latch: bool) -> None:
         self._publishers[topic] = rospy.Publisher(topic, kind, latch=latch, tcp_nodelay=True, queue_size=100_000)
 
+    def withdraw(self, topic: str) -> None:
+        self._publishers.pop(topic).unregister()
+
     def listeners(self, topic: str) -> int:
         return int(self._publishers[topic].get_num_connections())
 

@@ -113,9 +113,20 @@ def test_another_type_than_the_spec_says_is_told_and_does_not_pass(tmp_path: Pat
         adapter, speaker = scene.adapter("gate"), scene.peer()
         speaker.advertise(Int32, "/number_mon")
         speaker.publish("/number_mon", Int32(data=1))
-        adapter.said(
-            "/number: nothing of /peer0 can be read: it publishes std_msgs/Int32, and the spec says std_msgs/Int64"
-        )
+        why = "nothing of /peer0 can be read: it publishes std_msgs/Int32, and the spec says std_msgs/Int64"
+        adapter.said(f"/number: {why}")
+        [monitor] = eventually(lambda: scene.server.session("s")["monitors"], lambda found: found[0]["streams"])
+        assert [stream["trouble"] for stream in monitor["streams"]] == [why]
+        assert scene.server.events("s") == []
+
+
+def test_who_publishes_past_the_monitor_is_told(tmp_path: Path) -> None:
+    with gate(tmp_path) as scene:
+        adapter, sneak = scene.adapter("gate"), scene.peer()
+        sneak.advertise(Int64, "/number", listeners=0)
+        adapter.said("/number: /peer0 publishes /number past the monitor")
+        sneak.withdraw("/number")
+        adapter.said("/number: well again")
 
 
 def say_on(_: Any) -> SetBoolResponse:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import itertools
 import re
 import subprocess
 import sys
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PointStamped
 from oracle_ros1.stamps import stamp_reader
@@ -22,6 +22,7 @@ from tests.processes import SERVER, environment, eventually
 from tests.robot import GATE, settled, spec_folder
 from tests.ros1.harness import Peer, Scene
 
+SECOND = 10**9
 WATCH = """
 id: watch
 description: Points with a stamp, numbers without
@@ -204,35 +205,55 @@ rospy.spin()
 """
 
 
-def test_simulated_time_orders_by_the_simulation_and_can_stand_still(tmp_path: Path) -> None:
+class World:
+    """A simulated world with a clock."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene, self.peer = scene, scene.peer()
+        self.peer.parameter("/use_sim_time", True)
+        self._adapter = scene.adapter("watch")
+        self.peer.advertise(Clock, "/clock")
+        self.peer.advertise(Int64, "/number")
+        self.peer.advertise(PointStamped, "/point")
+
+    def at(self, seconds: int, session: str = "s") -> None:
+        """Set the world's time, and wait until the session has heard of it."""
+        self.peer.publish("/clock", Clock(rospy.Time(seconds)))
+        eventually(lambda: self._frontier(session), lambda at: at == seconds * SECOND)
+
+    def back_to(self, seconds: int) -> None:
+        """Set the world's time back, and wait for the new session."""
+        self.peer.publish("/clock", Clock(rospy.Time(seconds)))
+        self._adapter.said(r"attached s\.run2")
+
+    def say(self, number: int, seconds: int) -> None:
+        """Publish a point with a stamp, and a number without."""
+        point = PointStamped()
+        point.header.stamp.secs = seconds
+        self.peer.publish("/point", point)
+        self.peer.publish("/number", Int64(number))
+
+    def _frontier(self, session: str) -> int:
+        streams = self._scene.server.session(session)["streams"]
+        return next((s["frontier"] for s in streams if s["stream"] == "/number"), 0)
+
+
+def test_stamps_follow_simulated_time_and_a_jump_back_begins_a_new_session(tmp_path: Path) -> None:
     with Scene(tmp_path, spec_folder(tmp_path, WATCH)) as scene:
-        simulator = scene.peer()
-        simulator.parameter("/use_sim_time", True)
-        scene.adapter("watch")
-        simulator.advertise(Clock, "/clock")
-        simulator.advertise(Int64, "/number")
-        simulator.advertise(PointStamped, "/point")
-        seconds = itertools.count(10)
-
-        def reached(topic: str) -> int:
-            return next(s["frontier"] for s in scene.server.session("s")["streams"] if s["stream"] == topic)
-
-        def tick() -> None:
-            clock = Clock()
-            clock.clock.secs = next(seconds)
-            simulator.publish("/clock", clock)
-            eventually(lambda: reached("/number"), lambda at: at == clock.clock.to_nsec())
-
+        world = World(scene)
         for number in range(3):
-            tick()
-            point = PointStamped()
-            point.header.stamp.secs = 10 + number
-            simulator.publish("/point", point)
-            simulator.publish("/number", Int64(number))
-        tick()
+            world.at(10 + number)
+            world.say(number, 10 + number)
+        world.at(13)
         events = eventually(lambda: scene.server.events("s"), lambda found: len(found) == 6)
-        assert [event["stamp"] // 10**9 for event in events] == [10, 10, 11, 11, 12, 12]
-        assert not any(event["late"] or event["skewed"] for event in events)
+        assert [event["stamp"] // SECOND for event in events] == [10, 10, 11, 11, 12, 12]
+        world.back_to(5)
+        assert scene.server.session("s")["status"] == "closed"
+        world.say(7, 5)
+        world.at(6, "s.run2")
+        again = eventually(lambda: scene.server.events("s.run2"), lambda found: len(found) == 2)
+        assert [event["stamp"] // SECOND for event in again] == [5, 5]
+        assert not any(event["late"] or event["skewed"] for event in events + again)
 
 
 def test_two_uavs_in_one_session_have_their_own_names(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from oracle_adapter.command import default, parser, unknown_remap, wait_attached
 from oracle_ros1.codec import CodecError
 from oracle_ros1.monitor import CLOCK_PERIOD, Monitor
 from oracle_ros1.screen import Screen
-from oracle_ros1.stamps import simulated_now, wall_now
+from oracle_ros1.stamps import on_back, simulated_now, wall_now
 
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:
@@ -94,6 +94,8 @@ def _observe(
     if unknown:
         raise ValueError(f"--remap {unknown}: {attached.spec} has no such stream")
     monitor = Monitor(link, board, names, attached.streams, simulated_now if simulated else wall_now)
+    if simulated:
+        on_back(monitor.renew)
     rospy.loginfo(f"observing {len(attached.streams)} streams for session {attached.session}")
     while not stopping.wait(CLOCK_PERIOD):
         monitor.turn()

@@ -7,6 +7,7 @@ from typing import Any, List, Mapping, Sequence, Union
 
 from oracle_adapter import Board, ClockStamp, Link, Names
 
+from oracle_ros1.graph import Graph
 from oracle_ros1.services import ProxiedService
 from oracle_ros1.stamps import Now
 from oracle_ros1.topics import FilteredTopic, LoggedTopic
@@ -30,31 +31,44 @@ class Monitor:
             if s["kind"] == "request"
         ]
         self._sides = [side for service in self._services for side in service.sides]
+        self._graph = Graph()
         self._topics: List[Union[FilteredTopic, LoggedTopic]] = [
-            (FilteredTopic if s["action"] == "filter" else LoggedTopic)(link, board, names, s, now)
+            FilteredTopic(link, board, names, s, now, self._graph)
+            if s["action"] == "filter"
+            else LoggedTopic(link, board, names, s, now)
             for s in streams
             if s["kind"] == "topic"
         ]
+        self._graph.start()
         self._turns = itertools.count()
 
     def turn(self) -> None:
-        """Tell the clocks and, now and then, look at the topics' publishers; to be called every `CLOCK_PERIOD`."""
+        """Tell the clocks and, now and then, how the streams are; to be called every `CLOCK_PERIOD`."""
         if next(self._turns) % LOOK_EVERY == 0:
-            for topic in self._topics:
-                topic.look()
-                name = topic.observed.name
-                self._link.report(name, "topic", time_source=topic.observed.time_source)
-            for side in self._sides:
-                self._link.report(side.name, side.kind, time_source="field" if side.stamp else "arrival")
-            self._board.tick(self._link.stats())
+            self._look()
         self._link.clock(self._stamps)
 
     def stop(self) -> None:
         """Take nothing more."""
+        self._graph.stop()
         for service in self._services:
             service.stop()
         for topic in self._topics:
             topic.stop()
+
+    def renew(self) -> None:
+        """Go on in another session: simulated time went back."""
+        self._link.renew(self._stamps)
+
+    def _look(self) -> None:
+        """Tell how the streams are."""
+        for topic in self._topics:
+            trouble, name = topic.look(), topic.observed.name
+            self._board.trouble(name, trouble)
+            self._link.report(name, "topic", time_source=topic.observed.time_source, trouble=trouble)
+        for side in self._sides:
+            self._link.report(side.name, side.kind, time_source="field" if side.stamp else "arrival")
+        self._board.tick(self._link.stats())
 
     def _stamps(self) -> List[ClockStamp]:
         """How far each stream has come: exactly where its events are stamped here, else less its latency."""

@@ -7,6 +7,7 @@ from typing import Any, Callable, Optional, Sequence
 
 import genpy
 import rospy
+from rosgraph_msgs.msg import Clock
 
 _DEFAULTS = ("header.stamp", "stamp")
 
@@ -33,6 +34,19 @@ def wall_now() -> int:
 def simulated_now() -> Optional[int]:
     """The time that /clock tells; None while it has not told any."""
     return rospy.get_rostime().to_nsec() or None
+
+
+def on_back(call: Callable[[], None]) -> None:
+    """Call something whenever simulated time goes back."""
+    newest = genpy.Time()
+
+    def hear(clock: Clock) -> None:  # behind rospy's own, so that its time has gone back already
+        nonlocal newest
+        before, newest = newest, clock.clock
+        if newest < before:
+            call()
+
+    rospy.Subscriber("/clock", Clock, hear)
 
 
 def _at(message: Any, names: Sequence[str]) -> Any:

@@ -1,117 +1,47 @@
 """Topics: those that are only observed, and those whose messages pass when the oracle allows it.
 
-Messages are taken as they were sent, and decoded by what is installed or by what their publisher defines; so any topic
-can be observed, and what is forwarded is byte for byte what came.
+Messages are taken as they were sent: any topic can be observed, and what is forwarded is byte for byte what came.
 """
 
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass
-from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple, Union
+from typing import Any, Mapping, Optional, Union
 
 import rospy
-from oracle_adapter import PROXY, Board, Link, Names, TimeSource
+from oracle_adapter import PROXY, Board, Link, Names
 from oracle_adapter.passing import Gate, Passing
 
-from oracle_ros1.codec import CodecError, Read, reader
-from oracle_ros1.definitions import Definition, installed_message, ros1_name, sent_definition
-from oracle_ros1.stamps import Now, stamp_reader
+from oracle_ros1.graph import Graph
+from oracle_ros1.observed import Decoder, Header, Observed, header_of, headers
+from oracle_ros1.stamps import Now
 
 DEPTH = 1000  # messages that wait for a slow subscriber
-
-Header = Mapping[str, str]
-Stamp = Union[int, Now]
-
-
-@dataclass(frozen=True)
-class Decoder:
-    """How messages of one definition become events."""
-
-    definition: Definition
-    read: Read
-    stamp: Optional[Callable[[Any], Optional[int]]]
-    idle: bool
-    """Whether nothing of a message is read, so that it need not be decoded."""
-
-
-class Observed:
-    """A topic as its messages arrive: their stamp, their publisher, and the fields that are read."""
-
-    def __init__(self, stream: Mapping[str, Any], now: Now, board: Board) -> None:
-        self.name: str = stream["name"]
-        self._board = board
-        self.latency: int = stream["latency"]
-        self._type = ros1_name(stream["type"]) if stream["type"] else ""
-        self._fields, self._path, self._now = stream["fields"], stream["stamp"], now
-        self._decoders: Dict[str, Optional[Decoder]] = {}  # by their md5sum; None: told why not
-        self._deciding = threading.Lock()
-        found = installed_message(self._type)
-        self.installed = found and self._decoder(found)
-
-    @property
-    def time_source(self) -> Optional[TimeSource]:
-        """Where its publication time comes from; None while no publisher has told the type."""
-        known = self.installed or next((d for d in self._decoders.values() if d), None)
-        return None if known is None else "field" if known.stamp else "arrival"
-
-    def event(self, message: rospy.AnyMsg) -> Optional[Tuple[Stamp, Any, Decoder]]:
-        """The stamp, the data and the decoder of a message's event; None where it can't be read, which is told once."""
-        decoder = self.decoder(message._connection_header)  # noqa: SLF001 - rospy's own interface
-        if decoder is None:
-            return None
-        if decoder.idle:
-            return self._now, {}, decoder
-        decoded = decoder.definition.type().deserialize(message._buff)  # noqa: SLF001
-        stamp = decoder.stamp(decoded) if decoder.stamp else None
-        return stamp or self._now, decoder.read(decoded), decoder
-
-    def decoder(self, header: Header) -> Optional[Decoder]:
-        """What decodes the messages of a publisher with this connection header."""
-        digest = header["md5sum"]
-        with self._deciding:
-            if digest not in self._decoders:
-                try:
-                    self._decoders[digest] = self._found(header)
-                except CodecError as error:
-                    self._board.error(f"{self.name}: nothing of {header.get('callerid')} can be read: {error}")
-                    self._decoders[digest] = None
-            return self._decoders[digest]
-
-    def _found(self, header: Header) -> Decoder:
-        if self._type and header["type"] != self._type:
-            raise CodecError(f"it publishes {header['type']}, and the spec says {self._type}")
-        if self.installed and self.installed.definition.type._md5sum == header["md5sum"]:  # noqa: SLF001
-            return self.installed
-        return self._decoder(sent_definition(header))
-
-    def _decoder(self, found: Definition) -> Decoder:
-        stamp = stamp_reader(found.type, self._path)
-        read = reader(found.type, self._fields, found.lookup)
-        return Decoder(found, read, stamp, idle=stamp is None and self._fields == [])
 
 
 class LoggedTopic:
     """Reports every message of a topic."""
 
     def __init__(self, link: Link, board: Board, names: Names, stream: Mapping[str, Any], now: Now) -> None:
-        self._link, self.observed = link, Observed(stream, now, board)
+        self._link, self._board, self.observed = link, board, Observed(stream, now)
         self._subscriber = rospy.Subscriber(names[self.observed.name], rospy.AnyMsg, self._take, tcp_nodelay=True)
 
-    def look(self) -> None:
-        """Learn what its publishers say of themselves."""
-        for header in headers(self._subscriber):
-            self.observed.decoder(header)
+    def look(self) -> str:
+        """Learn what its publishers say of themselves, and tell what is wrong."""
+        found = [self.observed.decoder(header) for header in headers(self._subscriber)]
+        return "; ".join(why for why in found if isinstance(why, str))
 
     def stop(self) -> None:
         """Take no more."""
         self._subscriber.unregister()
 
     def _take(self, message: rospy.AnyMsg) -> None:
-        event = self.observed.event(message)
-        if event is not None:
-            stamp, data, _ = event
-            self._link.send(self.observed.name, "topic", stamp, data, source=source(message))
+        decoder = self.observed.decoder(header_of(message))
+        if isinstance(decoder, str):
+            self._board.trouble(self.observed.name, decoder)
+            return
+        stamp, data = self.observed.event(message, decoder)
+        self._link.send(self.observed.name, "topic", stamp, data, source=header_of(message).get("callerid"))
 
 
 class FilteredTopic:
@@ -121,62 +51,63 @@ class FilteredTopic:
     subscribed to at once where the type is installed, else from the moment that the first publisher has connected.
     """
 
-    def __init__(self, link: Link, board: Board, names: Names, stream: Mapping[str, Any], now: Now) -> None:
-        self.observed, self._board = Observed(stream, now, board), board
+    def __init__(
+        self, link: Link, board: Board, names: Names, stream: Mapping[str, Any], now: Now, graph: Graph
+    ) -> None:
+        self._board, self._graph, self.observed = board, graph, Observed(stream, now)
         name, proxy = names[self.observed.name], names[self.observed.name + PROXY]
-        self.taken, self.given = (proxy, name) if stream["intercept"] == "publisher" else (name, proxy)
+        taken, self._given = (proxy, name) if stream["intercept"] == "publisher" else (name, proxy)
         self._gate = Gate(Passing(link, board, stream), self._forward)
         self._making = threading.Lock()
         self._publisher: Optional[rospy.Publisher] = None
         self._latched = False
         if self.observed.installed:
             self._publish(self.observed.installed, latched=False)
-        self._subscriber = rospy.Subscriber(self.taken, rospy.AnyMsg, self._take, tcp_nodelay=True)
+        self._subscriber = rospy.Subscriber(taken, rospy.AnyMsg, self._take, tcp_nodelay=True)
 
-    def look(self) -> None:
-        """Learn what its publishers say of themselves, so that its subscribers can connect before the first message."""
-        for header in headers(self._subscriber):
-            decoder = self.observed.decoder(header)
-            if decoder:
-                self._publish(decoder, latched=header.get("latching") == "1")
+    def look(self) -> str:
+        """Learn what its publishers say of themselves, and tell what is wrong.
+
+        What it gives is published from here on, so that there are subscribers before the first message.
+        """
+        found = [self._prepared(header) for header in headers(self._subscriber)]
+        troubles = [why for why in found if isinstance(why, str)]
+        troubles += [f"{node} publishes {self._given} past the monitor" for node in self._graph.others(self._given)]
+        return "; ".join(troubles)
 
     def stop(self) -> None:
         """Take no more; what is decided yet is still forwarded."""
         self._subscriber.unregister()
 
     def _take(self, message: rospy.AnyMsg) -> None:
-        event = self.observed.event(message)
-        if event is None:
+        header = header_of(message)
+        decoder = self._prepared(header)
+        if isinstance(decoder, str):
+            self._board.trouble(self.observed.name, decoder)
             return
-        stamp, data, decoder = event
-        header = message._connection_header  # noqa: SLF001 - rospy's own interface
-        self._publish(decoder, latched=header.get("latching") == "1")
-        if self._publisher is None or self._publisher.md5sum != header["md5sum"]:
-            self._board.trouble(self.observed.name, f"{source(message)} sends another version of {header['type']}")
-            return
-        self._gate.take(message, stamp, data, source=source(message))
+        stamp, data = self.observed.event(message, decoder)
+        self._gate.take(message, stamp, data, source=header.get("callerid"))
 
-    def _publish(self, decoder: Decoder, *, latched: bool) -> None:
+    def _prepared(self, header: Header) -> Union[Decoder, str]:
+        """What decodes the messages of a publisher, now that they can be given, or why they can't."""
+        decoder = self.observed.decoder(header)
+        if isinstance(decoder, str):
+            return decoder
+        publisher = self._publish(decoder, latched=header.get("latching") == "1")
+        if publisher.md5sum != decoder.digest:
+            return f"{header.get('callerid')} publishes another version of {header['type']} than is given"
+        return decoder
+
+    def _publish(self, decoder: Decoder, *, latched: bool) -> rospy.Publisher:
         """Give messages of this definition, unless others are given; latched once one of its publishers is."""
-        if self._publisher is not None and self._latched >= latched:
-            return
         with self._making:
-            made = self._publisher.data_class if self._publisher else decoder.definition.type
-            # rospy shares one connection among a topic's publishers: a second one only switches latching on.
-            self._publisher = rospy.Publisher(self.given, made, latch=latched, tcp_nodelay=True, queue_size=DEPTH)
-            self._latched |= latched
+            if self._publisher is None or latched > self._latched:
+                made = self._publisher.data_class if self._publisher else decoder.definition.type
+                # rospy shares connections among a topic's publishers: a second one only switches latching on.
+                self._publisher = rospy.Publisher(self._given, made, latch=latched, tcp_nodelay=True, queue_size=DEPTH)
+                self._latched |= latched
+            return self._publisher
 
     def _forward(self, message: rospy.AnyMsg) -> None:
         assert self._publisher is not None  # noqa: S101 - made before the message was asked about
         self._publisher.publish(message)
-
-
-def source(message: rospy.AnyMsg) -> str:
-    """Which node published a message."""
-    return str(message._connection_header.get("callerid", ""))  # noqa: SLF001 - rospy's own interface
-
-
-def headers(subscriber: rospy.Subscriber) -> List[Header]:
-    """What the publishers that are connected say of themselves."""
-    connections = subscriber.impl.connections if subscriber.impl else []
-    return [header for header in (c.header for c in connections or []) if header and "md5sum" in header]
