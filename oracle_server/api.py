@@ -135,7 +135,7 @@ def _sessions(registry: Registry) -> APIRouter:
     @router.get("/sessions")
     async def list_sessions(request: Request) -> Page:
         """List all sessions, open ones first."""
-        grant, states = grant_of(request), await asyncio.to_thread(registry.states)
+        grant, states = grant_of(request), await registry.states()
         return {"items": [s for s in states if grant.covers(spec=s["spec"], session=s["id"])]}
 
     @router.post("/sessions", status_code=201)

@@ -170,10 +170,16 @@ class LiveSession:
         if (monitor.name, message.seq) in self._gaps:
             monitor.outcomes[message.seq] = (message.passed, message.why)
             return
+        monitor.unsettled += 1
         self._store.execute(
             "UPDATE steps SET passed = ?, why = ? WHERE session = ? AND monitor = ? AND seq = ?",
             (message.passed, message.why, self.number, monitor.name, message.seq),
+            lambda: self._outcome_committed(monitor),
         )
+
+    def _outcome_committed(self, monitor: Monitor) -> None:
+        monitor.unsettled -= 1
+        self._settle(monitor)
 
     def detach(self, monitor: Monitor) -> None:
         """Let a monitor go: it is told once all that it sent is committed."""

@@ -108,13 +108,13 @@ class Registry:
         rows = self._store.read("SELECT state FROM sessions WHERE id = ? AND closed IS NOT NULL", (session_id,))
         return _decode(rows[0][0]) if rows else None
 
-    def states(self) -> list[dict[str, Any]]:
-        """Every session's state, the newest first."""
-        rows = self._store.read("SELECT state FROM sessions WHERE closed IS NOT NULL ORDER BY number DESC LIMIT 1000")
-        closed = [_decode(row[0]) for row in rows]
-        told = {state["id"] for state in closed}
-        live = [session_state(s, self._clock.now()) for s in reversed(self.open.values()) if s.id not in told]
-        return [*live, *closed]
+    async def states(self) -> list[dict[str, Any]]:
+        """Every session's state, the newest first; the open ones as of now, so that one that closes is told once."""
+        live = [session_state(s, self._clock.now()) for s in reversed(self.open.values())]
+        told = {state["id"] for state in live}
+        sql = "SELECT state FROM sessions WHERE closed IS NOT NULL ORDER BY number DESC LIMIT 1000"
+        closed = [_decode(row[0]) for row in await asyncio.to_thread(self._store.read, sql)]
+        return [*live, *(state for state in closed if state["id"] not in told)]
 
     async def close(self, session: LiveSession) -> None:
         """Judge what a session holds, and close it for good."""
