@@ -219,7 +219,7 @@ async def throughput(server: Server, load: Load, size: int, session: str) -> Spe
         acked = 0
         while acked < len(load.events):
             frame = msgspec.json.decode(await peer.recv())
-            assert frame["type"] in ("ack", "violation"), frame
+            assert frame["type"] in ("ack", "violation", "credit"), frame
             acked = frame.get("upto", acked)
         took, spent = time.perf_counter() - began, server.cpu - spent
         await sending

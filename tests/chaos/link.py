@@ -132,7 +132,7 @@ class Link:
                 if seq in self._undecided:
                     self._undecided.discard(seq)
                     self._settle(1)
-            case {"type": "error", "code": "replaced" | "shutting_down"} | {"type": "violation"}:
+            case {"type": "error", "code": "replaced" | "shutting_down"} | {"type": "violation" | "credit"}:
                 pass
             case _:
                 raise AssertionError(frame)
