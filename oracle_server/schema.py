@@ -95,6 +95,9 @@ LETTERS = {
 }
 OUTCOMES = {letter: outcome for outcome, letter in LETTERS.items()}
 
+UNDECIDED = frozenset({"timeout", "unavailable"})
+"""Why an adapter did something without a decision; what it did is told under the kind `unavailable`."""
+
 Row = tuple[Any, ...]
 _encode = msgspec.json.Encoder().encode
 
@@ -146,7 +149,7 @@ def records_of(row: Row, properties: list[str]) -> list[dict[str, Any]]:
             "order": r["ord"],
             "outcome": OUTCOMES[r["outcomes"][i]].value,
             "stream": r["stream"],
-            "kind": r["kind"],
+            "kind": "unavailable" if r["why"] in UNDECIDED else r["kind"],
             "monitor": r["monitor"],
             "seq": r["seq"],
             "stamp": r["stamp"],

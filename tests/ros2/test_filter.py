@@ -162,8 +162,8 @@ def test_without_an_oracle_messages_are_withheld_where_the_spec_says_so(tmp_path
         peer.until(lambda: heard)
         assert values(heard) == [2]
         first, second = settled(scene.server, 2)
-        assert (first["decision"], first["passed"]) == ("allow", False)
-        assert (second["decision"], second["passed"]) == ("allow", True)
+        assert (first["kind"], first["decision"], first["passed"]) == ("unavailable", "allow", False)
+        assert (second["kind"], second["decision"], second["passed"]) == ("topic", "allow", True)
 
 
 def test_a_message_without_a_stamp_is_of_the_time_it_was_published(tmp_path: Path) -> None:

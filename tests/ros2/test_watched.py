@@ -215,17 +215,18 @@ def says_after(later: Arrival, request: Arrival) -> bool:
     return later.buffer != "/battery_percentage" and later.stamp > request.stamp
 
 
-def test_a_server_killed_and_restarted_loses_nothing_and_judges_nothing_twice(tmp_path: Path) -> None:
+def test_a_server_killed_and_restarted_twice_loses_nothing_and_judges_nothing_twice(tmp_path: Path) -> None:
     def crash(flight: Flight) -> None:
-        flight.passes(30)
-        flight.server.kill()
-        flight.passes(50)
-        flight.adapter.said("disconnected")
-        flight.server.restart()
-        eventually(lambda: flight.server.session("s")["monitors"], lambda found: found and found[0]["connected"])
+        for attached, (last, first) in enumerate([(20, 40), (60, 80)], start=2):
+            flight.passes(last)
+            flight.server.kill()
+            flight.passes(first)
+            flight.server.restart()
+            eventually(lambda: flight.adapter.log.count("oracle: attached"), lambda count, n=attached: count == n)
 
     with landed(tmp_path, act=crash) as flight:
-        assert flight.adapter.log.count("oracle: attached") == 2
+        records = flight.server.records("s")
+        assert [record["n"] for record in records] == list(range(1, len(records) + 1))
         assert flight.negative(*CAUSES) == []
 
 

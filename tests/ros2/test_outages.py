@@ -1,0 +1,126 @@
+"""An oracle that is frozen for seconds, and messages that come fast, on real ROS 2."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.ros2.harness import Process, Scene, eventually, without_gaps
+
+msg = pytest.importorskip("std_msgs.msg")
+
+# rclpy imports an old lark with its first node, and warns by a function of its own that is deprecated.
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:module 'sre_:DeprecationWarning", "ignore:Deprecated in favor of:DeprecationWarning"
+)
+
+SPEC = """
+id: gate
+description: Numbers pass, but for multiples of 7
+ordering: {max_delay: 100ms}
+streams:
+  - topic: /number
+    type: std_msgs/msg/Int64
+    action: filter
+    intercept: publisher
+    on_unavailable: UNAVAILABLE
+    decide_within: WITHIN
+    signals: {seven: msg.data % 7 == 0}
+  - topic: /logged
+    type: std_msgs/msg/Int64
+properties:
+  - id: no_sevens
+    formula: 'not {topic: "/number", seven}'
+    guards: [/number]
+"""
+FROZEN = 5.0
+"""Seconds without the oracle."""
+
+
+@contextmanager
+def gate(folder: Path, unavailable: str, within: str) -> Iterator[tuple[Scene, Process]]:
+    specs = folder / "specs"
+    specs.mkdir()
+    (specs / "gate.yaml").write_text(SPEC.replace("UNAVAILABLE", unavailable).replace("WITHIN", within))
+    with Scene(folder, specs) as scene:
+        yield scene, scene.adapter("gate")
+
+
+def values(heard: list[Any]) -> list[int]:
+    return [said.data for said in heard]
+
+
+@pytest.mark.parametrize("unavailable", ["deny", "pass"])
+def test_a_frozen_oracle_is_done_without_as_the_spec_says_and_catches_up(unavailable: str, tmp_path: Path) -> None:
+    with gate(tmp_path, unavailable, "300ms") as (scene, adapter):
+        peer = scene.peer()
+        heard = peer.record(msg.Int64, "/number")
+        numbers, logged = peer.publisher(msg.Int64, "/number_mon"), peer.publisher(msg.Int64, "/logged")
+        peer.until(lambda: peer.node.count_publishers("/number") == 1)
+        count = 0
+
+        def publish() -> None:
+            nonlocal count
+            count += 1
+            numbers.publish(msg.Int64(data=count))
+            logged.publish(msg.Int64(data=count))
+
+        scene.server.process.send(signal.SIGSTOP)
+        end = time.monotonic() + FROZEN
+        while time.monotonic() < end:
+            publish()
+            after = time.monotonic() + 0.05
+            peer.until(lambda after=after: time.monotonic() > after)
+        without = count
+        adapter.said("passed a message|denied a message")
+        if unavailable == "pass":
+            peer.until(lambda: len(heard) == without, "not all passed")
+            assert values(heard) == list(range(1, without + 1)), "sevens pass too, and the order is kept"
+        scene.server.process.send(signal.SIGCONT)
+        adapter.said("the oracle is back after")
+
+        # Decided again: all but the sevens.
+        eventually(lambda: len(scene.server.events("s")), lambda found: found == 2 * without)
+        while count % 7 != 6:
+            publish()
+        publish()
+        publish()
+        peer.until(lambda: values(heard)[-1:] == [count])
+        assert count - 1 not in values(heard)[without:]
+        events = eventually(lambda: scene.server.events("s"), lambda found: len(found) == 2 * count)
+        assert without_gaps([event["seq"] for event in events])
+        asked = sorted((e for e in events if e["stream"] == "/number"), key=lambda event: event["seq"])
+        policy = unavailable == "pass"
+        for event in asked:  # those of the last moments were decided on in time
+            undecided = event["kind"] == "unavailable"
+            assert event["passed"] == (policy if undecided else event["decision"] == "allow")
+        assert sum(event["kind"] == "unavailable" for event in asked) > 1
+        assert values(heard) == [number for number, event in enumerate(asked, start=1) if event["passed"]]
+        assert scene.server.session("s")["counters"]["lost"] == 0
+        assert adapter.log.count("until the oracle is back") == adapter.log.count("the oracle is back after")
+        adapter.ends_well()
+
+
+def test_a_filtered_topic_at_1_khz_keeps_all_in_order(tmp_path: Path) -> None:
+    with gate(tmp_path, "deny", "60s") as (scene, adapter):
+        peer = scene.peer()
+        heard = peer.record(msg.Int64, "/number")
+        publisher = peer.publisher(msg.Int64, "/number_mon")
+        peer.until(lambda: peer.node.count_publishers("/number") == 1)
+        count = 2000
+        sent = iter(range(1, count + 1))
+        timer = peer.node.create_timer(0.001, lambda: publisher.publish(msg.Int64(data=next(sent, 0))))
+        peer.until(lambda: len(heard) >= count - count // 7)
+        peer.node.destroy_timer(timer)
+        assert values(heard)[: count - count // 7] == [n for n in range(1, count + 1) if n % 7]
+        events = eventually(lambda: scene.server.events("s"), lambda found: len(found) >= count)
+        assert without_gaps([event["seq"] for event in events])
+        counters = scene.server.session("s")["counters"]
+        assert (counters["lost"], counters["late"]) == (0, 0)
+        adapter.ends_well()
