@@ -13,7 +13,7 @@ from starlette.websockets import WebSocketDisconnect
 
 from oracle_server.core.errors import SpecError
 from oracle_server.core.stamps import stamp_in
-from oracle_server.core.verdicts import NEGATIVE, Judged, Outcome
+from oracle_server.core.verdicts import NEGATIVE, Judged, Outcome, worst
 from oracle_server.flat import decode_object, find_stream, flat_event
 from oracle_server.library import UnknownSpecError
 from oracle_server.live import LiveSession
@@ -25,7 +25,6 @@ from oracle_server.store import Store
 
 MONITOR = "legacy"
 """What a session calls the monitor that it serves: the protocol gives it no name."""
-_WORST_FIRST = (Outcome.FALSE, Outcome.CURRENTLY_FALSE, Outcome.UNKNOWN, Outcome.CURRENTLY_TRUE, Outcome.TRUE)
 _OURS = frozenset({"verdict", "spec", "error"})
 _STALLED = 5.0
 
@@ -153,9 +152,8 @@ class LegacyConnection:
 def verdict_of(judged: list[Judged]) -> dict[str, str]:
     """What a reply says of an event: the worst over the properties, and which ones are negative."""
     verdicts = [verdict for item in judged for verdict in item.verdicts]
-    worst = min((v.outcome for v in verdicts), key=_WORST_FIRST.index, default=Outcome.UNKNOWN)
     broken = [v.property for v in verdicts if v.outcome in NEGATIVE]
-    return {"verdict": worst.value} | ({"spec": ", ".join(broken)} if broken else {})
+    return {"verdict": worst(v.outcome for v in verdicts).value} | ({"spec": ", ".join(broken)} if broken else {})
 
 
 def answered(text: str | None, value: dict[str, Any], words: dict[str, str]) -> str:
