@@ -9,7 +9,7 @@ from fastapi import APIRouter, Body, FastAPI, HTTPException, Query, Request, Res
 from pydantic import BaseModel, ConfigDict
 from starlette.requests import ClientDisconnect
 
-from oracle_server import __version__, pages, problems, stream
+from oracle_server import __version__, metrics, pages, problems, stream
 from oracle_server.access import demand, demand_session, demand_spec, grant_of, unknown_session
 from oracle_server.connection import Connection
 from oracle_server.core.errors import SpecError
@@ -21,6 +21,7 @@ from oracle_server.library import Entry, Library, UnknownSpecError
 from oracle_server.protocol import Identifier
 from oracle_server.registry import Registry, SessionExistsError
 from oracle_server.store import Store
+from oracle_server.watchdog import Watchdog
 
 Page = dict[str, Any]
 Nanoseconds = Annotated[int | None, Query(ge=0, lt=2**63)]
@@ -36,20 +37,29 @@ class NewSession(BaseModel):
 
 
 def build_app(
-    registry: Registry, library: Library, store: Store, *, legacy: str | None = None, max_rate: float = 0
+    registry: Registry,
+    library: Library,
+    store: Store,
+    watchdog: Watchdog,
+    *,
+    legacy: str | None = None,
+    max_rate: float = 0,
 ) -> FastAPI:
     """The app over a server's parts.
 
     `legacy` is the spec of the old monitors that name none; each monitor may send `max_rate` events a second, 0 for any
     number.
     """
-    app = FastAPI(title="oracle-server", version=__version__, docs_url=None, redoc_url=None)
+    app = FastAPI(
+        title="oracle-server", version=__version__, docs_url=None, redoc_url=None, responses=problems.RESPONSES
+    )
     problems.install(app)
     app.include_router(_health(store))
     app.include_router(_specs(library), prefix="/api/v1", tags=["specs"])
     app.include_router(_sessions(registry), prefix="/api/v1", tags=["sessions"])
     app.include_router(_verdicts(registry, store), prefix="/api/v1", tags=["verdicts"])
     app.include_router(stream.router(registry, store), prefix="/api/v1", tags=["verdicts"])
+    app.include_router(metrics.router(registry, store, watchdog))
     app.include_router(pages.router())
 
     app.include_router(legacy_routes(registry, store, legacy))

@@ -6,7 +6,8 @@ import json
 import os
 import ssl
 import sys
-from collections.abc import Sequence
+import time
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import httpx
@@ -17,6 +18,9 @@ from oracle_server.core.errors import OracleError
 from oracle_server.tokens import Token
 
 _WITHIN = 10.0
+_SILENT = 60.0
+"""Seconds without a sign of life, of which there is one every 15, after which a stream is opened anew."""
+_RECONNECT_AFTER = 1.0
 
 
 class ServerUnreachableError(OracleError):
@@ -39,14 +43,44 @@ class Client:
             response = self._http.get(path, params={k: v for k, v in query.items() if v is not None})
             document: dict[str, Any] = response.json()
         except (httpx.HTTPError, httpx.InvalidURL) as error:
-            raise ServerUnreachableError(
-                f"{self._url}: can't be reached ({error}); start it with `oracle-server serve`, or set ORACLE_URL"
-            ) from None
+            raise self._unreachable(error) from None
         except ValueError:
             raise ServerUnreachableError(f"{self._url}: answers, but not as an oracle server") from None
         if response.is_error:
             raise ServerUnreachableError(f"{self._url}: {document.get('detail', response.reason_phrase)}")
         return document
+
+    def _unreachable(self, error: Exception) -> ServerUnreachableError:
+        return ServerUnreachableError(
+            f"{self._url}: can't be reached ({error}); start it with `oracle-server start`, or set ORACLE_URL"
+        )
+
+    def events(self, path: str, **query: Any) -> Iterator[dict[str, Any]]:
+        """What a stream tells, over as many connections as it takes, until it says that it is closed.
+
+        Raises `ServerUnreachableError` where there is no such stream, or no server any more.
+        """
+        last = 0
+        while True:
+            headers = {"Last-Event-ID": str(last)}
+            try:
+                with self._http.stream("GET", path, params=query, headers=headers, timeout=_SILENT) as response:
+                    if response.is_error:
+                        response.read()
+                        raise ServerUnreachableError(f"{self._url}: {_detail(response)}")
+                    for line in response.iter_lines():
+                        name, _, value = line.partition(": ")
+                        if (name, value) == ("event", "closed"):
+                            return
+                        if name == "id":
+                            last = int(value)
+                        elif name == "data":
+                            yield json.loads(value)
+            except (httpx.RemoteProtocolError, httpx.ReadError, httpx.ReadTimeout):
+                pass  # it was cut: the next one goes on where this one ended
+            except (httpx.HTTPError, httpx.InvalidURL) as error:
+                raise self._unreachable(error) from None
+            time.sleep(_RECONNECT_AFTER)
 
     def pages(self, path: str, **query: Any) -> list[dict[str, Any]]:
         """All the items behind a paged address."""
@@ -58,6 +92,13 @@ class Client:
             after = page["next"]
             if after is None:
                 return items
+
+
+def _detail(response: httpx.Response) -> str:
+    try:
+        return str(response.json()["detail"])
+    except (ValueError, LookupError, TypeError):
+        return response.reason_phrase
 
 
 def _tls() -> ssl.SSLContext:
@@ -103,6 +144,14 @@ def show_verdicts(client: Client, session: str, properties: list[str], outcomes:
     if violations:
         sys.stdout.write("\n")
         _show({}, _RECORD, [_record_row(r) for r in violations], as_json=False)
+
+
+def follow_verdicts(client: Client, session: str, properties: list[str], outcomes: list[str], *, as_json: bool) -> None:
+    """Print a session's verdict records, a line each, as they come."""
+    for record in client.events(f"sessions/{session}/stream", property=properties, outcome=outcomes):
+        line = json.dumps(record) if as_json else "  ".join(_record_row(record)).rstrip()
+        sys.stdout.write(line + "\n")
+        sys.stdout.flush()
 
 
 def show_tokens(tokens: Sequence[Token], *, as_json: bool) -> None:

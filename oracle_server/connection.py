@@ -80,6 +80,11 @@ class Connection:
         elif len(self._queue) > MAX_QUEUE and self._backlog is None:
             self._backlog = asyncio.get_running_loop().call_later(_STALLED, self._look_again)
 
+    @property
+    def queued(self) -> int:
+        """Frames that wait for the monitor to read them."""
+        return len(self._queue)
+
     def _look_again(self) -> None:
         self._backlog = None
         if len(self._queue) > MAX_QUEUE:
@@ -121,6 +126,8 @@ class Connection:
         finally:
             self._stalled.stop()
             if self._session and self._monitor:
+                reason = self._end[1] if self._end else ""
+                log.info("monitor gone", session=self._session.id, monitor=self._monitor.name, reason=reason or "left")
                 self._session.disconnected(self._monitor, self)
 
     def _give_up(self) -> None:
@@ -207,6 +214,7 @@ class Connection:
             raise WireError("bad_attach", "the first frame must be `attach`", fatal=True)
         self._check_grant(wanted)
         self._session, self._monitor = await self._registry.attach(wanted, self)
+        self._registry.tally.opened += 1
         log.info("monitor attached", session=self._session.id, monitor=self._monitor.name)
         await self._store.flush()  # once it is told, a restarted server must know that it is waited for
         # before anything that was queued since: the monitor knows nothing yet
@@ -260,6 +268,7 @@ class Connection:
     async def _rest(self) -> None:
         """Let the others have their turn, and a longer one where this monitor is too fast."""
         pause = self._throttle.pause()
+        self._registry.tally.throttled += pause > 0
         if pause and not self._throttled:
             self._throttled = True
             self.send(WireError("throttled", "more events than may come; the rest is read more slowly").frame())

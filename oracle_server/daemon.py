@@ -26,6 +26,7 @@ LOG = "server.log"
 NOT_RUNNING = 3
 """The exit status of `status` where no server runs."""
 _LOOK_EVERY = 0.05
+_ON_THE_COMMAND_LINE = ("specs", "host", "port", "tls_cert", "tls_key", "tls_client_ca", "insecure")
 
 
 class DaemonError(OracleError):
@@ -106,15 +107,9 @@ def _state(server: Running | None) -> str:
 
 def _environment(settings: Settings, log: Path) -> dict[str, str]:
     """The environment of this process, with every setting in it that was given here."""
-    given = {name: getattr(settings, name) for name in settings.model_fields_set} | {
-        "data_dir": settings.data_dir.absolute(),
-        "log_file": log.absolute(),
-    }
-    return os.environ | {f"ORACLE_{name.upper()}": _text(value) for name, value in given.items() if value is not None}
-
-
-def _text(value: object) -> str:
-    return json.dumps(value) if isinstance(value, list | tuple | bool) else str(value)
+    given = {name: getattr(settings, name) for name in _ON_THE_COMMAND_LINE}
+    given |= {"data_dir": settings.data_dir.absolute(), "log_file": log.absolute()}
+    return os.environ | {f"ORACLE_{name.upper()}": str(value) for name, value in given.items() if value is not None}
 
 
 def _open_log(log: Path) -> IO[bytes]:

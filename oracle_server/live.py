@@ -32,6 +32,7 @@ from oracle_server.restore import Restored
 from oracle_server.schema import step_row
 from oracle_server.standing import Frame, Standing
 from oracle_server.store import Store
+from oracle_server.tally import Tally
 
 log = structlog.get_logger()
 
@@ -49,7 +50,7 @@ class LiveSession:
     """One open session. All methods run on the event loop's thread, and none awaits."""
 
     def __init__(
-        self, identity: Identity, core: Session, store: Store, clock: Clock, resume_within: float,
+        self, identity: Identity, core: Session, store: Store, clock: Clock, tally: Tally, resume_within: float,
         on_over: Callable[[LiveSession], None],
     ) -> None:  # fmt: skip
         """Run a session; `on_over` is called when it is to be closed: its last monitor gone, or its time gone back."""
@@ -60,11 +61,11 @@ class LiveSession:
         self.position = 0
         self.refused = 0
         self.closing = False
-        self.news = News()
-        """Tells of each commit."""
+        self.news = News()  # told at each commit
         self.clock_went_back = False
         """Whether its simulation began anew, so that it takes nothing more."""
-        self._store, self._clock, self._resume_within, self._on_over = store, clock, resume_within, on_over
+        self._store, self._clock, self._tally = store, clock, tally
+        self._resume_within, self._on_over = resume_within, on_over
         self._gaps: dict[tuple[str, int], int] = {}
         self._unwritten: list[Judged] = []
         self._standing = Standing(next(iter(core.judges.values())))
@@ -306,6 +307,7 @@ class LiveSession:
                 answer = monitor.answers[item.step.event.seq] = _decision(item)
                 if monitor.outbox:
                     monitor.outbox.send(answer)
+                self._tally.decisions.add(self._clock.now() - item.step.event.arrived)
         if judged:
             if not self._unwritten:
                 asyncio.get_running_loop().call_soon(self._write)
@@ -332,6 +334,7 @@ class LiveSession:
             rows.append(step_row(self.number, self.position, gap, item, outcome))
             violations += [{"type": "violation", **record(item, v)} for v in item.verdicts if v.explanation]
         if rows:
+            self._tally.judged(rows)
             standing = self._standing.changed(self._last_verdict)
             self._store.append("steps", rows, lambda: self._committed(settled, violations, standing))
 

@@ -8,6 +8,7 @@ from typing import Any
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
+from pydantic import BaseModel
 from starlette.exceptions import HTTPException
 from starlette.types import Receive, Scope, Send
 
@@ -18,6 +19,23 @@ def problem(status: int, detail: str, **more: Any) -> JSONResponse:
     """An error as a response."""
     body = {"type": "about:blank", "title": HTTPStatus(status).phrase, "status": status, "detail": detail, **more}
     return JSONResponse(body, status, media_type="application/problem+json")
+
+
+class Problem(BaseModel):
+    """An error, as RFC 9457 has it; `errors` are its places, in a spec or in a request."""
+
+    type: str
+    title: str
+    status: int
+    detail: str
+    errors: list[dict[str, Any]] | None = None
+
+
+_CONTENT = {"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}}
+RESPONSES: dict[int | str, dict[str, Any]] = {
+    "4XX": {"description": "The request can't be answered", "model": Problem, "content": _CONTENT},
+    "5XX": {"description": "The server can't answer at the moment", "content": _CONTENT},
+}
 
 
 async def refuse(

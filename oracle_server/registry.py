@@ -27,6 +27,7 @@ from oracle_server.schema import Row
 from oracle_server.specfile import parse_spec
 from oracle_server.state import session_state
 from oracle_server.store import Store
+from oracle_server.tally import Tally
 
 _OPENED = "number, id, spec, text, digest, properties, private, opened, asked"
 
@@ -56,6 +57,7 @@ class Registry:
     def __init__(self, store: Store, library: Library, clock: Clock, resume_within: float) -> None:
         """Hold no sessions yet; `resume_within` is how long, in seconds, a lost monitor keeps its place."""
         self.open: dict[str, LiveSession] = {}
+        self.tally = Tally()
         self._store, self._library, self._clock, self._resume_within = store, library, clock, resume_within
         self._opening = asyncio.Lock()
         self._closing: set[asyncio.Task[None]] = set()
@@ -129,6 +131,7 @@ class Registry:
         self._store.execute(sql, (now, msgspec.json.encode(state).decode(), session.number))
         await self._store.flush()
         self.open.pop(session.id, None)
+        self.tally.closed(session)
         session.news.end()
         if session.clock_went_back:
             reason = _ended(session.id, successor)
@@ -197,10 +200,11 @@ class Registry:
         restored = await asyncio.to_thread(restore, self._store, number, ready)
         live = self._live(Identity(session_id, number, bool(private), opened), restored.core)
         live.resume(restored)
+        self.tally.restored(live)
         log.info("session restored", session=session_id, steps=restored.position)
 
     def _live(self, identity: Identity, core: Session) -> LiveSession:
-        live = LiveSession(identity, core, self._store, self._clock, self._resume_within, self._on_over)
+        live = LiveSession(identity, core, self._store, self._clock, self.tally, self._resume_within, self._on_over)
         self.open[live.id] = live
         return live
 

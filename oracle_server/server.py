@@ -22,6 +22,7 @@ from oracle_server.api import build_app
 from oracle_server.bodies import Bodies
 from oracle_server.clock import Clock
 from oracle_server.core.errors import OracleError
+from oracle_server.core.spec import Retention
 from oracle_server.gate import Gate
 from oracle_server.library import Library
 from oracle_server.logs import set_up_logs
@@ -29,6 +30,7 @@ from oracle_server.notify import notify
 from oracle_server.pidfile import PidFile
 from oracle_server.protocol import MAX_FRAME
 from oracle_server.registry import Registry
+from oracle_server.retention import Pruner
 from oracle_server.settings import Settings
 from oracle_server.store import Store
 from oracle_server.tokens import Tokens
@@ -83,10 +85,13 @@ async def _serve(settings: Settings, library: Library, store: Store, door: _Door
     tls = door.tls
     store.start(asyncio.get_running_loop())
     (latest,) = store.read("SELECT max(judged) FROM steps")[0]
-    registry = Registry(store, library, Clock(at_least=latest or 0), settings.resume_within)
-    with Watchdog():
+    clock = Clock(at_least=latest or 0)
+    registry = Registry(store, library, clock, settings.resume_within)
+    bounds = Retention(settings.retain_age, settings.retain_events, settings.retain_size)
+    pruner = Pruner(store, library, clock, bounds)
+    with Watchdog() as watchdog:
         await registry.restore_all()
-        app = build_app(registry, library, store, legacy=settings.legacy, max_rate=settings.max_rate)
+        app = build_app(registry, library, store, watchdog, legacy=settings.legacy, max_rate=settings.max_rate)
         config = uvicorn.Config(
             _guarded(app, settings, door.tokens),
             http=bounded(settings.max_connections),
@@ -103,7 +108,11 @@ async def _serve(settings: Settings, library: Library, store: Store, door: _Door
             timeout_graceful_shutdown=_STOP_WITHIN,
             ssl_context_factory=(lambda *_: tls) if tls else None,
         )
-        await _Server(config, registry, settings, door.pid_file).serve(sockets=[door.listener])
+        pruning = asyncio.create_task(pruner.run(settings.retain_check))
+        try:
+            await _Server(config, registry, settings, door.pid_file).serve(sockets=[door.listener])
+        finally:
+            pruning.cancel()
 
 
 def _guarded(app: ASGIApp, settings: Settings, tokens: Tokens) -> Gate:

@@ -6,10 +6,11 @@ import os
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from oracle_server.core.errors import OracleError
+from oracle_server.specmodel import duration, size
 
 TOKEN_FILE = "tokens.json"  # noqa: S105 -- the name of a file
 
@@ -44,6 +45,14 @@ class Settings(BaseSettings):
     """Whether a bind beyond loopback may go without tokens or TLS."""
     allowed_hosts: str = ""
     """Names, separated by commas, that the server may be called by besides its addresses and those of loopback."""
+    retain_age: Annotated[int, BeforeValidator(duration)] | None = None
+    """How long a closed session's history is kept, such as `720h`; in nanoseconds once it is read."""
+    retain_events: Annotated[int, Field(ge=1)] | None = None
+    """Events of which the history is kept; closed sessions make room, the oldest first."""
+    retain_size: Annotated[int, BeforeValidator(size)] | None = None
+    """How large the history may grow, such as `2GB`; in bytes once it is read."""
+    retain_check: Annotated[float, Field(gt=0)] = 60.0
+    """Seconds between two looks at what need not be kept any longer."""
     max_connections: Annotated[int, Field(ge=1, le=100_000)] = 2_000
     max_rate: Annotated[float, Field(ge=0)] = 20_000.0
     """Events a second that one monitor may send on average; 0 for any number."""

@@ -16,7 +16,7 @@ from oracle_server.core.errors import Finding, FormulaError, Problem, SpecError
 from oracle_server.core.formula.parse import parse_formula
 from oracle_server.core.hazards import inspect
 from oracle_server.core.ros import Ros, ros_hazards
-from oracle_server.core.spec import Ordering, Property, Spec, StreamSpec
+from oracle_server.core.spec import Ordering, Property, Retention, Spec, StreamSpec
 from oracle_server.engines.choice import refusal
 from oracle_server.specmodel import PropertyModel, ServiceModel, SpecModel, TopicModel
 from oracle_server.yamltext import MAX_TEXT, Document, read_yaml
@@ -89,13 +89,14 @@ def _property(document: Document, index: int, model: PropertyModel, findings: li
 def _spec(model: SpecModel, properties: tuple[Property, ...]) -> Spec:
     streams = tuple(stream for m in model.streams for stream in _streams(m))
     ordering = Ordering(**model.ordering.model_dump())
+    retention = Retention(**model.retention.model_dump())
     meaning = model.model_dump(
         mode="json",
         warnings="none",
-        exclude={"description": True, "properties": {"__all__": {"description"}}},
+        exclude={"description": True, "retention": True, "properties": {"__all__": {"description"}}},
     )
     digest = hashlib.sha256(json.dumps(meaning, sort_keys=True).encode()).hexdigest()
-    return Spec(model.id, streams, properties, ordering, model.description, digest)
+    return Spec(model.id, streams, properties, ordering, model.description, digest, retention)
 
 
 def _streams(model: TopicModel | ServiceModel) -> Iterator[StreamSpec]:

@@ -6,11 +6,13 @@ import re
 from fractions import Fraction
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, StrictBool, StrictStr, Tag
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, StrictBool, StrictInt, StrictStr, Tag
 
 from oracle_server.core.formula.parse import NANOSECONDS
 
 _DURATION = re.compile(r"(\d{1,12}(?:\.\d{1,9})?)(ns|us|ms|s|min|h)")
+_SIZE = re.compile(r"(\d{1,9})(k|M|G)B")
+_UNITS = {"k": 10**3, "M": 10**6, "G": 10**9}
 _LONGEST = 10**18
 
 
@@ -25,6 +27,14 @@ def duration(value: object) -> int:
     return int(exact)
 
 
+def size(value: object) -> int:
+    """Bytes of a size such as `500MB` or `2GB`. Raises ValueError for anything else."""
+    match = _SIZE.fullmatch(value) if isinstance(value, str) else None
+    if match is None:
+        raise ValueError(f"expected a size such as 500MB or 2GB, found {value!r}")
+    return int(match[1]) * _UNITS[match[2]]
+
+
 def _delay(value: object) -> int | None:
     return None if value == "none" else duration(value)
 
@@ -35,6 +45,7 @@ def _ros_type(value: object) -> object:
 
 
 Duration = Annotated[int, BeforeValidator(duration)]
+Size = Annotated[int, BeforeValidator(size)]
 Delay = Annotated[int | None, BeforeValidator(_delay)]
 Identifier = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,64}$")]
 RosName = Annotated[str, Field(pattern=r"^[~/A-Za-z][A-Za-z0-9_/{}~]*$", max_length=255)]
@@ -114,11 +125,20 @@ class PropertyModel(_Model):
     url: Annotated[str, Field(pattern=r"^wss?://")] | None = None
 
 
+class RetentionModel(_Model):
+    """How much history of closed sessions of this spec is kept."""
+
+    age: Duration | None = None
+    events: Annotated[StrictInt, Field(ge=1)] | None = None
+    size: Size | None = None
+
+
 class SpecModel(_Model):
     """A whole file."""
 
     id: Identifier
     description: StrictStr = ""
     ordering: OrderingModel = OrderingModel()
+    retention: RetentionModel = RetentionModel()
     streams: Annotated[list[StreamModel], Field(min_length=1)]
     properties: Annotated[list[PropertyModel], Field(min_length=1)]

@@ -10,6 +10,8 @@ import asyncio
 import contextlib
 import sqlite3
 import threading
+import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,7 +20,8 @@ from typing import Any, Literal
 import structlog
 
 from oracle_server.core.errors import OracleError
-from oracle_server.schema import DDL, REFUSED_COLUMNS, STEP_COLUMNS, VERSION, Row
+from oracle_server.migrations import migrate
+from oracle_server.schema import REFUSED_COLUMNS, STEP_COLUMNS, VERSION, Row
 
 Durability = Literal["full", "normal"]
 MAX_PENDING = 20_000
@@ -64,6 +67,7 @@ class Store:
         self._wake = threading.Condition()
         self._stopping = False
         self._pending = 0
+        self._uncommitted: deque[float] = deque()
         self._thread = threading.Thread(target=self._run, name="history writer", daemon=True)
         self.failure: str | None = None
         """Why the history can't be written at the moment."""
@@ -77,6 +81,16 @@ class Store:
     async def room(self) -> None:
         """Wait until no more than `MAX_PENDING` rows wait for the disk."""
         await self._room.wait()
+
+    @property
+    def pending(self) -> int:
+        """Rows that wait for the disk."""
+        return self._pending
+
+    @property
+    def lag(self) -> float:
+        """Seconds for which the oldest row has waited for its commit."""
+        return time.monotonic() - self._uncommitted[0] if self._uncommitted else 0.0
 
     def append(self, table: Literal["steps", "refused"], rows: Sequence[Row], done: Callable[[], None]) -> None:
         """Insert rows with the next commit, and call `done` after it."""
@@ -107,6 +121,8 @@ class Store:
             return reader.execute(sql, values).fetchall()
 
     def _add(self, what: str, values: Any, done: Callable[[], None] | None, size: int) -> None:
+        if not self._batch.work:
+            self._uncommitted.append(time.monotonic())
         self._batch.work.append((what, values))
         self._batch.size += size
         if done is not None:
@@ -176,6 +192,7 @@ class Store:
             raise
 
     def _committed(self, batch: _Batch) -> None:
+        self._uncommitted.popleft()
         self._hand_over()
         self._pending -= batch.size
         if self._pending <= MAX_PENDING:
@@ -210,7 +227,6 @@ def _insert(writer: sqlite3.Connection, table: str, rows: list[Row]) -> None:
 def _prepare(writer: sqlite3.Connection, durability: Durability) -> None:
     writer.execute("PRAGMA journal_mode = WAL")
     writer.execute(f"PRAGMA synchronous = {durability.upper()}")
-    (version,) = writer.execute("PRAGMA user_version").fetchone()
+    version = migrate(writer)
     if version not in (0, VERSION):
-        raise StoreError(f"the history has format {version}, and this version of the server reads {VERSION}")
-    writer.executescript(f"BEGIN; {DDL} PRAGMA user_version = {VERSION}; COMMIT;")
+        log.info("the history was brought to a newer format", was=version, now=VERSION)

@@ -75,6 +75,15 @@ class Property:
 
 
 @dataclass(frozen=True)
+class Retention:
+    """How much history of closed sessions is kept: for so long (ns), so many events, so many bytes; None for any."""
+
+    age: int | None = None
+    events: int | None = None
+    size: int | None = None
+
+
+@dataclass(frozen=True)
 class Spec:
     """Streams to observe and properties that judge them; `digest` is equal for specs of equal meaning."""
 
@@ -84,6 +93,7 @@ class Spec:
     ordering: Ordering = field(default_factory=Ordering)
     description: str = ""
     digest: str = ""
+    retention: Retention = Retention()
 
     @cached_property
     def by_key(self) -> Mapping[StreamKey, StreamSpec]:
