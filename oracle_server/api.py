@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, Body, FastAPI, HTTPException, Query, Request, Response, WebSocket
 from pydantic import BaseModel, ConfigDict
 from starlette.requests import ClientDisconnect
+from starlette.responses import StreamingResponse
 
 from oracle_server import __version__, metrics, pages, problems, stream
 from oracle_server.access import demand, demand_session, demand_spec, grant_of, unknown_session
@@ -18,8 +19,9 @@ from oracle_server.history import Query as Question
 from oracle_server.history import find
 from oracle_server.legacy import legacy_routes
 from oracle_server.library import Entry, Library, UnknownSpecError
-from oracle_server.protocol import Identifier
+from oracle_server.protocol import Identifier, encode
 from oracle_server.registry import Registry, SessionExistsError
+from oracle_server.sessiontrace import trace_lines
 from oracle_server.store import Store
 from oracle_server.watchdog import Watchdog
 
@@ -220,6 +222,15 @@ def _verdicts(registry: Registry, store: Store) -> APIRouter:
             frozenset(property), frozenset(), stream, since, until, after, limit, order, violations=True
         )
         return await page(request, session_id, question)
+
+    @router.get("/sessions/{session_id}/trace", response_class=StreamingResponse)
+    async def get_trace(session_id: str) -> StreamingResponse:
+        """Give what was judged as JSON Lines that `replay` takes: the events in the order of their arrival."""
+        known = registry.known(session_id)
+        if known is None:
+            _unknown(session_id)
+        lines = (encode(line) + "\n" for line in trace_lines(store, known.number))
+        return StreamingResponse(lines, media_type="application/jsonl")
 
     return router
 

@@ -31,6 +31,15 @@ class By(StrEnum):
     BOTH = "both"
 
 
+class Form(StrEnum):
+    """What a report is written as."""
+
+    TEXT = "text"
+    JSONL = "jsonl"
+    CSV = "csv"
+    JUNIT = "junit"
+
+
 @app.callback(invoke_without_command=True)
 def _root(
     context: typer.Context, version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False
@@ -77,15 +86,18 @@ def check(
 
 @app.command()
 def replay(
-    spec: Annotated[Path, typer.Argument(metavar="SPEC", help="A spec file.")],
-    trace: Annotated[Path, typer.Argument(metavar="TRACE", help="A recorded trace (.jsonl).")],
+    specs: Annotated[list[Path], typer.Argument(metavar="SPEC…", help="Spec files.")],
+    trace: Annotated[Path, typer.Argument(metavar="TRACE", help="A recording: .jsonl, .bag, .mcap, ROS 2 bag folder.")],
     by: Annotated[By | None, typer.Option(help="The order to judge in; default: as the spec says.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print a verdict record a line, and a summary.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="The same as --format jsonl.")] = False,
+    form: Annotated[Form, typer.Option("--format", help="What to print.")] = Form.TEXT,
+    types: Annotated[list[Path] | None, typer.Option(help="A folder with .msg files, for bags without.")] = None,
 ) -> None:
-    """Judge a recorded trace offline, through the same session code as the server."""
+    """Judge a recording offline, through the same session code as the server."""
     from oracle_server.report import run_replay
 
-    raise typer.Exit(run_replay(spec, trace, by.value if by else None, as_json=as_json))
+    chosen = Form.JSONL if as_json else form
+    raise typer.Exit(run_replay(specs, trace, by.value if by else None, chosen.value, types or []))
 
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
@@ -205,6 +217,20 @@ def verdicts(
         follow_verdicts(Client(url, token), session, property_ or [], outcome or [], as_json=as_json)
         return
     show_verdicts(Client(url, token), session, property_ or [], outcome or [], as_json=as_json)
+
+
+@app.command()
+def record(
+    session: Annotated[str, typer.Argument(metavar="SESSION")],
+    out: Annotated[Path, typer.Option("--output", "-o", help="The file to write, .mcap or .jsonl.")],
+    url: Url = _DEFAULT_URL,
+    token: Token = None,
+) -> None:
+    """Store what the monitors of a session sent, for `replay`."""
+    from oracle_server.client import Client
+    from oracle_server.recorder import record_session
+
+    record_session(Client(url, token), session, out)
 
 
 tokens = typer.Typer(help="Who may use the server: tokens, of which it keeps hashes only.", add_completion=False)

@@ -82,6 +82,17 @@ class Client:
                 raise self._unreachable(error) from None
             time.sleep(_RECONNECT_AFTER)
 
+    def lines(self, path: str) -> Iterator[bytes]:
+        """The lines of a document in JSON Lines. Raises `ServerUnreachableError`."""
+        try:
+            with self._http.stream("GET", path) as response:
+                if response.is_error:
+                    response.read()
+                    raise ServerUnreachableError(f"{self._url}: {_detail(response)}")
+                yield from (line.encode() for line in response.iter_lines())
+        except (httpx.HTTPError, httpx.InvalidURL) as error:
+            raise self._unreachable(error) from None
+
     def pages(self, path: str, **query: Any) -> list[dict[str, Any]]:
         """All the items behind a paged address."""
         items: list[dict[str, Any]] = []

@@ -1,75 +1,125 @@
-"""A recorded trace through the same session as a live one."""
+"""A recording through the same session as a live one."""
 
 from __future__ import annotations
 
+import heapq
+import itertools
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-from oracle_server.core.plan import plan
-from oracle_server.core.session import Session
+from oracle_server.comparison import Comparison
+from oracle_server.core.events import Event, Step
+from oracle_server.core.plan import Plan, Projects, plan
+from oracle_server.core.session import Session, orders
 from oracle_server.core.spec import By, Spec
 from oracle_server.core.verdicts import Judged
 from oracle_server.engines.choice import make_engines
-from oracle_server.trace import Trace
+from oracle_server.recorded import Place, Projected, Recorded, Recording
 
 _FOR_EVER = 2**63
 
 
 class Replay:
-    """Judges a trace against a spec; iterate it for what was judged, then ask for the summary."""
+    """Judges a recording against a spec; iterate it for what was judged, then ask for the summary.
 
-    def __init__(self, spec: Spec, trace: Trace, by: By | None = None) -> None:
+    A session's own trace is judged again in the order in which it was judged, unless another one is asked for.
+    """
+
+    def __init__(self, spec: Spec, recording: Recording, by: By | None = None) -> None:
         """`by` overrides the order that the spec asks for."""
         ordering = replace(spec.ordering, by=by) if by else spec.ordering
         self.spec = replace(spec, ordering=ordering)
         self.events = 0
-        self._trace = trace
+        self.comparison = Comparison(orders(self.spec)[0])
+        self.passed: dict[tuple[str, int], bool] = {}
+        """What an adapter did with the events that are not judged yet."""
+        self._recording = recording
+        self._anew = by is not None
         self._session: Session | None = None
 
     def __iter__(self) -> Iterator[Judged]:
-        """What is judged, in order. Raises `TraceError` where the trace can't be used."""
+        """What is judged, in order. Raises `TraceError` where the recording can't be used."""
+        recorded = iter(self._recording)
+        first = next(recorded, None)
+        if first is None:
+            return
+        judge = self._again if first.places and not self._anew else self._as_new
+        for item in judge(first, recorded):
+            self.comparison.judged(item)
+            yield item
+
+    def _as_new(self, first: Recorded, rest: Iterator[Recorded]) -> Iterator[Judged]:
+        session = self._session = self._open()
         monitors: set[str] = set()
-        for event in self._trace:
-            session = self._session = self._session or self._open()
-            self.events += 1
+        for recorded in itertools.chain((first,), rest):
+            event = self._take(recorded)
             if event.monitor not in monitors:
                 monitors.add(event.monitor)
-                session.attach(event.monitor, self.spec.by_key, event.arrived)
+                yield from session.attach(event.monitor, self.spec.by_key, event.arrived)
             yield from session.ingest(event)
-        if self._session is not None:
-            yield from self._session.finish(self._session.now)
+        yield from session.finish(session.now)
+
+    def _again(self, first: Recorded, rest: Iterator[Recorded]) -> Iterator[Judged]:
+        """Judge in the recorded order: what was judged before an event arrived comes before what it brought about."""
+        used = {place.order for place in first.places}
+        ordering = replace(self.spec.ordering, by="both" if len(used) > 1 else used.pop())
+        self.spec = replace(self.spec, ordering=ordering)
+        session = self._session = self._open()
+        waiting: list[tuple[int, Place, Step]] = []
+        for recorded in itertools.chain((first,), rest):
+            event = self._take(recorded)
+            while waiting and waiting[0][1].judged < event.arrived:
+                yield _rejudge(session, *heapq.heappop(waiting)[1:])
+            signals, failed = session.plan.streams[event.stream].project(event.data)
+            step = Step(event, signals, failed, event.stamp or event.arrived)
+            for place in recorded.places:
+                heapq.heappush(waiting, (place.position, place, step))
+        while waiting:
+            yield _rejudge(session, *heapq.heappop(waiting)[1:])
+
+    def _take(self, recorded: Recorded) -> Event:
+        event = recorded.event
+        self.events += 1
+        if recorded.passed is not None:
+            self.passed[event.monitor, event.seq] = recorded.passed
+        if recorded.verdict is not None:
+            self.comparison.told(event, recorded.verdict)
+        return event
 
     def _open(self) -> Session:
         """A session; where the trace does not say when events arrived, no time passes and nothing is too far ahead."""
         spec = self.spec
-        if not self._trace.clocked:
+        if not self._recording.clocked:
             ordering = replace(spec.ordering, max_delay=None, max_skew=_FOR_EVER, capacity=_FOR_EVER)
             spec = replace(spec, ordering=ordering)
-        ready = plan(spec)
+        ready = _projected(plan(spec))
         return Session(ready, make_engines(ready))
 
     @property
     def violated(self) -> bool:
         """Whether any property became negative."""
-        return any(state["violations"] for state in self._states().values())
+        return any(state["violations"] for state in self.states().values())
 
     def summary(self) -> dict[str, Any]:
         """The counts of the whole run, and how each property stands at its end.
 
         With both orders, a property judged by arrival is listed as `name (arrival)`.
         """
-        states = self._states()
+        states = self.states()
         counters = [judge.counters for judge in self._session.judges.values()] if self._session else []
-        return {
+        summary = {
+            "spec": self.spec.id,
             "events": self.events,
-            "ignored": sum(self._trace.ignored.values()),
+            "ignored": sum(self._recording.ignored.values()),
             "violations": sum(state["violations"] for state in states.values()),
             "late": sum(c.late for c in counters),
             "properties": states,
         }
+        return summary | self.comparison.summary()
 
-    def _states(self) -> dict[str, dict[str, Any]]:
+    def states(self) -> dict[str, dict[str, Any]]:
+        """How each property stands."""
         if self._session is None:
             blank = {"outcome": "unknown", "first_violation": None, "violations": 0, "unknown": 0}
             return {p.id: dict(blank) for p in self.spec.properties}
@@ -84,3 +134,29 @@ class Replay:
             for order, judge in self._session.judges.items()
             for state in judge.properties
         }
+
+
+def _rejudge(session: Session, place: Place, step: Step) -> Judged:
+    if place.degraded:
+        session.judges[place.order].degrade()
+    placed = Step(
+        step.event, step.signals, step.failed, step.stamp, place.skewed, place.late, place.forced, place.skipped
+    )
+    return session.rejudge(place.order, placed, place.judged)
+
+
+class _Given:
+    """Takes signals as they were recorded, and works them out where the message was."""
+
+    def __init__(self, project: Projects) -> None:
+        self._project, self.fields = project, project.fields
+
+    def __call__(self, message: object) -> tuple[dict[str, Any], frozenset[str]]:
+        if isinstance(message, Projected):
+            return dict(message.signals), message.failed
+        return self._project(message)
+
+
+def _projected(ready: Plan) -> Plan:
+    streams = {key: replace(stream, project=_Given(stream.project)) for key, stream in ready.streams.items()}
+    return replace(ready, streams=streams)

@@ -1,85 +1,60 @@
-"""What `replay` prints: violations as they come and a table, or a verdict record a line."""
+"""Runs `replay`: recordings against specs, into a report, with a progress bar where a person watches."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
-import msgspec
 from rich.console import Console
 from rich.progress import Progress
-from rich.table import Table
 
-from oracle_server.core.errors import TraceError
 from oracle_server.core.spec import By
-from oracle_server.core.verdicts import Judged, explain, record
+from oracle_server.recorded import Recording
+from oracle_server.recordings import open_recording
 from oracle_server.replay import Replay
+from oracle_server.reports import Format, Report, make_report
 from oracle_server.specfile import load_spec
-from oracle_server.trace import Trace
+
+_EVERY = 256
 
 
-def run_replay(spec_path: Path, trace_path: Path, by: By | None, *, as_json: bool) -> int:
-    """Judge a trace and print what was found; the exit status: 0 no violation, 1 violated.
+def run_replay(specs: Sequence[Path], trace: Path, by: By | None, form: Format, types: Sequence[Path] = ()) -> int:
+    """Judge a recording by each spec and print what was found; the exit status: 0 no violation, 1 violated.
 
     Raises `SpecError` and `TraceError` where an input can't be used.
     """
-    if trace_path.suffix != ".jsonl":
-        raise TraceError(f"{trace_path}: this version reads traces in JSON Lines, named .jsonl")
-    spec = load_spec(spec_path).spec
-    trace = Trace(trace_path, spec)
-    replay = Replay(spec, trace, by)
-    write = _write_records if as_json else _write_violations
-    with _progress(trace) as advance:
-        for judged in replay:
-            write(judged)
-            advance()
-    if as_json:
-        sys.stdout.write(_json({"summary": replay.summary()}))
-    else:
-        _print_summary(replay)
-    for name, count in sorted(trace.ignored.items()):
-        sys.stderr.write(f"oracle-server: ignored {count} events of '{name}', which {spec.id} does not observe\n")
+    loaded = [load_spec(path).spec for path in specs]
+    report = make_report(form, sys.stdout, several=len(loaded) > 1)
+    violated = False
+    for spec in loaded:
+        recording = open_recording(trace, spec, types)
+        replay = Replay(spec, recording, by)
+        _run(replay, recording, report)
+        violated = violated or replay.violated
+        for name, count in sorted(recording.ignored.items()):
+            sys.stderr.write(f"oracle-server: ignored {count} events of '{name}', which {spec.id} does not observe\n")
+    report.finish()
     sys.stdout.flush()
-    return 1 if replay.violated else 0
+    return 1 if violated else 0
 
 
-def _write_records(judged: Judged) -> None:
-    for verdict in judged.verdicts:
-        sys.stdout.write(_json(record(judged, verdict)))
-
-
-def _write_violations(judged: Judged) -> None:
-    for verdict in judged.verdicts:
-        why = explain(judged, verdict)
-        if why:
-            order = " by arrival" if judged.order == "arrival" else ""
-            sys.stdout.write(f"violation {verdict.n}{order}: {why['text']}\n")
-
-
-def _print_summary(replay: Replay) -> None:
-    summary = replay.summary()
-    table = Table("property", "outcome", "violations", "first at", "unknown", box=None, pad_edge=False)
-    for name, state in summary["properties"].items():
-        cells = (state["outcome"], state["violations"], state["first_violation"] or "-", state["unknown"])
-        table.add_row(name, *map(str, cells))
-    console = Console(file=sys.stdout, highlight=False, width=None if sys.stdout.isatty() else 160)
-    console.print(table)
-    console.print(f"{summary['events']} events, {summary['violations']} violations, {summary['late']} late")
+def _run(replay: Replay, recording: Recording, report: Report) -> None:
+    with _progress(recording) as advance:
+        for count, judged in enumerate(replay):
+            report.judged(replay, judged)
+            if count % _EVERY == 0:
+                advance()
+    report.ended(replay)
 
 
 @contextmanager
-def _progress(trace: Trace) -> Iterator[Any]:
+def _progress(recording: Recording) -> Iterator[Callable[[], None]]:
     """A bar on standard error, where a person watches; yields what to call now and then."""
     if not sys.stderr.isatty():
         yield lambda: None
         return
     with Progress(console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(trace.path.name, total=trace.path.stat().st_size)
-        yield lambda: progress.update(task, completed=trace.read)
-
-
-def _json(value: object) -> str:
-    return msgspec.json.encode(value).decode() + "\n"
+        task = progress.add_task(recording.path.name, total=recording.size)
+        yield lambda: progress.update(task, completed=recording.read, total=recording.size)

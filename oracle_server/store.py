@@ -12,7 +12,7 @@ import sqlite3
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -119,6 +119,12 @@ class Store:
         """Rows as of the last commit, on a connection of their own: reading never waits for writing."""
         with contextlib.closing(sqlite3.connect(f"file:{self.path}?mode=ro", uri=True)) as reader:
             return reader.execute(sql, values).fetchall()
+
+    def each(self, sql: str, values: Sequence[Any] = ()) -> Iterator[Row]:
+        """The same, row by row; each may be asked for in another thread."""
+        uri = f"file:{self.path}?mode=ro"
+        with contextlib.closing(sqlite3.connect(uri, uri=True, check_same_thread=False)) as reader:
+            yield from reader.execute(sql, values)
 
     def _add(self, what: str, values: Any, done: Callable[[], None] | None, size: int) -> None:
         if not self._batch.work:

@@ -1,0 +1,80 @@
+"""Messages of a bag to plain data, as an adapter would have sent them.
+
+A 32-bit float is its shortest decimal, byte sequences are base64 texts, numbers that JSON can't carry are the wire's
+texts for them, and every other array is a list.
+"""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+from rosbags.interfaces import Nodetype
+from rosbags.typesys.store import Typestore
+
+from oracle_server.core.errors import TraceError
+
+Read = Callable[[Any], Any]
+_TIMES = {"builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration"}
+_OLD_NAMES = {"secs": "sec", "nsecs": "nanosec"}
+_BYTES = frozenset({"uint8", "octet", "byte", "char"})
+
+
+def message_reader(types: Typestore, name: str, paths: Iterable[str] | None) -> Read:
+    """A function from decoded messages to plain data with these dotted fields, None for all that there are.
+
+    Fields that the type does not have are left out. Raises `TraceError` where a type is not known.
+    """
+    if name not in types.fielddefs:
+        raise TraceError(f"the type {name} is not known; give the folder of its .msg files with --types")
+    fields = dict(types.fielddefs[name][1])
+    wanted: dict[str, list[str] | None] = dict.fromkeys(fields) if paths is None else _grouped(paths)
+    parts = []
+    for field, inner in wanted.items():
+        own = _OLD_NAMES.get(field, field) if name in _TIMES else field
+        if own in fields:
+            parts.append((field, own, _value_reader(types, fields[own], inner)))
+    return lambda message: {field: read(getattr(message, own)) for field, own, read in parts}
+
+
+def _grouped(paths: Iterable[str]) -> dict[str, list[str] | None]:
+    """Dotted paths by their first name; None stands for the whole value."""
+    grouped: dict[str, list[str] | None] = {}
+    for path in sorted(paths):
+        name, _, rest = path.partition(".")
+        inner = grouped.setdefault(name, [])
+        if not rest:
+            grouped[name] = None
+        elif inner is not None:
+            inner.append(rest)
+    return grouped
+
+
+def _value_reader(types: Typestore, kind: Any, inner: list[str] | None) -> Read:
+    node, of = kind
+    if node == Nodetype.NAME:
+        return message_reader(types, of, inner)
+    if node in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+        element = of[0]
+        if element[0] == Nodetype.BASE and element[1][0] in _BYTES:
+            return lambda values: base64.b64encode(bytes(values)).decode()
+        one = _value_reader(types, element, None)
+        return lambda values: [one(v) for v in (values.tolist() if isinstance(values, np.ndarray) else values)]
+    return {"float32": _single, "float64": _double}.get(of[0], _same)
+
+
+def _single(value: float) -> float | str:
+    return float(str(np.float32(value))) if math.isfinite(value) else _double(value)
+
+
+def _double(value: float) -> float | str:
+    if math.isfinite(value):
+        return value
+    return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
+
+
+def _same(value: Any) -> Any:
+    return value

@@ -1,0 +1,66 @@
+"""A session's trace from its history: a line an event, in the order of arrival, with its places in the judged order.
+
+The history keeps what formulas saw of a message, and not the message: a line has `signals` in place of `data`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import msgspec
+
+from oracle_server.schema import STEP_COLUMNS
+from oracle_server.store import Store
+
+_KINDS = "('topic', 'request', 'response')"
+_COLUMNS = (
+    "stream", "kind", "monitor", "seq", "stamp", "arrived", "source", "call", "lost",
+)  # fmt: skip
+
+
+def trace_lines(store: Store, session: int) -> Iterator[dict[str, Any]]:
+    """The lines of what a session has judged and committed; memory does not grow with their number."""
+    select = f"SELECT {','.join(STEP_COLUMNS)} FROM steps WHERE session = ? AND kind IN {_KINDS} "  # noqa: S608
+    line: dict[str, Any] | None = None
+    for row in store.each(select + "ORDER BY arrived, monitor, seq, position", (session,)):
+        r = dict(zip(STEP_COLUMNS, row, strict=True))
+        if line is None or (line["monitor"], line["seq"]) != (r["monitor"], r["seq"]):
+            if line is not None:
+                yield line
+            line = _line(r)
+        line["places"].append(_place(r))
+        if r["ord"] == "publication":
+            line["passed"] = _truth(r["passed"])
+    if line is not None:
+        yield line
+
+
+def _line(row: dict[str, Any]) -> dict[str, Any]:
+    line = {name: row[name] for name in _COLUMNS}
+    signals, failed = msgspec.json.decode(row["signals"]), msgspec.json.decode(row["failed"])
+    more = {
+        "ask": bool(row["ask"]),
+        "passed": _truth(row["passed"]),
+        "signals": signals,
+        "failed": failed,
+        "places": [],
+    }
+    return line | more
+
+
+def _place(row: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "position": row["position"],
+        "order": row["ord"],
+        "judged": row["judged"],
+        "late": bool(row["late"]),
+        "skewed": bool(row["skewed"]),
+        "forced": bool(row["forced"]),
+        "skipped": row["number"] is None,
+        "degraded": "0" not in row["degraded"],
+    }
+
+
+def _truth(value: int | None) -> bool | None:
+    return None if value is None else bool(value)
