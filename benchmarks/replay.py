@@ -9,8 +9,8 @@ import json
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
+from statistics import median
 
 import numpy as np
 from rosbags.highlevel import AnyReader
@@ -123,11 +123,11 @@ def main() -> None:
         write(folder / "long", count)
         rounds = []
         for _ in range(3):
-            started = time.perf_counter()
             loop, _ = measured(folder, folder / "long", "bare")
             ours, peak = measured(folder, folder / "long", "replay")
-            rounds.append((loop, ours, peak, time.perf_counter() - started))
-        loop, ours, peak = (sorted(r[i] for r in rounds)[1] for i in range(3))
+            rounds.append((loop, ours, peak))
+        loops, runs, peaks = zip(*rounds, strict=True)
+        loop, ours, peak = median(loops), median(runs), max(peaks)
         _, small = measured(folder, folder / "short", "replay")
     print(json.dumps({
         "events": count, "bare_per_second": round(count / loop), "replay_per_second": round(count / ours),

@@ -224,11 +224,9 @@ def _verdicts(registry: Registry, store: Store) -> APIRouter:
         return await page(request, session_id, question)
 
     @router.get("/sessions/{session_id}/trace", response_class=StreamingResponse)
-    async def get_trace(session_id: str) -> StreamingResponse:
+    async def get_trace(request: Request, session_id: str) -> StreamingResponse:
         """Give what was judged as JSON Lines that `replay` takes: the events in the order of their arrival."""
-        known = registry.known(session_id)
-        if known is None:
-            _unknown(session_id)
+        known = demand_session(request, registry, session_id)
         lines = (encode(line) + "\n" for line in trace_lines(store, known.number))
         return StreamingResponse(lines, media_type="application/jsonl")
 

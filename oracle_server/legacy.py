@@ -11,6 +11,7 @@ import structlog
 from fastapi import APIRouter, WebSocket
 from starlette.websockets import WebSocketDisconnect
 
+from oracle_server.access import grant_of
 from oracle_server.core.errors import SpecError
 from oracle_server.core.stamps import stamp_in
 from oracle_server.core.verdicts import NEGATIVE, Judged, Outcome, worst
@@ -50,6 +51,9 @@ def legacy_routes(registry: Registry, store: Store, spec: str | None) -> APIRout
 
 
 async def _serve(socket: WebSocket, registry: Registry, store: Store, spec_id: str) -> None:
+    if not grant_of(socket).covers(spec=spec_id):
+        await _refuse(socket, "the token is bound to other specs or sessions", 403)
+        return
     try:
         session = await registry.create(spec_id, None, private=True, by="arrival")
     except (UnknownSpecError, SpecError) as error:
@@ -58,8 +62,8 @@ async def _serve(socket: WebSocket, registry: Registry, store: Store, spec_id: s
     await LegacyConnection(socket, session, store).serve()
 
 
-async def _refuse(socket: WebSocket, reason: str) -> None:
-    await socket.send_denial_response(problem(404, reason))
+async def _refuse(socket: WebSocket, reason: str, status: int = 404) -> None:
+    await socket.send_denial_response(problem(status, reason))
 
 
 class LegacyConnection:

@@ -215,3 +215,18 @@ async def test_events_before_the_answer_of_a_refused_handshake_are_not_read(guar
     writer.close()
     assert answer.startswith(b"HTTP/1.1 401 ")
     problem(guarded.ask("admin", "GET", "/api/v1/sessions/s"), 404)
+
+
+async def test_a_token_s_bounds_hold_for_old_monitors_and_for_traces(guarded: Guarded) -> None:
+    assert guarded.ask("admin", "PUT", "/api/v1/specs/fresh", content=SPEC).status_code == 201
+    made = guarded.ask("admin", "POST", "/api/v1/sessions", json={"spec": "fresh", "id": "theirs"})
+    assert made.status_code == 201
+    assert guarded.ask("bound", "GET", "/api/v1/sessions/theirs/trace").status_code == 403
+    assert guarded.ask("read", "GET", "/api/v1/sessions/theirs/trace").status_code == 200
+    url = guarded.server.url.replace("http", "ws", 1)
+    headers = {"Authorization": f"Bearer {guarded.secrets['bound']}"}
+    with pytest.raises(InvalidStatus, match="403"):
+        async with connect(f"{url}/legacy/fresh", additional_headers=headers, proxy=None):
+            pass
+    async with connect(f"{url}/legacy/single", additional_headers=headers, proxy=None):
+        pass
