@@ -1,51 +1,5 @@
 """The project's own engine: exact for every formula and both clocks, at a cost that follows what changes."""
 
-from __future__ import annotations
+from oracle_server.engines.native.engine import NativeEngine
 
-from oracle_server.core.atoms import Matches
-from oracle_server.core.engine import outcome
-from oracle_server.core.formula.parse import Time
-from oracle_server.core.formula.tree import Formula
-from oracle_server.core.verdicts import Outcome
-from oracle_server.engines.native.build import build
-from oracle_server.engines.native.clock import Clock
-
-_NEVER = 2**63
-
-
-class NativeEngine:
-    """The state of one formula in one session."""
-
-    def __init__(self, formula: Formula, time: Time = "steps") -> None:
-        self._formula = formula
-        self._timed = time == "seconds"
-        self._clock = Clock(timed=self._timed)
-        network = build(formula, self._clock)
-        self._atoms, self._operators = network.atoms, network.operators
-        (self._holds,) = network.root.at
-
-        self._steps = 0
-        self._due = 0
-        """When something may change although no atom does: a step's number, or nanoseconds."""
-        self._last: Outcome = Outcome.UNKNOWN
-
-    def step(self, time: int, matches: Matches) -> Outcome:
-        """Judge the next step."""
-        self._steps += 1
-        now = time if self._timed else self._steps
-        self._clock.move(now)
-        if now < self._due and matches.count(None) == len(matches):
-            return self._last
-        for place, atom in self._atoms:
-            atom.take(matches[place])
-        for operator in self._operators:
-            operator.step()
-        self._due = self._next_due()
-        self._last = outcome(self._formula, self._holds(()))
-        return self._last
-
-    def _next_due(self) -> int:
-        if any(atom.holds for _, atom in self._atoms):
-            return 0
-        deadlines = [due for operator in self._operators if (due := operator.due()) is not None]
-        return min(deadlines, default=_NEVER)
+__all__ = ["NativeEngine"]

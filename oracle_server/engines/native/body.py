@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Sequence
 from itertools import chain
 from typing import Any, Protocol
 
+from oracle_server.engines.native.clock import Clock
 from oracle_server.engines.native.keys import ALL, Key, Region, Variables, fresh_key, key_of, picker, texts_of
 from oracle_server.engines.native.nodes import Node
 
@@ -165,9 +166,9 @@ NOTHING: Own = _Nothing()
 class Body:
     """One expression or more under a node, over the variables of all of them."""
 
-    __slots__ = ("_first", "_fresh", "_leaves", "_parts", "at", "flat", "nodes", "variables")
+    __slots__ = ("_clock", "_fresh", "_leaves", "_parts", "at", "flat", "nodes", "variables")
 
-    def __init__(self, *expressions: Expression) -> None:
+    def __init__(self, clock: Clock, *expressions: Expression) -> None:
         self.variables = variables_of(*expressions)
         self._parts = [_part(e, self.variables) for e in expressions]
         self.at = [part.at for part in self._parts]
@@ -178,7 +179,7 @@ class Body:
         """Whether the values differ from those at the fresh key at finitely many keys without fresh values."""
         self._leaves = [(n, [self.variables.index(v) for v in n.variables]) for n in self.nodes]
         self._fresh = fresh_key(size)
-        self._first = True
+        self._clock = clock
         if not self.flat:
             for node in self.nodes:
                 node.index()
@@ -186,11 +187,10 @@ class Body:
     def touched(self, own: Own) -> Collection[Key]:
         """The keys at which a value may have changed with this step, those with fresh values last.
 
-        The first time, and where all values may have changed, these are the keys that are told apart here, those of
+        At the first step, and where all values may have changed, these are the keys that are told apart here, those of
         `own`, and the fresh one.
         """
-        if self._first:
-            self._first = False
+        if self._clock.first:
             return self._everything(own)
         if not self.flat:
             return self._mixed(own)

@@ -35,13 +35,13 @@ def build(formula: Formula, clock: Clock) -> Network:
     """The nodes of a formula, before its first step."""
     network = Network(clock)
     builder = _Builder(formula, network)
-    network.root = Body(builder.expression(formula, {}))
+    network.root = Body(clock, builder.expression(formula, {}))
     return network
 
 
 class _Builder:
     def __init__(self, formula: Formula, network: Network) -> None:
-        self._network = network
+        self._network, self._clock = network, network.clock
         self._places = {atom: i for i, atom in enumerate(tree.atoms(formula))}
         self._atoms: dict[tuple[int, tuple[int, ...]], AtomNode] = {}
         self._quantifiers = 0
@@ -74,14 +74,14 @@ class _Builder:
     def _temporal(self, node: tree.Pre | tree.Once | tree.Historically | tree.Since, scope: Scope) -> Expression:
         match node:
             case tree.Pre(operand):
-                return self._add(Previous(Body(self.expression(operand, scope))))
+                return self._add(Previous(Body(self._clock, self.expression(operand, scope)), self._clock))
             case tree.Once(operand, bound):
                 return self._once(self.expression(operand, scope), bound)
             case tree.Historically(operand, bound):
                 return ("not", self._once(negated(self.expression(operand, scope)), bound))
             case tree.Since(left, right, bound):
-                body = Body(self.expression(right, scope), self.expression(left, scope))
-                return self._add(Window(body, bound, self._network.clock))
+                body = Body(self._clock, self.expression(right, scope), self.expression(left, scope))
+                return self._add(Window(body, bound, self._clock))
 
     def _atom(self, atom: Atom, scope: Scope) -> AtomNode:
         refs = tuple(scope[name] for _, name in atom.refs)
@@ -93,10 +93,10 @@ class _Builder:
         return node
 
     def _once(self, operand: Expression, bound: Bound) -> Expression:
-        body = Body(operand)
+        body = Body(self._clock, operand)
         if bound.upper is None and body.flat and (not body.variables or _not_fresh(operand)):
-            return self._add(Ever(body, bound.lower, self._network.clock))
-        return self._add(Window(body, bound, self._network.clock))
+            return self._add(Ever(body, bound.lower, self._clock))
+        return self._add(Window(body, bound, self._clock))
 
     def _some(self, node: tree.Exists | tree.Forall, scope: Scope) -> Expression:
         """A quantifier, and those of its kind that follow directly; for all is none for which not."""
@@ -116,9 +116,9 @@ class _Builder:
             return operand
         guard = guard_of(operand, variables_of(operand)) if used == len(variables_of(operand)) else None
         if guard is not None:
-            return self._add(SomeGuarded(guard, operand))
-        whole = Body(operand)
-        return self._add(Some(whole) if used == len(whole.variables) else SomeOf(whole, used))
+            return self._add(SomeGuarded(guard, operand, self._clock))
+        whole = Body(self._clock, operand)
+        return self._add(Some(whole, self._clock) if used == len(whole.variables) else SomeOf(whole, used, self._clock))
 
     def _add(self, operator: Operator) -> Operator:
         self._network.operators.append(operator)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
+from collections import deque
 from collections.abc import Collection
+from functools import partial
 
 from oracle_server.engines.native.body import NOTHING, Body
 from oracle_server.engines.native.clock import Clock
@@ -13,7 +16,20 @@ from oracle_server.engines.native.tables import Index
 class Ever:
     """Once it holds at a key, it holds there for ever."""
 
-    __slots__ = ("_at", "_body", "_clock", "_index", "_lower", "at", "changes", "flat", "held", "variables", "waiting")
+    __slots__ = (
+        "_at",
+        "_body",
+        "_clock",
+        "_index",
+        "_lower",
+        "at",
+        "changes",
+        "flat",
+        "held",
+        "variables",
+        "waiting",
+        "waits",
+    )
 
     def __init__(self, body: Body, lower: int, clock: Clock) -> None:
         self._body, self._lower, self._clock = body, lower, clock
@@ -22,8 +38,9 @@ class Ever:
         self.flat = True
         self.changes: list[Key] = []
         self.held: set[Key] = set()
-        self.waiting: dict[Key, int] = {}
-        """Where it held but not yet long enough ago: when it will have, in order."""
+        self.waiting: deque[tuple[int, Key]] = deque()
+        """When it will have held long enough ago, and where; `waits` are these keys."""
+        self.waits: set[Key] = set()
         self.at = self.held.__contains__
         self._index: Index | None = None
 
@@ -36,16 +53,21 @@ class Ever:
             at, held = self._at, self.held
             for key in keys:
                 if key not in held and at(key):
-                    if self._lower:
-                        self.waiting.setdefault(key, self._clock.now + self._lower)
-                    else:
+                    if not self._lower:
                         self._hold(key)
+                    elif key not in self.waits:
+                        self._wait(key)
         if self.waiting:
             self._release()
 
     def due(self) -> int | None:
         """When this must be stepped even if nothing changes below."""
-        return next(iter(self.waiting.values()), None)
+        return self.waiting[0][0] if self.waiting else None
+
+    def next_deadline(self, after: int) -> int | None:
+        """The first time later than `after` at which the value may change without a step."""
+        place = bisect_right(self.waiting, after, key=_deadline)
+        return self.waiting[place][0] if place < len(self.waiting) else None
 
     def points(self) -> Collection[Key]:
         """The keys at which it holds."""
@@ -75,15 +97,39 @@ class Ever:
 
     def _release(self) -> None:
         now = self._clock.now
-        while self.waiting:
-            key = next(iter(self.waiting))
-            if self.waiting[key] > now:
-                return
-            del self.waiting[key]
-            self._hold(key)
+        while self.waiting and self.waiting[0][0] <= now:
+            entry = self.waiting.popleft()
+            self.waits.discard(entry[1])
+            if self._clock.journal is not None:
+                self._clock.journal.append(partial(self._wait_again, entry))
+            self._hold(entry[1])
+
+    def _wait(self, key: Key) -> None:
+        self.waits.add(key)
+        self.waiting.append((self._clock.now + self._lower, key))
+        if self._clock.journal is not None:
+            self._clock.journal.append(self._wait_no_more)
+
+    def _wait_again(self, entry: tuple[int, Key]) -> None:
+        self.waiting.appendleft(entry)
+        self.waits.add(entry[1])
+
+    def _wait_no_more(self) -> None:
+        self.waits.discard(self.waiting.pop()[1])
 
     def _hold(self, key: Key) -> None:
         self.held.add(key)
         self.changes.append(key)
         if self._index is not None:
             self._index.add(key)
+        if self._clock.journal is not None:
+            self._clock.journal.append(partial(self._hold_no_more, key))
+
+    def _hold_no_more(self, key: Key) -> None:
+        self.held.discard(key)
+        if self._index is not None:
+            self._index.remove(key)
+
+
+def _deadline(entry: tuple[int, Key]) -> int:
+    return entry[0]

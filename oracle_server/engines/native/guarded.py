@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from functools import partial
 
 from oracle_server.engines.native.body import Expression, value_of
+from oracle_server.engines.native.clock import Clock
 from oracle_server.engines.native.keys import Key, Region, Variables
 from oracle_server.engines.native.nodes import AtomNode
 
@@ -12,10 +14,10 @@ from oracle_server.engines.native.nodes import AtomNode
 class SomeGuarded:
     """A quantifier that binds all variables of its body, one conjunct of which is an atom with all of them."""
 
-    __slots__ = ("_guard", "_operand", "changes", "flat", "held", "variables")
+    __slots__ = ("_clock", "_guard", "_operand", "changes", "flat", "held", "variables")
 
-    def __init__(self, guard: AtomNode, operand: Expression) -> None:
-        self._guard = guard
+    def __init__(self, guard: AtomNode, operand: Expression, clock: Clock) -> None:
+        self._guard, self._clock = guard, clock
         self._operand: Callable[[Key], bool] = value_of(operand, guard.variables)
         self.variables: Variables = ()
         self.flat = True
@@ -30,6 +32,8 @@ class SomeGuarded:
     def step(self) -> None:
         """Look again: nowhere else can the body hold."""
         guard, before = self._guard, self.held
+        if self._clock.journal is not None:
+            self._clock.journal.append(partial(setattr, self, "held", before))
         self.held = [guard.current] if guard.holds and self._operand(guard.current) else []
         if self.changes:
             self.changes = []
@@ -38,6 +42,10 @@ class SomeGuarded:
 
     def due(self) -> int | None:
         """Never by itself: while the atom holds, each step is looked at."""
+        return None
+
+    def next_deadline(self, after: int) -> int | None:  # noqa: ARG002
+        """None: time alone changes nothing."""
         return None
 
     def points(self) -> Collection[Key]:
@@ -54,6 +62,22 @@ class SomeGuarded:
 
     def index(self) -> None:
         """Nothing to prepare."""
+
+    def keys(self, key: Key) -> Collection[Key]:  # noqa: ARG002
+        """The key of the body's variables at which it holds."""
+        return self.held
+
+    @property
+    def body_variables(self) -> Variables:
+        """The variables of `keys`."""
+        return self._guard.variables
+
+    def settled(self, key: Key) -> None:
+        """None: the next step may be any."""
+
+    def can_settle(self, fresh: frozenset[int]) -> tuple[bool, bool]:  # noqa: ARG002
+        """Neither."""
+        return False, False
 
 
 def guard_of(expression: Expression, variables: Variables) -> AtomNode | None:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from functools import partial
 
 from oracle_server.engines.native.body import Body
+from oracle_server.engines.native.clock import Clock
 from oracle_server.engines.native.keys import ALL, Key, Region, is_fresh, key_of
 from oracle_server.engines.native.tables import table
 
@@ -26,12 +28,12 @@ def _same(one: _Value, other: _Value) -> bool:
 class Previous:
     """Keeps what its operand was, and at the next step becomes that."""
 
-    def __init__(self, body: Body) -> None:
-        self._body = body
+    def __init__(self, body: Body, clock: Clock) -> None:
+        self._body, self._clock = body, clock
         self._operand = body.at[0]
         self.variables, self.flat = body.variables, body.flat
         self.changes: list[Key] = []
-        self._table = table(len(self.variables), _Value(False), _Value.copy, flat=self.flat)
+        self._table = table(len(self.variables), _Value(False), _Value.copy, clock, flat=self.flat)
         self.next: list[tuple[Key, bool]] = []
         """What the operand became with the last step, keys with fresh values last."""
 
@@ -43,6 +45,8 @@ class Previous:
         """Become what the operand was, and take what it became."""
         if self.changes:
             self.changes = []
+        if self._clock.journal is not None:
+            self._clock.journal.append(partial(setattr, self, "next", self.next))
         if self.next:
             self._become()
         self.next = [(key, self._operand(key)) for key in self._body.touched(self._table)]
@@ -50,6 +54,10 @@ class Previous:
     def due(self) -> int | None:
         """When this must be stepped even if nothing changes below."""
         return 0 if self.next else None
+
+    def next_deadline(self, after: int) -> int | None:  # noqa: ARG002
+        """None: time alone changes nothing."""
+        return None
 
     def points(self) -> Collection[Key]:
         """The keys that are told apart."""
@@ -75,6 +83,8 @@ class Previous:
             state = self._table.own(key)
             if state.value is not value:
                 state.value = value
+                if self._clock.journal is not None:
+                    self._clock.journal.append(partial(setattr, state, "value", not value))
                 self.changes.append(key)
             fresh = fresh or is_fresh(key)
         for key in self._table.keys() if fresh else [key for key, _ in self.next]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from functools import partial
 
 from oracle_server.engines.native.body import Body
+from oracle_server.engines.native.clock import Clock
 from oracle_server.engines.native.keys import ALL, Key, Region, Variables, fresh_key, is_fresh, key_of, texts_of
 from oracle_server.engines.native.tables import Flat, Tree, table
 
@@ -15,10 +17,10 @@ class Some:
     Of the keys at which the body holds, `held` has one at least for each that no later change tells from it.
     """
 
-    __slots__ = ("_body", "_operand", "changes", "flat", "held", "variables")
+    __slots__ = ("_body", "_clock", "_operand", "changes", "flat", "held", "variables")
 
-    def __init__(self, body: Body) -> None:
-        self._body = body
+    def __init__(self, body: Body, clock: Clock) -> None:
+        self._body, self._clock = body, clock
         self._operand = body.at[0]
         self.variables: Variables = ()
         self.flat = True
@@ -38,15 +40,19 @@ class Some:
             held, operand = self.held, self._operand
             before = bool(held)
             for key in keys:
-                if operand(key):
-                    held.add(key)
-                else:
-                    held.discard(key)
+                if operand(key) is not (key in held):
+                    _turn(held, key)
+                    if self._clock.journal is not None:
+                        self._clock.journal.append(partial(_turn, held, key))
             if bool(held) is not before:
                 self.changes = [()]
 
     def due(self) -> int | None:
         """Never by itself."""
+        return None
+
+    def next_deadline(self, after: int) -> int | None:  # noqa: ARG002
+        """None: time alone changes nothing."""
         return None
 
     def points(self) -> Collection[Key]:
@@ -87,15 +93,15 @@ def _same(one: _Held, other: _Held) -> bool:
 class SomeOf:
     """A quantifier whose body has free variables: what `Some` is, for each of their keys."""
 
-    def __init__(self, body: Body, bound: int) -> None:
+    def __init__(self, body: Body, bound: int, clock: Clock) -> None:
         """`bound` is how many of the body's variables it binds, which are the last ones."""
-        self._body = body
+        self._body, self._clock = body, clock
         self._operand = body.at[0]
         self._own = len(body.variables) - bound
         self.variables = body.variables[: self._own]
         self.flat = body.flat or self._own == 1
         self.changes: list[Key] = []
-        self._table = table(self._own, _Held(), _Held.copy, flat=self.flat)
+        self._table = table(self._own, _Held(), _Held.copy, clock, flat=self.flat)
         self._asked = _Asked(self._table, self._own, bound)
 
     def at(self, key: Key) -> bool:
@@ -113,14 +119,17 @@ class SomeOf:
         for key in self._with_rest(keys):
             own = key_of(key[: self._own])
             held = owns[own] = self._table.own(own)
-            if self._operand(key):
-                held.keys.add(key[self._own :])
-            else:
-                held.keys.discard(key[self._own :])
+            rest = key[self._own :]
+            if self._operand(key) is not (rest in held.keys):
+                _turn(held.keys, rest)
+                if self._clock.journal is not None:
+                    self._clock.journal.append(partial(_turn, held.keys, rest))
         fresh = False
         for own, held in owns.items():
             if bool(held.keys) is not held.value:
                 held.value = not held.value
+                if self._clock.journal is not None:
+                    self._clock.journal.append(partial(setattr, held, "value", not held.value))
                 self.changes.append(own)
             fresh = fresh or is_fresh(own)
         for own in self._table.keys() if fresh else list(owns):
@@ -137,6 +146,10 @@ class SomeOf:
 
     def due(self) -> int | None:
         """Never by itself."""
+        return None
+
+    def next_deadline(self, after: int) -> int | None:  # noqa: ARG002
+        """None: time alone changes nothing."""
         return None
 
     def points(self) -> Collection[Key]:
@@ -178,6 +191,14 @@ class _Asked:
             return self._table.spread(region[: self._own], place)
         held = self._table.get(key_of(region[: self._own]))
         return _texts(held.keys, region[self._own :], place - self._own)
+
+
+def _turn(keys: set[Key], key: Key) -> None:
+    """Put a key in or take it out."""
+    if key in keys:
+        keys.discard(key)
+    else:
+        keys.add(key)
 
 
 def _texts(keys: Collection[Key], region: Region, place: int) -> Collection[str]:

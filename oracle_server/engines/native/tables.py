@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
+from functools import partial
 from typing import Generic, TypeVar
 
+from oracle_server.engines.native.clock import Clock
 from oracle_server.engines.native.keys import ALL, Key, Region, fresh_key
 
 S = TypeVar("S")
@@ -44,11 +46,11 @@ class Index:
 class Flat(Generic[S]):
     """States that differ from the fresh key's at finitely many keys without fresh values."""
 
-    __slots__ = ("_copy", "_fresh_key", "_index", "_size", "fresh", "states")
+    __slots__ = ("_clock", "_copy", "_fresh_key", "_index", "_size", "fresh", "states")
     flat = True
 
-    def __init__(self, size: int, fresh: S, copy: Callable[[S], S]) -> None:
-        self.fresh = fresh
+    def __init__(self, size: int, fresh: S, copy: Callable[[S], S], clock: Clock) -> None:
+        self.fresh, self._clock = fresh, clock
         self.states: dict[Key, S] = {}
         self._fresh_key = fresh_key(size)
         self._copy = copy
@@ -65,18 +67,19 @@ class Flat(Generic[S]):
             return self.fresh
         state = self.states.get(key)
         if state is None:
-            state = self.states[key] = self._copy(self.fresh)
-            if self._index is not None:
-                self._index.add(key)
+            state = self._copy(self.fresh)
+            self._put(key, state)
+            if self._clock.journal is not None:
+                self._clock.journal.append(partial(self._remove, key))
         return state
 
     def drop(self, key: Key, same: Callable[[S, S], bool]) -> None:
         """Tell a key apart no more where its state is the same as the others'."""
         state = self.states.get(key)
         if state is not None and same(state, self.fresh):
-            del self.states[key]
-            if self._index is not None:
-                self._index.remove(key)
+            self._remove(key)
+            if self._clock.journal is not None:
+                self._clock.journal.append(partial(self._put, key, state))
 
     def known(self, key: Key) -> S | None:
         """The state of a key that is told apart, None for others."""
@@ -108,6 +111,16 @@ class Flat(Generic[S]):
         if self._size > 1 and self._index is None:
             self._index = _indexed(self._size, self.states)
 
+    def _put(self, key: Key, state: S) -> None:
+        self.states[key] = state
+        if self._index is not None:
+            self._index.add(key)
+
+    def _remove(self, key: Key) -> None:
+        del self.states[key]
+        if self._index is not None:
+            self._index.remove(key)
+
 
 def _indexed(size: int, keys: Collection[Key]) -> Index:
     index = Index(size)
@@ -122,11 +135,11 @@ class Tree(Generic[S]):
     A value that is told apart at a place has a branch of its own; others share the fresh one's.
     """
 
-    __slots__ = ("_branches", "_copy", "_fresh", "_size", "states")
+    __slots__ = ("_branches", "_clock", "_copy", "_fresh", "_size", "states")
     flat = False
 
-    def __init__(self, size: int, fresh: S, copy: Callable[[S], S]) -> None:
-        self._size, self._copy = size, copy
+    def __init__(self, size: int, fresh: S, copy: Callable[[S], S], clock: Clock) -> None:
+        self._size, self._copy, self._clock = size, copy, clock
         self._fresh = fresh_key(size)
         self.states: dict[Key, S] = {self._fresh: fresh}
         self._branches: dict[Key, set[str]] = {}
@@ -145,6 +158,7 @@ class Tree(Generic[S]):
         path: Key = ()
         for text in key:
             if text is not None and text not in self._branches.get(path, ()):
+                self._note()
                 self._grow((*path, None), (*path, text))
                 self._branches.setdefault(path, set()).add(text)
             path = (*path, text)
@@ -161,6 +175,7 @@ class Tree(Generic[S]):
             mine, other = self.states.get((*path, *rest)), self.states.get((*beside, *rest))
             if mine is None or other is None or not same(mine, other) or self._bushy(path) or self._bushy(beside):
                 return
+            self._note()
             del self.states[(*path, *rest)]
             self._branches[path[:-1]].discard(path[-1])
 
@@ -186,6 +201,15 @@ class Tree(Generic[S]):
 
     def index(self) -> None:
         """Nothing to prepare."""
+
+    def _note(self) -> None:
+        """Let all be taken back as it is."""
+        if self._clock.journal is not None:
+            branches = {path: set(texts) for path, texts in self._branches.items()}
+            self._clock.journal.append(partial(self._reset, dict(self.states), branches))
+
+    def _reset(self, states: dict[Key, S], branches: dict[Key, set[str]]) -> None:
+        self.states, self._branches = states, branches
 
     def _find(self, key: Region) -> Key:
         path: Key = ()
@@ -213,6 +237,6 @@ class Tree(Generic[S]):
         return False
 
 
-def table(size: int, fresh: S, copy: Callable[[S], S], *, flat: bool) -> Flat[S] | Tree[S]:
+def table(size: int, fresh: S, copy: Callable[[S], S], clock: Clock, *, flat: bool) -> Flat[S] | Tree[S]:
     """A table for keys of `size` variables."""
-    return Flat(size, fresh, copy) if flat or size < 2 else Tree(size, fresh, copy)
+    return Flat(size, fresh, copy, clock) if flat or size < 2 else Tree(size, fresh, copy, clock)

@@ -7,8 +7,10 @@ only with both are all runs in the window kept.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections import deque
 from collections.abc import Collection
+from functools import partial
 
 from oracle_server.core.formula.tree import Bound
 from oracle_server.engines.native.body import Body
@@ -38,6 +40,11 @@ class Runs:
         other.starts, other.ends = self.starts.copy(), self.ends.copy()
         return other
 
+    def become(self, other: Runs) -> None:
+        """Take over what another one knows."""
+        self.left, self.right, self.value = other.left, other.right, other.value
+        self.starts, self.ends = other.starts, other.ends
+
 
 class Window:
     """`left since[a:b] right`, or `once[a:b] right` where there is no left side."""
@@ -54,7 +61,7 @@ class Window:
         fresh = Runs()
         if self._all:
             fresh.starts, fresh.ends = deque(), deque()
-        self._table = table(len(self.variables), fresh, Runs.copy, flat=self.flat)
+        self._table = table(len(self.variables), fresh, Runs.copy, clock, flat=self.flat)
         self._entering: deque[tuple[int, Key]] = deque()
         self._leaving: deque[tuple[int, Key]] = deque()
         self._new_entering: list[tuple[int, Key]] = []
@@ -76,6 +83,8 @@ class Window:
         keys = self._body.touched(self._table)
         peopled = self._peopled
         if self._sparse and self._upper is not None:
+            if self._clock.journal is not None:
+                self._clock.journal.append(partial(setattr, self, "_peopled", peopled))
             self._peopled = self._clock.any_between(self._lower, self._upper)
         if keys:
             self._touch(keys)
@@ -90,6 +99,30 @@ class Window:
             return 0
         queues = [queue[0][0] for queue in (self._entering, self._leaving) if queue]
         return min(queues, default=None)
+
+    def next_deadline(self, after: int) -> int | None:
+        """The first time later than `after` at which the value may change without a step."""
+        while self._leaving and not self._all and self._stale(*self._leaving[0]):
+            self._leaving.popleft()
+        # what holds at the last step may not hold at the next one, so that a run ends, or begins to count, there
+        deadlines = [self._clock.now + d for d in (self._lower, None if self._upper is None else self._upper + 1) if d]
+        deadlines = [deadline for deadline in deadlines if deadline > after]
+        for queue in (self._entering, self._leaving):
+            place = bisect_right(queue, after, key=_deadline)
+            if place < len(queue):
+                deadlines.append(queue[place][0])
+        if self._sparse and self._upper is not None:
+            turn = self._clock.next_change(self._lower, self._upper, after)
+            if turn is not None:
+                deadlines.append(turn)
+        return min(deadlines, default=None)
+
+    def _stale(self, deadline: int, key: Key) -> bool:
+        """Whether a run that leaves the window was followed by another one that is still in it."""
+        runs, upper = self._table.known(key), self._upper or 0
+        return (
+            runs is None or len(runs.starts) > len(runs.ends) or bool(runs.ends and runs.ends[-1] + upper >= deadline)
+        )
 
     def points(self) -> Collection[Key]:
         """The keys that are told apart."""
@@ -113,6 +146,8 @@ class Window:
         fresh = False
         for key in keys:
             runs = self._table.own(key)
+            if self._clock.journal is not None:
+                self._clock.journal.append(partial(runs.become, runs.copy()))
             left = self._left is None or self._left(key)
             closed = self._move(key, runs, left, self._right(key))
             self._refresh(key, runs)
@@ -129,6 +164,8 @@ class Window:
             if new:
                 new.sort(key=_deadline)
                 queue.extend(new)
+                if self._clock.journal is not None:
+                    self._clock.journal.append(partial(_shorten, queue, len(new)))
                 new.clear()
 
     def _move(self, key: Key, runs: Runs, left: bool, right: bool) -> bool:
@@ -168,6 +205,8 @@ class Window:
             runs.ends.append(self._clock.before)
 
     def _refresh(self, key: Key, runs: Runs) -> None:
+        if self._clock.journal is not None:
+            self._clock.journal.append(partial(runs.become, runs.copy()))
         value = self._value(runs)
         if value is not runs.value:
             runs.value = value
@@ -206,7 +245,10 @@ class Window:
     def _pop(self, queue: deque[tuple[int, Key]]) -> None:
         now = self._clock.now
         while queue and queue[0][0] <= now:
-            _, key = queue.popleft()
+            entry = queue.popleft()
+            key = entry[1]
+            if self._clock.journal is not None:
+                self._clock.journal.append(partial(queue.appendleft, entry))
             if is_fresh(key):
                 self._refresh_all()
                 continue
@@ -214,6 +256,11 @@ class Window:
             if runs is not None:
                 self._refresh(key, runs)
                 self._table.drop(key, self._same)
+
+
+def _shorten(queue: deque[tuple[int, Key]], count: int) -> None:
+    for _ in range(count):
+        queue.pop()
 
 
 def _deadline(entry: tuple[int, Key]) -> int:

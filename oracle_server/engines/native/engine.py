@@ -1,0 +1,83 @@
+"""The engine around the nodes of a formula: it steps them, and takes steps back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from oracle_server.core.atoms import Matches
+from oracle_server.core.engine import outcome
+from oracle_server.core.formula.parse import Time
+from oracle_server.core.formula.tree import Formula
+from oracle_server.core.verdicts import Outcome
+from oracle_server.engines.native.build import build
+from oracle_server.engines.native.clock import Clock
+
+_NEVER = 2**63
+
+
+class NativeEngine:
+    """The state of one formula in one session."""
+
+    def __init__(self, formula: Formula, time: Time = "steps") -> None:
+        self._formula = formula
+        self._timed = time == "seconds"
+        self._clock = Clock(timed=self._timed)
+        network = build(formula, self._clock)
+        self._atoms, self._operators = network.atoms, network.operators
+        (self._holds,) = network.root.at
+        self._steps = 0
+        self._due = 0
+        """When something may change although no atom does: a step's number, or nanoseconds."""
+        self._last: Outcome = Outcome.UNKNOWN
+
+    def step(self, time: int, matches: Matches) -> Outcome:
+        """Judge the next step; see `Engine.step`."""
+        self._steps += 1
+        now = time if self._timed else self._steps
+        self._clock.move(now)
+        if now < self._due and matches.count(None) == len(matches):
+            return self._last
+        for place, atom in self._atoms:
+            atom.take(matches[place])
+        for operator in self._operators:
+            operator.step()
+        self._clock.first = False
+        self._due = self._next_due()
+        self._last = outcome(self._formula, self._holds(()))
+        return self._last
+
+    def next_deadline(self, after: int) -> int | None:
+        """The first time (ns) later than `after` at which the outcome may change without a step, None for never."""
+        if not self._timed:
+            return None
+        deadlines = [d for operator in self._operators if (d := operator.next_deadline(after)) is not None]
+        return min(deadlines, default=None)
+
+    def mark(self) -> None:
+        """Remember how all stands from now on, until `back` or `keep`."""
+        steps, due, last = self._steps, self._due, self._last
+        atoms = [(atom, atom.current) for _, atom in self._atoms]
+
+        def back() -> None:
+            self._steps, self._due, self._last = steps, due, last
+            for atom, current in atoms:
+                atom.current = current
+
+        journal: list[Callable[[], object]] = [back]
+        self._clock.journal = journal
+
+    def back(self) -> None:
+        """Take back all steps since `mark`."""
+        journal, self._clock.journal = self._clock.journal or [], None
+        for undo in reversed(journal):
+            undo()
+
+    def keep(self) -> None:
+        """Let the steps since `mark` stand."""
+        self._clock.journal = None
+
+    def _next_due(self) -> int:
+        if any(atom.holds for _, atom in self._atoms):
+            return 0
+        deadlines = [due for operator in self._operators if (due := operator.due()) is not None]
+        return min(deadlines, default=_NEVER)
