@@ -326,7 +326,7 @@ class LiveSession:
         for item in judged:
             self.position += 1
             event, gap, outcome = item.step.event, 0, None
-            if item.order == deciding:
+            if item.order == deciding and event.monitor:
                 monitor = self.monitors[event.monitor]
                 gap = self._gaps.pop((event.monitor, event.seq), 0)
                 outcome = monitor.outcomes.pop(event.seq, None)

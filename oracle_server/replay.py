@@ -94,7 +94,7 @@ class Replay:
             ordering = replace(spec.ordering, max_delay=None, max_skew=_FOR_EVER, capacity=_FOR_EVER)
             spec = replace(spec, ordering=ordering)
         ready = _projected(plan(spec))
-        return Session(ready, make_engines(ready))
+        return Session(ready, make_engines(ready), ticking=self._recording.clocked)
 
     @property
     def violated(self) -> bool:

@@ -69,7 +69,10 @@ def restore(store: Store, number: int, plan: Plan) -> Restored:
         for row in rows:
             order, step, judged_at = step_of(row)
             judged = core.rejudge(order, step, judged_at)
-            differing += "".join(LETTERS[v.outcome] for v in judged.verdicts) != row[outcomes]
+            verdicts = judged.verdicts if judged else ()
+            differing += "".join(LETTERS[v.outcome] for v in verdicts) != row[outcomes]
+            if step.event.stream.kind == "tick":
+                continue
             key = (step.event.monitor, step.event.seq)
             if order == primary:
                 waiting.pop(key, None)

@@ -29,8 +29,8 @@ CREATE TABLE IF NOT EXISTS steps (
     session INTEGER NOT NULL,
     position INTEGER NOT NULL,   -- 1, 2, 3…: the sequence in which the session judged
     ord TEXT NOT NULL,
-    number INTEGER,              -- the step; NULL where it was skipped
-    stream TEXT NOT NULL,
+    number INTEGER,              -- the step; NULL for ticks, and where it was skipped
+    stream TEXT NOT NULL,        -- empty for ticks, as is their monitor
     kind TEXT NOT NULL,
     monitor TEXT NOT NULL,
     seq INTEGER NOT NULL,

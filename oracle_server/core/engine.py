@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from oracle_server.core.atoms import Matches
 from oracle_server.core.formula.tree import Exists, Forall, Formula, Historically, Once
@@ -20,6 +20,27 @@ class Engine(Protocol):
         `time` is the step's time in nanoseconds, never less than the one before; `matches` has an entry for each
         atom of the formula, in the order of `tree.atoms`. Raises `EngineError` where it can't judge any more.
         """
+        ...
+
+
+@runtime_checkable
+class Revisable(Engine, Protocol):
+    """An engine that can take steps back, and so tell what would be."""
+
+    def mark(self) -> None:
+        """Remember how all stands, until `back` or `keep`."""
+        ...
+
+    def back(self) -> None:
+        """Take back all steps since `mark`."""
+        ...
+
+    def keep(self) -> None:
+        """Let the steps since `mark` stand."""
+        ...
+
+    def next_deadline(self, after: int) -> int | None:
+        """The first time (ns) later than `after` at which the outcome may change without a step, None for never."""
         ...
 
 

@@ -10,15 +10,17 @@ import msgspec
 from oracle_server.core.formula.tree import Scalar
 
 Kind = Literal["topic", "request", "response"]
+StepKind = Literal["topic", "request", "response", "tick"]
+"""What is judged: an event of a stream, or a deadline that has run out."""
 Order = Literal["publication", "arrival"]
 Signals = Mapping[str, Scalar]
 
 
 class StreamKey(NamedTuple):
-    """A stream of a spec: a topic, or the requests or the responses of a service."""
+    """A stream of a spec: a topic, or the requests or the responses of a service; or that of ticks, without a name."""
 
     name: str
-    kind: Kind
+    kind: StepKind
 
     def __str__(self) -> str:
         return self.name if self.kind == "topic" else f"{self.name} {self.kind}s"

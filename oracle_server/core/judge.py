@@ -6,80 +6,22 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from oracle_server.core.engine import Engine
-from oracle_server.core.events import Order, Step
+from oracle_server.core.events import Event, Order, Step, StreamKey
 from oracle_server.core.formula.tree import Scalar
-from oracle_server.core.plan import Plan, StreamPlan, View
-from oracle_server.core.spec import Property
-from oracle_server.core.verdicts import (
-    DENYING,
-    FINAL,
-    NEGATIVE,
-    Decision,
-    Explanation,
-    Judged,
-    Outcome,
-    Verdict,
-)
+from oracle_server.core.plan import Plan, StreamPlan
+from oracle_server.core.standing import Names, PropertyState
+from oracle_server.core.verdicts import DENYING, Decision, Explanation, Judged, Outcome, Verdict
 
-Names = frozenset[str] | set[str]
-
-
-@dataclass(slots=True)
-class PropertyState:
-    """How one property stands in one session and order; `failures` counts the steps that could not be judged."""
-
-    property: Property
-    engine: Engine
-    outcome: Outcome = Outcome.UNKNOWN
-    negative: bool = False
-    first_violation: int | None = None
-    violations: int = 0
-    failures: int = 0
-    broken: str | None = None
-    """Why the engine judges no more."""
-
-    def step(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names) -> Outcome:
-        """The outcome at the next step."""
-        if self.outcome in FINAL:
-            return self.outcome
-        outcome = self._ask_engine(view, time, signals)
-        if outcome is Outcome.UNKNOWN or not view.reads.isdisjoint(failed):
-            self.failures += 1
-            return Outcome.UNKNOWN
-        if self.property.latch and outcome in NEGATIVE:
-            return Outcome.FALSE
-        return outcome
-
-    def _ask_engine(self, view: View, time: int, signals: Mapping[str, Scalar]) -> Outcome:
-        if self.broken is not None:
-            return Outcome.UNKNOWN
-        matches: list[tuple[str, ...] | None] = [None] * view.size
-        for test in view.tests:
-            matches[test.index] = test.match(signals)
-        try:
-            return self.engine.step(time, matches)
-        except Exception as error:  # noqa: BLE001 -- one engine's failure must not end a session
-            self.broken = str(error) or type(error).__name__
-            return Outcome.UNKNOWN
-
-    def remember(self, verdict: int, outcome: Outcome) -> bool:
-        """Take in the outcome of verdict number `verdict`; true where the property became negative with it."""
-        self.outcome = outcome
-        if outcome is Outcome.UNKNOWN:
-            return False
-        was, self.negative = self.negative, outcome in NEGATIVE
-        if was or not self.negative:
-            return False
-        self.violations += 1
-        self.first_violation = self.first_violation or verdict
-        return True
+TICK = StreamKey("", "tick")
+"""The stream of ticks, which no monitor observes."""
 
 
 @dataclass(slots=True)
 class Counters:
-    """What a judge has seen; `steps` are judged events, `skipped` those that were not."""
+    """What a judge has seen; `steps` are judged events, `skipped` those that were not, `ticks` the recorded ones."""
 
     steps: int = 0
+    ticks: int = 0
     late: int = 0
     skewed: int = 0
     skipped: int = 0
@@ -111,6 +53,16 @@ class Judge:
         self.counters = Counters()
         self.present = 0
         """The time of the last step, in nanoseconds."""
+        self._ticked = 0
+
+    @property
+    def next_deadline(self) -> int | None:
+        """When time alone may change an outcome next, in nanoseconds; None for never."""
+        if not self._plan.timed:
+            return None
+        after = max(self.present, self._ticked)
+        deadlines = [d for state in self.properties if (d := state.next_deadline(after)) is not None]
+        return min(deadlines, default=None)
 
     def degrade(self) -> None:
         """Mark every verdict from now on as one before which something is known to be lost, skipped or failed."""
@@ -126,6 +78,19 @@ class Judge:
         if step.skipped:
             return self._skip(step, now)
         return self._judge(step, now)
+
+    def tick(self, time: int, now: int) -> Judged | None:
+        """Judge a step at `time` without signals but held ones, and forget it; None where it changes no outcome."""
+        self._ticked = time
+        signals, failed = self._all_held()
+        views = self._plan.silent
+        found = [s.tick(view, time, signals, failed) for s, view in zip(self.properties, views, strict=True)]
+        if all(state.outcome is outcome for state, outcome in zip(self.properties, found, strict=True)):
+            return None
+        self.counters.ticks += 1
+        verdicts = tuple(self._verdict(s, outcome, signals) for s, outcome in zip(self.properties, found, strict=True))
+        event = Event(TICK, "", self.counters.ticks, time, now, None)
+        return self._conclude(Step(event, signals, frozenset(failed), time), None, verdicts, now)
 
     def _skip(self, step: Step, now: int) -> Judged:
         self.counters.skipped += 1
@@ -143,12 +108,19 @@ class Judge:
         signals, failed = self._signals(step, stream)
         verdicts = []
         for state, view in zip(self.properties, stream.views, strict=True):
-            n, degraded = next(self._numbers), self._is_degraded(state)
+            degraded = self._is_degraded(state)
             outcome = state.step(view, self.present, signals, failed)
-            became_negative = state.remember(n, outcome)
-            why = Explanation(state.property.text, signals) if became_negative else None
-            verdicts.append(Verdict(n, state.property.id, outcome, degraded, why))
+            verdicts.append(self._verdict(state, outcome, signals, degraded=degraded))
         return self._conclude(step, self.counters.steps, tuple(verdicts), now)
+
+    def _verdict(
+        self, state: PropertyState, outcome: Outcome, signals: Mapping[str, Scalar], *, degraded: bool | None = None
+    ) -> Verdict:
+        n = next(self._numbers)
+        became_negative = state.remember(n, outcome)
+        why = Explanation(state.property.text, signals) if became_negative else None
+        degraded = self._is_degraded(state) if degraded is None else degraded
+        return Verdict(n, state.property.id, outcome, degraded, why)
 
     def _move_on(self, step: Step, stream: StreamPlan) -> None:
         """Time never goes back, and an unordered event is judged at the present.
@@ -182,11 +154,21 @@ class Judge:
         if event.call is not None:
             signals["call"] = event.call
         if stream.spec.hold:
-            self._held.setdefault(event.monitor, _Held()).take(stream.spec.hold, step)
-        held = self._held.get(event.monitor)
-        if held is None:
+            held = self._held[event.monitor] = self._held.pop(event.monitor, _Held())  # it spoke last
+            held.take(stream.spec.hold, step)
+        known = self._held.get(event.monitor)
+        if known is None:
             return signals, step.failed
-        return {**held.values, **signals}, step.failed | (held.failed - signals.keys())
+        return {**known.values, **signals}, step.failed | (known.failed - signals.keys())
+
+    def _all_held(self) -> tuple[dict[str, Scalar], Names]:
+        """What the streams of all monitors hold; of two monitors that hold one signal, the one that spoke last."""
+        values: dict[str, Scalar] = {}
+        failed: set[str] = set()
+        for held in self._held.values():
+            values |= held.values
+            failed = (failed - held.values.keys()) | held.failed
+        return {k: v for k, v in values.items() if k not in failed}, failed
 
 
 @dataclass(slots=True)

@@ -5,7 +5,7 @@ A plan is shared by all sessions of its spec; it holds no state.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -54,16 +54,25 @@ class StreamPlan:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A spec made ready, stream by stream."""
+    """A spec made ready, stream by stream.
+
+    `silent` are the properties' views of a step that has no signals but held ones; `timed` tells whether some property
+    has `time: seconds`.
+    """
 
     spec: Spec
     streams: Mapping[StreamKey, StreamPlan]
+    silent: tuple[View, ...]
+    timed: bool
 
 
 def plan(spec: Spec) -> Plan:
     """Make a spec ready. Raises `ExpressionError` where an expression of its signals can't be read."""
     formulas = tuple(atoms(p.formula) for p in spec.properties)
-    return Plan(spec, {s.key: _plan_stream(spec, s, formulas) for s in spec.streams})
+    held = frozenset[str]().union(*(s.hold for s in spec.streams))
+    silent = tuple(_view(formula, {}, held.__contains__) for formula in formulas)
+    timed = any(p.time == "seconds" for p in spec.properties)
+    return Plan(spec, {s.key: _plan_stream(spec, s, formulas) for s in spec.streams}, silent, timed)
 
 
 def judged_by(ready: Plan, by: By | None) -> Plan:
@@ -106,10 +115,12 @@ def _plan_stream(spec: Spec, stream: StreamSpec, formulas: tuple[tuple[Atom, ...
         project = Projection(stream.signals)
     known = constants(stream)
     possible = names | held | {key for key in RESERVED if has_reserved(stream, key)}
-    views = []
-    for formula_atoms in formulas:
-        tests = specialise(formula_atoms, known, possible.__contains__)
-        reads = frozenset().union(*(test.reads for test in tests)) - RESERVED
-        views.append(View(len(formula_atoms), tests, reads))
+    views = [_view(formula_atoms, known, possible.__contains__) for formula_atoms in formulas]
     guards = tuple(i for i, p in enumerate(spec.properties) if stream.name in p.guards)
     return StreamPlan(stream, project, known, tuple(views), guards)
+
+
+def _view(formula_atoms: tuple[Atom, ...], known: Mapping[str, Scalar], possible: Callable[[str], bool]) -> View:
+    tests = specialise(formula_atoms, known, possible)
+    reads = frozenset().union(*(test.reads for test in tests)) - RESERVED
+    return View(len(formula_atoms), tests, reads)

@@ -73,6 +73,11 @@ class ReorderBuffer(Generic[T]):
         return self._slowest if self._held else None
 
     @property
+    def limit(self) -> int | None:
+        """The time before which no open stream can speak any more; None while that is not known, or none is open."""
+        return self._limit
+
+    @property
     def next_deadline(self) -> int | None:
         """When `advance` will next release something, None while nothing is held under a bound."""
         while self._deadlines and self._deadlines[0][2] not in self._held:

@@ -27,8 +27,11 @@ class Session:
     back: an earlier time counts as the latest one seen.
     """
 
-    def __init__(self, plan: Plan, engines: Sequence[Sequence[Engine]]) -> None:
-        """Start with fresh engines: for each order that `orders` names, one a property."""
+    def __init__(self, plan: Plan, engines: Sequence[Sequence[Engine]], *, ticking: bool = True) -> None:
+        """Start with fresh engines: for each order that `orders` names, one a property.
+
+        `ticking`: deadlines that run out are judged.
+        """
         ordering = plan.spec.ordering
         numbers = itertools.count(1)
         self.plan = plan
@@ -40,6 +43,7 @@ class Session:
         self.counts: defaultdict[Source, StreamCounts] = defaultdict(StreamCounts)
         self.holds = HoldTimes()
         self.now = 0
+        self._ticking = ticking and plan.timed
         self.simulated: SimulatedTime | None = None
         """The time of the simulation that the session runs in; None where its time is the server's."""
         self.suspended = False
@@ -48,16 +52,25 @@ class Session:
     @property
     def next_deadline(self) -> int | None:
         """When `advance` should be called next, None while nothing waits for time to pass."""
-        return self.buffer.next_deadline
+        deadline = self.buffer.next_deadline
+        if not self._ticking or self.simulated is not None:
+            return deadline
+        waits = {order: self._longest_wait(order) for order in self.judges}
+        ticks = [
+            tick + wait
+            for order, judge in self.judges.items()
+            if (wait := waits[order]) is not None and (tick := judge.next_deadline) is not None
+        ]
+        return min((d for d in (deadline, *ticks) if d is not None), default=None)
 
     def attach(self, monitor: str, streams: Iterable[StreamKey], now: int) -> list[Judged]:
         """Wait for the ordered ones of a monitor's streams from now on, and for no others of it."""
         ordered = [s for s in streams if self.plan.spec.by_key[s].ordered]
-        return self.advance(now) + self._judge(self.buffer.open(monitor, ordered))
+        return self.advance(now) + self._judge(self.buffer.open(monitor, ordered)) + self._run_out()
 
     def detach(self, monitor: str, now: int) -> list[Judged]:
         """Wait for a monitor no more; its streams leave the order, what it sent stays."""
-        return self.advance(now) + self._judge(self.buffer.close(monitor))
+        return self.advance(now) + self._judge(self.buffer.close(monitor)) + self._run_out()
 
     def ingest(self, event: Event) -> list[Judged]:
         """Take an event of a stream of the spec, at its time of arrival."""
@@ -69,7 +82,7 @@ class Session:
             judged.append(self._judge_one("arrival", step))
         if "publication" in self.judges:
             judged += self._order(step)
-        return judged
+        return judged + self._run_out() if self._ticking else judged
 
     def clock(self, monitor: str, readings: Iterable[ClockReading], now: int) -> list[Judged]:
         """Learn how far a monitor's streams have come."""
@@ -79,19 +92,26 @@ class Session:
             self.simulated.tell(monitor, readings)
         for reading in readings:
             judged += self._judge(self.buffer.clock((monitor, reading.stream), reading.stamp))
-        return judged
+        return judged + self._run_out()
 
     def advance(self, now: int) -> list[Judged]:
         """Let time pass: judge what has waited its longest."""
         self.now = max(self.now, now)
-        return self._judge(self.buffer.advance(self.now))
+        judged = self._judge(self.buffer.advance(self.now))
+        return judged + self._run_out() if self._ticking else judged
 
     def finish(self, now: int) -> list[Judged]:
         """Judge all that is held, in order."""
         return self.advance(now) + self._judge(self.buffer.flush())
 
-    def rejudge(self, order: Order, step: Step, judged: int) -> Judged:
-        """Judge again what was judged before, in the same sequence, to come back to where a session stood."""
+    def rejudge(self, order: Order, step: Step, judged: int) -> Judged | None:
+        """Judge again what was judged before, in the same sequence, to come back to where a session stood.
+
+        None where a tick changed something, and does not any more.
+        """
+        if step.event.stream.kind == "tick":
+            self.now = max(self.now, judged)
+            return self.judges[order].tick(step.stamp, judged)
         if order == "publication" and not step.late and self.plan.spec.by_key[step.event.stream].ordered:
             self.buffer.present = step.time
         self.now = max(self.now, judged)
@@ -118,7 +138,39 @@ class Session:
             self.holds.add(self.now - (event.arrived if event.received is None else event.received))
             if r.late:
                 self.counts[event.monitor, event.stream].late += 1
-        return [self._judge_one("publication", r.item, late=r.late, forced=r.forced) for r in released]
+        if not self._ticking:
+            return [self._judge_one("publication", r.item, late=r.late, forced=r.forced) for r in released]
+        judged: list[Judged] = []
+        for r in released:
+            if not r.late:
+                judged += self._ticks("publication", r.item.time - 1)
+            judged.append(self._judge_one("publication", r.item, late=r.late, forced=r.forced))
+        return judged
+
+    def _run_out(self) -> list[Judged]:
+        """Judge the deadlines that have run out: no older event can come any more, or none is waited for any longer."""
+        judged: list[Judged] = []
+        now = self.now if self.simulated is None else self.simulated.now
+        for order in self.judges if self._ticking else ():
+            wait = self._longest_wait(order)
+            reached = [] if wait is None or now is None else [now - wait]
+            if order == "publication" and self.buffer.limit is not None:
+                reached.append(self.buffer.limit)
+            if reached:
+                judged += self._ticks(order, max(reached))
+        return judged
+
+    def _longest_wait(self, order: Order) -> int | None:
+        """How long a deadline that has run out waits for older events, in nanoseconds; None for as long as it takes."""
+        return 0 if order == "arrival" else self.plan.spec.ordering.max_delay
+
+    def _ticks(self, order: Order, until: int) -> list[Judged]:
+        judge, judged = self.judges[order], []
+        while not self.suspended and (deadline := judge.next_deadline) is not None and deadline <= until:
+            tick = judge.tick(deadline, self.now)
+            if tick is not None:
+                judged.append(tick)
+        return judged
 
     def _note_loss(self, event: Event) -> None:
         """What is held may be younger than what was lost: verdicts are degraded from when it is known."""

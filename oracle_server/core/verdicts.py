@@ -21,6 +21,13 @@ class Outcome(StrEnum):
     FALSE = "false"
     UNKNOWN = "unknown"
 
+    @property
+    def current(self) -> Outcome:
+        """The same, not final."""
+        return _CURRENT.get(self, self)
+
+
+_CURRENT = {Outcome.TRUE: Outcome.CURRENTLY_TRUE, Outcome.FALSE: Outcome.CURRENTLY_FALSE}
 
 NEGATIVE = frozenset({Outcome.FALSE, Outcome.CURRENTLY_FALSE})
 FINAL = frozenset({Outcome.TRUE, Outcome.FALSE})
@@ -67,8 +74,8 @@ class Decision(msgspec.Struct, frozen=True, gc=False):
 class Judged(msgspec.Struct, frozen=True, gc=False):
     """A step with everything that was said about it.
 
-    `number` counts the session's judged events, and is None where the event was skipped as late; `judged` is the
-    time of judgement in nanoseconds; `decision` is None where nothing was asked.
+    `number` counts the session's judged events, and is None for ticks and where the event was skipped as late;
+    `judged` is the time of judgement in nanoseconds; `decision` is None where nothing was asked.
     """
 
     step: Step
@@ -110,7 +117,10 @@ def explain(judged: Judged, verdict: Verdict) -> dict[str, Any] | None:
     why, event = verdict.explanation, judged.step.event
     if why is None:
         return None
-    where = f"{event.stream.name} ({event.stream.kind} {event.seq} of {event.monitor})"
+    if event.stream.kind == "tick":
+        where = "when a deadline ran out"
+    else:
+        where = f"at step {judged.number}, {event.stream.name} ({event.stream.kind} {event.seq} of {event.monitor})"
     seen = {
         "stream": event.stream.name,
         "kind": event.stream.kind,
@@ -118,7 +128,7 @@ def explain(judged: Judged, verdict: Verdict) -> dict[str, Any] | None:
         "seq": event.seq,
     }
     return {
-        "text": f"{verdict.property} does not hold at step {judged.number}, {where}: {why.formula}",
+        "text": f"{verdict.property} does not hold {where}: {why.formula}",
         "formula": why.formula,
         "event": {**seen, "stamp": judged.step.stamp, "signals": dict(why.signals)},
     }

@@ -35,7 +35,7 @@ Maker = Callable[[Property], Engine]
 
 
 def prop(name: str, formula: str, **more: Any) -> Property:
-    return Property(name, parse_formula(formula), formula, **more)
+    return Property(name, parse_formula(formula, more.get("time", "steps")), formula, **more)
 
 
 def reelay(property_: Property) -> Engine:

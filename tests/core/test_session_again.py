@@ -76,7 +76,7 @@ def check_rejudging(before: list[Happening], after: list[Happening], maker: Make
     there = open_session(PROPERTIES, attach={}, maker=maker, **ordering)
     back = open_session(PROPERTIES, attach={}, maker=maker, **ordering)
     judged = run(there, before, 1_000)
-    again = [back.rejudge(j.order, j.step, j.judged) for j in judged]
+    again = [again for j in judged if (again := back.rejudge(j.order, j.step, j.judged))]
     assert [undegraded(j) for j in again] == [undegraded(j) for j in judged]
     known = zip(degraded(again), degraded(judged), strict=True)
     assert all(was for now, was in known if now), "a loss is known from when it was told, and again once it is judged"

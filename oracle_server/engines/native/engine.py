@@ -48,7 +48,7 @@ class NativeEngine:
 
     def next_deadline(self, after: int) -> int | None:
         """The first time (ns) later than `after` at which the outcome may change without a step, None for never."""
-        if not self._timed:
+        if not self._timed or self._clock.first:
             return None
         deadlines = [d for operator in self._operators if (d := operator.next_deadline(after)) is not None]
         return min(deadlines, default=None)

@@ -1,0 +1,87 @@
+"""How one property stands in one session and order."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from oracle_server.core.engine import Engine, Revisable
+from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.plan import View
+from oracle_server.core.spec import Property
+from oracle_server.core.verdicts import FINAL, NEGATIVE, Outcome
+
+Names = frozenset[str] | set[str]
+
+
+@dataclass(slots=True)
+class PropertyState:
+    """The property's engine and its last outcome; `failures` counts the steps that could not be judged."""
+
+    property: Property
+    engine: Engine
+    outcome: Outcome = Outcome.UNKNOWN
+    negative: bool = False
+    first_violation: int | None = None
+    violations: int = 0
+    failures: int = 0
+    broken: str | None = None
+    """Why the engine judges no more."""
+
+    def step(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names) -> Outcome:
+        """The outcome at the next step."""
+        if self.outcome in FINAL:
+            return self.outcome
+        outcome = self._ask_engine(view, time, signals)
+        if outcome is Outcome.UNKNOWN or not view.reads.isdisjoint(failed):
+            self.failures += 1
+            return Outcome.UNKNOWN
+        if self.property.latch and outcome in NEGATIVE:
+            return Outcome.FALSE
+        return outcome
+
+    def next_deadline(self, after: int) -> int | None:
+        """When, after `after` (ns), time alone may change the outcome; None for never."""
+        if self.property.time != "seconds" or self.outcome in FINAL:
+            return None
+        engine = self._revisable()
+        return engine.next_deadline(after) if engine is not None else None
+
+    def tick(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names) -> Outcome:
+        """The outcome at a step that will be forgotten; final only where the property is latched."""
+        engine = self._revisable()
+        if engine is None or self.property.time != "seconds" or self.outcome in FINAL:
+            return self.outcome
+        engine.mark()
+        outcome = self._ask_engine(view, time, signals)
+        engine.back()
+        if outcome is Outcome.UNKNOWN or not view.reads.isdisjoint(failed):
+            return Outcome.UNKNOWN
+        return Outcome.FALSE if self.property.latch and outcome in NEGATIVE else outcome.current
+
+    def _revisable(self) -> Revisable | None:
+        return self.engine if self.broken is None and isinstance(self.engine, Revisable) else None
+
+    def _ask_engine(self, view: View, time: int, signals: Mapping[str, Scalar]) -> Outcome:
+        if self.broken is not None:
+            return Outcome.UNKNOWN
+        matches: list[tuple[str, ...] | None] = [None] * view.size
+        for test in view.tests:
+            matches[test.index] = test.match(signals)
+        try:
+            return self.engine.step(time, matches)
+        except Exception as error:  # noqa: BLE001 -- one engine's failure must not end a session
+            self.broken = str(error) or type(error).__name__
+            return Outcome.UNKNOWN
+
+    def remember(self, verdict: int, outcome: Outcome) -> bool:
+        """Take in the outcome of verdict number `verdict`; true where the property became negative with it."""
+        self.outcome = outcome
+        if outcome is Outcome.UNKNOWN:
+            return False
+        was, self.negative = self.negative, outcome in NEGATIVE
+        if was or not self.negative:
+            return False
+        self.violations += 1
+        self.first_violation = self.first_violation or verdict
+        return True

@@ -1,0 +1,166 @@
+"""Deadlines that run out between events; a unit of time is a nanosecond."""
+
+from __future__ import annotations
+
+import random
+from typing import Any
+
+import pytest
+
+from oracle_server.core.formula.render import render
+from oracle_server.core.formula.tree import Bound, Formula, Historically, Once, Since
+from oracle_server.core.session import Session
+from oracle_server.core.spec import Property
+from oracle_server.core.verdicts import NEGATIVE, Judged, record
+from oracle_server.engines.native import NativeEngine
+from tests import generate
+from tests.brute import TimedSignals, truths
+from tests.core.sessions import MODE, STREAMS, A, B, Feed, open_session, prop
+from tests.engines.test_against_brute import SEED
+from tests.strategies import SECOND
+
+
+def native(property_: Property) -> NativeEngine:
+    return NativeEngine(property_.formula, property_.time)
+
+
+def timed(formula: str, **more: Any) -> Property:
+    return prop("p", formula, time="seconds", **more)
+
+
+def session_of(*properties: Property, **ordering: Any) -> Session:
+    return open_session(list(properties), attach={"m": [A, B, MODE]}, maker=native, **{"by": "arrival", **ordering})
+
+
+def told(judged: list[Judged]) -> list[tuple[str, int, str]]:
+    return [(j.step.event.stream.kind, j.step.stamp, j.verdicts[0].outcome.value) for j in judged]
+
+
+ANSWERED = 'once[5ns:] {topic: "/a"} -> once {topic: "/b"}'
+"""By 5 ns after the first message on /a there has been one on /b."""
+
+
+def test_a_deadline_is_judged_when_it_runs_out_and_recorded_once() -> None:
+    session = session_of(timed(ANSWERED))
+    feed = Feed(session)
+    assert told(feed(A, 10)) == [("topic", 10, "currently_true")]
+    assert session.next_deadline == 15
+    assert session.advance(14) == []
+    (tick,) = session.advance(40)
+    assert told([tick]) == [("tick", 15, "currently_false")]
+    row = record(tick, tick.verdicts[0])
+    assert (row["step"], row["kind"], row["violation"], row["judged"]) == (None, "tick", True, 40)
+    assert "when a deadline ran out" in row["explanation"]["text"]
+    assert session.advance(45) == []
+    again = feed(MODE, 50)
+    assert told(again) == [("topic", 50, "currently_false")]
+    assert again[0].number == 2, "a tick is no step"
+    assert not again[0].verdicts[0].explanation, "negative already"
+    assert told(feed(B, 60)) == [("topic", 60, "currently_true")]
+
+
+def test_a_tick_is_forgotten() -> None:
+    """`pre` and `since` would tell a step without signals from none."""
+    session = session_of(timed('pre {topic: "/a"} or once[:2ns] {topic: "/a"}'))
+    feed = Feed(session)
+    feed(A, 10)
+    assert session.advance(20) == [], "the tick comes next after /a, as far as it knows"
+    assert told(feed(B, 21)) == [("topic", 21, "currently_true")]
+
+
+@pytest.mark.parametrize(("latch", "then"), [(False, "currently_true"), (True, "false")])
+def test_only_a_latch_keeps_a_tick(latch: bool, then: str) -> None:
+    session = session_of(timed('historically[:9ns] once[:5ns] {topic: "/a"}', latch=latch))
+    feed = Feed(session)
+    feed(A, 10)
+    (tick,) = session.advance(16)
+    assert tick.verdicts[0].outcome.value == ("false" if latch else "currently_false")
+    assert told(feed(A, 17)) == [("topic", 17, then)]
+
+
+def test_by_publication_a_tick_waits_for_the_frontiers() -> None:
+    session = session_of(timed(ANSWERED), by="publication", max_delay=50)
+    feed = Feed(session)
+    feed(A, 10)
+    for stream in (A, B, MODE):
+        found = feed.clock(stream, 12, 30)
+    assert told(found) == [("topic", 10, "currently_true")]
+    assert session.advance(64) == [], "/b may have spoken before 15, and be under way"
+    assert session.next_deadline == 65
+    for stream in (A, B, MODE):
+        found = feed.clock(stream, 15, 64)
+    assert told(found) == [("tick", 15, "currently_false")]
+
+
+def test_a_tick_waits_no_longer_than_max_delay() -> None:
+    session = session_of(timed(ANSWERED), by="publication", max_delay=50)
+    feed = Feed(session)
+    feed(A, 10)
+    assert told(session.advance(65)) == [("topic", 10, "currently_true"), ("tick", 15, "currently_false")]
+    assert feed(B, 14, arrived=70) == []
+    assert told(session.advance(120)) == [("topic", 14, "currently_true")], "judged as if no tick had been"
+
+
+def test_a_tick_comes_before_the_event_that_tells_of_its_time() -> None:
+    session = session_of(timed(ANSWERED), by="publication", max_delay=None)
+    feed = Feed(session)
+    feed(A, 10)
+    feed(B, 30)
+    assert told(feed(MODE, 31)) == [("topic", 10, "currently_true")]
+    assert told(feed.clock(A, 30, 40)) == [("tick", 15, "currently_false"), ("topic", 30, "currently_true")]
+
+
+def test_a_tick_sees_what_is_held() -> None:
+    session = session_of(timed('once[:5ns] {topic: "/a"} or {mode: 1}'))
+    feed = Feed(session)
+    feed(MODE, 10, {"mode": 1})
+    feed(A, 11)
+    assert session.advance(30) == []
+    feed(MODE, 31, {"mode": 2})
+    assert told(feed(A, 32)) == [("topic", 32, "currently_true")]
+    assert told(session.advance(60)) == [("tick", 38, "currently_false")]
+
+
+def test_judging_again_brings_ticks_back() -> None:
+    there, back = (session_of(timed(ANSWERED, latch=True)) for _ in range(2))
+    judged = Feed(there)(A, 10) + there.advance(20)
+    assert [back.rejudge(j.order, j.step, j.judged) for j in judged] == judged
+    for session in (there, back):
+        assert told(Feed(session)(B, 30)) == [("topic", 30, "false")]
+
+
+def test_ticks_tell_what_the_table_says_whenever_time_changes_it() -> None:
+    """After each moment at which time alone changes what a step without signals would see, that is the outcome."""
+    for number in range(SEED, SEED + 300):
+        rng = random.Random(f"ticks {number}")
+        formula = _in_nanoseconds(generate.formula(rng, "seconds", rng.randint(2, 4), 1))
+        session = open_session([Property("p", formula, time="seconds")], attach={"m": [A]}, maker=native, by="arrival")
+        feed, steps, now = Feed(session), list[TimedSignals](), 1
+        for _ in range(rng.randint(1, 5)):
+            signals = {key: rng.choice((1, 2)) for key in "abc" if rng.random() < 0.5}
+            feed(STREAMS[0].key, now, signals)
+            steps.append((now, signals))
+            gap, before = rng.choice((0, 1, 3, 6)), None
+            for later in range(now + 1, now + gap):
+                session.advance(later)
+                holds = truths(formula, [*steps, (later, {})], "seconds")[-1]
+                state = session.judges["arrival"].properties[0]
+                if before is not None and holds is not before and state.outcome.value not in ("true", "false"):
+                    assert (state.outcome not in NEGATIVE) is holds, f"{number}: {render(formula, 'seconds')} {steps}"
+                before = holds
+            now += gap
+
+
+def _in_nanoseconds(formula: Formula) -> Formula:
+    """The formula with its bounds of seconds taken as nanoseconds."""
+    parts: dict[str, Any] = {
+        name: _in_nanoseconds(part)
+        for name in ("operand", "left", "right", "body")
+        if (part := getattr(formula, name, None)) is not None
+    }
+    if isinstance(formula, Once | Historically | Since):
+        bound = formula.bound
+        parts["bound"] = Bound(bound.lower // SECOND, None if bound.upper is None else bound.upper // SECOND)
+    if hasattr(formula, "variable"):
+        parts["variable"] = formula.variable
+    return type(formula)(**parts) if parts else formula
