@@ -136,7 +136,6 @@ def test_only_an_unbounded_past_is_final_once_decided(maker: Maker, time: Time) 
         ("exists[v]. once {a: *v}", ["true", "true", "true"]),
         ("historically[:1] {a}", ["currently_true", "currently_false", "currently_false"]),
         ("once[:1] {a == false}", ["currently_false", "currently_true", "currently_true"]),
-        ("not historically {a}", ["currently_false", "currently_true", "currently_true"]),
     ):
         formula = parse_formula(text, time)
         assert outcomes(maker(formula), formula, steps) == expected

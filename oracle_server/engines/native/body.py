@@ -45,6 +45,8 @@ class _Part(Protocol):
     def spread(self, region: Region, place: int) -> Collection[str]: ...
     def constant(self, region: Region) -> bool | None: ...
     def weight(self) -> int: ...
+    def settled(self, key: Key) -> bool | None: ...
+    def can_settle(self, fresh: frozenset[int]) -> tuple[bool, bool]: ...
 
 
 class _Leaf:
@@ -73,6 +75,14 @@ class _Leaf:
 
     def weight(self) -> int:
         return len(self._node.points())
+
+    def settled(self, key: Key) -> bool | None:
+        value = self._node.settled(key if self._key is None else self._key(key))
+        return value if value is None else value is self._positive
+
+    def can_settle(self, fresh: frozenset[int]) -> tuple[bool, bool]:
+        yes, no = self._node.can_settle(fresh)
+        return (yes, no) if self._positive else (no, yes)
 
 
 def _value(at: Callable[[Key], bool], pick: Callable[[Key], Key] | None, positive: bool) -> Callable[[Key], bool]:
@@ -117,6 +127,20 @@ class _Both:
 
     def weight(self) -> int:
         return self._left.weight() + self._right.weight()
+
+    def settled(self, key: Key) -> bool | None:
+        left = self._left.settled(key)
+        if left is self._absorbing:
+            return left
+        right = self._right.settled(key)
+        if right is self._absorbing:
+            return right
+        return None if left is None or right is None else left
+
+    def can_settle(self, fresh: frozenset[int]) -> tuple[bool, bool]:
+        sides = [self._left.can_settle(fresh), self._right.can_settle(fresh)]
+        yes, no = [side[0] for side in sides], [side[1] for side in sides]
+        return (any(yes), all(no)) if self._absorbing else (all(yes), any(no))
 
     def _deciding(self, left: bool | None, right: bool | None) -> Sequence[_Part]:
         """Outside of where these sides differ from their values for fresh values, the whole does not either."""
@@ -166,13 +190,16 @@ NOTHING: Own = _Nothing()
 class Body:
     """One expression or more under a node, over the variables of all of them."""
 
-    __slots__ = ("_clock", "_fresh", "_leaves", "_parts", "at", "flat", "nodes", "variables")
+    __slots__ = ("_clock", "_fresh", "_leaves", "_parts", "at", "can_settle", "flat", "nodes", "settled", "variables")
 
     def __init__(self, clock: Clock, *expressions: Expression) -> None:
         self.variables = variables_of(*expressions)
         self._parts = [_part(e, self.variables) for e in expressions]
         self.at = [part.at for part in self._parts]
         """The value of each expression at a key."""
+        self.settled = [part.settled for part in self._parts]
+        """Its value at a key, where no continuation can change it."""
+        self.can_settle = [part.can_settle for part in self._parts]
         self.nodes = list(dict.fromkeys(node for e in expressions for node in nodes_of(e)))
         size = len(self.variables)
         self.flat = size < 2 or all(n.flat and n.variables == self.variables for n in self.nodes)
@@ -202,6 +229,10 @@ class Body:
                     return self._everything(own)
                 keys = changes if keys is None else keys + changes
         return keys or ()
+
+    def all_points(self) -> Collection[Key]:
+        """Keys that stand for all: where values may differ, and the fresh one."""
+        return self._everything(NOTHING)
 
     def _everything(self, own: Own) -> Collection[Key]:
         if not self.flat:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from oracle_server.core.atoms import Matches
-from oracle_server.core.engine import outcome
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import Formula
 from oracle_server.core.verdicts import Outcome
@@ -19,12 +18,12 @@ class NativeEngine:
     """The state of one formula in one session."""
 
     def __init__(self, formula: Formula, time: Time = "steps") -> None:
-        self._formula = formula
         self._timed = time == "seconds"
         self._clock = Clock(timed=self._timed)
         network = build(formula, self._clock)
         self._atoms, self._operators = network.atoms, network.operators
-        (self._holds,) = network.root.at
+        (self._holds,), (self._settled,) = network.root.at, network.root.settled
+        self._can_settle = any(network.root.can_settle[0](frozenset()))
         self._steps = 0
         self._due = 0
         """When something may change although no atom does: a step's number, or nanoseconds."""
@@ -43,8 +42,14 @@ class NativeEngine:
             operator.step()
         self._clock.first = False
         self._due = self._next_due()
-        self._last = outcome(self._formula, self._holds(()))
+        self._last = self._outcome()
         return self._last
+
+    def _outcome(self) -> Outcome:
+        holds = self._holds(())
+        if self._can_settle and self._settled(()) is holds:
+            return Outcome.TRUE if holds else Outcome.FALSE
+        return Outcome.CURRENTLY_TRUE if holds else Outcome.CURRENTLY_FALSE
 
     def next_deadline(self, after: int) -> int | None:
         """The first time (ns) later than `after` at which the outcome may change without a step, None for never."""

@@ -88,6 +88,16 @@ class Ever:
             return self.at(key_of(region))
         return None if self.held else False
 
+    def settled(self, key: Key) -> bool | None:
+        """True once it holds."""
+        if key in self.held:
+            return True
+        return None if key in self.waits else (False if self._body.settled[0](key) is False else None)
+
+    def can_settle(self, fresh: frozenset[int]) -> tuple[bool, bool]:
+        """Whether the value can settle on true, and on false, where these variables have fresh values."""
+        return fresh.isdisjoint(self.variables), self._body.can_settle[0](fresh)[1]
+
     def index(self) -> None:
         """Be asked for `spread`."""
         if len(self.variables) > 1:

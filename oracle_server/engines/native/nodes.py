@@ -44,6 +44,14 @@ class Node(Protocol):
         """Be asked for `spread`."""
         ...
 
+    def settled(self, key: Key) -> bool | None:
+        """The value at a key, where no continuation can change it; None where one may, or that is not known."""
+        ...
+
+    def can_settle(self, fresh: frozenset[int]) -> tuple[bool, bool]:
+        """Whether the value can settle on true, and on false, where these variables have fresh values."""
+        ...
+
 
 class Absent:
     """Stands where an atom has no key since it does not hold."""
@@ -115,3 +123,10 @@ class AtomNode:
 
     def index(self) -> None:
         """Nothing to prepare."""
+
+    def settled(self, key: Key) -> None:
+        """None: the next step may be any."""
+
+    def can_settle(self, fresh: frozenset[int]) -> tuple[bool, bool]:  # noqa: ARG002
+        """Neither."""
+        return False, False

@@ -73,6 +73,15 @@ class Previous:
             return self.at(key_of(region))
         return self._table.fresh.value if len(self._table.states) <= (not self.flat) else None
 
+    def settled(self, key: Key) -> bool | None:
+        """The operand's value, once it is settled and this has become that."""
+        value = self._body.settled[0](key)
+        return value if value is self.at(key) else None
+
+    def can_settle(self, fresh: frozenset[int]) -> tuple[bool, bool]:
+        """Whether the value can settle on true, and on false, where these variables have fresh values."""
+        return self._body.can_settle[0](fresh)
+
     def index(self) -> None:
         """Be asked for `spread`."""
         self._table.index()

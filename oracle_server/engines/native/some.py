@@ -67,6 +67,20 @@ class Some:
         """The value."""
         return bool(self.held)
 
+    def settled(self, key: Key) -> bool | None:  # noqa: ARG002
+        """True where the body has settled so at a key, false where it has at all."""
+        settled = self._body.settled[0]
+        if self.held:
+            return True if any(settled(key) for key in self.held) else None
+        if settled(fresh_key(len(self._body.variables))) is not False:
+            return None
+        return False if all(settled(key) is False for key in self._body.all_points()) else None
+
+    def can_settle(self, fresh: frozenset[int]) -> tuple[bool, bool]:
+        """Whether the value can settle on true, and on false, where these variables have fresh values."""
+        bound = frozenset(self._body.variables)
+        return self._body.can_settle[0](fresh)[0], self._body.can_settle[0](fresh | bound)[1]
+
     def index(self) -> None:
         """Nothing to prepare."""
 
@@ -165,6 +179,17 @@ class SomeOf:
         if ALL not in region:
             return self.at(key_of(region))
         return self._table.fresh.value if len(self._table.states) <= (not self._table.flat) else None
+
+    def settled(self, key: Key) -> bool | None:
+        """True where the body has settled so at some key of the bound variables; false is not found out."""
+        own = texts_of(key)
+        settled = self._body.settled[0]
+        held = self._table.get(key).keys
+        return True if any(settled((*own, *bound)) for bound in held) else None
+
+    def can_settle(self, fresh: frozenset[int]) -> tuple[bool, bool]:
+        """Whether the value can settle on true, and on false, where these variables have fresh values."""
+        return self._body.can_settle[0](fresh)[0], False
 
     def index(self) -> None:
         """Be asked for `spread`."""

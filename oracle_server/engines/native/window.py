@@ -138,6 +138,25 @@ class Window:
             return self.at(key_of(region))
         return self._table.fresh.value if len(self._table.states) <= (not self.flat) else None
 
+    def settled(self, key: Key) -> bool | None:
+        """The value at a key, where no continuation can change it; None where one may."""
+        right = self._body.settled[0](key)
+        left = True if self._left is None else self._body.settled[1](key)
+        if right is True and not self._lower:
+            return True
+        runs = self._table.get(key)
+        if left is True and self._upper is None and runs.value:
+            return True
+        if right is False and not runs.starts:
+            return False
+        return False if left is False and (right is False or self._lower) else None
+
+    def can_settle(self, fresh: frozenset[int]) -> tuple[bool, bool]:
+        """Whether the value can settle on true, and on false, where these variables have fresh values."""
+        right = self._body.can_settle[0](fresh)
+        left = (True, False) if self._left is None else self._body.can_settle[1](fresh)
+        return (right[0] and not self._lower) or (left[0] and self._upper is None), right[1] or left[1]
+
     def index(self) -> None:
         """Be asked for `spread`."""
         self._table.index()
