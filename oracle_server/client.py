@@ -155,6 +155,7 @@ def show_verdicts(client: Client, session: str, properties: list[str], outcomes:
     if violations:
         sys.stdout.write("\n")
         _show({}, _RECORD, [_record_row(r) for r in violations], as_json=False)
+        sys.stdout.write("\n" + "".join(f"{r['n']}: {r['explanation']['text']}\n" for r in violations))
 
 
 def follow_verdicts(client: Client, session: str, properties: list[str], outcomes: list[str], *, as_json: bool) -> None:

@@ -34,9 +34,9 @@ def formula(rng: random.Random, time: Time, depth: int, quantifiers: int = 3, sc
         "or": lambda: tree.Or(part(), part()),
         "implies": lambda: tree.Implies(part(), part()),
         "pre": lambda: tree.Pre(part()),
-        "once": lambda: tree.Once(part(), _bound(rng, time)),
-        "historically": lambda: tree.Historically(part(), _bound(rng, time)),
-        "since": lambda: tree.Since(part(), part(), _bound(rng, time)),
+        "once": lambda: tree.Once(part(), bound(rng, time)),
+        "historically": lambda: tree.Historically(part(), bound(rng, time)),
+        "since": lambda: tree.Since(part(), part(), bound(rng, time)),
     }
     if kind in simple:
         return simple[kind]()
@@ -72,7 +72,7 @@ def _constraint(rng: random.Random, scope: tuple[str, ...]) -> Constraint:
     return Constraint(key, "!=" if not isinstance(value, tree.Any) and rng.random() < 0.2 else "==", value)
 
 
-def _bound(rng: random.Random, time: Time) -> Bound:
+def bound(rng: random.Random, time: Time) -> Bound:
     unit = 1 if time == "steps" else SECOND
     lower, upper = rng.choice([*CORNERS[:2] * 3, *CORNERS])
     return Bound(lower * unit, None if upper is None else upper * unit)

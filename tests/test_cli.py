@@ -239,7 +239,8 @@ async def test_reading_a_running_server(server: Server) -> None:
     assert (summary.returncode, summary.stderr) == (0, "")
     lines = summary.stdout.splitlines()
     assert lines[1].split() == ["a_is_small", "currently_true", "1", "2", "0"]
-    assert lines[-1].split()[:4] == ["2", "2", "a_is_small", "currently_false"]
+    assert lines[-3].split()[:4] == ["2", "2", "a_is_small", "currently_false"]
+    assert lines[-1].startswith("2: a_is_small does not hold at step 2, /a ")
     assert records[1]["stamp"] == BASE + 2 * 10**6
 
 

@@ -93,16 +93,48 @@ def test_both_orders_tell_a_slow_network_from_a_faulty_node() -> None:
 
 
 FAULTS = [
-    ("fault_wrong_status", "status_matches_percentage", 167, "/battery_status", "topic", {"id": "51"}),
-    ("fault_status_without_cause", "status_matches_percentage", 168, "/battery_status", "topic", {"id": "0"}),
-    ("fault_request_without_change", "request_has_a_cause", 168, "/SetLED", "request", {"req_id": "51"}),
-    ("fault_silent_panel", "request_is_followed_by_response", 300, "/LED_panel", "topic", {"id": "71"}),
+    (
+        "fault_wrong_status",
+        "status_matches_percentage",
+        167,
+        "/battery_status",
+        "topic",
+        {"id": "51"},
+        ("51", 'topic: "/battery_percentage"'),
+    ),
+    (
+        "fault_status_without_cause",
+        "status_matches_percentage",
+        168,
+        "/battery_status",
+        "topic",
+        {"id": "0"},
+        ("0", 'topic: "/input_accepted"'),
+    ),
+    (
+        "fault_request_without_change",
+        "request_has_a_cause",
+        168,
+        "/SetLED",
+        "request",
+        {"req_id": "51"},
+        ("51", 'topic: "/battery_status"'),
+    ),
+    (
+        "fault_silent_panel",
+        "request_is_followed_by_response",
+        300,
+        "/LED_panel",
+        "topic",
+        {"id": "71"},
+        ("61", 'service: "/SetLED", response: "True"'),
+    ),
 ]
 
 
-@pytest.mark.parametrize(("trace", "prop", "step", "stream", "kind", "signals"), FAULTS)
+@pytest.mark.parametrize(("trace", "prop", "step", "stream", "kind", "signals", "missing"), FAULTS)
 def test_each_fault_is_found_by_its_property_at_its_event(
-    trace: str, prop: str, step: int, stream: str, kind: str, signals: dict[str, str]
+    trace: str, prop: str, step: int, stream: str, kind: str, signals: dict[str, str], missing: tuple[str, str]
 ) -> None:
     records, summary = replayed(TRACES / f"{trace}.jsonl", status=1)
     assert broken(summary) == {prop: 1}
@@ -110,6 +142,11 @@ def test_each_fault_is_found_by_its_property_at_its_event(
     assert (violation["property"], violation["step"]) == (prop, step)
     assert (violation["stream"], violation["kind"], violation["outcome"]) == (stream, kind, "currently_false")
     assert signals.items() <= violation["explanation"]["event"]["signals"].items()
+    assert violation["explanation"]["values"]["i"] == missing[0]
+    cause, effect = violation["explanation"]["reasons"]
+    assert cause["event"]["stamp"] < violation["arrived"]
+    assert (effect["holds"], effect["text"]) == (False, f"none in steps 1–{step}")  # noqa: RUF001
+    assert effect["formula"].startswith(f"once {{{missing[1]}")
     assert summary["properties"][prop]["first_violation"] == violation["n"]
     text = run("replay", SPEC, TRACES / f"{trace}.jsonl")
     assert text.returncode == 1

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Protocol, runtime_checkable
 
 from oracle_server.core.atoms import Matches
+from oracle_server.core.explanation import Why
 from oracle_server.core.formula.tree import Exists, Forall, Formula, Historically, Once
 from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import Outcome
@@ -41,6 +42,15 @@ class Revisable(Engine, Protocol):
 
     def next_deadline(self, after: int) -> int | None:
         """The first time (ns) later than `after` at which the outcome may change without a step, None for never."""
+        ...
+
+
+@runtime_checkable
+class Explaining(Engine, Protocol):
+    """An engine that can say why."""
+
+    def explain(self) -> Why:
+        """Why the formula holds, or does not, at the last step."""
         ...
 
 

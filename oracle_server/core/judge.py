@@ -9,6 +9,7 @@ from oracle_server.core.engine import Engine
 from oracle_server.core.events import Event, Order, Step, StreamKey
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.plan import Plan, StreamPlan
+from oracle_server.core.recent import Recent
 from oracle_server.core.standing import Names, PropertyState
 from oracle_server.core.verdicts import DENYING, Decision, Explanation, Judged, Outcome, Verdict
 
@@ -54,6 +55,7 @@ class Judge:
         self.present = 0
         """The time of the last step, in nanoseconds."""
         self._ticked = 0
+        self._recent = Recent()
 
     @property
     def next_deadline(self) -> int | None:
@@ -105,6 +107,7 @@ class Judge:
         stream = self._plan.streams[step.event.stream]
         self.counters.steps += 1
         self._move_on(step, stream)
+        self._recent.add(self.counters.steps, self.present, step)
         signals, failed = self._signals(step, stream)
         verdicts = []
         for state, view in zip(self.properties, stream.views, strict=True):
@@ -118,7 +121,7 @@ class Judge:
     ) -> Verdict:
         n = next(self._numbers)
         became_negative = state.remember(n, outcome)
-        why = Explanation(state.property.text, signals) if became_negative else None
+        why = self._explain(state, signals) if became_negative else None
         degraded = self._is_degraded(state) if degraded is None else degraded
         return Verdict(n, state.property.id, outcome, degraded, why)
 
@@ -160,6 +163,12 @@ class Judge:
         if known is None:
             return signals, step.failed
         return {**known.values, **signals}, step.failed | (known.failed - signals.keys())
+
+    def _explain(self, state: PropertyState, signals: Mapping[str, Scalar]) -> Explanation:
+        if state.why is None:
+            return Explanation(state.property.text, signals)
+        recall = self._recent.at_time if state.property.time == "seconds" else self._recent.at_step
+        return Explanation(state.property.text, signals, state.why.text, state.why.data(recall))
 
     def _all_held(self) -> tuple[dict[str, Scalar], Names]:
         """What the streams of all monitors hold; of two monitors that hold one signal, the one that spoke last."""

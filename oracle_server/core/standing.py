@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from oracle_server.core.engine import Engine, Revisable
+from oracle_server.core.engine import Engine, Explaining, Revisable
+from oracle_server.core.explanation import Why
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.plan import View
 from oracle_server.core.spec import Property
@@ -27,6 +28,8 @@ class PropertyState:
     failures: int = 0
     broken: str | None = None
     """Why the engine judges no more."""
+    why: Why | None = None
+    """Why it became negative, where it did and the engine can say."""
 
     def step(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names) -> Outcome:
         """The outcome at the next step."""
@@ -36,6 +39,7 @@ class PropertyState:
         if outcome is Outcome.UNKNOWN or not view.reads.isdisjoint(failed):
             self.failures += 1
             return Outcome.UNKNOWN
+        self._explain(outcome)
         if self.property.latch and outcome in NEGATIVE:
             return Outcome.FALSE
         return outcome
@@ -54,10 +58,15 @@ class PropertyState:
             return self.outcome
         engine.mark()
         outcome = self._ask_engine(view, time, signals)
+        self._explain(outcome)
         engine.back()
         if outcome is Outcome.UNKNOWN or not view.reads.isdisjoint(failed):
             return Outcome.UNKNOWN
         return Outcome.FALSE if self.property.latch and outcome in NEGATIVE else outcome.current
+
+    def _explain(self, outcome: Outcome) -> None:
+        if outcome in NEGATIVE and not self.negative:
+            self.why = self.engine.explain() if isinstance(self.engine, Explaining) else None
 
     def _revisable(self) -> Revisable | None:
         return self.engine if self.broken is None and isinstance(self.engine, Revisable) else None

@@ -44,10 +44,15 @@ Choice = Literal["allow", "deny"]
 
 
 class Explanation(msgspec.Struct, frozen=True, gc=False):
-    """Why a property is negative at a step: what formulas saw of the event, and the formula that it breaks."""
+    """Why a property is negative at a step: what formulas saw of the event, and the formula that it breaks.
+
+    Where the engine can say more: `text`, and `why` as plain data.
+    """
 
     formula: str
     signals: Mapping[str, Scalar]
+    text: str | None = None
+    why: Mapping[str, Any] | None = None
 
 
 class Verdict(msgspec.Struct, frozen=True, gc=False):
@@ -128,7 +133,8 @@ def explain(judged: Judged, verdict: Verdict) -> dict[str, Any] | None:
         "seq": event.seq,
     }
     return {
-        "text": f"{verdict.property} does not hold {where}: {why.formula}",
+        "text": f"{verdict.property} does not hold {where}: {why.text or why.formula}",
         "formula": why.formula,
         "event": {**seen, "stamp": judged.step.stamp, "signals": dict(why.signals)},
+        **(why.why or {}),
     }

@@ -56,7 +56,7 @@ def test_a_deadline_is_judged_when_it_runs_out_and_recorded_once() -> None:
     assert told(again) == [("topic", 50, "currently_false")]
     assert again[0].number == 2, "a tick is no step"
     assert not again[0].verdicts[0].explanation, "negative already"
-    assert told(feed(B, 60)) == [("topic", 60, "currently_true")]
+    assert told(feed(B, 60)) == [("topic", 60, "true")]
 
 
 def test_a_tick_is_forgotten() -> None:
@@ -98,7 +98,7 @@ def test_a_tick_waits_no_longer_than_max_delay() -> None:
     feed(A, 10)
     assert told(session.advance(65)) == [("topic", 10, "currently_true"), ("tick", 15, "currently_false")]
     assert feed(B, 14, arrived=70) == []
-    assert told(session.advance(120)) == [("topic", 14, "currently_true")], "judged as if no tick had been"
+    assert told(session.advance(120)) == [("topic", 14, "true")], "judged as if no tick had been"
 
 
 def test_a_tick_comes_before_the_event_that_tells_of_its_time() -> None:
@@ -107,7 +107,7 @@ def test_a_tick_comes_before_the_event_that_tells_of_its_time() -> None:
     feed(A, 10)
     feed(B, 30)
     assert told(feed(MODE, 31)) == [("topic", 10, "currently_true")]
-    assert told(feed.clock(A, 30, 40)) == [("tick", 15, "currently_false"), ("topic", 30, "currently_true")]
+    assert told(feed.clock(A, 30, 40)) == [("tick", 15, "currently_false"), ("topic", 30, "true")]
 
 
 def test_a_tick_sees_what_is_held() -> None:

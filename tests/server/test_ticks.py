@@ -20,7 +20,7 @@ async def test_a_deadline_that_runs_out_is_told_recorded_and_known_after_a_resta
         (2, "topic", "steps", "currently_true"),
         (3, "tick", "answered", "currently_false"),
         (4, "tick", "steps", "currently_true"),
-        (5, "topic", "answered", "currently_true"),
+        (5, "topic", "answered", "true"),
         (6, "topic", "steps", "currently_true"),
     ]
     assert server.stop() == 0
@@ -31,4 +31,4 @@ async def test_a_deadline_that_runs_out_is_told_recorded_and_known_after_a_resta
         await monitor.send(make_event(3, "/b", at=90), make_clock("/a", 90))
         await monitor.acked(3)
     after = server.records("s")[len(before) :]
-    assert [(r["step"], r["outcome"]) for r in after] == [(3, "currently_true"), (3, "currently_false")]
+    assert [(r["step"], r["outcome"]) for r in after] == [(3, "true"), (3, "currently_false")]

@@ -18,6 +18,8 @@ from oracle_server.engines.native.window import Window
 
 Scope = Mapping[str, int]
 """The number of the quantifier that binds each variable: inner ones have larger numbers."""
+Path = tuple[int, ...]
+"""Where a part of the formula stands: which child of which child of the whole."""
 Operator = Ever | Window | Previous | Some | SomeOf | SomeGuarded
 
 
@@ -28,6 +30,10 @@ class Network:
     clock: Clock
     atoms: list[tuple[int, AtomNode]] = field(default_factory=list)
     operators: list[Operator] = field(default_factory=list)
+    places: dict[Path, AtomNode | Operator] = field(default_factory=dict)
+    """The node of each part of the formula that has one; of quantifiers that follow each other, the first one."""
+    scopes: dict[Path, Scope] = field(default_factory=dict)
+    """What quantifiers bind in their bodies."""
     root: Body = field(init=False)
 
 
@@ -35,7 +41,7 @@ def build(formula: Formula, clock: Clock) -> Network:
     """The nodes of a formula, before its first step."""
     network = Network(clock)
     builder = _Builder(formula, network)
-    network.root = Body(clock, builder.expression(formula, {}))
+    network.root = Body(clock, builder.expression(formula, {}, ()))
     return network
 
 
@@ -46,69 +52,83 @@ class _Builder:
         self._atoms: dict[tuple[int, tuple[int, ...]], AtomNode] = {}
         self._quantifiers = 0
 
-    def expression(self, node: Formula, scope: Scope) -> Expression:
+    def expression(self, node: Formula, scope: Scope, path: Path) -> Expression:
         """A part of the formula, as nodes."""
         match node:
             case tree.Atom():
-                return self._atom(node, scope)
+                return self._atom(node, scope, path)
             case tree.Exists():
-                return self._some(node, scope)
+                return self._some(node, scope, path)
             case tree.Forall():
-                return negated(self._some(node, scope))
+                return negated(self._some(node, scope, path))
             case tree.Not() | tree.And() | tree.Or() | tree.Implies():
-                return self._boolean(node, scope)
+                return self._boolean(node, scope, path)
             case _:
-                return self._temporal(node, scope)
+                return self._temporal(node, scope, path)
 
-    def _boolean(self, node: tree.Not | tree.And | tree.Or | tree.Implies, scope: Scope) -> Expression:
+    def _boolean(self, node: tree.Not | tree.And | tree.Or | tree.Implies, scope: Scope, path: Path) -> Expression:
         match node:
             case tree.Not(operand):
-                return negated(self.expression(operand, scope))
+                return negated(self.expression(operand, scope, (*path, 0)))
             case tree.And(left, right):
-                return ("and", self.expression(left, scope), self.expression(right, scope))
+                return ("and", self.expression(left, scope, (*path, 0)), self.expression(right, scope, (*path, 1)))
             case tree.Or(left, right):
-                return ("or", self.expression(left, scope), self.expression(right, scope))
+                return ("or", self.expression(left, scope, (*path, 0)), self.expression(right, scope, (*path, 1)))
             case tree.Implies(left, right):
-                return ("or", negated(self.expression(left, scope)), self.expression(right, scope))
+                return (
+                    "or",
+                    negated(self.expression(left, scope, (*path, 0))),
+                    self.expression(right, scope, (*path, 1)),
+                )
 
-    def _temporal(self, node: tree.Pre | tree.Once | tree.Historically | tree.Since, scope: Scope) -> Expression:
+    def _temporal(
+        self, node: tree.Pre | tree.Once | tree.Historically | tree.Since, scope: Scope, path: Path
+    ) -> Expression:
         match node:
             case tree.Pre(operand):
-                return self._add(Previous(Body(self._clock, self.expression(operand, scope)), self._clock))
+                return self._add(
+                    path, Previous(Body(self._clock, self.expression(operand, scope, (*path, 0))), self._clock)
+                )
             case tree.Once(operand, bound):
-                return self._once(self.expression(operand, scope), bound)
+                return self._once(path, self.expression(operand, scope, (*path, 0)), bound)
             case tree.Historically(operand, bound):
-                return ("not", self._once(negated(self.expression(operand, scope)), bound))
+                return ("not", self._once(path, negated(self.expression(operand, scope, (*path, 0))), bound))
             case tree.Since(left, right, bound):
-                body = Body(self._clock, self.expression(right, scope), self.expression(left, scope))
-                return self._add(Window(body, bound, self._clock))
+                body = Body(
+                    self._clock, self.expression(right, scope, (*path, 1)), self.expression(left, scope, (*path, 0))
+                )
+                return self._add(path, Window(body, bound, self._clock))
 
-    def _atom(self, atom: Atom, scope: Scope) -> AtomNode:
+    def _atom(self, atom: Atom, scope: Scope, path: Path) -> AtomNode:
         refs = tuple(scope[name] for _, name in atom.refs)
         place = self._places[atom]
         node = self._atoms.get((place, refs))
         if node is None:
             node = self._atoms[place, refs] = AtomNode(tuple(sorted(set(refs))), refs)
             self._network.atoms.append((place, node))
+        self._network.places[path] = node
         return node
 
-    def _once(self, operand: Expression, bound: Bound) -> Expression:
+    def _once(self, path: Path, operand: Expression, bound: Bound) -> Expression:
         body = Body(self._clock, operand)
         if bound.upper is None and body.flat and (not body.variables or _not_fresh(operand)):
-            return self._add(Ever(body, bound.lower, self._clock))
-        return self._add(Window(body, bound, self._clock))
+            return self._add(path, Ever(body, bound.lower, self._clock))
+        return self._add(path, Window(body, bound, self._clock))
 
-    def _some(self, node: tree.Exists | tree.Forall, scope: Scope) -> Expression:
+    def _some(self, node: tree.Exists | tree.Forall, scope: Scope, path: Path) -> Expression:
         """A quantifier, and those of its kind that follow directly; for all is none for which not."""
         kind, part, inner, bound = type(node), node, dict(scope), set[int]()
         body: Formula = node
+        inside = path
         while isinstance(body, kind):
             part = body
             self._quantifiers += 1
             inner[part.variable] = self._quantifiers
             bound.add(self._quantifiers)
             body = part.body
-        operand = self.expression(body, inner)
+            inside = (*inside, 0)
+        self._network.scopes[path] = inner
+        operand = self.expression(body, inner, inside)
         if kind is tree.Forall:
             operand = negated(operand)
         used = len(bound.intersection(variables_of(operand)))
@@ -116,12 +136,14 @@ class _Builder:
             return operand
         guard = guard_of(operand, variables_of(operand)) if used == len(variables_of(operand)) else None
         if guard is not None:
-            return self._add(SomeGuarded(guard, operand, self._clock))
+            return self._add(path, SomeGuarded(guard, operand, self._clock))
         whole = Body(self._clock, operand)
-        return self._add(Some(whole, self._clock) if used == len(whole.variables) else SomeOf(whole, used, self._clock))
+        closed = used == len(whole.variables)
+        return self._add(path, Some(whole, self._clock) if closed else SomeOf(whole, used, self._clock))
 
-    def _add(self, operator: Operator) -> Operator:
+    def _add(self, path: Path, operator: Operator) -> Operator:
         self._network.operators.append(operator)
+        self._network.places[path] = operator
         return operator
 
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from oracle_server.core.atoms import Matches
+from oracle_server.core.explanation import Why
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import Formula
 from oracle_server.core.verdicts import Outcome
 from oracle_server.engines.native.build import build
 from oracle_server.engines.native.clock import Clock
+from oracle_server.engines.native.explain import explain
 
 _NEVER = 2**63
 
@@ -18,9 +20,10 @@ class NativeEngine:
     """The state of one formula in one session."""
 
     def __init__(self, formula: Formula, time: Time = "steps") -> None:
+        self._formula, self._time = formula, time
         self._timed = time == "seconds"
         self._clock = Clock(timed=self._timed)
-        network = build(formula, self._clock)
+        network = self._network = build(formula, self._clock)
         self._atoms, self._operators = network.atoms, network.operators
         (self._holds,), (self._settled,) = network.root.at, network.root.settled
         self._can_settle = any(network.root.can_settle[0](frozenset()))
@@ -57,6 +60,10 @@ class NativeEngine:
             return None
         deadlines = [d for operator in self._operators if (d := operator.next_deadline(after)) is not None]
         return min(deadlines, default=None)
+
+    def explain(self) -> Why:
+        """Why the formula holds, or does not, at the last step."""
+        return explain(self._formula, self._network, self._time)
 
     def mark(self) -> None:
         """Remember how all stands from now on, until `back` or `keep`."""

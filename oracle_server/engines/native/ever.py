@@ -37,7 +37,8 @@ class Ever:
         self.variables = body.variables
         self.flat = True
         self.changes: list[Key] = []
-        self.held: set[Key] = set()
+        self.held: dict[Key, int] = {}
+        """Where it holds, and the first time at which the operand did."""
         self.waiting: deque[tuple[int, Key]] = deque()
         """When it will have held long enough ago, and where; `waits` are these keys."""
         self.waits: set[Key] = set()
@@ -54,7 +55,7 @@ class Ever:
             for key in keys:
                 if key not in held and at(key):
                     if not self._lower:
-                        self._hold(key)
+                        self._hold(key, self._clock.now)
                     elif key not in self.waits:
                         self._wait(key)
         if self.waiting:
@@ -88,6 +89,10 @@ class Ever:
             return self.at(key_of(region))
         return None if self.held else False
 
+    def when(self, key: Key) -> int | None:
+        """The time of a step that makes it hold at a key."""
+        return self.held.get(key)
+
     def settled(self, key: Key) -> bool | None:
         """True once it holds."""
         if key in self.held:
@@ -112,7 +117,7 @@ class Ever:
             self.waits.discard(entry[1])
             if self._clock.journal is not None:
                 self._clock.journal.append(partial(self._wait_again, entry))
-            self._hold(entry[1])
+            self._hold(entry[1], entry[0] - self._lower)
 
     def _wait(self, key: Key) -> None:
         self.waits.add(key)
@@ -127,8 +132,8 @@ class Ever:
     def _wait_no_more(self) -> None:
         self.waits.discard(self.waiting.pop()[1])
 
-    def _hold(self, key: Key) -> None:
-        self.held.add(key)
+    def _hold(self, key: Key, time: int) -> None:
+        self.held[key] = time
         self.changes.append(key)
         if self._index is not None:
             self._index.add(key)
@@ -136,7 +141,7 @@ class Ever:
             self._clock.journal.append(partial(self._hold_no_more, key))
 
     def _hold_no_more(self, key: Key) -> None:
-        self.held.discard(key)
+        del self.held[key]
         if self._index is not None:
             self._index.remove(key)
 

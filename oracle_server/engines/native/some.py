@@ -67,6 +67,15 @@ class Some:
         """The value."""
         return bool(self.held)
 
+    def keys(self, key: Key) -> Collection[Key]:  # noqa: ARG002
+        """The keys of the body's variables at which it holds."""
+        return self.held
+
+    @property
+    def body_variables(self) -> Variables:
+        """The variables of `keys`."""
+        return self._body.variables
+
     def settled(self, key: Key) -> bool | None:  # noqa: ARG002
         """True where the body has settled so at a key, false where it has at all."""
         settled = self._body.settled[0]
@@ -179,6 +188,16 @@ class SomeOf:
         if ALL not in region:
             return self.at(key_of(region))
         return self._table.fresh.value if len(self._table.states) <= (not self._table.flat) else None
+
+    def keys(self, key: Key) -> Collection[Key]:
+        """The keys of the body's variables at which it holds, for a key of the free ones."""
+        own = texts_of(key)
+        return [(*own, *bound) for bound in self._table.get(key).keys]
+
+    @property
+    def body_variables(self) -> Variables:
+        """The variables of `keys`."""
+        return self._body.variables
 
     def settled(self, key: Key) -> bool | None:
         """True where the body has settled so at some key of the bound variables; false is not found out."""

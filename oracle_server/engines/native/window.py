@@ -138,6 +138,24 @@ class Window:
             return self.at(key_of(region))
         return self._table.fresh.value if len(self._table.states) <= (not self.flat) else None
 
+    def when(self, key: Key) -> int | None:  # noqa: PLR0911 -- a case a kind of bound
+        """The time of a step that makes it hold at a key; None where it does not."""
+        runs, clock = self._table.get(key), self._clock
+        if not runs.value:
+            return None
+        if not runs.starts:
+            return clock.now  # the left side fails now, and the right one holds
+        nearest = clock.now - self._lower
+        if self._upper is None:
+            return runs.starts[0]
+        if not runs.ends or (not self._lower and runs.right):
+            return runs.starts[0] if self._sparse else nearest
+        if not self._lower:
+            return runs.ends[-1]
+        if runs.ends[0] <= nearest:
+            return runs.ends[0]
+        return runs.starts[0] if self._sparse else nearest
+
     def settled(self, key: Key) -> bool | None:
         """The value at a key, where no continuation can change it; None where one may."""
         right = self._body.settled[0](key)
