@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from oracle_server.core.judge import Judge, PropertyState
+from oracle_server.core.judge import Judge
+from oracle_server.core.property_state import PropertyState
 from oracle_server.core.verdicts import Outcome, worst
 
 _SAID = {

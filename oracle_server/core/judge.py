@@ -9,8 +9,8 @@ from oracle_server.core.engine import Engine
 from oracle_server.core.events import Event, Order, Step, StreamKey
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.plan import Plan, StreamPlan
+from oracle_server.core.property_state import Names, PropertyState
 from oracle_server.core.recent import Recent
-from oracle_server.core.standing import Names, PropertyState
 from oracle_server.core.verdicts import DENYING, Decision, Explanation, Judged, Outcome, Verdict
 
 TICK = StreamKey("", "tick")
