@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import heapq
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
 from oracle_server.comparison import Comparison
 from oracle_server.core.events import Event, Step
+from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.plan import Plan, Projects, plan
 from oracle_server.core.session import Session, orders
 from oracle_server.core.spec import By, Spec
@@ -54,6 +55,8 @@ class Replay:
         monitors: set[str] = set()
         for recorded in itertools.chain((first,), rest):
             event = self._take(recorded)
+            if event.stream.kind == "tick":
+                continue  # what the deadlines of this session are is its own matter
             if event.monitor not in monitors:
                 monitors.add(event.monitor)
                 yield from session.attach(event.monitor, self.spec.by_key, event.arrived)
@@ -70,17 +73,17 @@ class Replay:
         for recorded in itertools.chain((first,), rest):
             event = self._take(recorded)
             while waiting and waiting[0][1].judged < event.arrived:
-                yield _rejudge(session, *heapq.heappop(waiting)[1:])
-            signals, failed = session.plan.streams[event.stream].project(event.data)
+                yield from _rejudge(session, *heapq.heappop(waiting)[1:])
+            signals, failed = _project(session, event)
             step = Step(event, signals, failed, event.stamp or event.arrived)
             for place in recorded.places:
                 heapq.heappush(waiting, (place.position, place, step))
         while waiting:
-            yield _rejudge(session, *heapq.heappop(waiting)[1:])
+            yield from _rejudge(session, *heapq.heappop(waiting)[1:])
 
     def _take(self, recorded: Recorded) -> Event:
         event = recorded.event
-        self.events += 1
+        self.events += event.stream.kind != "tick"
         if recorded.passed is not None:
             self.passed[event.monitor, event.seq] = recorded.passed
         if recorded.verdict is not None:
@@ -136,13 +139,20 @@ class Replay:
         }
 
 
-def _rejudge(session: Session, place: Place, step: Step) -> Judged:
+def _project(session: Session, event: Event) -> tuple[Mapping[str, Scalar], frozenset[str]]:
+    if event.stream.kind == "tick":
+        return {}, frozenset()
+    return session.plan.streams[event.stream].project(event.data)
+
+
+def _rejudge(session: Session, place: Place, step: Step) -> list[Judged]:
     if place.degraded:
         session.judges[place.order].degrade()
     placed = Step(
         step.event, step.signals, step.failed, step.stamp, place.skewed, place.late, place.forced, place.skipped
     )
-    return session.rejudge(place.order, placed, place.judged)
+    judged = session.rejudge(place.order, placed, place.judged)
+    return [] if judged is None else [judged]
 
 
 class _Given:

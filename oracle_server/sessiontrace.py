@@ -1,4 +1,4 @@
-"""A session's trace from its history: a line an event, in the order of arrival, with its places in the judged order.
+"""A session's trace from its history: a line an event or tick, in order of arrival, with its places as it was judged.
 
 The history keeps what formulas saw of a message, and not the message: a line has `signals` in place of `data`.
 """
@@ -13,7 +13,6 @@ import msgspec
 from oracle_server.schema import STEP_COLUMNS
 from oracle_server.store import Store
 
-_KINDS = "('topic', 'request', 'response')"
 _COLUMNS = (
     "stream", "kind", "monitor", "seq", "stamp", "arrived", "source", "call", "lost",
 )  # fmt: skip
@@ -21,7 +20,7 @@ _COLUMNS = (
 
 def trace_lines(store: Store, session: int) -> Iterator[dict[str, Any]]:
     """The lines of what a session has judged and committed; memory does not grow with their number."""
-    select = f"SELECT {','.join(STEP_COLUMNS)} FROM steps WHERE session = ? AND kind IN {_KINDS} "  # noqa: S608
+    select = f"SELECT {','.join(STEP_COLUMNS)} FROM steps WHERE session = ? "  # noqa: S608
     line: dict[str, Any] | None = None
     for row in store.each(select + "ORDER BY arrived, monitor, seq, position", (session,)):
         r = dict(zip(STEP_COLUMNS, row, strict=True))

@@ -6,13 +6,13 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import msgspec
 from msgspec import Meta, Struct
 
 from oracle_server.core.errors import TraceError
-from oracle_server.core.events import Event
+from oracle_server.core.events import Event, StepKind, StreamKey
 from oracle_server.core.spec import Spec
 from oracle_server.core.stamps import stamp_in
 from oracle_server.flat import decode_object, find_stream, flat_event
@@ -34,7 +34,7 @@ class Line(Struct):
     data: dict[str, Any] | None = None
     signals: dict[str, str | bool | int | float] | None = None
     failed: list[str] = []
-    kind: Literal["topic", "request", "response"] = "topic"
+    kind: StepKind = "topic"
     stamp: Nanoseconds | None = None
     arrived: Nanoseconds | None = None
     monitor: str = "replay"
@@ -107,6 +107,8 @@ class Trace:
         return line
 
     def _event(self, line: Line) -> Event | None:
+        if line.kind == "tick":
+            return Event(StreamKey("", "tick"), "", line.seq or 0, line.stamp, line.arrived or 0, line.message())
         key = find_stream(line.stream, line.kind, self.spec.by_key)
         if key is None:
             self.ignored[line.stream] += 1

@@ -116,3 +116,18 @@ def test_what_can_not_be_recorded(server: Server, tmp_path: Path) -> None:
     assert "can't be written" in failed("record", "x", "-o", tmp_path / "no" / "x.mcap", "--url", server.url)
     assert list(tmp_path.iterdir()) == []
     assert server.http.get("/api/v1/sessions/nothing/trace").status_code == 404
+
+
+async def test_deadlines_that_ran_out_are_judged_again(server: Server, session: str, tmp_path: Path) -> None:
+    async with attached(server, session=session, spec="timed") as monitor:
+        await monitor.send(make_event(1, "/a", at=0), make_clock("/a", 60), make_clock("/b", 60))
+        await monitor.violated(1)
+        await monitor.send(make_event(2, "/b", at=70), make_clock("/a", 80))
+        await monitor.acked(2)
+    told, out = server.records(session), tmp_path / "session.jsonl"
+    assert [r["kind"] for r in told if r["property"] == "answered"] == ["topic", "tick", "topic"]
+    assert run("record", session, "-o", out, "--url", server.url).returncode == 0
+    ended = run("replay", spec_of("timed"), out, "--json")
+    *records, last = map(json.loads, ended.stdout.splitlines())
+    assert comparable(records) == comparable(told)
+    assert last["summary"]["events"] == 2
