@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import signal
 import time
 from collections.abc import Iterator
@@ -104,6 +105,33 @@ def test_a_frozen_oracle_is_done_without_as_the_spec_says_and_catches_up(unavail
         assert values(heard) == [number for number, event in enumerate(asked, start=1) if event["passed"]]
         assert scene.server.session("s")["counters"]["lost"] == 0
         assert adapter.log.count("until the oracle is back") == adapter.log.count("the oracle is back after")
+        adapter.ends_well()
+
+
+def test_a_session_that_is_made_anew_by_a_changed_spec_is_observed_as_that_says(tmp_path: Path) -> None:
+    with gate(tmp_path, "deny", "60s") as (scene, adapter):
+        adapter.said("observing 2 streams")
+        peer = scene.peer()
+        scene.server.kill()
+        shutil.rmtree(tmp_path / "data")
+        spec = tmp_path / "specs" / "gate.yaml"
+        more = "  - topic: /new\n    type: std_msgs/msg/Int64\nproperties:"
+        spec.write_text(
+            spec.read_text().replace("properties:", more).replace("intercept: publisher", "intercept: subscriber")
+        )
+        scene.server.restart()
+        adapter.said("observing 3 streams")
+        heard = peer.record(msg.Int64, "/number_mon")
+        number, new = peer.publisher(msg.Int64, "/number"), peer.publisher(msg.Int64, "/new")
+        peer.until(lambda: peer.node.count_publishers("/number_mon") == 1)
+        peer.until(lambda: peer.node.count_publishers("/number") == 1)
+        number.publish(msg.Int64(data=7))
+        number.publish(msg.Int64(data=8))
+        new.publish(msg.Int64(data=1))
+        peer.until(lambda: heard)
+        assert values(heard) == [8]
+        events = eventually(lambda: scene.server.events("s"), lambda found: len(found) == 3)
+        assert sorted(event["stream"] for event in events) == ["/new", "/number", "/number"]
         adapter.ends_well()
 
 

@@ -126,8 +126,19 @@ def test_a_message_published_past_the_monitor_is_told(scene: Scene) -> None:
     past = peer.node.create_publisher(msg.Int64, "/number", 10)
     adapter.said("/number: /peer publishes /number past the monitor")
     peer.until(lambda: any("past the monitor" in error.data for error in errors))
+    [monitor] = eventually(
+        lambda: scene.server.session("s")["monitors"], lambda found: any(s["trouble"] for s in found[0]["streams"])
+    )
+    assert {s["stream"]: (s["time_source"], s["trouble"]) for s in monitor["streams"]} == {
+        "/number": ("middleware", "/peer publishes /number past the monitor"),
+        "/logged": ("middleware", ""),
+    }
     peer.node.destroy_publisher(past)
     adapter.said("/number: well again")
+    eventually(
+        lambda: scene.server.session("s")["monitors"][0]["streams"],
+        lambda streams: not any(s["trouble"] for s in streams),
+    )
 
 
 def test_a_publisher_of_another_type_is_told(scene: Scene) -> None:

@@ -189,9 +189,9 @@ class Exchange:
             self.report(error)
 
     @property
-    def attached(self) -> bool:
-        """Whether there is a connection."""
-        return self._protocol.attached is not None
+    def attached(self) -> Optional[Attached]:
+        """What the server answered on this connection; None without one."""
+        return self._protocol.attached
 
     @property
     def done(self) -> bool:

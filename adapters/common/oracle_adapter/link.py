@@ -80,6 +80,11 @@ class Link:
         """Wait up to `timeout` seconds for a connection; raises `LinkError` where none comes."""
         return self._exchange.wait_attached(timeout)
 
+    @property
+    def attached(self) -> Optional[Attached]:
+        """What the server answered on the connection that there is; None without one."""
+        return self._exchange.attached
+
     def send(
         self,
         stream: str,

@@ -48,10 +48,10 @@ class Gate:
         self._waiting: Deque[Tuple[Any, Future[Answer]]] = deque()
         self._entering, self._leaving = threading.Lock(), threading.Lock()
 
-    def take(self, message: Any, stamp: Stamp, data: Any, *, source: Optional[str] = None) -> None:
-        """Ask about a message that came, from any thread."""
+    def take(self, message: Any, stamp: Stamp, data: Any, **more: Any) -> None:
+        """Ask about a message that came, from any thread; `more` is as for `Link.ask`."""
         with self._entering:  # or two publishers' messages could change places on the way
-            answer = self._passing.ask(stamp, data, source=source)
+            answer = self._passing.ask(stamp, data, **more)
             self._waiting.append((message, answer))
         answer.add_done_callback(self._settle)
 

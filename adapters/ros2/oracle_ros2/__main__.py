@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import signal
 import sys
 import threading
 from typing import Sequence
 
 import rclpy
-from oracle_adapter import Attached, Board, Link, LinkError, Names
+from oracle_adapter import Board, Link, LinkError, Names
+from oracle_adapter.command import default, parser, wait_attached
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -50,23 +50,16 @@ def _split(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
 
 
 def _parse(arguments: Sequence[str]) -> argparse.Namespace:
-    parser = argparse.ArgumentParser("oracle_ros2", description=__doc__)
-    parser.add_argument("--oracle", default=os.environ.get("ORACLE_URL", "http://127.0.0.1:8642"), help="its address")
-    parser.add_argument("--spec", help="the spec to judge by; needed where the session is new")
-    parser.add_argument("--session", help="the session to join or make; default a new one of its own")
-    parser.add_argument("--monitor", default="monitor", help="this monitor's name (%(default)s)")
-    parser.add_argument(
-        "--remap", action="append", default=[], metavar="/NAME:=/ROS_NAME", help="what a stream of the spec is here"
-    )
-    parser.add_argument("--namespace", default="", help="what goes before all names of the spec, such as /uav1")
-    parser.add_argument("--token", default=os.environ.get("ORACLE_TOKEN"), help="the server's token")
-    parser.add_argument("--dump-graph", action="store_true", help="print the live graph as JSON, and end")
-    options = parser.parse_args(arguments)
+    options = parser("oracle_ros2", __doc__)
+    options.add_argument("--dump-graph", action="store_true", help="print the live graph as JSON, and end")
+    given = options.parse_args(arguments)
+    for name, value in vars(given).items():
+        setattr(given, name, default(name) if value is None else value or None)
     try:
-        options.names = Names(options.remap, options.namespace)
+        given.names = Names(given.remap or (), given.namespace or "")
     except ValueError as error:
-        parser.error(str(error))
-    return options
+        options.error(str(error))
+    return given
 
 
 def _dump_graph() -> int:
@@ -90,55 +83,43 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
             stopping.set()
 
     link = Link(
-        options.oracle, options.monitor, spec=options.spec or None, session=options.session or None,
-        clock="sim" if simulated(node) else "wall", token=options.token, on_error=on_error, on_state=board.on_state,
+        options.oracle, options.monitor, spec=options.spec, session=options.session, token=options.token,
+        clock="sim" if simulated(node) else "wall", on_error=on_error, on_state=board.on_state,
         on_violation=board.on_violation, on_verdicts=board.on_verdicts,
     )  # fmt: skip
     link.start()
-    attached = _wait_attached(link, stopping, options.oracle, node)
-    status = 0
-    if attached is not None:
-        status = _observe(node, link, board, options.names, attached, stopping)
-    link.close()
-    node.destroy_node()
-    return 2 if failed else status
-
-
-def _wait_attached(link: Link, stopping: threading.Event, url: str, node: Node) -> Attached | None:
-    told = False
-    while not stopping.is_set():
-        try:
-            return link.wait_attached(0.5)
-        except LinkError as error:
-            if error.fatal:
-                return None
-            if not told:
-                node.get_logger().warning(f"waiting for the oracle at {url}: {error}")
-                told = True
-    return None
-
-
-def _observe(node: Node, link: Link, board: Board, names: Names, attached: Attached, stopping: threading.Event) -> int:
-    unknown = list(names.unused(name for s in attached.streams for name in (s["name"], s.get("proxy") or s["name"])))
-    if unknown:
-        node.get_logger().fatal(f"--remap {unknown[0]}: {attached.spec} has no such stream")
-        return 2
     try:
-        monitor = Monitor(node, link, board, names, attached.streams)
-    except CodecError as error:
-        node.get_logger().fatal(str(error))
+        _observe(node, link, board, options.names, stopping)
+    except (CodecError, ValueError) as error:
+        log.fatal(str(error))
         return 2
+    finally:
+        link.close()
+        node.destroy_node()
+    return 2 if failed else 0
+
+
+def _observe(node: Node, link: Link, board: Board, names: Names, stopping: threading.Event) -> None:
+    """Observe what the oracle wants until `stopping` is set. Raises `CodecError`, or ValueError for a bad remap."""
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    node.get_logger().info(f"observing {len(attached.streams)} streams for session {attached.session}")
-    while not stopping.is_set():
+    try:
+        attached = wait_attached(link, stopping, node.get_logger().warning)
+        while attached is not None:
+            _spin(executor, Monitor(node, link, board, names, attached), stopping)
+            attached = wait_attached(link, stopping, node.get_logger().warning)
+    finally:
+        executor.shutdown()
+
+
+def _spin(executor: SingleThreadedExecutor, monitor: Monitor, stopping: threading.Event) -> None:
+    """Return when `stopping` is set, or the oracle wants other streams."""
+    while not stopping.is_set() and not monitor.outdated:
         try:
             executor.spin_once(timeout_sec=0.1)
         except ExternalShutdownException:
-            break
+            stopping.set()
     monitor.stop()
-    executor.shutdown()
-    return 0
 
 
 if __name__ == "__main__":

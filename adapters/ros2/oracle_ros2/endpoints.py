@@ -5,6 +5,7 @@ One that fits better is used beside the old one until it has met the others: wha
 
 from __future__ import annotations
 
+import threading
 from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping, Sequence
 
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
@@ -60,6 +61,11 @@ class Heard:
                         break
                     self._take(*taken)
 
+    def stop(self) -> None:
+        """Hear no more."""
+        while self._subscriptions:
+            self._node.destroy_subscription(self._subscriptions.pop())
+
     def _look_around(self) -> Sequence[Any]:
         found = self._node.get_publishers_info_by_topic(self._topic)
         self.offered = [info.qos_profile for info in found]
@@ -92,12 +98,22 @@ class Forwarded:
     def __init__(self, node: Node, message_type: Any, topic: str) -> None:
         """Offer what is usual until `look` tells what the originals offer."""
         self._node, self._type, self._topic = node, message_type, topic
+        self._giving = threading.Lock()
         self._publisher = self._next = self._make(to_forward([]))
         self._retired: Any = None
 
     def publish(self, message: Any) -> None:
         """Pass a message on, from any thread."""
-        self._publisher.publish(message)
+        with self._giving:
+            if self._publisher is not None:
+                self._publisher.publish(message)
+
+    def stop(self) -> None:
+        """Pass nothing on any more."""
+        with self._giving:
+            for publisher in {self._publisher, self._next, self._retired} - {None}:
+                self._node.destroy_publisher(publisher)
+            self._publisher = self._next = self._retired = None
 
     def look(self, originals: Sequence[QoSProfile]) -> str:
         """Offer what the originals do, and tell what is wrong on the topic."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Mapping, Sequence
+from typing import TYPE_CHECKING
 
+from oracle_adapter.command import unknown_remap
 from rclpy.clock import Clock, ClockType
 
 from oracle_ros2.services import ProxiedService
@@ -11,7 +12,7 @@ from oracle_ros2.stamps import on_back, simulated, time_of
 from oracle_ros2.topics import FilteredTopic, LoggedTopic
 
 if TYPE_CHECKING:
-    from oracle_adapter import Board, ClockStamp, Link, Names
+    from oracle_adapter import Attached, Board, ClockStamp, Link, Names
     from rclpy.node import Node
 
 CLOCK_PERIOD = 0.01
@@ -22,11 +23,16 @@ SHOW_PERIOD = 0.1
 class Monitor:
     """Everything that one node observes for one link."""
 
-    def __init__(
-        self, node: Node, link: Link, board: Board, names: Names, streams: Sequence[Mapping[str, Any]]
-    ) -> None:
-        """Observe the streams that the server named. Raises `CodecError` where a type is not there."""
-        self._link, self._board = link, board
+    def __init__(self, node: Node, link: Link, board: Board, names: Names, attached: Attached) -> None:
+        """Observe the streams that the server named.
+
+        Raises `CodecError` where a type is not there, ValueError where a remapped stream isn't.
+        """
+        unknown = unknown_remap(names, attached)
+        if unknown:
+            raise ValueError(f"--remap {unknown}: {attached.spec} has no such stream")
+        self._node, self._link, self._board = node, link, board
+        self._streams = streams = attached.streams
         self._now = time_of(node)
         if simulated(node):
             self._watch = on_back(node, lambda: link.renew(lambda: self._readings(self._now())))
@@ -51,15 +57,35 @@ class Monitor:
             node.create_timer(CLOCK_PERIOD, self._tell_time, clock=steady),
             node.create_timer(SHOW_PERIOD, lambda: board.tick(link.stats()), clock=steady),
         ]
+        self._report()
+        node.get_logger().info(f"observing {len(streams)} streams for session {attached.session}")
+
+    @property
+    def outdated(self) -> bool:
+        """Whether the oracle wants other streams by now: a session that was made anew has the spec of today."""
+        attached = self._link.attached
+        return attached is not None and attached.streams != self._streams
 
     def stop(self) -> None:
-        """Tell no more clocks."""
+        """Take nothing more, and tell no more clocks; what is decided yet is not forwarded any more."""
         for timer in self._timers:
-            timer.cancel()
+            self._node.destroy_timer(timer)
+        for part in (*self._topics, *self._services):
+            part.stop()
 
     def _look(self) -> None:
         for topic in self._topics:
-            self._board.trouble(topic.name, topic.look())
+            trouble = topic.look()
+            self._board.trouble(topic.name, trouble)
+            self._link.report(topic.name, "topic", trouble=trouble)
+
+    def _report(self) -> None:
+        """Tell where the streams' times come from."""
+        for topic in self._topics:
+            self._link.report(topic.name, "topic", time_source=topic.time_source)
+        for (name, kind), latency in self._latencies.items():
+            if kind != "topic":
+                self._link.report(name, kind, time_source="arrival" if latency is None else "field")
 
     def _tell_time(self) -> None:
         """Say how far each stream has come: exactly where messages are stamped here, else less a delay.

@@ -7,6 +7,7 @@ import time
 from typing import TYPE_CHECKING, Any, Mapping
 
 from oracle_adapter import Answer, Board, Link
+from oracle_adapter.passing import Passing
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.task import Future
@@ -44,13 +45,18 @@ class ProxiedService:
                 f"a denied call of {self.name} is answered by the defaults of its type, which a client may take for a "
                 "success; the spec can say otherwise by `denied_response`"
             )
-        self._request = _Side(request, self._type.Request)
-        self._response = _Side(response, self._type.Response)
+        self._request = _Side(link, board, request, self._type.Request)
+        self._response = _Side(link, board, response, self._type.Response)
         self._calls = itertools.count(1)
         self._group = ReentrantCallbackGroup()
         self._client = node.create_client(self._type, names[self.name], callback_group=self._group)
         proxy = names[request["proxy"]]
         self._service = node.create_service(self._type, proxy, self._serve, callback_group=self._group)
+
+    def stop(self) -> None:
+        """Serve no more."""
+        self._node.destroy_service(self._service)
+        self._node.destroy_client(self._client)
 
     async def _serve(self, request: Any, response: Any) -> Any:
         call = next(self._calls)
@@ -88,10 +94,10 @@ class ProxiedService:
         # stamped under the link's lock, so that no clock can say that nothing older will come
         stamp = side.stamp(message) or self._time
         data = side.read(message)
-        if not side.filtered:
+        if side.passing is None:
             self._link.send(self.name, side.kind, stamp, data, call=call)
             return True
-        asked = self._link.ask(self.name, side.kind, stamp, data, decide_within=side.within, call=call)
+        asked = side.passing.ask(stamp, data, call=call)
         self._link.clock(self._now)  # or the decision would wait for the monitor's next one
         executor = self._node.executor
         settled: Future[Answer] = Future(executor=executor)
@@ -101,20 +107,16 @@ class ProxiedService:
             executor.wake()
 
         asked.add_done_callback(settle)
-        answer = await settled
-        passed, why = self._board.settle(answer, side.on_unavailable, f"a {side.kind} of {self.name}, call {call}")
-        self._link.outcome(answer, passed, why)
+        passed, _reason = side.passing.settle(await settled, call)
         return passed
 
 
 class _Side:
     """The requests or the responses of a service."""
 
-    def __init__(self, stream: Mapping[str, Any], message_type: Any) -> None:
+    def __init__(self, link: Link, board: Board, stream: Mapping[str, Any], message_type: Any) -> None:
         self.kind: str = stream["kind"]
-        self.filtered = stream["action"] == "filter"
-        self.within: float = stream.get("decide_within", 0) / 10**9
-        self.on_unavailable = stream.get("on_unavailable", "deny")
+        self.passing = Passing(link, board, stream) if stream["action"] == "filter" else None
         self.read = reader(message_type, stream["fields"])
         self.stamped_here = not stream["stamp"]
-        self.stamp = stamp_reader(message_type, stream["stamp"]) if stream["stamp"] else lambda _: None
+        self.stamp = (stream["stamp"] and stamp_reader(message_type, stream["stamp"])) or (lambda _: None)

@@ -33,11 +33,14 @@ def on_back(node: Node, call: Callable[[], None]) -> object:
     return node.get_clock().create_jump_callback(threshold, post_callback=lambda _: call())
 
 
-def stamp_reader(message_type: Any, path: str | None) -> Callable[[Any], int | None]:
-    """A function from messages to the time at `path`, or in the usual places; None where it is zero or not there."""
+def stamp_reader(message_type: Any, path: str | None) -> Callable[[Any], int | None] | None:
+    """A function from messages to the time at `path`, or in the usual places; None where there is none.
+
+    The function's own answer is None where the time is zero.
+    """
     places = [place for place in ((path,) if path else _DEFAULTS) if _is_time(message_type(), place)]
     if not places:
-        return lambda _: None
+        return None
     names = places[0].split(".")
 
     def read(message: Any) -> int | None:

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import threading
-from collections import deque
 from typing import TYPE_CHECKING, Any, Mapping
 
-from oracle_adapter import PROXY, Answer, Board, Link
+from oracle_adapter import PROXY, Board, Link
+from oracle_adapter.passing import Gate, Passing
 
 from oracle_ros2.codec import load_type, reader
 from oracle_ros2.endpoints import Forwarded, Heard
 from oracle_ros2.stamps import simulated, stamp_reader, time_of
 
 if TYPE_CHECKING:
-    from concurrent.futures import Future
-
     from oracle_adapter import Names
+    from oracle_adapter.protocol import TimeSource
     from rclpy.node import Node
 
 
@@ -28,6 +26,7 @@ class Observed:
         self.name: str = stream["name"]
         self.type = load_type(stream["type"])
         self._stamp = stamp_reader(self.type, stream["stamp"])
+        self.time_source: TimeSource = "field" if self._stamp else "arrival" if self._now else "middleware"
         self._read = reader(self.type, stream["fields"])
         self._numbers: dict[str, int] = {}
 
@@ -38,7 +37,9 @@ class Observed:
         missed = self._missed(source, info)
         if missed < 0:
             return None
-        stamp = self._stamp(message) or (self._now() if self._now else info["source_timestamp"]) or None
+        stamp = (
+            (self._stamp and self._stamp(message)) or (self._now() if self._now else info["source_timestamp"]) or None
+        )
         return stamp, self._read(message), {"source": source, "lost": missed}
 
     def _missed(self, source: str, info: Mapping[str, Any]) -> int:
@@ -57,12 +58,16 @@ class LoggedTopic:
     def __init__(self, node: Node, link: Link, names: Names, stream: Mapping[str, Any]) -> None:
         self._link = link
         self._observed = Observed(node, stream)
-        self.name = self._observed.name
+        self.name, self.time_source = self._observed.name, self._observed.time_source
         self.heard = Heard(node, self._observed.type, names[self.name], self._take)
 
     def look(self) -> str:
         """Look at the other nodes again, and tell what is wrong."""
         return self.heard.look()
+
+    def stop(self) -> None:
+        """Take no more."""
+        self.heard.stop()
 
     def _take(self, message: Any, info: Mapping[str, Any]) -> None:
         event = self._observed.event(message, info)
@@ -78,14 +83,12 @@ class FilteredTopic:
     """
 
     def __init__(self, node: Node, link: Link, board: Board, names: Names, stream: Mapping[str, Any]) -> None:
-        self._link, self._board, self._stream = link, board, stream
         self._observed = Observed(node, stream)
-        self.name = self._observed.name
+        self.name, self.time_source = self._observed.name, self._observed.time_source
         plain, beside = names[self.name], names[self.name + PROXY]
         source, target = (beside, plain) if stream["intercept"] == "publisher" else (plain, beside)
-        self._waiting: deque[tuple[Any, Future[Answer]]] = deque()
-        self._forwarding = threading.Lock()
         self._forwarded = Forwarded(node, self._observed.type, target)
+        self._gate = Gate(Passing(link, board, stream), self._forwarded.publish)
         self.heard = Heard(node, self._observed.type, source, self._take)
 
     def look(self) -> str:
@@ -93,24 +96,13 @@ class FilteredTopic:
         troubles = (self.heard.look(), self._forwarded.look(self.heard.offered))
         return "; ".join(trouble for trouble in troubles if trouble)
 
+    def stop(self) -> None:
+        """Take and forward no more."""
+        self.heard.stop()
+        self._forwarded.stop()
+
     def _take(self, message: Any, info: Mapping[str, Any]) -> None:
         event = self._observed.event(message, info)
-        if event is None:
-            return
-        stamp, data, more = event
-        within = self._stream["decide_within"] / 10**9
-        answer = self._link.ask(self.name, "topic", stamp, data, decide_within=within, **more)
-        self._waiting.append((message, answer))
-        answer.add_done_callback(lambda _: self._forward())
-
-    def _forward(self) -> None:
-        """Settle the messages at the head of the queue whose answers are there."""
-        with self._forwarding:
-            while self._waiting and self._waiting[0][1].done():
-                message, future = self._waiting.popleft()
-                answer = future.result()
-                event = f"a message of {self.name}"
-                passed, why = self._board.settle(answer, self._stream["on_unavailable"], event)
-                if passed:
-                    self._forwarded.publish(message)
-                self._link.outcome(answer, passed, why)
+        if event is not None:
+            stamp, data, more = event
+            self._gate.take(message, stamp, data, **more)
