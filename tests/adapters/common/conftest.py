@@ -20,8 +20,9 @@ from websockets.http11 import Request, Response
 if find_spec("oracle_adapter") is None:
     sys.path.insert(0, str(Path(__file__).parents[3] / "adapters" / "common"))
 
-PATIENCE = 10.0
-"""Seconds that anything may take before a test fails."""
+from oracle_adapter import Link
+from tests.adapters.common.links import PATIENCE, QUICK
+from tests.adapters.common.side import Side
 
 Frame = Dict[str, Any]
 
@@ -197,3 +198,33 @@ class News:
 @pytest.fixture
 def news() -> News:
     return News()
+
+
+@pytest.fixture
+def links() -> Iterator[List[Link]]:
+    """Links to end with the test, whatever becomes of it."""
+    made: List[Link] = []
+    yield made
+    for link in made:
+        link.close(timeout=0)
+
+
+@pytest.fixture
+def link(oracle: Oracle, news: News, links: List[Link]) -> Link:
+    links.append(Link(oracle.url, "uav1", timing=QUICK, **news.callbacks()))
+    links[0].start()
+    return links[0]
+
+
+@pytest.fixture
+def often_switched() -> Iterator[None]:
+    """Threads take turns so often that they meet in every line."""
+    usual = sys.getswitchinterval()
+    sys.setswitchinterval(1e-5)
+    yield
+    sys.setswitchinterval(usual)
+
+
+@pytest.fixture
+def side() -> Side:
+    return Side()

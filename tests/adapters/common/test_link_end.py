@@ -1,0 +1,192 @@
+"""The link against a real WebSocket server: closing, and fatal errors."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import TYPE_CHECKING, Any, List
+
+import pytest
+from oracle_adapter import Link, LinkError
+from oracle_adapter.protocol import Protocol
+from tests.adapters.common.links import PATIENCE, answer_of, ask
+
+if TYPE_CHECKING:
+    from tests.adapters.common.conftest import News, Oracle, Peer
+
+
+class TestEnding:
+    def detach(self, peer: Peer) -> None:
+        assert peer.recv() == {"type": "detach"}
+        peer.send("detached")
+
+    def test_close_delivers_and_detaches(self, oracle: Oracle, news: News, link: Link) -> None:
+        peer = oracle.accept()
+        peer.attach()
+        link.send("/a", "topic", 1, {})
+        done: List[bool] = []
+        closing = threading.Thread(target=lambda: done.append(link.close(PATIENCE)))
+        closing.start()
+        peer.events(1)
+        self.detach(peer)
+        closing.join()
+        assert done == [True]
+        peer.wait_finished()
+        assert [news.state() for _ in range(2)] == ["attached", "ended"]
+        assert not link.send("/a", "topic", 2, {})
+        assert answer_of(ask(link)).why == "unavailable"
+        assert link.stats().lost == 1 + 1
+        assert link.close()
+
+    def test_as_a_context(self, oracle: Oracle) -> None:
+        def serve() -> None:
+            peer = oracle.accept()
+            peer.attach()
+            self.detach(peer)
+
+        server = threading.Thread(target=serve)
+        server.start()
+        with Link(oracle.url, "uav1") as link:
+            link.wait_attached(PATIENCE)
+        server.join()
+
+    def test_close_reconnects_to_deliver(self, oracle: Oracle, link: Link) -> None:
+        peer = oracle.accept()
+        peer.attach()
+        link.send("/a", "topic", 1, {})
+        peer.events(1)
+        closing = threading.Thread(target=link.close)
+        closing.start()
+        assert peer.recv() == {"type": "detach"}
+        peer.drop()
+        peer = oracle.accept()
+        peer.attach(upcoming=1)
+        peer.events(1)
+        self.detach(peer)
+        closing.join()
+        assert link.stats().lost == 0
+
+    def test_close_does_not_wait_longer_than_told(
+        self, oracle: Oracle, news: News, link: Link
+    ) -> None:
+        peer = oracle.accept()
+        peer.attach()
+        link.wait_attached(PATIENCE)
+        future = ask(link)
+        peer.events(1)
+        peer.freeze()
+        started = time.monotonic()
+        assert not link.close(timeout=0.1)
+        assert time.monotonic() - started < 1
+        assert answer_of(future).why == "unavailable"
+
+    def test_close_without_a_server(self, oracle: Oracle, links: List[Link]) -> None:
+        oracle.stop()
+        for values in ([], [1, 2]):
+            link = Link(oracle.url, "uav1", on_error=lambda error: None)
+            links.append(link)
+            link.start()
+            for value in values:
+                link.send("/a", "topic", value, {})
+            started = time.monotonic()
+            assert not link.close(timeout=0.3 if values else PATIENCE)
+            assert time.monotonic() - started < 2
+            assert link.stats().lost == len(values)
+
+    def test_close_before_the_start(self, oracle: Oracle) -> None:
+        link = Link(oracle.url, "uav1")
+        assert not link.close()
+        with pytest.raises(LinkError, match="closed"):
+            link.wait_attached()
+        assert answer_of(ask(link)).why == "unavailable"
+
+    def test_a_callback_can_not_close(self, oracle: Oracle, links: List[Link]) -> None:
+        raised: List[BaseException] = []
+        told = threading.Event()
+
+        def on_state(state: str, detail: str) -> None:
+            try:
+                links[0].close()
+            except RuntimeError as error:
+                raised.append(error)
+                told.set()
+
+        links.append(Link(oracle.url, "uav1", on_state=on_state))
+        links[0].start()
+        oracle.accept().attach()
+        assert told.wait(PATIENCE)
+        assert "callback" in str(raised[0])
+
+    @pytest.mark.parametrize("code", ["spec_mismatch", "monitor_taken", "unknown_spec"])
+    def test_a_fatal_answer_to_attach(
+        self, oracle: Oracle, news: News, link: Link, code: str
+    ) -> None:
+        future = ask(link)
+        peer = oracle.accept()
+        assert peer.recv()["type"] == "attach"
+        peer.send("error", code=code, message="so it is", fatal=True)
+        with pytest.raises(LinkError, match=f"{code}: so it is"):
+            link.wait_attached(PATIENCE)
+        answer = answer_of(future)
+        assert (answer.why, answer.reason) == ("unavailable", f"{code}: so it is")
+        assert news.state() == "ended"
+        assert news.error().code == code
+        peer.wait_finished()
+        assert oracle.requests.qsize() == 1
+
+    @pytest.mark.parametrize("code", ["replaced", "session_closed"])
+    def test_a_fatal_error_later(self, oracle: Oracle, news: News, link: Link, code: str) -> None:
+        peer = oracle.accept()
+        peer.attach()
+        future = ask(link)
+        peer.events(1)
+        peer.send("error", code=code, message="so it is", fatal=True)
+        assert answer_of(future).why == "unavailable"
+        assert [news.state() for _ in range(3)] == ["attached", "disconnected", "ended"]
+        assert news.error().fatal
+        assert not link.close()
+
+    @pytest.mark.parametrize("turn", range(10))
+    def test_a_fatal_error_is_read_though_writing_fails(
+        self, oracle: Oracle, news: News, link: Link, turn: int
+    ) -> None:
+        peer = oracle.accept()
+        peer.attach()
+        link.wait_attached(PATIENCE)
+        over = threading.Event()
+
+        def robot() -> None:
+            while not over.is_set():
+                link.send("/a", "topic", 1, "x" * 1000)
+
+        thread = threading.Thread(target=robot)
+        thread.start()
+        peer.recv()
+        peer.send("error", code="replaced", message="by another", fatal=True)
+        peer.close(1008)
+        assert [news.state() for _ in range(3)] == ["attached", "disconnected", "ended"]
+        over.set()
+        thread.join()
+        assert news.error().code == "replaced"
+        assert oracle.requests.qsize() == 1
+
+    def test_a_mistake_of_our_own_answers_all_the_same(
+        self,
+        oracle: Oracle,
+        news: News,
+        link: Link,
+        monkeypatch: pytest.MonkeyPatch,
+        caplog: pytest.LogCaptureFixture,
+    ) -> None:
+        def fail(*args: Any) -> None:
+            raise ZeroDivisionError
+
+        peer = oracle.accept()
+        peer.attach()
+        future = ask(link)
+        peer.events(1)
+        monkeypatch.setattr(Protocol, "receive", fail)
+        peer.send("ack", upto=1)
+        assert answer_of(future).why == "unavailable"
+        assert news.error().code == "internal"
+        assert "ZeroDivisionError" in caplog.text

@@ -1,0 +1,208 @@
+"""The state of a link, frame by frame: asks, what was done with them, and clocks."""
+
+from __future__ import annotations
+
+from typing import Any, List
+
+import pytest
+from oracle_adapter import Answer, LinkError
+from oracle_adapter.protocol import Answered
+from tests.adapters.common.side import Side, answer_in
+
+
+class TestAsks:
+    def test_a_decision_answers(self, side: Side) -> None:
+        side.attach()
+        asked = side.queued()
+        assert side.events()[0]["ask"] is True
+        answer = answer_in(
+            side.receive(
+                "decision", seq=1, decision="deny", denied_by=["p"], verdicts={"p": "false"}
+            )
+        )
+        assert answer == Answer("decision", "deny", ("p",), {"p": "false"})
+        assert (answer.seq, answer.event) == (1, asked)
+
+    def test_a_decision_after_the_time_is_ignored(self, side: Side) -> None:
+        side.attach()
+        asked = side.queued()
+        side.frames()
+        side.protocol.expire(asked)
+        assert answer_in(side.protocol.take_notices()).why == "timeout"
+        assert side.receive("decision", seq=1, decision="allow") == []
+        side.protocol.expire(asked)
+        assert side.protocol.take_notices() == []
+        stats = side.protocol.stats()
+        assert (stats.timeouts, stats.unavailable) == (1, 0)
+
+    @pytest.mark.parametrize("sent", [False, True])
+    def test_without_a_connection_it_is_unavailable_and_sent_all_the_same(
+        self, side: Side, sent: bool
+    ) -> None:
+        if sent:
+            side.attach()
+        asked = side.queued()
+        side.frames()
+        side.protocol.disconnected()
+        side.protocol.expire(asked)
+        answer = answer_in(side.protocol.take_notices())
+        assert (answer.why, answer.decision) == ("unavailable", None)
+        side.protocol.outcome(answer, False, answer.why)
+        side.attach(1)
+        event, outcome = side.frames()
+        assert (event["seq"], event["ask"]) == (1, True)
+        assert outcome == {"type": "outcome", "seq": 1, "passed": False, "why": "unavailable"}
+        assert side.receive("decision", seq=1, decision="allow") == []
+        assert side.protocol.stats().unavailable == 1
+
+    def test_one_the_server_has_is_asked_again(self, side: Side) -> None:
+        side.attach()
+        side.send("a")
+        side.queued()
+        side.send("b")
+        side.frames()
+        side.reconnect(upcoming=4)
+        side.receive("ack", upto=3)  # may overtake the question
+        assert side.numbers() == [2, 3]
+        assert answer_in(side.receive("decision", seq=2, decision="allow")).decision == "allow"
+        assert side.protocol.stats().queued == 0
+
+    def test_one_already_answered_is_not(self, side: Side) -> None:
+        side.attach()
+        side.queued()
+        side.frames()
+        side.receive("decision", seq=1, decision="allow")
+        side.reconnect(upcoming=2)
+        assert side.frames() == []
+
+    def test_a_full_queue_answers_at_once(self) -> None:
+        side = Side(capacity=1)
+        side.send(1)
+        answer = side.ask()
+        assert isinstance(answer, Answer)
+        assert (answer.why, answer.reason, answer.seq) == ("unavailable", "the queue is full", None)
+        side.protocol.outcome(answer, False, answer.why)  # there is nothing to report on
+        side.attach()
+        assert [frame["type"] for frame in side.frames()] == ["event"]
+
+    def test_a_refused_event_has_no_decision(self, side: Side) -> None:
+        side.attach()
+        side.queued()
+        side.frames()
+        error, answered = side.receive("error", code="bad_stamp", message="in the future", seq=1)
+        assert isinstance(error, LinkError)
+        assert (error.code, error.seq, error.fatal) == ("bad_stamp", 1, False)
+        assert answer_in([answered]).reason == "bad_stamp: in the future"
+        side.reconnect(upcoming=2)
+        assert side.frames() == []
+        stats = side.protocol.stats()
+        assert (stats.refused, stats.unavailable) == (1, 1)
+
+    def test_an_unknown_decision_is_no_permission(self, side: Side) -> None:
+        side.attach()
+        side.queued()
+        side.frames()
+        answer = answer_in(side.receive("decision", seq=1, decision="perhaps"))
+        assert (answer.why, answer.decision) == ("unavailable", None)
+
+    def test_the_end_answers_all(self, side: Side) -> None:
+        side.attach()
+        first, second = side.queued(), side.queued()
+        side.frames()
+        third = side.queued()
+        side.protocol.end(LinkError("replaced", "by another", fatal=True))
+        notices = side.protocol.take_notices()
+        answered = [notice for notice in notices if isinstance(notice, Answered)]
+        assert [notice.event for notice in answered] == [first, second, third]
+        assert {notice.answer.why for notice in answered} == {"unavailable"}
+        late = side.ask()
+        assert isinstance(late, Answer)
+        assert late.reason == "replaced: by another"
+        assert side.send(1) == [False]
+        assert side.protocol.stats().lost == 3
+        assert side.frames() == []
+
+
+class TestOutcomes:
+    def answered(self, side: Side) -> Answer:
+        asked = side.queued()
+        side.frames()
+        return answer_in(side.receive("decision", seq=asked.seq, decision="allow"))
+
+    def test_one_follows_its_event(self, side: Side) -> None:
+        side.attach()
+        answer = self.answered(side)
+        side.protocol.outcome(answer, True, "decision")
+        assert side.frames() == [{"type": "outcome", "seq": 1, "passed": True, "why": "decision"}]
+
+    def test_one_that_may_not_have_arrived_is_sent_again(self, side: Side) -> None:
+        side.attach()
+        side.protocol.outcome(self.answered(side), True, "decision")
+        side.frames()
+        side.receive("ack", upto=1)
+        side.reconnect(upcoming=2)
+        assert [frame["type"] for frame in side.frames()] == ["outcome"]
+
+    def test_one_that_has_arrived_is_not(self, side: Side) -> None:
+        side.attach()
+        side.protocol.outcome(self.answered(side), True, "decision")
+        side.frames()
+        side.send("later")
+        side.frames()
+        side.receive("ack", upto=2)
+        side.reconnect(upcoming=3)
+        assert side.frames() == []
+
+
+class TestClocks:
+    def clocks(self, side: Side) -> List[Any]:
+        return [
+            {item["stream"]: item["stamp"] for item in frame["stamps"]}
+            if frame["type"] == "clock"
+            else [event["data"] for event in frame.get("events", [frame])]
+            for frame in side.frames()
+        ]
+
+    def clock(self, side: Side, **stamps: int) -> None:
+        side.protocol.clock([(stream, "topic", stamp) for stream, stamp in stamps.items()])
+
+    def test_one_keeps_its_place_among_events(self, side: Side) -> None:
+        side.attach()
+        side.send(1, 2)
+        self.clock(side, a=2)
+        side.send(3)
+        assert self.clocks(side) == [[1, 2], {"a": 2}, [3]]
+
+    def test_one_alone_is_sent_at_once(self, side: Side) -> None:
+        side.attach()
+        side.protocol.clock([("/a", "request", 5), ("/a", "response", 6)])
+        assert side.frames() == [
+            {
+                "type": "clock",
+                "stamps": [
+                    {"stream": "/a", "kind": "request", "stamp": 5},
+                    {"stream": "/a", "kind": "response", "stamp": 6},
+                ],
+            }
+        ]
+        side.protocol.clock([])
+        assert side.frames() == []
+
+    def test_the_newer_replaces_the_older_but_for_the_first(self, side: Side) -> None:
+        side.attach()
+        side.send(1)
+        for stamp in range(1, 10):
+            self.clock(side, a=stamp, **({"b": stamp} if stamp < 5 else {}))
+            side.send(stamp + 1)
+        assert self.clocks(side) == [
+            [1], {"a": 1, "b": 1}, [*range(2, 10)], {"a": 9, "b": 4}, [10],
+        ]  # fmt: skip
+
+    def test_it_waits_for_events_sent_again(self, side: Side) -> None:
+        side.attach()
+        side.send(1, 2)
+        side.frames()
+        side.protocol.disconnected()
+        self.clock(side, a=2)
+        side.attach(upcoming=2)
+        assert self.clocks(side) == [[2], {"a": 2}]

@@ -1,0 +1,109 @@
+"""The state of a link, frame by frame: going on in another session."""
+
+from __future__ import annotations
+
+import json
+
+from tests.adapters.common.side import Side, answer_in
+
+
+class TestGoingOnInAnotherSession:
+    def test_what_comes_after_the_clock_went_back_waits_for_the_next_session(
+        self, side: Side
+    ) -> None:
+        side.attach()
+        side.send("old")
+        side.protocol.renew([("/a", "topic", 5)])
+        side.send("new")
+        side.protocol.clock([("/a", "topic", 6)])
+        old, clock = side.frames()
+        assert (old["data"], clock["stamps"][0]["stamp"]) == ("old", 5)
+        side.receive("error", code="session_ended", message="over", fatal=True, session="s1.run2")
+        assert side.frames() == []
+        side.protocol.disconnected()
+        assert json.loads(side.protocol.hello())["session"] == "s1.run2"
+        side.attach(session="s1.run2")
+        assert [(event["seq"], event["data"]) for event in side.events()] == [(1, "new")]
+
+    def test_the_clock_is_told_again_after_a_reconnect(self, side: Side) -> None:
+        side.attach()
+        side.send("old")
+        side.protocol.renew([("/a", "topic", 5)])
+        side.send("new")
+        assert [frame["type"] for frame in side.frames()] == ["event", "clock"]
+        side.reconnect(2)
+        assert [frame["type"] for frame in side.frames()] == ["clock"]
+
+    def test_what_was_not_taken_is_lost_and_its_asks_are_answered(self, side: Side) -> None:
+        side.attach()
+        side.send("taken")
+        asked = side.queued("open")
+        side.frames()
+        side.receive("ack", upto=1)
+        side.send("unsent")
+        error, answered = side.receive("error", code="session_ended", message="over", fatal=True)
+        assert (error.code, error.fatal) == ("session_ended", False)
+        assert (answered.event, answered.answer.why) == (asked, "unavailable")
+        assert side.protocol.stats().lost == 2
+        side.protocol.disconnected()
+        assert "session" not in json.loads(side.protocol.hello())
+
+    def test_a_session_of_ones_own_that_was_closed_meanwhile_is_made_anew(self, side: Side) -> None:
+        side.attach()
+        side.send("kept", "in flight")
+        asked = side.queued("asked")
+        side.frames()
+        side.receive("ack", upto=1)
+        side.protocol.disconnected()
+        side.send("waiting")
+        (error,) = side.receive("error", code="session_closed", message="gone", fatal=True)
+        assert not error.fatal
+        hello = json.loads(side.protocol.hello())
+        assert ("session" in hello, hello["spec"]) == (False, "battery")
+        side.reconnect(1, session="s2")
+        assert [(event["seq"], event["data"]) for event in side.events()] == [
+            (1, "in flight"), (2, "asked"), (3, "waiting"),
+        ]  # fmt: skip
+        answered = answer_in(side.receive("decision", seq=2, decision="allow"))
+        assert answered.event is asked
+        side.protocol.outcome(answered, True, "decision")
+        side.receive("ack", upto=3)
+        assert side.frames() == [{"type": "outcome", "seq": 2, "passed": True, "why": "decision"}]
+        stats = side.protocol.stats()
+        assert (stats.lost, stats.queued) == (0, 0)
+
+    def test_what_was_done_in_the_closed_session_is_not_told_in_the_new_one(
+        self, side: Side
+    ) -> None:
+        side.attach()
+        side.ask()
+        side.frames()
+        answer = answer_in(side.receive("decision", seq=1, decision="allow"))
+        side.receive("ack", upto=1)
+        side.protocol.outcome(answer, True, "decision")
+        side.frames()
+        side.protocol.disconnected()
+        side.receive("error", code="session_closed", message="gone", fatal=True)
+        side.reconnect(1, session="s2")
+        assert side.frames() == []
+
+    def test_a_session_that_somebody_closes_is_over(self, side: Side) -> None:
+        side.attach()
+        (error,) = side.receive("error", code="session_closed", message="by hand", fatal=True)
+        assert error.fatal
+
+    def test_a_named_session_that_was_closed_is_over(self) -> None:
+        side = Side(session="flight1")
+        side.attach(session="flight1")
+        side.protocol.disconnected()
+        (error,) = side.receive("error", code="session_closed", message="gone", fatal=True)
+        assert error.fatal
+
+    def test_an_ask_after_it_waits_too(self, side: Side) -> None:
+        side.attach()
+        side.protocol.renew([("/a", "topic", 5)])
+        asked = side.queued("new")
+        side.receive("error", code="session_ended", message="over", fatal=True, session="s2")
+        side.reconnect(1, session="s2")
+        assert side.numbers() == [1]
+        assert answer_in(side.receive("decision", seq=1, decision="allow")).event is asked
