@@ -99,6 +99,7 @@ def draw_bars(
         places = [n + (i - 1) * 0.27 for n in range(len(groups))]
         own = [values.get((case, group), [0.0]) for group in groups]
         axes.bar(places, [mean(v) for v in own], 0.25, yerr=[pstdev(v) for v in own], label=case, capsize=3)
+    axes.set_ylim(bottom=0)
     axes.set(xticks=range(len(groups)), xticklabels=groups, ylabel=unit)
     axes.grid(alpha=0.3, axis="y")
     axes.legend()

@@ -110,7 +110,8 @@ def measure(case: str, number: int, results: Results) -> None:
             found = events(robot.history)
             wrong, late = sum(row.negative for row in found), sum(row.late for row in found)
             results.write("verdicts", case, number, len(found), wrong, late)
-            write_events(case, number, found, results)
+            if BY_ARRIVAL not in changes:
+                write_events(case, number, found, results)
             said += f"; {len(found)} events, {wrong} wrong verdicts, {late} late"
         print(said, flush=True)
 

@@ -96,8 +96,12 @@ class Robot:
             self._start_node(stack, "led_panel", wait_for=monitors)
             self._start_node(stack, "supervisor", wait_for=monitors, service=service)
             self._processes["led_panel"].said("ready")
-            battery = self._start_node(stack, "battery", wait_for=monitors + 1)
+            battery = self._start_node(stack, "battery", wait_for=monitors + 2)
+            battery.said("waiting")
+            time.sleep(1)  # all find each other
+            self._start(stack, "gate", [sys.executable, "-m", "benchmarks.paper.gate"])
             battery.said("ready")
+            del self._processes["gate"]
             before = {name: p.cost() for name, p in self._processes.items()}
             time.sleep(101 / 25)
             for name, process in self._processes.items():
