@@ -64,7 +64,7 @@ def build_app(
     app.include_router(metrics.router(registry, store, watchdog))
     app.include_router(pages.router())
 
-    app.include_router(legacy_routes(registry, store, legacy))
+    app.include_router(legacy_routes(registry, store, legacy, max_rate))
 
     @app.websocket("/api/v1/attach")
     async def attach(socket: WebSocket) -> None:

@@ -23,6 +23,7 @@ from oracle_server.problems import problem
 from oracle_server.protocol import Attach, EventMessage, WireError, event_of, suspicious
 from oracle_server.registry import Registry
 from oracle_server.store import Store
+from oracle_server.throttle import Throttle
 
 MONITOR = "legacy"
 """What a session calls the monitor that it serves: the protocol gives it no name."""
@@ -32,8 +33,11 @@ _STALLED = 5.0
 log = structlog.get_logger()
 
 
-def legacy_routes(registry: Registry, store: Store, spec: str | None) -> APIRouter:
-    """The addresses that old monitors connect to; `/` is that of `spec`, and refused without one."""
+def legacy_routes(registry: Registry, store: Store, spec: str | None, max_rate: float = 0) -> APIRouter:
+    """The addresses that old monitors connect to; `/` is that of `spec`, and refused without one.
+
+    Each may send `max_rate` events a second on average; 0 for any number.
+    """
     router = APIRouter()
 
     @router.websocket("/")
@@ -41,16 +45,16 @@ def legacy_routes(registry: Registry, store: Store, spec: str | None) -> APIRout
         if spec is None:
             await _refuse(socket, "`/` has no spec; start the server with --legacy SPEC, or use /legacy/SPEC")
         else:
-            await _serve(socket, registry, store, spec)
+            await _serve(socket, registry, store, spec, max_rate)
 
     @router.websocket("/legacy/{spec_id}")
     async def serve_named(socket: WebSocket, spec_id: str) -> None:
-        await _serve(socket, registry, store, spec_id)
+        await _serve(socket, registry, store, spec_id, max_rate)
 
     return router
 
 
-async def _serve(socket: WebSocket, registry: Registry, store: Store, spec_id: str) -> None:
+async def _serve(socket: WebSocket, registry: Registry, store: Store, spec_id: str, max_rate: float) -> None:
     if not grant_of(socket).covers(spec=spec_id):
         await _refuse(socket, "the token is bound to other specs or sessions", 403)
         return
@@ -59,7 +63,7 @@ async def _serve(socket: WebSocket, registry: Registry, store: Store, spec_id: s
     except (UnknownSpecError, SpecError) as error:
         await _refuse(socket, str(error))
         return
-    await LegacyConnection(socket, session, store).serve()
+    await LegacyConnection(socket, session, store, max_rate).serve()
 
 
 async def _refuse(socket: WebSocket, reason: str, status: int = 404) -> None:
@@ -69,7 +73,8 @@ async def _refuse(socket: WebSocket, reason: str, status: int = 404) -> None:
 class LegacyConnection:
     """Serves one old monitor, in a session of its own, until either side ends it."""
 
-    def __init__(self, socket: WebSocket, session: LiveSession, store: Store) -> None:
+    def __init__(self, socket: WebSocket, session: LiveSession, store: Store, max_rate: float = 0) -> None:
+        self._throttle = Throttle(max_rate)
         self._socket, self._session, self._store = socket, session, store
         self._seq = 0
         self._answering: asyncio.Task[None] | None = None
@@ -119,6 +124,9 @@ class LegacyConnection:
                 reply = self._reply(monitor, message.get("text"))
                 async with asyncio.timeout(_STALLED):
                     await self._socket.send_text(reply)
+                self._throttle.count()
+                if self._throttle.is_due:
+                    await asyncio.sleep(self._throttle.pause())
         except (WebSocketDisconnect, RuntimeError, OSError):  # TimeoutError, an OSError: it reads nothing any more
             return
         except Exception:

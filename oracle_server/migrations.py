@@ -9,6 +9,7 @@ from oracle_server.schema import DDL, VERSION
 
 _STEPS = {
     1: "ALTER TABLE monitors ADD COLUMN clock TEXT NOT NULL DEFAULT 'wall';",
+    2: "ALTER TABLE sessions ADD COLUMN asked TEXT;",
 }
 """By the version that they start from: statements that lead to the next one."""
 

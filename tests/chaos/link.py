@@ -13,6 +13,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import WebSocketException
 
 from tests.chaos.served import Served
+from tests.chaos.tunnel import Tunnel
 
 WINDOW = 300
 """Events that may be on their way: sent, and not acked yet."""
@@ -29,7 +30,7 @@ class Link:
     decisions newly made, as they become known; and with 0 after each attach. `end` is a stamp beyond all events.
     """
 
-    served: Served
+    served: Served | Tunnel
     attach: Frame
     events: list[Frame]
     end: int

@@ -16,14 +16,18 @@ import httpx
 
 PATIENCE = 30.0
 """Seconds that any one thing may take before a test fails."""
-_COMMAND = (sys.executable, "-c", "from oracle_server.cli import main; main()", "serve")
+_MAIN = "from oracle_server.cli import main; main()"
 
 
 class Served:
     """One server and its data directory, over all the processes that serve it; they share a port."""
 
-    def __init__(self, specs: Path, data: Path, **settings: str) -> None:
-        """Serve the specs of a folder; `settings` are those of the environment, without their prefix."""
+    def __init__(self, specs: Path, data: Path, prelude: str = "", **settings: str) -> None:
+        """Serve the specs of a folder; `settings` are those of the environment, without their prefix.
+
+        `prelude` is Python that each process runs before it becomes a server.
+        """
+        self._command = (sys.executable, "-c", f"{prelude}\n{_MAIN}", "serve")
         self.up = asyncio.Event()
         self.starts = 0
         self.log: list[dict[str, Any]] = []
@@ -52,7 +56,7 @@ class Served:
             await self._reading
         arguments = (*self._arguments, "--port", str(self._port))
         self._process = await asyncio.create_subprocess_exec(
-            *_COMMAND, *arguments, env=self._environment, stderr=asyncio.subprocess.PIPE
+            *self._command, *arguments, env=self._environment, stderr=asyncio.subprocess.PIPE
         )
         self._died.clear()
         accepts = asyncio.Event()
@@ -74,6 +78,10 @@ class Served:
         while True:
             await self._died.wait()
             await self.start()
+
+    def signal(self, number: signal.Signals) -> None:
+        """Send the process a signal."""
+        self._process.send_signal(number)
 
     def freeze(self) -> None:
         """Stop the process where it stands."""

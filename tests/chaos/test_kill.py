@@ -6,80 +6,26 @@ The points at which it is killed are counted in what monitors have been told, ne
 from __future__ import annotations
 
 import asyncio
-import os
 import random
-import time
-from collections import Counter
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple
 
-import pytest
-
-from examples.battery_uav.simulator import MS, arrivals, simulate
 from tests.chaos.link import LOST, Frame, Link
-from tests.chaos.served import PATIENCE, Served, reviving
-
-SPECS = Path(__file__).parents[2] / "specs"
-SESSION = "s1"
-COUNTDOWNS = 8
-KILLS = 10
-LIMIT = 4 * PATIENCE
-PASSING = frozenset({"arrived", "judged", "decision", "passed"})
-"""What a record says that may differ from run to run."""
-
-
-class Layout(NamedTuple):
-    """Which monitor observes what, and what is changed in the spec for that."""
-
-    name: str
-    monitors: dict[str, frozenset[str]]
-    changes: tuple[tuple[str, str], ...] = ()
-
-
-SENSORS = frozenset({"/battery_percentage", "/input_accepted", "/battery_status"})
-PANEL = frozenset({"/status_accepted", "/LED_panel", "/SetLED"})
-ALONE = Layout("one monitor", {"uav1": SENSORS | PANEL})
-PAIR = Layout(
-    "two monitors",
-    {"sensors": SENSORS, "panel": PANEL},
-    # what comes in over two connections is only in order if events wait for each other, however slow all is
-    (("max_delay: 200ms", "max_delay: 600s"), ("action: filter\n", "action: filter\n    decide_within: 700s\n")),
+from tests.chaos.runs import (
+    SESSION,
+    Layout,
+    assert_same,
+    assert_sound,
+    each_layout,
+    specs,
+    stream_through,
+    told,
+    uninterrupted,
+    void,
 )
-each_layout = pytest.mark.parametrize("layout", [ALONE, PAIR], ids=lambda layout: layout.name)
+from tests.chaos.served import Served, reviving
 
-
-@pytest.fixture
-def chance() -> random.Random:
-    seed = int(os.environ.get("TEST_SEED") or random.randrange(2**32))
-    print(f"TEST_SEED={seed}")
-    return random.Random(seed)
-
-
-@pytest.fixture(scope="module")
-def trace() -> list[Frame]:
-    """What is observed, in the order of publication, stamped so that all of it has just happened."""
-    lines: list[dict[str, Any]] = arrivals(
-        simulate(fault="request_without_change", countdowns=COUNTDOWNS), MS, 0, in_order=True
-    )
-    shift = time.time_ns() - lines[-1]["stamp"]
-    chance = random.Random(0)
-    return [
-        {
-            "type": "event",
-            **{key: line[key] for key in ("stream", "kind", "source", "call", "data") if key in line},
-            "stamp": line["stamp"] + shift,
-            "ask": line["kind"] == "request" or chance.random() < 0.05,
-        }
-        for line in lines
-    ]
-
-
-@pytest.fixture(scope="module")
-def known() -> dict[str, list[Frame]]:
-    """The records of uninterrupted runs, by layout."""
-    return {}
+KILLS = 10
 
 
 @each_layout
@@ -149,112 +95,3 @@ async def test_connections_cut(
         assert not served.complaints
     assert_sound(records, links)
     assert_same(records, await uninterrupted(layout, trace, tmp_path, known))
-
-
-async def uninterrupted(layout: Layout, trace: list[Frame], folder: Path, known: dict[str, list[Frame]]) -> list[Frame]:
-    """The records of a run in which nothing happens."""
-    if layout.name not in known:
-        async with Served(specs(layout, folder), folder / "undisturbed") as served:
-            links = await stream_through(served, layout, trace, random.Random(0), [], lambda _: None)
-            known[layout.name] = await served.records(SESSION)
-        assert_sound(known[layout.name], links)
-        assert len(known[layout.name]) == 6 * len(trace)
-        assert not any(record["late"] or record["skewed"] or record["degraded"] for record in known[layout.name])
-        assert any(record["violation"] for record in known[layout.name])
-    return known[layout.name]
-
-
-async def stream_through(
-    served: Served,
-    layout: Layout,
-    trace: list[Frame],
-    chance: random.Random,
-    points: list[int],
-    strike: Callable[[list[Link]], None],
-) -> list[Link]:
-    """Send the trace until all is settled; strike whenever what monitors were told comes to one of the points."""
-    left, seen, gate = list(points), 0, asyncio.Event()
-
-    def moved(count: int) -> None:
-        nonlocal seen
-        seen += count
-        if left and seen >= left[0] and served.up.is_set():
-            del left[0]
-            strike(links)
-
-    links = [
-        Link(served, attach_frame(layout, monitor), own(trace, names), trace[-1]["stamp"] + 1, chance, gate, moved)
-        for monitor, names in layout.monitors.items()
-    ]
-    async with asyncio.timeout(LIMIT), asyncio.TaskGroup() as tasks:
-        runs = [tasks.create_task(link.run()) for link in links]
-        for link in links:
-            await link.attached.wait()
-        gate.set()
-        for link in links:
-            await link.done.wait()
-        for run in runs:
-            run.cancel()
-    assert not left
-    return links
-
-
-def assert_sound(records: list[Frame], links: list[Link]) -> None:
-    """Every event is there, once a property, with the decision that its monitor was told; and `n` has no gaps."""
-    assert [record["n"] for record in records] == list(range(1, len(records) + 1))
-    properties = sorted({record["property"] for record in records})
-    assert Counter((record["monitor"], record["seq"], record["property"]) for record in records) == Counter(
-        (link.attach["monitor"], event["seq"], name) for link in links for event in link.events for name in properties
-    )
-    for link in links:
-        monitor = link.attach["monitor"]
-        decided = {r["seq"]: r["decision"] for r in records if r["monitor"] == monitor and r["decision"] is not None}
-        assert decided == {seq: frame["decision"] for seq, frame in link.decisions.items()}
-        assert decided.keys() == {event["seq"] for event in link.events if event["ask"]}
-
-
-def assert_same(records: list[Frame], expected: list[Frame]) -> None:
-    """The records say what those of an uninterrupted run say, one by one."""
-    for record, other in zip(records, expected, strict=True):
-        assert {k: v for k, v in record.items() if k not in PASSING} == {
-            k: v for k, v in other.items() if k not in PASSING
-        }
-
-
-def told(trace: list[Frame]) -> int:
-    """How much monitors are told of a trace: an ack for each event, and the decisions."""
-    return len(trace) + sum(event["ask"] is True for event in trace)
-
-
-def own(trace: list[Frame], names: frozenset[str]) -> list[Frame]:
-    """One monitor's events of a trace, numbered."""
-    observed = [event for event in trace if event["stream"] in names]
-    return [event | {"seq": seq} for seq, event in enumerate(observed, start=1)]
-
-
-def attach_frame(layout: Layout, monitor: str) -> Frame:
-    streams = sorted(layout.monitors[monitor])
-    return {
-        "type": "attach",
-        "monitor": monitor,
-        "instance": f"process of {monitor}",
-        "session": SESSION,
-        "spec": "battery_uav",
-        "streams": streams,
-    }
-
-
-def specs(layout: Layout, folder: Path) -> Path:
-    """A folder with the layout's spec."""
-    text = (SPECS / "battery_uav.yaml").read_text()
-    for old, new in layout.changes:
-        assert old in text
-        text = text.replace(old, new)
-    target = folder / "specs"
-    target.mkdir(exist_ok=True)
-    (target / "battery_uav.yaml").write_text(text)
-    return target
-
-
-def void(_: object) -> None:
-    """Nothing, whatever is given."""

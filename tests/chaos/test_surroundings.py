@@ -1,0 +1,168 @@
+"""What is around the server fails: the network, the clock, the disk."""
+
+from __future__ import annotations
+
+import asyncio
+import random
+import signal
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import httpx
+import pytest
+
+from tests.chaos.by_hand import attached, event, say
+from tests.chaos.link import Frame, Link
+from tests.chaos.runs import (
+    ALONE,
+    PAIR,
+    SESSION,
+    Layout,
+    assert_same,
+    assert_sound,
+    each_layout,
+    specs,
+    stream_through,
+    told,
+    uninterrupted,
+    void,
+)
+from tests.chaos.served import PATIENCE, Served
+from tests.chaos.tunnel import Tunnel
+
+TURNED_BY_SIGNALS = """
+import signal, time
+real, offset = time.time_ns, 0
+def turn(number, frame):
+    global offset
+    offset += 300 * 10**9 * (1 if number == signal.SIGUSR1 else -1)
+time.time_ns = lambda: real() + offset
+signal.signal(signal.SIGUSR1, turn)
+signal.signal(signal.SIGUSR2, turn)
+"""
+"""A clock that is set forward, or back, by five minutes."""
+
+
+@each_layout
+async def test_connections_half_open(
+    layout: Layout, trace: list[Frame], tmp_path: Path, chance: random.Random, known: dict[str, list[Frame]]
+) -> None:
+    """The monitors notice, and come back; to the server their old connections still stand."""
+    points = sorted(chance.sample(range(told(trace) * 9 // 10), 10))
+    async with Served(specs(layout, tmp_path), tmp_path / "data") as served, Tunnel(served) as tunnel:
+
+        def strike(links: list[Link]) -> None:
+            tunnel.go_dead()
+            for link in links:
+                link.cut()
+
+        links = await stream_through(tunnel, layout, trace, chance, points, strike)
+        records = await served.records(SESSION)
+        assert tunnel.dead
+        assert not served.complaints
+    assert_sound(records, links)
+    assert_same(records, await uninterrupted(layout, trace, tmp_path, known))
+
+
+async def test_a_clock_that_jumps(
+    trace: list[Frame], tmp_path: Path, chance: random.Random, known: dict[str, list[Frame]]
+) -> None:
+    points = sorted(chance.sample(range(told(trace) * 9 // 10), 12))
+    async with Served(specs(PAIR, tmp_path), tmp_path / "data", prelude=TURNED_BY_SIGNALS) as served:
+        turns = iter([signal.SIGUSR1, signal.SIGUSR2, signal.SIGUSR2, signal.SIGUSR1] * 3)
+        links = await stream_through(served, PAIR, trace, chance, points, lambda _: served.signal(next(turns)))
+        assert next(turns, None) is None
+        records = await served.records(SESSION)
+        assert not served.complaints
+    assert_sound(records, links)
+    arrivals = [record["judged"] for record in records]
+    assert arrivals == sorted(arrivals)
+    assert_same(records, await uninterrupted(PAIR, trace, tmp_path, known))
+
+
+class Disk(NamedTuple):
+    """A small disk of its own, that can be filled and freed."""
+
+    folder: Path
+    fill: Callable[[], None]
+    free: Callable[[], None]
+
+
+@pytest.fixture
+def disk(tmp_path: Path) -> Iterator[Disk]:
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=24m", "tmpfs", folder], capture_output=True, check=False
+    )
+    if mounted.returncode:
+        pytest.skip("a small disk can't be mounted here")
+    ballast = folder / "ballast"
+
+    def fill() -> None:
+        with ballast.open("wb", buffering=0) as file:
+            try:
+                while True:
+                    file.write(bytes(4096))
+            except OSError:
+                pass
+
+    yield Disk(folder, fill, ballast.unlink)
+    subprocess.run(["umount", folder], check=True)
+
+
+async def test_a_disk_that_is_full_for_a_while(
+    disk: Disk, trace: list[Frame], tmp_path: Path, chance: random.Random
+) -> None:
+    """Nothing is acked that is not kept, and guarded events are denied; then the session goes on."""
+    point = chance.randrange(told(trace) // 4, told(trace) // 2)
+    async with Served(specs(ALONE, tmp_path), disk.folder / "data") as served, asyncio.TaskGroup() as tasks:
+        refused: list[str] = []
+
+        async def be_full() -> None:
+            disk.fill()
+            refused.append(await until_ready(served, 503))
+            disk.free()
+            await until_ready(served, 200)
+
+        links = await stream_through(
+            served, ALONE, trace, chance, [point], lambda _: void(tasks.create_task(be_full()))
+        )
+        records = await served.records(SESSION)
+        assert [line["event"] for line in served.complaints] == ["the history can't be written"]
+        assert await served.stop() == 0
+        await served.start()
+        assert await served.records(SESSION) == records
+    assert_sound(records, links)
+    assert "full" in refused[0]
+    unknown = [record for record in records if record["outcome"] == "unknown"]
+    assert all(record["decision"] in (None, "deny") for record in unknown)
+    last = max((record["n"] for record in unknown), default=0)
+    assert all(record["degraded"] for record in records if record["n"] > last and unknown)
+
+
+async def until_ready(served: Served, status: int) -> str:
+    """Wait until `/readyz` answers so; what it says."""
+    async with asyncio.timeout(PATIENCE), httpx.AsyncClient(base_url=served.url, trust_env=False) as http:
+        while True:
+            response = await http.get("/readyz")
+            if response.status_code == status:
+                return response.text
+            await asyncio.sleep(0.01)
+
+
+async def test_a_server_with_a_full_disk_can_be_stopped(disk: Disk, tmp_path: Path) -> None:
+    async with Served(specs(ALONE, tmp_path), disk.folder / "data") as served:
+        async with attached(served, "battery_uav", "s", "m") as socket:
+            disk.fill()
+            text = "x" * 500_000  # more than the room that is left in the files
+            for seq in range(1, 20):
+                data = {"id": text, "percentage": 1.0}
+                await say(socket, [event(seq, data) | {"stream": "/battery_percentage"}])
+            await until_ready(served, 503)
+            assert await served.stop() == 0
+        disk.free()
+        await served.start()
+        assert await served.records("s") == []
