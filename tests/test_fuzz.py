@@ -35,7 +35,8 @@ values = st.recursive(
 )
 KEYS = [
     "type", "seq", "stream", "kind", "stamp", "data", "ask", "source", "call", "lost", "events", "stamps", "monitor",
-    "instance", "session", "spec", "streams", "clock", "passed", "why", "topic", "service", "time", "request", "response",
+    "instance", "session", "spec", "streams", "clock", "passed", "why", "topic", "service", "time", "request",
+    "response",
 ]  # fmt: skip
 WORDS = [
     "attach", "event", "events", "outcome", "clock", "detach", "/a", "topic", "request", 0, 1, -1, 2**63, 2**64, 1e308,
