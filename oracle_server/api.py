@@ -223,7 +223,11 @@ def _verdicts(registry: Registry, store: Store) -> APIRouter:
         )
         return await page(request, session_id, question)
 
-    @router.get("/sessions/{session_id}/trace", response_class=StreamingResponse)
+    @router.get(
+        "/sessions/{session_id}/trace",
+        response_class=StreamingResponse,
+        responses={200: {"content": {"application/jsonl": {}}}},
+    )
     async def get_trace(request: Request, session_id: str) -> StreamingResponse:
         """Give what was judged as JSON Lines that `replay` takes: the events in the order of their arrival."""
         known = demand_session(request, registry, session_id)

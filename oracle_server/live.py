@@ -14,7 +14,7 @@ from oracle_server.core.events import Event, StreamKey
 from oracle_server.core.session import Session
 from oracle_server.core.simulated import ClockReading, SimulatedTime
 from oracle_server.core.spec import Spec
-from oracle_server.core.verdicts import Judged, record
+from oracle_server.core.verdicts import Judged, decision_frame, record
 from oracle_server.monitors import Monitor, Outbox
 from oracle_server.news import News
 from oracle_server.numbering import Numbering
@@ -304,7 +304,7 @@ class LiveSession:
         for item in judged:
             if item.decision:
                 monitor = self.monitors[item.step.event.monitor]
-                answer = monitor.answers[item.step.event.seq] = _decision(item)
+                answer = monitor.answers[item.step.event.seq] = decision_frame(item)
                 if monitor.outbox:
                     monitor.outbox.send(answer)
                 self._tally.decisions.add(self._clock.now() - item.step.event.arrived)
@@ -394,14 +394,3 @@ def claimed(spec: Spec, names: list[str] | None) -> tuple[StreamKey, ...]:
     if unknown:
         raise WireError("bad_attach", f"'{unknown[0]}' is no stream of {spec.id}", fatal=True)
     return tuple(key for key in spec.by_key if key.name in names)
-
-
-def _decision(judged: Judged) -> dict[str, Any]:
-    assert judged.decision is not None  # noqa: S101 -- called for decisions only
-    return {
-        "type": "decision",
-        "seq": judged.step.event.seq,
-        "decision": judged.decision.choice,
-        "denied_by": list(judged.decision.denied_by),
-        "verdicts": {v.property: v.outcome.value for v in judged.verdicts},
-    }

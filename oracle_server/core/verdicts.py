@@ -138,3 +138,15 @@ def explain(judged: Judged, verdict: Verdict) -> dict[str, Any] | None:
         "event": {**seen, "stamp": judged.step.stamp, "signals": dict(why.signals)},
         **(why.why or {}),
     }
+
+
+def decision_frame(judged: Judged) -> dict[str, Any]:
+    """What a monitor is told that has asked, as plain data."""
+    assert judged.decision is not None  # noqa: S101 -- called for decisions only
+    return {
+        "type": "decision",
+        "seq": judged.step.event.seq,
+        "decision": judged.decision.choice,
+        "denied_by": list(judged.decision.denied_by),
+        "verdicts": {v.property: v.outcome.value for v in judged.verdicts},
+    }

@@ -115,7 +115,7 @@ async def test_scopes_hold(guarded: Guarded) -> None:
 async def test_a_token_is_held_to_its_specs_and_sessions(guarded: Guarded) -> None:
     for session, spec in (("ours", "single"), ("theirs", "pair")):
         assert guarded.ask("admin", "POST", "/api/v1/sessions", json={"spec": spec, "id": session}).status_code == 201
-    for path in ("", "/verdicts", "/violations", "/stream"):
+    for path in ("", "/verdicts", "/violations", "/stream", "/trace"):
         problem(guarded.ask("bound", "GET", f"/api/v1/sessions/theirs{path}"), 403)
         problem(guarded.ask("joined", "GET", f"/api/v1/sessions/theirs{path}"), 403)
     problem(guarded.ask("bound", "DELETE", "/api/v1/sessions/theirs"), 403)
