@@ -20,7 +20,7 @@ from oracle_server.library import UnknownSpecError
 from oracle_server.live import LiveSession
 from oracle_server.monitors import Monitor
 from oracle_server.problems import problem
-from oracle_server.protocol import Attach, EventMessage, WireError, event_of, suspicious
+from oracle_server.protocol import AnyEvent, Attach, WireError, event_of, suspicious
 from oracle_server.registry import Registry
 from oracle_server.store import Store
 from oracle_server.throttle import Throttle
@@ -149,7 +149,7 @@ class LegacyConnection:
             return answered(text, value, {"verdict": Outcome.UNKNOWN, "error": error.message})
         return answered(text, value, verdict_of(judged))
 
-    def _event(self, text: str, value: dict[str, Any]) -> EventMessage:
+    def _event(self, text: str, value: dict[str, Any]) -> AnyEvent:
         flat = flat_event(value)
         spec = self._session.spec
         key = find_stream(flat.stream, flat.kind, spec.by_key)

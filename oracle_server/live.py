@@ -19,9 +19,9 @@ from oracle_server.monitors import Monitor, Outbox
 from oracle_server.news import News
 from oracle_server.numbering import Numbering
 from oracle_server.protocol import (
+    AnyEvent,
     Attach,
     ClockMessage,
-    EventMessage,
     OutcomeMessage,
     ReportMessage,
     TimeBase,
@@ -106,7 +106,7 @@ class LiveSession:
         if monitor.verdicts and monitor.outbox and self._standing.committed:
             monitor.outbox.send(self._standing.committed)
 
-    def ingest(self, monitor: Monitor, message: EventMessage) -> list[Judged]:
+    def ingest(self, monitor: Monitor, message: AnyEvent) -> list[Judged]:
         """Take an event, and tell what was judged by it: once; it is answered again where it is sent again.
 
         Raises `WireError`.
@@ -285,7 +285,7 @@ class LiveSession:
         if key in self.spec.by_key:
             self.core.counts[monitor.name, key].duplicates += 1
 
-    def _answer_again(self, monitor: Monitor, message: EventMessage) -> None:
+    def _answer_again(self, monitor: Monitor, message: AnyEvent) -> None:
         if message.ask and monitor.outbox:
             answer = monitor.answers.get(message.seq)
             if answer is None and (monitor.name, message.seq) not in self._gaps:

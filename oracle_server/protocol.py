@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -59,6 +60,20 @@ class EventMessage(_Message):
     source: Annotated[str, Field(max_length=255)] = ""
     call: Count | None = None
     lost: Count = 0
+
+
+class QuickEvent(msgspec.Struct, frozen=True, gc=False, tag_field="type", tag="event"):
+    """The same as `EventMessage`, read in a third of the time; what is refused here is refused there, in words."""
+
+    seq: Annotated[int, msgspec.Meta(ge=1, lt=2**53)]
+    stream: Annotated[str, msgspec.Meta(max_length=255)]
+    data: dict[str, Any]
+    kind: Kind = "topic"
+    stamp: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] | None = None
+    ask: bool = False
+    source: Annotated[str, msgspec.Meta(max_length=255)] = ""
+    call: Annotated[int, msgspec.Meta(ge=0, lt=2**53)] | None = None
+    lost: Annotated[int, msgspec.Meta(ge=0, lt=2**53)] = 0
 
 
 class Events(_Message):
@@ -138,10 +153,14 @@ class WireError(Exception):
         return frame | {key: value for key, value in more.items() if value is not None}
 
 
+AnyEvent = EventMessage | QuickEvent
+_quick = msgspec.json.Decoder(QuickEvent)
 _incoming: TypeAdapter[Message] = TypeAdapter(Incoming)
 _event = TypeAdapter(EventMessage)
 _LONG_INTEGER = re.compile(r"-[0-9]{19}|[0-9]{20}")
 """What every integer outside of `_INTEGERS` has; a stamp in nanoseconds, which every event may have, is shorter."""
+_EVENT = '{"type":"event",'
+"""How an event begins where its writer puts the type first and no blanks, as most do; others are read all the same."""
 _INTEGERS = range(-(2**63), 2**64)
 _TAGS = frozenset({"attach", "events", "outcome", "clock", "report", "detach"})
 
@@ -149,12 +168,18 @@ _TAGS = frozenset({"attach", "events", "outcome", "clock", "report", "detach"})
 class Frame(NamedTuple):
     """A frame's message; a suspicious one may hold data nested too deep, too many keys, or integers beyond 64 bits."""
 
-    message: Message
+    message: Message | QuickEvent
     suspicious: bool
 
 
 def decode(text: str) -> Frame:
     """A frame as a message; the events of a batch are left unchecked. Raises `WireError`."""
+    odd = suspicious(text)
+    if not odd and text.startswith(_EVENT):
+        try:
+            return Frame(_quick.decode(text), odd)
+        except (msgspec.MsgspecError, ValueError, RecursionError):
+            pass  # to be said in words
     try:
         value = msgspec.json.decode(text)
     except (msgspec.DecodeError, ValueError) as error:
@@ -163,7 +188,6 @@ def decode(text: str) -> Frame:
         raise WireError("malformed", f"nested more than {MAX_DEPTH} deep") from None
     if not isinstance(value, dict):
         raise WireError("malformed", "expected a JSON object")
-    odd = suspicious(text)
     if value.get("type") == "event":
         return Frame(event_of(value, suspicious=odd), odd)
     try:
@@ -181,8 +205,11 @@ def suspicious(text: str) -> bool:
     )
 
 
-def event_of(value: Any, *, suspicious: bool) -> EventMessage:
+def event_of(value: Any, *, suspicious: bool) -> AnyEvent:
     """An event of a batch, checked. Raises `WireError`."""
+    if not suspicious:
+        with contextlib.suppress(msgspec.ValidationError):  # to be said in words
+            return msgspec.convert(value, QuickEvent)
     try:
         event = _event.validate_python(value)
     except ValidationError as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
+import gc
 import resource
 import signal
 import socket
@@ -91,6 +92,7 @@ async def _serve(settings: Settings, library: Library, store: Store, door: _Door
     pruner = Pruner(store, library, clock, bounds)
     with Watchdog() as watchdog:
         await registry.restore_all()
+        gc.freeze()  # what is there now stays: looking through it again and again would hold decisions up
         app = build_app(registry, library, store, watchdog, legacy=settings.legacy, max_rate=settings.max_rate)
         config = uvicorn.Config(
             _guarded(app, settings, door.tokens),

@@ -27,7 +27,7 @@ Durability = Literal["full", "normal"]
 MAX_PENDING = 20_000
 """Rows that may wait for the disk; beyond, monitors are not read until there is room."""
 _RETRY_AFTER = 1.0
-_GATHER = 0.005
+_GATHER = 0.01
 """Seconds for which rows are gathered before the writer is woken: it competes with the event loop for Python."""
 _COLUMNS = {"steps": STEP_COLUMNS, "refused": REFUSED_COLUMNS}
 _CHUNK = 512

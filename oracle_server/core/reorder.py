@@ -126,6 +126,9 @@ class ReorderBuffer(Generic[T]):
             self._moved(source, new=known is None)
         if self.present is not None and stamp < self.present:
             return [Released(item, late=True), *self._release()]
+        if not self._heap and self._limit is not None and stamp <= self._limit:
+            self.present = stamp
+            return [Released(item)]
         self._arrivals += 1
         heapq.heappush(self._heap, (stamp, self._arrivals))
         self._held[self._arrivals] = item
