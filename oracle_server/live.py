@@ -34,6 +34,9 @@ from oracle_server.standing import Frame, Standing
 from oracle_server.store import Store
 from oracle_server.tally import Tally
 
+_WRITE_AFTER = 0.002
+"""Seconds after a decision in which the next one goes before the history."""
+
 log = structlog.get_logger()
 
 
@@ -300,7 +303,7 @@ class LiveSession:
         return recorded_answer(self._store, self.number, [p.id for p in self.spec.properties], monitor.name, seq)
 
     def _deliver(self, judged: list[Judged]) -> None:
-        """Send the decisions at once; the history is told in the loop's next turn, when they are on their way."""
+        """Send the decisions at once; the history is told a little later, of many events in one go."""
         for item in judged:
             if item.decision:
                 monitor = self.monitors[item.step.event.monitor]
@@ -310,7 +313,7 @@ class LiveSession:
                 self._tally.decisions.add(self._clock.now() - item.step.event.arrived)
         if judged:
             if not self._unwritten:
-                asyncio.get_running_loop().call_soon(self._write)
+                asyncio.get_running_loop().call_later(_WRITE_AFTER, self._write)
             self._unwritten += judged
         for name, events in self.credit.grant(self.core.buffer):
             outbox = self.monitors[name].outbox
