@@ -45,9 +45,9 @@ async def test_both_orders_are_judged_side_by_side(server: Server, session: str)
     found = [(r["n"], r["order"], r["step"], r["seq"], r["outcome"]) for r in server.records(session)]
     assert found == [
         (1, "arrival", 1, 1, "currently_false"),
-        (2, "arrival", 2, 2, "currently_true"),
-        (3, "publication", 1, 2, "currently_true"),
-        (4, "publication", 2, 1, "currently_true"),
+        (2, "arrival", 2, 2, "true"),
+        (3, "publication", 1, 2, "true"),
+        (4, "publication", 2, 1, "true"),
     ]
 
 
