@@ -17,7 +17,7 @@ from oracle_server.core.formula.parse import parse_formula
 from oracle_server.core.hazards import inspect
 from oracle_server.core.ros import Ros, ros_hazards
 from oracle_server.core.spec import Ordering, Property, Retention, Spec, StreamSpec
-from oracle_server.engines.choice import refusal
+from oracle_server.engines.choice import goes_back, refusal
 from oracle_server.specmodel import PropertyModel, ServiceModel, SpecModel, TopicModel
 from oracle_server.yamltext import MAX_TEXT, Document, read_yaml
 
@@ -145,6 +145,14 @@ def _engines(spec: Spec) -> Iterator[Problem]:
         if reason:
             key = "engine" if prop.engine != "reelay" else "time" if prop.time != "steps" else "formula"
             yield Problem(("properties", i, key), f"property '{prop.id}': {reason}")
+        if goes_back(prop):
+            continue
+        native = f"takes an engine that can go back, and `engine: {prop.engine}` can't; `native` can"
+        if prop.blame == "caused":
+            yield Problem(("properties", i, "blame"), f"`blame: caused` {native}")
+        for j, stream in enumerate(spec.streams):
+            if stream.on_deny == "undo" and stream.kind != "response":
+                yield Problem(("streams", j, "on_deny"), f"`on_deny: undo` {native} (property '{prop.id}')")
 
 
 def _finding(document: Document, problem: Problem, spec: Spec) -> Finding:

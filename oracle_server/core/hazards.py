@@ -28,7 +28,7 @@ def inspect(spec: Spec, graph: Sequence[GraphNode] | None = None) -> list[Proble
         *_causes(spec),
         *deadlocks(spec, graph),
         *(starvation(spec, graph) if graph is not None else ()),
-        *_not_yet(spec),
+        *_undoing(spec),
     ]
 
 
@@ -101,11 +101,11 @@ def _guards(spec: Spec) -> Iterator[Problem]:
                 yield Problem(path, f"property '{prop.id}' guards '{name}', which is no stream of this spec")
             elif stream.action != "filter":
                 yield Problem(path, f"property '{prop.id}' guards {name}, whose action is `log`: it could deny nothing")
-            elif not mendable(spec, prop, name):
+            elif prop.blame == "any" and not mendable(spec, prop, name):
                 yield Problem(
                     path,
                     f"property '{prop.id}' can be negative at an event of {name} that withholding would not mend: "
-                    "it would then deny what is not to blame",
+                    "it would then deny what is not to blame; `blame: caused` denies only what withholding mends",
                     severity="warning",
                 )
 
@@ -155,10 +155,12 @@ def _causes(spec: Spec) -> Iterator[Problem]:
                 yield Problem(("streams", i, "causes"), message)
 
 
-def _not_yet(spec: Spec) -> Iterator[Problem]:
+def _undoing(spec: Spec) -> Iterator[Problem]:
     for i, stream in enumerate(spec.streams):
-        if stream.on_deny == "undo" and stream.kind != "response":
-            yield Problem(("streams", i, "on_deny"), "`on_deny: undo` is not in this version yet; `keep` is")
-    for i, prop in enumerate(spec.properties):
-        if prop.blame == "caused":
-            yield Problem(("properties", i, "blame"), "`blame: caused` is not in this version yet; `any` is")
+        if stream.on_deny != "undo" or stream.kind == "response":
+            continue
+        path = ("streams", i, "on_deny")
+        if stream.intercept == "subscriber":
+            yield Problem(path, "`undo` is for what no one has seen: requests, and topics with `intercept: publisher`")
+        if spec.ordering.by == "both":
+            yield Problem(path, "`undo` needs one order: `by: both` judges an event by arrival before it is decided")

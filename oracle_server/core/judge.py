@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
+import msgspec
+
 from oracle_server.core.engine import Engine
 from oracle_server.core.events import Event, Order, Step, StreamKey
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.plan import Plan, StreamPlan
 from oracle_server.core.property_state import Names, PropertyState
 from oracle_server.core.recent import Recent
-from oracle_server.core.verdicts import DENYING, Decision, Explanation, Judged, Outcome, Verdict
+from oracle_server.core.verdicts import DENYING, NEGATIVE, Decision, Explanation, Judged, Outcome, Verdict
 
 TICK = StreamKey("", "tick")
 """The stream of ticks, which no monitor observes."""
@@ -79,6 +81,8 @@ class Judge:
             self._degraded = True
         if step.skipped:
             return self._skip(step, now)
+        if self._decides and step.event.ask and self._plan.streams[step.event.stream].undoes:
+            return self._try(step, now)
         return self._judge(step, now)
 
     def tick(self, time: int, now: int) -> Judged | None:
@@ -94,6 +98,28 @@ class Judge:
         event = Event(TICK, "", self.counters.ticks, time, now, None)
         return self._conclude(Step(event, signals, frozenset(failed), time), None, verdicts, now)
 
+    def _try(self, step: Step, now: int) -> Judged:
+        """Judge a step, and take it back where it is denied: it never happened."""
+        marks = [state.mark() for state in self.properties]
+        monitor, present, steps = step.event.monitor, self.present, self.counters.steps
+        held = self._held.get(monitor)
+        if held is not None:
+            self._held[monitor] = _Held(dict(held.values), set(held.failed))
+        judged = self._judge(step, now)
+        if judged.decision is None or judged.decision.choice == "allow":
+            for state in self.properties:
+                state.keep()
+            return judged
+        for state, mark in zip(self.properties, marks, strict=True):
+            state.back(mark)
+        self.present, self.counters.steps = present, steps
+        self._recent.remove()
+        self._held.pop(monitor, None)
+        if held is not None:
+            self._held[monitor] = held
+        verdicts = tuple(msgspec.structs.replace(v, outcome=v.outcome.current) for v in judged.verdicts)
+        return msgspec.structs.replace(judged, verdicts=verdicts)
+
     def _skip(self, step: Step, now: int) -> Judged:
         self.counters.skipped += 1
         verdicts = tuple(
@@ -108,13 +134,25 @@ class Judge:
         self.counters.steps += 1
         self._move_on(step, stream)
         self._recent.add(self.counters.steps, self.present, step)
+        blameless = self._blameless(step, stream)
         signals, failed = self._signals(step, stream)
         verdicts = []
         for state, view in zip(self.properties, stream.views, strict=True):
             degraded = self._is_degraded(state)
             outcome = state.step(view, self.present, signals, failed)
             verdicts.append(self._verdict(state, outcome, signals, degraded=degraded))
-        return self._conclude(step, self.counters.steps, tuple(verdicts), now)
+        return self._conclude(step, self.counters.steps, tuple(verdicts), now, blameless)
+
+    def _blameless(self, step: Step, stream: StreamPlan) -> frozenset[int]:
+        """The guards with `blame: caused` that would be negative without the event too."""
+        if not (self._decides and step.event.ask and stream.blames):
+            return frozenset()
+        held = self._held.get(step.event.monitor, _Held())
+        return frozenset(
+            i
+            for i in stream.blames
+            if self.properties[i].silent(self._plan.silent[i], self.present, held.values, held.failed) in NEGATIVE
+        )
 
     def _verdict(
         self, state: PropertyState, outcome: Outcome, signals: Mapping[str, Scalar], *, degraded: bool | None = None
@@ -141,11 +179,18 @@ class Judge:
     def _is_degraded(self, state: PropertyState) -> bool:
         return self._degraded or state.failures > 0
 
-    def _conclude(self, step: Step, number: int | None, verdicts: tuple[Verdict, ...], now: int) -> Judged:
+    def _conclude(
+        self,
+        step: Step,
+        number: int | None,
+        verdicts: tuple[Verdict, ...],
+        now: int,
+        blameless: frozenset[int] = frozenset(),
+    ) -> Judged:
         decision = None
         if step.event.ask and self._decides:
             guards = self._plan.streams[step.event.stream].guards
-            denied_by = tuple(verdicts[i].property for i in guards if verdicts[i].outcome in DENYING)
+            denied_by = tuple(verdicts[i].property for i in guards if _denies(verdicts[i], blamed=i not in blameless))
             decision = Decision("deny" if denied_by else "allow", denied_by)
             self.counters.denied += bool(denied_by)
         return Judged(step, number, self._order, now, verdicts, decision)
@@ -178,6 +223,10 @@ class Judge:
             values |= held.values
             failed = (failed - held.values.keys()) | held.failed
         return {k: v for k, v in values.items() if k not in failed}, failed
+
+
+def _denies(verdict: Verdict, *, blamed: bool) -> bool:
+    return verdict.outcome in DENYING and (blamed or verdict.outcome not in NEGATIVE)
 
 
 @dataclass(slots=True)

@@ -43,13 +43,18 @@ class View:
 
 @dataclass(frozen=True, slots=True)
 class StreamPlan:
-    """One stream made ready; `views` has an entry for each property, `guards` the indexes of those that guard it."""
+    """One stream made ready; `views` has an entry for each property, `guards` the indexes of those that guard it.
+
+    `blames` are those of the guards with `blame: caused`; `undoes` tells whether a denied event is taken back.
+    """
 
     spec: StreamSpec
     project: Projects
     constants: Mapping[str, Scalar]
     views: tuple[View, ...]
     guards: tuple[int, ...]
+    blames: tuple[int, ...]
+    undoes: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +122,9 @@ def _plan_stream(spec: Spec, stream: StreamSpec, formulas: tuple[tuple[Atom, ...
     possible = names | held | {key for key in RESERVED if has_reserved(stream, key)}
     views = [_view(formula_atoms, known, possible.__contains__) for formula_atoms in formulas]
     guards = tuple(i for i, p in enumerate(spec.properties) if stream.name in p.guards)
-    return StreamPlan(stream, project, known, tuple(views), guards)
+    blames = tuple(i for i in guards if spec.properties[i].blame == "caused")
+    undoes = stream.on_deny == "undo" and stream.kind != "response"
+    return StreamPlan(stream, project, known, tuple(views), guards, blames, undoes)
 
 
 def _view(formula_atoms: tuple[Atom, ...], known: Mapping[str, Scalar], possible: Callable[[str], bool]) -> View:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from oracle_server.core.engine import Engine, Explaining, Revisable
 from oracle_server.core.explanation import Why
@@ -13,6 +14,15 @@ from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import FINAL, NEGATIVE, Outcome
 
 Names = frozenset[str] | set[str]
+
+
+class _Mark(NamedTuple):
+    """What of a property's state a step that is taken back must not change."""
+
+    outcome: Outcome
+    negative: bool
+    failures: int
+    broken: str | None
 
 
 @dataclass(slots=True)
@@ -63,6 +73,34 @@ class PropertyState:
         if outcome is Outcome.UNKNOWN or not view.reads.isdisjoint(failed):
             return Outcome.UNKNOWN
         return Outcome.FALSE if self.property.latch and outcome in NEGATIVE else outcome.current
+
+    def silent(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names) -> Outcome:
+        """The outcome at a step without signals but held ones, in the place of the next one."""
+        engine = self._revisable()
+        if engine is None or self.outcome in FINAL:
+            return self.outcome
+        engine.mark()
+        outcome = self._ask_engine(view, time, signals)
+        engine.back()
+        return outcome if view.reads.isdisjoint(failed) else Outcome.UNKNOWN
+
+    def mark(self) -> _Mark:
+        """Remember how the property stands, and begin a step that may be taken back."""
+        engine = self._revisable()
+        if engine is not None:
+            engine.mark()
+        return _Mark(self.outcome, self.negative, self.failures, self.broken)
+
+    def back(self, mark: _Mark) -> None:
+        """Take the step back; a violation stays counted."""
+        if isinstance(self.engine, Revisable):
+            self.engine.back()
+        self.outcome, self.negative, self.failures, self.broken = mark
+
+    def keep(self) -> None:
+        """Let the step stand."""
+        if isinstance(self.engine, Revisable):
+            self.engine.keep()
 
     def _explain(self, outcome: Outcome) -> None:
         if outcome in NEGATIVE and not self.negative:

@@ -21,6 +21,11 @@ def refusal(prop: Property) -> str | None:
     return reelay_refusal(prop.formula, prop.time) if prop.engine == "reelay" else None
 
 
+def goes_back(prop: Property) -> bool:
+    """Whether the engine that judges a property can take steps back."""
+    return prop.engine in ("auto", "native")
+
+
 def make_engine(prop: Property) -> Engine:
     """A fresh engine for a property; reelay's takes tens of milliseconds. Raises `EngineError` where there is none."""
     reason = refusal(prop)

@@ -27,6 +27,7 @@ class NativeEngine:
         self._atoms, self._operators = network.atoms, network.operators
         (self._holds,), (self._settled,) = network.root.at, network.root.settled
         self._can_settle = any(network.root.can_settle[0](frozenset()))
+        self._journals: list[list[Callable[[], object]]] = []
         self._steps = 0
         self._due = 0
         """When something may change although no atom does: a step's number, or nanoseconds."""
@@ -66,7 +67,7 @@ class NativeEngine:
         return explain(self._formula, self._network, self._time)
 
     def mark(self) -> None:
-        """Remember how all stands from now on, until `back` or `keep`."""
+        """Remember how all stands from now on, until `back` or `keep`; marks can be set within marks."""
         steps, due, last = self._steps, self._due, self._last
         atoms = [(atom, atom.current) for _, atom in self._atoms]
 
@@ -75,18 +76,24 @@ class NativeEngine:
             for atom, current in atoms:
                 atom.current = current
 
-        journal: list[Callable[[], object]] = [back]
-        self._clock.journal = journal
+        self._journals.append([back])
+        self._clock.journal = self._journals[-1]
 
     def back(self) -> None:
-        """Take back all steps since `mark`."""
-        journal, self._clock.journal = self._clock.journal or [], None
-        for undo in reversed(journal):
+        """Take back all steps since the last mark."""
+        for undo in reversed(self._close()):
             undo()
 
     def keep(self) -> None:
-        """Let the steps since `mark` stand."""
-        self._clock.journal = None
+        """Let the steps since the last mark stand."""
+        journal = self._close()
+        if self._clock.journal is not None:
+            self._clock.journal += journal
+
+    def _close(self) -> list[Callable[[], object]]:
+        journal = self._journals.pop()
+        self._clock.journal = self._journals[-1] if self._journals else None
+        return journal
 
     def _next_due(self) -> int:
         if any(atom.holds for _, atom in self._atoms):

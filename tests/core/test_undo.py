@@ -1,0 +1,119 @@
+"""Denied events that never happened, and those that are not to blame."""
+
+from __future__ import annotations
+
+import random
+from typing import Any
+
+import pytest
+
+from oracle_server.core.events import Event
+from oracle_server.core.formula.render import render
+from oracle_server.core.session import Session
+from oracle_server.core.spec import Property, StreamSpec
+from oracle_server.core.verdicts import NEGATIVE, Judged
+from oracle_server.engines.native import NativeEngine
+from tests import generate
+from tests.brute import truths
+from tests.core.sessions import MODE, A, B, Feed, open_session, outcomes, prop
+from tests.engines.test_against_brute import SEED
+
+GUARD: dict[str, Any] = {"guards": frozenset({"/a"})}
+
+
+def native(property_: Property) -> NativeEngine:
+    return NativeEngine(property_.formula, property_.time)
+
+
+def session_of(*properties: Property, on_deny: Any = "undo", hold: frozenset[str] = frozenset()) -> Session:
+    streams = [
+        StreamSpec("/a", action="filter", on_deny=on_deny, hold=hold),
+        StreamSpec("/b"),
+        StreamSpec("/mode", hold=frozenset({"mode"})),
+    ]
+    return open_session(
+        list(properties), attach={"m": [A, B, MODE]}, streams=streams, maker=native, by="arrival"
+    )  # fmt: skip
+
+
+def decisions(judged: list[Judged]) -> list[str]:
+    return [j.decision.choice for j in judged if j.decision]
+
+
+@pytest.mark.parametrize(("on_deny", "then"), [("keep", "deny"), ("undo", "allow")])
+def test_what_was_denied_is_not_held_against_what_follows(on_deny: str, then: str) -> None:
+    session = session_of(prop("p", 'historically not {topic: "/a", v > 5}', **GUARD), on_deny=on_deny)
+    feed = Feed(session)
+    judged = [j for n, v in enumerate((1, 9, 2), 1) for j in feed(A, n, {"v": v}, ask=True)]
+    assert decisions(judged) == ["allow", "deny", then]
+    assert [j.number for j in judged] == ([1, 2, 2] if on_deny == "undo" else [1, 2, 3])
+    assert outcomes(judged)[1] == ("currently_false" if on_deny == "undo" else "false"), "an attempt is never final"
+    assert session.judges["arrival"].counters.denied == (1 if on_deny == "undo" else 2)
+
+
+def test_an_attempt_leaves_no_latch_and_holds_nothing() -> None:
+    latched = prop("p", "not {v: 9}", latch=True, **GUARD)
+    held = prop("q", 'not {v: 9} and ({topic: "/b"} -> not {v: 8})', **GUARD)
+    session = session_of(latched, held, hold=frozenset({"v"}))
+    feed = Feed(session)
+    judged = feed(A, 1, {"v": 9}, ask=True) + feed(A, 2, {"v": 9}, ask=True) + feed(B, 3)
+    assert decisions(judged) == ["deny", "deny"]
+    assert [[v.outcome.value for v in j.verdicts] for j in judged][-1] == ["currently_true", "currently_true"]
+    states = session.judges["arrival"].properties
+    assert [s.violations for s in states] == [2, 2], "each attempt is one"
+
+
+def test_events_that_were_not_asked_about_are_kept() -> None:
+    session = session_of(prop("p", 'historically not {topic: "/a", v > 5}', **GUARD))
+    assert outcomes(Feed(session)(A, 1, {"v": 9})) == ["false"]
+
+
+def test_judging_again_undoes_again() -> None:
+    there, back = (session_of(prop("p", "historically not {v: 9}", **GUARD)) for _ in range(2))
+    judged = [j for n, v in enumerate((1, 9, 2, 9), 1) for j in Feed(there)(A, n, {"v": v}, ask=True)]
+    assert [back.rejudge(j.order, j.step, j.judged) for j in judged] == judged
+
+
+def test_random_attempts_are_as_if_they_had_not_been() -> None:
+    for number in range(SEED, SEED + 500):
+        rng = random.Random(f"undo {number}")
+        formula = generate.formula(rng, "steps", rng.randint(2, 4))
+        blame: Any = rng.choice(("any", "caused"))
+        session = session_of(Property("p", formula, guards=frozenset({"/a"}), blame=blame))
+        steps: list[Any] = []
+        for n, (_, signals) in enumerate(generate.trace(rng, 8), start=1):
+            ask, known = rng.random() < 0.7, dict(signals)
+            expected = truths(formula, [*steps, (n, known)], "steps")[-1]
+            mends = blame == "any" or truths(formula, [*steps, (n, {})], "steps")[-1]
+            (judged,) = session.ingest(Event(A, "m", n, n, n, known, ask=ask))
+            outcome = judged.verdicts[0].outcome
+            assert (outcome not in NEGATIVE) is expected, f"case {number}, step {n}: {render(formula)}"
+            denied = ask and outcome in NEGATIVE and mends
+            assert judged.decision is None or (judged.decision.choice == "deny") is denied
+            if not denied:
+                steps.append((n, known))
+            assert session.judges["arrival"].counters.steps == len(steps)
+            if not denied and session.judges["arrival"].properties[0].outcome.value in ("true", "false"):
+                break
+
+
+@pytest.mark.parametrize(("blame", "choices"), [("any", ["deny", "deny"]), ("caused", ["allow", "deny"])])
+def test_what_withholding_cannot_mend_is_not_blamed(blame: Any, choices: list[str]) -> None:
+    overdue = 'once[2:] {topic: "/b"} -> once {topic: "/mode"}'
+    guard = prop("p", f"({overdue}) and not {{v: 9}}", blame=blame, **GUARD)
+    session = session_of(guard, on_deny="keep")
+    feed = Feed(session)
+    feed(B, 1)
+    feed(B, 2)
+    first = feed(A, 3, {"v": 1}, ask=True)
+    assert outcomes(first) == ["currently_false"], "overdue, whether it comes or not"
+    feed(MODE, 4)
+    second = feed(A, 5, {"v": 9}, ask=True)
+    assert decisions([*first, *second]) == choices
+
+
+def test_what_is_held_counts_where_an_event_is_imagined_away() -> None:
+    session = session_of(prop("p", "not {mode: 1}", blame="caused", **GUARD), on_deny="keep")
+    feed = Feed(session)
+    feed(MODE, 1, {"mode": 1})
+    assert decisions(feed(A, 2, {}, ask=True)) == ["allow"]
