@@ -54,6 +54,7 @@ def session_state(session: LiveSession, now: int) -> dict[str, Any]:
                 "violations": state.violations,
                 "unknown": state.failures,
                 "broken": state.broken,
+                "complaint": state.complaint,
             }
             for order, judge in core.judges.items()
             for state in judge.properties

@@ -16,6 +16,10 @@ from oracle_server.core.verdicts import FINAL, NEGATIVE, Outcome
 Names = frozenset[str] | set[str]
 
 
+builtin_property = property
+"""`property`, which is a field here."""
+
+
 class _Mark(NamedTuple):
     """What of a property's state a step that is taken back must not change."""
 
@@ -101,6 +105,11 @@ class PropertyState:
         """Let the step stand."""
         if isinstance(self.engine, Revisable):
             self.engine.keep()
+
+    @builtin_property
+    def complaint(self) -> str | None:
+        """What the engine has to say against itself, None for nothing."""
+        return getattr(self.engine, "complaint", None)
 
     def _explain(self, outcome: Outcome) -> None:
         if outcome in NEGATIVE and not self.negative:

@@ -7,23 +7,24 @@ from oracle_server.core.errors import EngineError
 from oracle_server.core.plan import Plan
 from oracle_server.core.session import orders
 from oracle_server.core.spec import Property
+from oracle_server.engines.both import BothEngine
 from oracle_server.engines.native import NativeEngine
 from oracle_server.engines.reelay import ReelayEngine
 from oracle_server.engines.reelay import refusal as reelay_refusal
 
-_BUILT = ("auto", "native", "reelay")
+_BUILT = ("auto", "native", "reelay", "both")
 
 
 def refusal(prop: Property) -> str | None:
     """Why no engine of this version can judge a property as its spec asks, None where one can."""
     if prop.engine not in _BUILT:
-        return f"`engine: {prop.engine}` is not in this version yet; `auto`, `native` and `reelay` are"
+        return f"`engine: {prop.engine}` is not in this version yet; `auto`, `native`, `reelay` and `both` are"
     return reelay_refusal(prop.formula, prop.time) if prop.engine == "reelay" else None
 
 
 def goes_back(prop: Property) -> bool:
     """Whether the engine that judges a property can take steps back."""
-    return prop.engine in ("auto", "native")
+    return prop.engine in ("auto", "native") or (prop.engine == "both" and not _compares(prop))
 
 
 def make_engine(prop: Property) -> Engine:
@@ -31,7 +32,15 @@ def make_engine(prop: Property) -> Engine:
     reason = refusal(prop)
     if reason:
         raise EngineError(reason)
-    return ReelayEngine(prop.formula) if prop.engine == "reelay" else NativeEngine(prop.formula, prop.time)
+    if prop.engine == "reelay":
+        return ReelayEngine(prop.formula)
+    native = NativeEngine(prop.formula, prop.time)
+    return BothEngine(native, ReelayEngine(prop.formula)) if _compares(prop) else native
+
+
+def _compares(prop: Property) -> bool:
+    """Whether reelay is asked too, where it can judge at all."""
+    return prop.engine == "both" and reelay_refusal(prop.formula, prop.time) is None
 
 
 def make_engines(plan: Plan) -> list[list[Engine]]:
