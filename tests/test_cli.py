@@ -257,7 +257,7 @@ def test_reading_a_server_that_is_not_there(command: list[str]) -> None:
         url = f"http://127.0.0.1:{nobody.getsockname()[1]}"
         line = failed(*command, "--url", url)
     assert url in line
-    assert "oracle-server serve" in line
+    assert "oracle-server start" in line
     assert "no_url" in failed(*command, "--url", "no_url")
 
 

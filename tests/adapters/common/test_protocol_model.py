@@ -182,22 +182,21 @@ class Wire(RuleBasedStateMachine):
     @rule(count=st.integers(1, 3))
     def write(self, count: int) -> None:
         for _ in range(count):
+            queued = self.protocol.stats().queued  # before what was acked already is let go of
             frame = self.protocol.next_frame()
             if frame is not None:
                 assert self.connected
-                self._spend(json.loads(frame))
+                self._spend(json.loads(frame), queued)
                 self.up.append(frame)
 
-    def _spend(self, frame: Frame) -> None:
+    def _spend(self, frame: Frame, queued: int) -> None:
         """Without credit only asks go, what is before them, and what a full queue would lose."""
         if self.credit is None or frame["type"] not in ("event", "events"):
             return
         events = frame.get("events", [frame])
         self.credit -= len(events)
         newest_ask = max((self.queued[ask.number - 1] for ask in self.asks), default=0)
-        urgent = (
-            events[-1]["data"] <= newest_ask or self.protocol.stats().queued > 0.75 * self.capacity
-        )
+        urgent = events[-1]["data"] <= newest_ask or queued > 0.75 * self.capacity
         assert self.credit >= 0 or urgent
 
     @precondition(lambda self: self.connected and self.credit is not None)
