@@ -117,10 +117,17 @@ class Oracle:
         """Break every connection and listen no more."""
         server, self._server = self._server, None
         if server is not None:
-            self._loop.call_soon_threadsafe(server.close, False)
-            for peer in self._all:
-                peer.drop()
-            self._run(server.wait_closed())
+            self._run(self._break(server))
+
+    async def _break(self, server: Server) -> None:
+        server.close(False)
+        await asyncio.sleep(
+            0
+        )  # a connection that has just come is the server's from the next turn on
+        for socket in [*server.handlers, *(peer.socket for peer in self._all)]:
+            socket.transport.abort()
+        await server.wait_closed()
+        await asyncio.sleep(0)
 
     def end(self) -> None:
         self.stop()
