@@ -98,7 +98,7 @@ class Oracle:
         self.requests: queue.Queue[Request] = queue.Queue()
         self.port = 0
         self._peers: queue.Queue[Peer] = queue.Queue()
-        self._all: List[Peer] = []
+        self._transports: List[asyncio.Transport] = []
         self._loop = asyncio.new_event_loop()
         self._server: Optional[Server] = None
         self._thread = threading.Thread(target=self._loop.run_forever)
@@ -121,11 +121,9 @@ class Oracle:
 
     async def _break(self, server: Server) -> None:
         server.close(False)
-        await asyncio.sleep(
-            0
-        )  # a connection that has just come is the server's from the next turn on
-        for socket in [*server.handlers, *(peer.socket for peer in self._all)]:
-            socket.transport.abort()
+        await asyncio.sleep(0)  # what has just come is known from the next turn on
+        for transport in self._transports:
+            transport.abort()
         await server.wait_closed()
         await asyncio.sleep(0)
 
@@ -140,6 +138,14 @@ class Oracle:
         return self._peers.get(timeout=PATIENCE)
 
     async def _serve(self) -> Server:
+        transports = self._transports
+
+        class Connection(ServerConnection):
+            def connection_made(self, transport: asyncio.BaseTransport) -> None:
+                assert isinstance(transport, asyncio.Transport)
+                transports.append(transport)
+                super().connection_made(transport)
+
         return await serve(
             self._handle,
             "127.0.0.1",
@@ -147,6 +153,7 @@ class Oracle:
             process_request=self._process_request,
             subprotocols=["oracle.v1"],  # type: ignore[list-item]
             ping_interval=None,
+            create_connection=Connection,
         )
 
     def _process_request(self, socket: ServerConnection, request: Request) -> Optional[Response]:
@@ -157,7 +164,6 @@ class Oracle:
 
     async def _handle(self, socket: ServerConnection) -> None:
         peer = Peer(socket, self._loop)
-        self._all.append(peer)
         self._peers.put(peer)
         try:
             async for text in socket:
