@@ -37,6 +37,9 @@ from oracle_server.tally import Tally
 _WRITE_AFTER = 0.002
 """Seconds after a decision in which the next one goes before the history."""
 
+_SAVE_AFTER = 10_000
+"""Steps until the first snapshot, and at least between two."""
+
 log = structlog.get_logger()
 
 
@@ -62,6 +65,7 @@ class LiveSession:
         self.monitors: dict[str, Monitor] = {}
         self.credit = Credit(self.spec.ordering.capacity)
         self.position = 0
+        self._next_snapshot = _SAVE_AFTER
         self.refused = 0
         self.closing = False
         self.news = News()  # told at each commit
@@ -214,6 +218,7 @@ class LiveSession:
     def resume(self, restored: Restored) -> None:
         """Go on where a session stood: give its monitors their time to come back, and put back what was held."""
         self.position, self.refused = restored.position, restored.refused
+        self._next_snapshot = self.position + _SAVE_AFTER
         loop = asyncio.get_running_loop()
         if any(known.clock == "sim" for known in restored.monitors.values()):
             self.core.simulated = SimulatedTime(self.spec.by_key)
@@ -340,6 +345,18 @@ class LiveSession:
             self._tally.judged(rows)
             standing = self._standing.changed(self._last_verdict)
             self._store.append("steps", rows, lambda: self._committed(settled, violations, standing))
+            if self.position >= self._next_snapshot:
+                self.save()
+
+    def save(self) -> None:
+        """Keep how all stands, so that a restart need not judge it all again; ever more seldom, since it grows."""
+        if self._unwritten:
+            return
+        self._next_snapshot = self.position + max(_SAVE_AFTER, self.position // 4)
+        data = self.core.snapshot()
+        if data is not None:
+            values = (self.number, self.position, encode(data))
+            self._store.execute("INSERT OR REPLACE INTO snapshots VALUES (?, ?, ?)", values)
 
     @property
     def _last_verdict(self) -> int:

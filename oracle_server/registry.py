@@ -145,6 +145,7 @@ class Registry:
         """Judge what all sessions hold, commit it, and tell the monitors; the sessions stay open in the history."""
         for session in self.open.values():
             session.close()
+            session.save()
         try:
             async with asyncio.timeout(_FLUSH_WITHIN):
                 await self._store.flush()

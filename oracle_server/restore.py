@@ -1,4 +1,4 @@
-"""Bringing a session back from its history: its engines are fed what they were fed before."""
+"""Bringing a session back from its history: from its last snapshot, and what its engines were fed since."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import msgspec
 import structlog
 
+from oracle_server.core.errors import EngineError
 from oracle_server.core.events import Step, StreamKey
 from oracle_server.core.plan import Plan
 from oracle_server.core.session import Session, orders
@@ -57,12 +58,15 @@ class _Used:
 
 
 def restore(store: Store, number: int, plan: Plan) -> Restored:
-    """Judge a session's stored steps again. Takes as long as judging them did: call it off the event loop."""
-    core = Session(plan, make_engines(plan))
+    """Go on from a session's last snapshot, and judge the steps after it again: call it off the event loop."""
+    core, position = _from_snapshot(store, number, plan)
     primary = orders(plan.spec)[0]
     used: dict[str, list[_Used]] = {}
     waiting: dict[tuple[str, int], Step] = {}
-    position = differing = 0
+    differing = 0
+    sql = "SELECT monitor, seq, gap FROM steps WHERE session = ? AND position <= ? AND kind != 'tick'"
+    for monitor, seq, gap in store.read(sql, (number, position)):
+        used.setdefault(monitor, []).append(_Used(seq, gap))
     outcomes, gaps = STEP_COLUMNS.index("outcomes"), STEP_COLUMNS.index("gap")
     select = f"SELECT {','.join(STEP_COLUMNS)} FROM steps WHERE session = ? AND position > ? ORDER BY position LIMIT ?"  # noqa: S608
     while rows := store.read(select, (number, position, _PAGE)):
@@ -88,6 +92,21 @@ def restore(store: Store, number: int, plan: Plan) -> Restored:
     rows = store.read("SELECT name, instance, streams, attached, clock FROM monitors WHERE session = ?", (number,))
     monitors = {name: _known(tuple(known), used.get(name, [])) for name, *known in rows}
     return Restored(core, position, len(refused), monitors, [(step, 0) for step in waiting.values()])
+
+
+def _from_snapshot(store: Store, number: int, plan: Plan) -> tuple[Session, int]:
+    """The session as it was saved, and the position of the last step before; a new one where that can't be used."""
+    saved = store.read("SELECT position, data FROM snapshots WHERE session = ?", (number,))
+    if saved:
+        position, data = saved[0]
+        core = Session(plan, make_engines(plan))
+        try:
+            core.restore(msgspec.json.decode(data), position * len(plan.spec.properties) + 1)
+        except (EngineError, KeyError, TypeError, ValueError) as error:
+            log.warning("a snapshot can't be used, so that all is judged again", session=number, reason=str(error))
+        else:
+            return core, position
+    return Session(plan, make_engines(plan)), 0
 
 
 def _known(row: Row, used: list[_Used]) -> Known:

@@ -67,6 +67,11 @@ CREATE TABLE IF NOT EXISTS monitors (
     clock TEXT NOT NULL,         -- wall or sim
     PRIMARY KEY (session, name)
 ) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS snapshots (
+    session INTEGER PRIMARY KEY,
+    position INTEGER NOT NULL,   -- of the last step before it
+    data TEXT NOT NULL           -- JSON
+);
 CREATE TABLE IF NOT EXISTS refused (
     session INTEGER NOT NULL,
     monitor TEXT NOT NULL,

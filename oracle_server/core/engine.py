@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Protocol, runtime_checkable
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol, runtime_checkable
 
 from oracle_server.core.atoms import Matches
 from oracle_server.core.explanation import Why
@@ -42,6 +42,19 @@ class Revisable(Engine, Protocol):
 
     def next_deadline(self, after: int) -> int | None:
         """The first time (ns) later than `after` at which the outcome may change without a step, None for never."""
+        ...
+
+
+@runtime_checkable
+class Savable(Engine, Protocol):
+    """An engine that can be saved, and go on elsewhere."""
+
+    def snapshot(self) -> dict[str, Any]:
+        """All that later verdicts depend on, as plain data that JSON can carry."""
+        ...
+
+    def restore(self, data: Mapping[str, Any]) -> None:
+        """Go on, before the first step, where a snapshot was taken. Raises `EngineError` where it can't be used."""
         ...
 
 

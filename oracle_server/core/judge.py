@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import msgspec
 
@@ -67,6 +68,31 @@ class Judge:
         after = max(self.present, self._ticked)
         deadlines = [d for state in self.properties if (d := state.next_deadline(after)) is not None]
         return min(deadlines, default=None)
+
+    def snapshot(self) -> dict[str, Any] | None:
+        """All that later verdicts depend on, as plain data; None where an engine can't be saved."""
+        states = [state.snapshot() for state in self.properties]
+        if None in states:
+            return None
+        return {
+            "properties": states,
+            "held": [(monitor, held.values, sorted(held.failed)) for monitor, held in self._held.items()],
+            "counters": {name: getattr(self.counters, name) for name in Counters.__slots__},
+            "degraded": self._degraded,
+            "present": self.present,
+            "ticked": self._ticked,
+            "recent": self._recent.snapshot(),
+        }
+
+    def restore(self, data: Mapping[str, Any], numbers: Iterator[int]) -> None:
+        """Become what a snapshot says; verdicts are numbered from `numbers`. Raises `EngineError`."""
+        for state, saved in zip(self.properties, data["properties"], strict=True):
+            state.restore(saved)
+        self._held = {monitor: _Held(dict(values), set(failed)) for monitor, values, failed in data["held"]}
+        self.counters = Counters(**data["counters"])
+        self._degraded, self.present, self._ticked = data["degraded"], data["present"], data["ticked"]
+        self._recent.restore(data["recent"])
+        self._numbers = numbers
 
     def degrade(self) -> None:
         """Mark every verdict from now on as one before which something is known to be lost, skipped or failed."""

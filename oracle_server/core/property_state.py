@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from oracle_server.core.engine import Engine, Explaining, Revisable
+from oracle_server.core.engine import Engine, Explaining, Revisable, Savable
+from oracle_server.core.errors import EngineError
 from oracle_server.core.explanation import Why
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.plan import View
@@ -18,6 +19,9 @@ Names = frozenset[str] | set[str]
 
 builtin_property = property
 """`property`, which is a field here."""
+
+
+_SAVED = ("outcome", "negative", "first_violation", "violations", "failures", "broken")
 
 
 class _Mark(NamedTuple):
@@ -105,6 +109,25 @@ class PropertyState:
         """Let the step stand."""
         if isinstance(self.engine, Revisable):
             self.engine.keep()
+
+    def snapshot(self) -> dict[str, Any] | None:
+        """All that later verdicts depend on, as plain data; None where the engine can't be saved."""
+        engine = None
+        if self.outcome not in FINAL and self.broken is None:
+            if not isinstance(self.engine, Savable):
+                return None
+            engine = self.engine.snapshot()
+        return {name: getattr(self, name) for name in _SAVED} | {"engine": engine}
+
+    def restore(self, data: Mapping[str, Any]) -> None:
+        """Become what a snapshot says. Raises `EngineError` where the engine can't use it."""
+        for name in _SAVED:
+            setattr(self, name, data[name])
+        self.outcome = Outcome(self.outcome)
+        if data["engine"] is not None:
+            if not isinstance(self.engine, Savable):
+                raise EngineError("a snapshot of another engine")
+            self.engine.restore(data["engine"])
 
     @builtin_property
     def complaint(self) -> str | None:

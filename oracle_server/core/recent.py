@@ -26,6 +26,14 @@ class Recent:
         """Forget the last step."""
         self._steps.pop()
 
+    def snapshot(self) -> Any:
+        """The steps as plain data."""
+        return list(self._steps)
+
+    def restore(self, data: Any) -> None:
+        """Become what a snapshot says."""
+        self._steps.extend((n, t, StreamKey(*stream), stamp, m, seq) for n, t, stream, stamp, m, seq in data)
+
     def at_step(self, number: int) -> dict[str, Any] | None:
         """The step of a number."""
         return next((_told(step) for step in reversed(self._steps) if step[0] == number), None)

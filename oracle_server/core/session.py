@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import msgspec
 
@@ -120,6 +121,29 @@ class Session:
             counts.late += step.late
             counts.lost += step.event.lost
         return self.judges[order].judge(step, judged)
+
+    def snapshot(self) -> dict[str, Any] | None:
+        """All that later verdicts depend on but what is held in the order, as plain data.
+
+        None where an engine can't be saved, or where events are judged in two orders, and so are between them.
+        """
+        judges = {order: judge.snapshot() for order, judge in self.judges.items()}
+        if len(judges) > 1 or None in judges.values():
+            return None
+        counts = [(m, list(stream), count.late, count.lost) for (m, stream), count in self.counts.items()]
+        return {"judges": judges, "present": self.buffer.present, "now": self.now, "counts": counts}
+
+    def restore(self, data: Mapping[str, Any], first: int) -> None:
+        """Go on, before the first event, where a snapshot was taken; verdicts are numbered from `first`.
+
+        Raises `EngineError` where an engine can't use it.
+        """
+        numbers = itertools.count(first)
+        for order, judge in self.judges.items():
+            judge.restore(data["judges"][order], numbers)
+        self.buffer.present, self.now = data["present"], data["now"]
+        for monitor, stream, late, lost in data["counts"]:
+            self.counts[monitor, StreamKey(*stream)] = StreamCounts(late, lost)
 
     def hold(self, step: Step) -> list[Judged]:
         """Put a step into the order of publication that was there before, and not judged in it yet."""

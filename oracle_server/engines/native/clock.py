@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Callable
+from typing import Any
 
 _TRIM = 1024
 
@@ -55,6 +56,14 @@ class Clock:
             if leaving > after and (place + 1 == len(times) or times[place + 1] + nearest > leaving):
                 return leaving
         return None
+
+    def snapshot(self) -> Any:
+        """The clock as plain data."""
+        return [self.now, self.before, self.first, self._times]
+
+    def restore(self, data: Any) -> None:
+        """Become what a snapshot says."""
+        self.now, self.before, self.first, self._times = data
 
     def _back_to(self, now: int, before: int, *, first: bool) -> Callable[[], object]:
         def back() -> None:

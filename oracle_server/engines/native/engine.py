@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from oracle_server.core.atoms import Matches
+from oracle_server.core.errors import EngineError
 from oracle_server.core.explanation import Why
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import Formula
@@ -14,6 +16,8 @@ from oracle_server.engines.native.clock import Clock
 from oracle_server.engines.native.explain import explain
 
 _NEVER = 2**63
+FORMAT = 1
+"""The number of the form that snapshots have."""
 
 
 class NativeEngine:
@@ -65,6 +69,31 @@ class NativeEngine:
     def explain(self) -> Why:
         """Why the formula holds, or does not, at the last step."""
         return explain(self._formula, self._network, self._time)
+
+    def snapshot(self) -> dict[str, Any]:
+        """All that later verdicts depend on, as plain data that JSON can carry."""
+        nodes = [*(atom for _, atom in self._atoms), *self._operators]
+        return {
+            "format": FORMAT,
+            "clock": self._clock.snapshot(),
+            "nodes": [node.snapshot() for node in nodes],
+            "steps": self._steps,
+            "due": self._due,
+            "last": self._last.value,
+        }
+
+    def restore(self, data: Mapping[str, Any]) -> None:
+        """Go on, before the first step, where a snapshot of the same formula was taken.
+
+        Raises `EngineError` where it was taken by a version that keeps other things.
+        """
+        if data.get("format") != FORMAT:
+            raise EngineError(f"a snapshot of format {data.get('format')}, and this version reads {FORMAT}")
+        self._clock.restore(data["clock"])
+        nodes = [*(atom for _, atom in self._atoms), *self._operators]
+        for node, state in zip(nodes, data["nodes"], strict=True):
+            node.restore(state)
+        self._steps, self._due, self._last = data["steps"], data["due"], Outcome(data["last"])
 
     def mark(self) -> None:
         """Remember how all stands from now on, until `back` or `keep`; marks can be set within marks."""

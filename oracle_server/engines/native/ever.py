@@ -6,10 +6,11 @@ from bisect import bisect_right
 from collections import deque
 from collections.abc import Collection
 from functools import partial
+from typing import Any
 
 from oracle_server.engines.native.body import NOTHING, Body
 from oracle_server.engines.native.clock import Clock
-from oracle_server.engines.native.keys import ALL, Key, Region, key_of
+from oracle_server.engines.native.keys import ALL, Key, Region, key_of, read_key
 from oracle_server.engines.native.tables import Index
 
 
@@ -92,6 +93,18 @@ class Ever:
     def when(self, key: Key) -> int | None:
         """The time of a step that makes it hold at a key."""
         return self.held.get(key)
+
+    def snapshot(self) -> Any:
+        """The state as plain data."""
+        return [list(self.held.items()), list(self.waiting)]
+
+    def restore(self, data: Any) -> None:
+        """Become what a snapshot says."""
+        held, waiting = data
+        for key, time in held:
+            self._hold(read_key(key), time)
+        self.waiting.extend((deadline, read_key(key)) for deadline, key in waiting)
+        self.waits.update(key for _, key in self.waiting)
 
     def settled(self, key: Key) -> bool | None:
         """True once it holds."""

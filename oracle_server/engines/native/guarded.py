@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from functools import partial
+from typing import Any
 
 from oracle_server.engines.native.body import Expression, value_of
 from oracle_server.engines.native.clock import Clock
-from oracle_server.engines.native.keys import Key, Region, Variables
+from oracle_server.engines.native.keys import Key, Region, Variables, read_key
 from oracle_server.engines.native.nodes import AtomNode
 
 
@@ -71,6 +72,14 @@ class SomeGuarded:
     def body_variables(self) -> Variables:
         """The variables of `keys`."""
         return self._guard.variables
+
+    def snapshot(self) -> Any:
+        """The state as plain data."""
+        return self.held
+
+    def restore(self, data: Any) -> None:
+        """Become what a snapshot says."""
+        self.held = [read_key(key) for key in data]
 
     def settled(self, key: Key) -> None:
         """None: the next step may be any."""

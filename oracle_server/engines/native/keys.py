@@ -35,6 +35,11 @@ def texts_of(key: Key) -> tuple[Text, ...]:
     return key if isinstance(key, tuple) else (key,)
 
 
+def read_key(data: Any) -> Key:
+    """A key out of plain data, where tuples are lists."""
+    return tuple(data) if isinstance(data, list) else data
+
+
 def is_fresh(key: Key) -> bool:
     """Whether some variable has the fresh value, or there is no variable."""
     return key is None or key == () or (isinstance(key, tuple) and None in key)

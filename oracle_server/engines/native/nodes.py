@@ -8,10 +8,10 @@ the keys at which it changed itself, so that a step costs what changes and not w
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from typing import Protocol
+from typing import Any, Protocol
 
 from oracle_server.core.atoms import Match
-from oracle_server.engines.native.keys import ALL, Key, Region, Variables, key_of, texts_of
+from oracle_server.engines.native.keys import ALL, Key, Region, Variables, key_of, read_key, texts_of
 
 
 class Node(Protocol):
@@ -94,6 +94,14 @@ class AtomNode:
             return
         self.changes = [k for k in (self.current, key) if k is not _ABSENT]
         self.current = key
+
+    def snapshot(self) -> Any:
+        """Where it holds, as plain data."""
+        return [self.current] if self.holds else []
+
+    def restore(self, data: Any) -> None:
+        """Become what a snapshot says."""
+        self.current = read_key(data[0]) if data else _ABSENT
 
     def at(self, key: Key) -> bool:
         """Whether it holds at a key."""

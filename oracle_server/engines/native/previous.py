@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from functools import partial
+from typing import Any
 
 from oracle_server.engines.native.body import Body
 from oracle_server.engines.native.clock import Clock
-from oracle_server.engines.native.keys import ALL, Key, Region, is_fresh, key_of
+from oracle_server.engines.native.keys import ALL, Key, Region, is_fresh, key_of, read_key
 from oracle_server.engines.native.tables import table
 
 
@@ -72,6 +73,16 @@ class Previous:
         if ALL not in region:
             return self.at(key_of(region))
         return self._table.fresh.value if len(self._table.states) <= (not self.flat) else None
+
+    def snapshot(self) -> Any:
+        """The state as plain data."""
+        return [[(key, state.value) for key, state in self._table.items()], self.next]
+
+    def restore(self, data: Any) -> None:
+        """Become what a snapshot says."""
+        states, following = data
+        self._table.load([(read_key(key), _Value(value)) for key, value in states])
+        self.next = [(read_key(key), value) for key, value in following]
 
     def settled(self, key: Key) -> bool | None:
         """The operand's value, once it is settled and this has become that."""

@@ -4,10 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from functools import partial
+from typing import Any
 
 from oracle_server.engines.native.body import Body
 from oracle_server.engines.native.clock import Clock
-from oracle_server.engines.native.keys import ALL, Key, Region, Variables, fresh_key, is_fresh, key_of, texts_of
+from oracle_server.engines.native.keys import (
+    ALL,
+    Key,
+    Region,
+    Variables,
+    fresh_key,
+    is_fresh,
+    key_of,
+    read_key,
+    texts_of,
+)
 from oracle_server.engines.native.tables import Flat, Tree, table
 
 
@@ -75,6 +86,14 @@ class Some:
     def body_variables(self) -> Variables:
         """The variables of `keys`."""
         return self._body.variables
+
+    def snapshot(self) -> Any:
+        """The state as plain data."""
+        return list(self.held)
+
+    def restore(self, data: Any) -> None:
+        """Become what a snapshot says."""
+        self.held = {read_key(key) for key in data}
 
     def settled(self, key: Key) -> bool | None:  # noqa: ARG002
         """True where the body has settled so at a key, false where it has at all."""
@@ -198,6 +217,19 @@ class SomeOf:
     def body_variables(self) -> Variables:
         """The variables of `keys`."""
         return self._body.variables
+
+    def snapshot(self) -> Any:
+        """The state as plain data."""
+        return [(own, list(held.keys), held.value) for own, held in self._table.items()]
+
+    def restore(self, data: Any) -> None:
+        """Become what a snapshot says."""
+        states = []
+        for own, keys, value in data:
+            held = _Held()
+            held.keys, held.value = {tuple(key) for key in keys}, value
+            states.append((read_key(own), held))
+        self._table.load(states)
 
     def settled(self, key: Key) -> bool | None:
         """True where the body has settled so at some key of the bound variables; false is not found out."""

@@ -106,6 +106,16 @@ class Flat(Generic[S]):
             return Index.spread(_indexed(self._size, self.states), region, place)
         return self._index.spread(region, place)
 
+    def load(self, states: list[tuple[Key, S]]) -> None:
+        """Take these keys and states, the fresh one among them, in place of all others."""
+        for key in list(self.states):
+            self._remove(key)
+        for key, state in states:
+            if key == self._fresh_key:
+                self.fresh = state
+            else:
+                self._put(key, state)
+
     def index(self) -> None:
         """Be asked for `spread`, before anything is told apart."""
         if self._size > 1 and self._index is None:
@@ -198,6 +208,14 @@ class Tree(Generic[S]):
     def spread(self, region: Region, place: int) -> Collection[str]:
         """The texts that are told apart at a place of a region."""
         return self._branches.get(self._find(region[:place]), ())
+
+    def load(self, states: list[tuple[Key, S]]) -> None:
+        """Take these keys and states, the fresh one among them, in place of all others."""
+        self.states, self._branches = dict(states), {}
+        for key in self.states:
+            for place, text in enumerate(key):
+                if text is not None:
+                    self._branches.setdefault(key[:place], set()).add(text)
 
     def index(self) -> None:
         """Nothing to prepare."""

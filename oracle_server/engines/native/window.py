@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Iterable
 from functools import partial
+from typing import Any
 
 from oracle_server.core.formula.tree import Bound
 from oracle_server.engines.native.body import Body
 from oracle_server.engines.native.clock import Clock
-from oracle_server.engines.native.keys import ALL, Key, Region, is_fresh, key_of
+from oracle_server.engines.native.keys import ALL, Key, Region, is_fresh, key_of, read_key
 from oracle_server.engines.native.tables import table
 
 
@@ -39,6 +40,18 @@ class Runs:
         other.left, other.right, other.value = self.left, self.right, self.value
         other.starts, other.ends = self.starts.copy(), self.ends.copy()
         return other
+
+    def data(self) -> Any:
+        """As plain data."""
+        return [self.left, self.right, self.value, list(self.starts), list(self.ends)]
+
+    @staticmethod
+    def of(data: Any, queue: Callable[[Iterable[int]], deque[int] | list[int]]) -> Runs:
+        """What `data` gave."""
+        runs = Runs()
+        runs.left, runs.right, runs.value = data[:3]
+        runs.starts, runs.ends = queue(data[3]), queue(data[4])
+        return runs
 
     def become(self, other: Runs) -> None:
         """Take over what another one knows."""
@@ -155,6 +168,19 @@ class Window:
         if runs.ends[0] <= nearest:
             return runs.ends[0]
         return runs.starts[0] if self._sparse else nearest
+
+    def snapshot(self) -> Any:
+        """The state as plain data."""
+        states = [(key, runs.data()) for key, runs in self._table.items()]
+        return [states, list(self._entering), list(self._leaving), self._peopled]
+
+    def restore(self, data: Any) -> None:
+        """Become what a snapshot says."""
+        states, entering, leaving, self._peopled = data
+        queue = deque[int] if self._all else list[int]
+        self._table.load([(read_key(key), Runs.of(runs, queue)) for key, runs in states])
+        self._entering.extend((deadline, read_key(key)) for deadline, key in entering)
+        self._leaving.extend((deadline, read_key(key)) for deadline, key in leaving)
 
     def settled(self, key: Key) -> bool | None:
         """The value at a key, where no continuation can change it; None where one may."""
