@@ -1,5 +1,6 @@
 """The link from a ROS adapter to an oracle server; it knows no ROS."""
 
+from oracle_adapter.attention import Attention
 from oracle_adapter.board import Board, Status, graph_name
 from oracle_adapter.connection import Timing
 from oracle_adapter.decision import Answer, Policy, Why, should_pass
@@ -16,6 +17,7 @@ __all__ = [
     "PROXY",
     "Answer",
     "Attached",
+    "Attention",
     "Board",
     "ClockStamp",
     "Link",

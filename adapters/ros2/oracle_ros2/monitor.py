@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import time
 from typing import TYPE_CHECKING
 
+from oracle_adapter import Attention
 from oracle_adapter.command import unknown_remap
 from rclpy.clock import Clock, ClockType
 
@@ -33,7 +35,7 @@ class Monitor:
             raise ValueError(f"--remap {unknown}: {attached.spec} has no such stream")
         self._node, self._link, self._board = node, link, board
         self._streams = streams = attached.streams
-        self._now = time_of(node)
+        self._now, self._attention = time_of(node), Attention()
         if simulated(node):
             self._watch = on_back(node, lambda: link.renew(lambda: self._readings(self._now())))
         # None: stamped here
@@ -91,17 +93,21 @@ class Monitor:
         """Say how far each stream has come: exactly where messages are stamped here, else less a delay.
 
         What has come by then is taken first: while this thread is held up, messages wait for it, and time must too.
+        Where the middleware may be held up, others are not spoken for.
         """
-        heard = self._now()
+        heard: int | None = self._now()
         for topic in self._topics:
             topic.heard.take_all()
+        if not self._attention.is_paid(time.monotonic(), sum(topic.observed.count for topic in self._topics)):
+            heard = None
         self._link.clock(lambda: self._readings(heard))
 
-    def _readings(self, heard: int) -> list[ClockStamp]:
+    def _readings(self, heard: int | None) -> list[ClockStamp]:
         now = self._now()
         if not now:
             return []  # simulated time has not begun
         return [
-            (name, kind, now if latency is None else max(0, heard - latency))
+            (name, kind, now if latency is None or heard is None else max(0, heard - latency))
             for (name, kind), latency in self._latencies.items()
+            if latency is None or heard is not None
         ]

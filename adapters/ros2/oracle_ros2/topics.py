@@ -29,9 +29,12 @@ class Observed:
         self.time_source: TimeSource = "field" if self._stamp else "arrival" if self._now else "middleware"
         self._read = reader(self.type, stream["fields"])
         self._numbers: dict[str, int] = {}
+        self.count = 0
+        """How many messages have come."""
 
     def event(self, message: Any, info: Mapping[str, Any]) -> tuple[int | None, Any, dict[str, Any]] | None:
         """The stamp (ns), the data and the rest of a message's event; None where it came before."""
+        self.count += 1
         publisher = info.get("publisher_gid")
         source = publisher["data"].hex() if publisher else ""
         missed = self._missed(source, info)
@@ -57,9 +60,9 @@ class LoggedTopic:
 
     def __init__(self, node: Node, link: Link, names: Names, stream: Mapping[str, Any]) -> None:
         self._link = link
-        self._observed = Observed(node, stream)
-        self.name, self.time_source = self._observed.name, self._observed.time_source
-        self.heard = Heard(node, self._observed.type, names[self.name], self._take)
+        self.observed = Observed(node, stream)
+        self.name, self.time_source = self.observed.name, self.observed.time_source
+        self.heard = Heard(node, self.observed.type, names[self.name], self._take)
 
     def look(self) -> str:
         """Look at the other nodes again, and tell what is wrong."""
@@ -70,7 +73,7 @@ class LoggedTopic:
         self.heard.stop()
 
     def _take(self, message: Any, info: Mapping[str, Any]) -> None:
-        event = self._observed.event(message, info)
+        event = self.observed.event(message, info)
         if event is not None:
             stamp, data, more = event
             self._link.send(self.name, "topic", stamp, data, **more)
@@ -83,13 +86,13 @@ class FilteredTopic:
     """
 
     def __init__(self, node: Node, link: Link, board: Board, names: Names, stream: Mapping[str, Any]) -> None:
-        self._observed = Observed(node, stream)
-        self.name, self.time_source = self._observed.name, self._observed.time_source
+        self.observed = Observed(node, stream)
+        self.name, self.time_source = self.observed.name, self.observed.time_source
         plain, beside = names[self.name], names[self.name + PROXY]
         source, target = (beside, plain) if stream["intercept"] == "publisher" else (plain, beside)
-        self._forwarded = Forwarded(node, self._observed.type, target)
+        self._forwarded = Forwarded(node, self.observed.type, target)
         self._gate = Gate(Passing(link, board, stream), self._forwarded.publish)
-        self.heard = Heard(node, self._observed.type, source, self._take)
+        self.heard = Heard(node, self.observed.type, source, self._take)
 
     def look(self) -> str:
         """Look at the other nodes again, and tell what is wrong."""
@@ -102,7 +105,7 @@ class FilteredTopic:
         self._forwarded.stop()
 
     def _take(self, message: Any, info: Mapping[str, Any]) -> None:
-        event = self._observed.event(message, info)
+        event = self.observed.event(message, info)
         if event is not None:
             stamp, data, more = event
             self._gate.take(message, stamp, data, **more)
