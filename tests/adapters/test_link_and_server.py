@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
+
 from oracle_adapter import Link, should_pass
 
 from tests.server.conftest import Starts
@@ -26,4 +29,65 @@ async def test_events_and_decisions_are_in_the_history_each_once(start: Starts) 
     first = [r for r in records if r["property"] == records[0]["property"]]
     assert [r["seq"] for r in first] == list(range(1, EVENTS + 2))
     assert (first[-1]["decision"], first[-1]["passed"]) == (answer.decision, answer.decision == "allow")
+    assert link.stats().lost == 0
+
+
+class Cable:
+    """A way to the server that can be cut and mended."""
+
+    def __init__(self, url: str) -> None:
+        self._target = int(url.rpartition(":")[2])
+        self._ends: set[asyncio.StreamWriter] = set()
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._listener: asyncio.Server | None = None
+        self.port = 0
+
+    @property
+    def url(self) -> str:
+        return f"http://127.0.0.1:{self.port}"
+
+    async def mend(self) -> None:
+        self._listener = await asyncio.start_server(self._carry, "127.0.0.1", self.port)
+        self.port = self._listener.sockets[0].getsockname()[1]
+
+    async def cut(self) -> None:
+        assert self._listener is not None
+        self._listener.close()
+        for end in self._ends:
+            end.transport.abort()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    async def _carry(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        other_reader, other_writer = await asyncio.open_connection("127.0.0.1", self._target)
+        self._ends |= {writer, other_writer}
+        for source, sink in ((reader, other_writer), (other_reader, writer)):
+            task = asyncio.ensure_future(self._copy(source, sink))
+            self._tasks.add(task)
+
+    async def _copy(self, source: asyncio.StreamReader, sink: asyncio.StreamWriter) -> None:
+        with contextlib.suppress(OSError):
+            while data := await source.read(65536):
+                sink.write(data)
+                await sink.drain()
+
+
+async def test_a_session_of_ones_own_is_made_anew_after_a_long_outage(start: Starts) -> None:
+    server = start(ORACLE_RESUME_WITHIN="0.1")
+    cable = Cable(server.url)
+    await cable.mend()
+    link = Link(cable.url, "m1", spec="single", streams=["/a"], on_error=lambda error: None)
+    link.start()
+    first = (await asyncio.to_thread(link.wait_attached, PATIENCE)).session
+    link.send("/a", "topic", STAMP, {"v": 1})
+    await server.until(lambda: link.stats().acked, lambda acked: acked == 1)
+    await cable.cut()
+    await server.until(lambda: server.get(f"sessions/{first}")["status"], lambda status: status == "closed")
+    link.send("/a", "topic", STAMP + 1, {"v": 2})
+    await cable.mend()
+    await server.until(lambda: link.stats().acked, lambda acked: acked == 2)
+    second = (await asyncio.to_thread(link.wait_attached, PATIENCE)).session
+    assert await asyncio.to_thread(link.close, PATIENCE)
+    await cable.cut()
+    assert second != first
+    assert [{r["stamp"] for r in server.records(session)} for session in (first, second)] == [{STAMP}, {STAMP + 1}]
     assert link.stats().lost == 0
