@@ -43,7 +43,11 @@ class Server:
         )
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
-        self.url = self.said(r"url=(https?://\S+)")[1]
+        try:
+            self.url = self.said(r"url=(https?://\S+)")[1]
+        except AssertionError:  # it did not start in time, and would stay behind
+            self.process.kill()
+            raise
         self.http = httpx.Client(base_url=self.url, timeout=PATIENCE, trust_env=False)
 
     def __enter__(self) -> Self:
