@@ -34,7 +34,8 @@ class Monitor:
         if unknown:
             raise ValueError(f"--remap {unknown}: {attached.spec} has no such stream")
         self._node, self._link, self._board = node, link, board
-        self._streams = streams = attached.streams
+        self._attached, self._streams = attached, attached.streams
+        streams = attached.streams
         self._now, self._attention = time_of(node), Attention()
         if simulated(node):
             self._watch = on_back(node, lambda: link.renew(lambda: self._readings(self._now())))
@@ -66,7 +67,10 @@ class Monitor:
     def outdated(self) -> bool:
         """Whether the oracle wants other streams by now: a session that was made anew has the spec of today."""
         attached = self._link.attached
-        return attached is not None and attached.streams != self._streams
+        if attached is None or attached is self._attached:  # asked for at each message, and nearly always so
+            return False
+        self._attached = attached
+        return attached.streams != self._streams
 
     def stop(self) -> None:
         """Take nothing more, and tell no more clocks; what is decided yet is not forwarded any more."""
