@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.ros2.harness import PATIENCE, ROOT, ROS_ONLY, SERVER, Scene, environment
+from tests.processes import PATIENCE, ROOT, ROS_ONLY, SERVER, environment
+from tests.ros2.harness import Scene
 
 pytest.importorskip("battery_uav_msgs.msg")
 pytestmark = pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")
