@@ -26,6 +26,7 @@ from oracle_server.store import Store
 from oracle_server.watchdog import Watchdog
 
 Page = dict[str, Any]
+_CLOSE_WITHIN = 10.0
 Nanoseconds = Annotated[int | None, Query(ge=0, lt=2**63)]
 
 
@@ -173,8 +174,8 @@ def _sessions(registry: Registry) -> APIRouter:
         """Judge what a session holds, and close it; its history stays."""
         demand_session(request, registry, session_id)
         session = registry.open.get(session_id)
-        if session is not None:
-            await registry.close(session)
+        if session is not None and not await registry.closed_within(session, _CLOSE_WITHIN):
+            raise HTTPException(503, "the history can't be written; the session is closed as soon as it can")
         return registry.state(session_id) or unknown_session(session_id)
 
     return router

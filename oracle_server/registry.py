@@ -141,6 +141,11 @@ class Registry:
             if monitor.outbox and not monitor.detaching:
                 monitor.outbox.drop(reason)
 
+    async def closed_within(self, session: LiveSession, patience: float) -> bool:
+        """Close a session; whether that is done after `patience` seconds. It is gone on with in any case."""
+        _, waiting = await asyncio.wait((self._begin_to_close(session),), timeout=patience)
+        return not waiting
+
     async def shut_down(self) -> None:
         """Judge what all sessions hold, commit it, and tell the monitors; the sessions stay open in the history."""
         for session in self.open.values():
@@ -219,9 +224,13 @@ class Registry:
         return next(name for name in names if self.known(name) is None)
 
     def _on_over(self, session: LiveSession) -> None:
+        self._begin_to_close(session)
+
+    def _begin_to_close(self, session: LiveSession) -> asyncio.Task[None]:
         task = asyncio.get_running_loop().create_task(self.close(session))
         self._closing.add(task)
         task.add_done_callback(self._closing.discard)
+        return task
 
 
 def _ended(session: str, successor: str | None) -> WireError:

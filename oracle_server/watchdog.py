@@ -15,7 +15,6 @@ from oracle_server.notify import notify, watchdog_interval
 
 STALLED = 2.0
 """Seconds without a turn of the loop that are reported."""
-_BEAT = 0.5
 
 log = structlog.get_logger()
 
@@ -24,8 +23,9 @@ class Watchdog:
     """Watches the loop that it is entered in."""
 
     def __init__(self, stalled: float = STALLED) -> None:
+        """Report where the loop makes no turn for so many seconds."""
         self.stalls = 0
-        self._stalled = stalled
+        self._stalled, self._every = stalled, stalled / 4
         self._last = time.monotonic()
         self._told = self._last
         self._over = threading.Event()
@@ -53,11 +53,11 @@ class Watchdog:
         if self._interval is not None and self._last - self._told >= self._interval:
             self._told = self._last
             notify("WATCHDOG=1")
-        self._beating = self._loop.call_later(min(_BEAT, self._interval or _BEAT), self._beat)
+        self._beating = self._loop.call_later(min(self._every, self._interval or self._every), self._beat)
 
     def _watch(self) -> None:
         looked, reported = time.monotonic(), 0.0
-        while not self._over.wait(_BEAT):
+        while not self._over.wait(self._every):
             now = time.monotonic()
             slept, looked = now - looked, now
             if slept > self._stalled:  # the whole process was stopped, not the loop alone
@@ -65,7 +65,7 @@ class Watchdog:
             if now - self._last > self._stalled and self._last != reported:
                 self.stalls += 1
                 reported = self._last
-                log.error("the event loop stands still", seconds=round(now - self._last, 1), at=self._place())
+                log.warning("the event loop stands still", seconds=round(now - self._last, 1), at=self._place())
 
     def _place(self) -> str:
         frame = sys._current_frames().get(self._watched)  # noqa: SLF001 -- the documented way to another thread's stack

@@ -125,8 +125,16 @@ class Served:
 
     @property
     def complaints(self) -> list[dict[str, Any]]:
-        """What the log holds besides what is usual: errors, warnings, tracebacks; asyncio warns of cut connections."""
-        return [line for line in self.log if line.get("level") != "info" and "WARNING asyncio" not in line["event"]]
+        """What the log holds besides what is usual: errors, warnings, tracebacks.
+
+        asyncio warns of cut connections, and a server that gets no processor for a while stands still.
+        """
+        usual = ("WARNING asyncio", "stands still")
+        return [
+            line
+            for line in self.log
+            if line.get("level") != "info" and not any(words in line["event"] for words in usual)
+        ]
 
     def _http(self) -> httpx.AsyncClient:
         return httpx.AsyncClient(base_url=f"{self.url}/api/v1/", timeout=PATIENCE, trust_env=False, verify=False)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
 import signal
+import socket
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,8 +15,9 @@ import pytest
 
 from oracle_server.logs import RotatingFile
 from oracle_server.pidfile import running
+from oracle_server.watchdog import Watchdog
 from tests.server.conftest import copy_specs
-from tests.server.harness import PATIENCE, failed, run
+from tests.server.harness import PATIENCE, Server, failed, run
 
 
 @pytest.fixture
@@ -97,6 +101,43 @@ def test_what_keeps_it_from_starting_is_told(data: Path, specs: Path, tmp_path: 
     assert "single.yaml:1:1" in failed("start", "--data-dir", data, "--specs", specs, "--port", "0")
     (tmp_path / "file").write_text("")
     assert "can't be" in failed("start", "--data-dir", tmp_path / "file", "--specs", specs, "--port", "0")
+
+
+def test_a_place_that_can_not_be_written_is_told(specs: Path) -> None:
+    for place in ("/proc/nowhere", "/dev/null"):
+        assert f"{place}: can't be used as data directory" in failed("serve", "--data-dir", place, "--port", "0")
+        assert place in failed("start", "--data-dir", place, "--port", "0")
+
+
+def test_systemd_is_told_how_it_stands(data: Path, specs: Path, tmp_path: Path) -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
+        listener.bind(str(tmp_path / "notify"))
+        listener.settimeout(PATIENCE)
+        with Server(specs, data, NOTIFY_SOCKET=str(tmp_path / "notify"), WATCHDOG_USEC="100000") as server:
+            told = [listener.recv(100) for _ in range(4)]
+            assert server.stop() == 0
+            while told[-1] != b"STOPPING=1":
+                told.append(listener.recv(100))
+    assert b"READY=1" in told
+    assert set(told) == {b"READY=1", b"WATCHDOG=1", b"STOPPING=1"}
+
+
+async def test_a_loop_that_stands_still_is_reported_with_its_place(capsys: pytest.CaptureFixture[str]) -> None:
+    with Watchdog(stalled=0.2) as watchdog:
+        begin = time.monotonic()
+        while not watchdog.stalls and time.monotonic() < begin + PATIENCE:
+            pass  # the loop has no turn
+    assert watchdog.stalls == 1
+    said = capsys.readouterr().out
+    assert "stands still" in said
+    assert "test_daemon.py" in said
+
+
+async def test_a_loop_that_goes_round_is_not_reported() -> None:
+    with Watchdog(stalled=3600) as watchdog:
+        for _ in range(100):
+            await asyncio.sleep(0)
+    assert watchdog.stalls == 0
 
 
 def test_the_log_is_put_aside_when_it_is_full(tmp_path: Path) -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import sqlite3
 from collections.abc import Iterator
 
 from tests.server.client import attached, make_clock, make_event, seqs
 from tests.server.conftest import Starts
-from tests.server.harness import Server
+from tests.server.harness import Server, problem
 
 
 @contextlib.contextmanager
@@ -32,6 +33,19 @@ async def test_nothing_is_acked_or_lost_while_the_history_can_not_be_written(sta
         await monitor.acked(2)
         await server.until(lambda: server.http.get("/readyz").status_code, lambda status: status == 200)
     assert seqs(server, "s") == [1, 2]
+
+
+async def test_a_session_can_not_be_closed_while_the_history_can_not_be_written(start: Starts) -> None:
+    server = start()
+    async with attached(server, session="s", spec="single") as monitor:
+        with locked(server):
+            await monitor.send(make_event(1, data={"v": 1}))
+            await server.until(lambda: server.http.get("/readyz").status_code, lambda status: status == 503)
+            problem(await asyncio.to_thread(server.http.delete, "/api/v1/sessions/s"), 503)
+        await server.until(lambda: server.get("sessions/s")["status"], lambda status: status == "closed")
+        frames, _ = await monitor.closed()
+    assert {"type": "ack", "upto": 1} in frames
+    assert seqs(server, "s") == [1]
 
 
 async def test_what_is_guarded_is_denied_while_the_history_can_not_be_written(start: Starts) -> None:
