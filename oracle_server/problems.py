@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import sqlite3
 from http import HTTPStatus
 from typing import Any
 
+import structlog
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
@@ -13,6 +15,8 @@ from starlette.exceptions import HTTPException
 from starlette.types import Receive, Scope, Send
 
 from oracle_server.core.errors import SpecError
+
+log = structlog.get_logger()
 
 
 def problem(status: int, detail: str, **more: Any) -> JSONResponse:
@@ -70,6 +74,11 @@ def install(app: FastAPI) -> None:
     async def _spec(_: Request, error: SpecError) -> JSONResponse:
         found = [{"line": f.line, "column": f.column, "message": f.message} for f in error.findings]
         return problem(422, str(error), errors=found)
+
+    @app.exception_handler(sqlite3.Error)
+    async def _history(_: Request, error: sqlite3.Error) -> JSONResponse:
+        log.error("the history can't be read", reason=str(error))
+        return problem(503, f"the history can't be read: {error}")
 
     @app.exception_handler(Exception)
     async def _bug(_: Request, __: Exception) -> JSONResponse:

@@ -8,6 +8,8 @@ _BURST = 2.0
 """Seconds of events that may come at once."""
 _AT_ONCE = 64
 """Events of one connection before the others have their turn."""
+_TURN = 0.005
+"""Seconds after which they have it in any case: a formula may be slow."""
 
 
 class Throttle:
@@ -26,14 +28,14 @@ class Throttle:
     @property
     def is_due(self) -> bool:
         """Whether it is the others' turn."""
-        return self._run >= _AT_ONCE
+        return self._run >= _AT_ONCE or (self._run > 0 and time.monotonic() - self._at > _TURN)
 
     def pause(self) -> float:
         """Seconds for which nothing more should be read, for what was counted since the last call."""
         counted, self._run = self._run, 0
+        now = time.monotonic()
+        passed, self._at = now - self._at, now
         if not self._rate:
             return 0.0
-        now = time.monotonic()
-        self._room = min(self._rate * _BURST, self._room + (now - self._at) * self._rate) - counted
-        self._at = now
+        self._room = min(self._rate * _BURST, self._room + passed * self._rate) - counted
         return max(0.0, -self._room / self._rate)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from http import HTTPStatus
 
 import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
@@ -28,7 +29,8 @@ class HttpTransport(H11Protocol):
         """Refuse a connection beyond the limit, before anything of it is read."""
         super().connection_made(transport)
         if len(self.connections) > self.max_connections:
-            transport.write(_full(self.max_connections))
+            limit = self.max_connections
+            transport.write(_answer(503, f"the server has {limit} connections, and takes no more"))
             transport.close()
             return
         self._patience = self.loop.call_later(REQUEST_WITHIN, transport.abort)
@@ -43,6 +45,11 @@ class HttpTransport(H11Protocol):
             self._stop_waiting()
         elif self._patience is None:
             self._patience = self.loop.call_later(REQUEST_WITHIN, self.transport.abort)
+
+    def send_400_response(self, msg: str) -> None:
+        """Answer what is no HTTP, and close."""
+        self.transport.write(_answer(400, msg))
+        self.transport.close()
 
     def handle_websocket_upgrade(self, event: h11.Request) -> None:
         """Hand the connection on."""
@@ -111,8 +118,9 @@ def bounded(max_connections: int) -> type[HttpTransport]:
     return Bounded
 
 
-def _full(limit: int) -> bytes:
-    response = problem(503, f"the server has {limit} connections, and takes no more")
-    head = b"HTTP/1.1 503 Service Unavailable\r\nconnection: close\r\n"
+def _answer(status: int, detail: str) -> bytes:
+    """A problem as bytes, for where there is no request that could be answered."""
+    response = problem(status, detail)
+    head = f"HTTP/1.1 {status} {HTTPStatus(status).phrase}\r\nconnection: close\r\n".encode()
     fields: list[tuple[bytes, bytes]] = response.raw_headers
     return head + b"".join(b"%s: %s\r\n" % field for field in fields) + b"\r\n" + bytes(response.body)

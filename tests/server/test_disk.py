@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 from tests.server.client import attached, make_clock, make_event, seqs
 from tests.server.conftest import Starts
-from tests.server.harness import Server, problem
+from tests.server.harness import Server, failed, problem
 
 
 @contextlib.contextmanager
@@ -46,6 +46,25 @@ async def test_a_session_can_not_be_closed_while_the_history_can_not_be_written(
         frames, _ = await monitor.closed()
     assert {"type": "ack", "upto": 1} in frames
     assert seqs(server, "s") == [1]
+
+
+async def test_a_history_that_is_locked_or_spoilt_is_told_in_words(start: Starts) -> None:
+    server = start()
+    async with attached(server, session="s", spec="single") as monitor:
+        await monitor.send(*(make_event(i, at=i, data={"v": 1}) for i in range(1, 200)))
+        await monitor.acked(199)
+    assert server.stop() == 0
+    with locked(server):
+        message = failed("serve", "--data-dir", server.data, "--specs", server.specs, "--port", "0")
+        assert "history.sqlite: can't be used as a database: database is locked" in message
+    server = start()
+    file = server.data / "history.sqlite"
+    sound = file.read_bytes()
+    file.write_bytes(sound[:4096] + bytes(len(sound) - 4096))
+    body = problem(server.http.get("/api/v1/sessions/s/verdicts"), 503)
+    assert "malformed" in body["detail"]
+    file.write_bytes(sound)
+    assert len(server.records("s")) == 199
 
 
 async def test_what_is_guarded_is_denied_while_the_history_can_not_be_written(start: Starts) -> None:

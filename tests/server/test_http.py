@@ -213,6 +213,18 @@ async def test_what_is_not_there_is_a_problem(server: Server, method: str, path:
         assert response.headers["allow"]
 
 
+async def test_what_is_no_http_is_a_problem_too(server: Server) -> None:
+    host, port = server.url.removeprefix("http://").split(":")
+    reader, writer = await asyncio.open_connection(host, int(port))
+    writer.write(b"HELO example.org\r\n\r\n")
+    async with asyncio.timeout(PATIENCE):
+        answer = await reader.read()
+    writer.close()
+    await writer.wait_closed()
+    assert answer.startswith(b"HTTP/1.1 400 ")
+    assert b"application/problem+json" in answer
+
+
 async def test_one_spec_put_many_times_at_once_is_put_each_time(start: Starts) -> None:
     server = start()
     async with httpx.AsyncClient(base_url=server.url, timeout=PATIENCE, trust_env=False) as http:
