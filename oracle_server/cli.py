@@ -219,6 +219,18 @@ def verdicts(
     show_verdicts(Client(url, token), session, property_ or [], outcome or [], as_json=as_json)
 
 
+@app.command("import")
+def import_(
+    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="A configuration of ROSMonitoring (.yaml).")],
+    properties: Annotated[list[Path] | None, typer.Option(help="A property module; repeatable.")] = None,
+    out: Annotated[Path | None, typer.Option("--output", "-o", help="The spec to write; default: print it.")] = None,
+) -> None:
+    """Write a spec from ROSMonitoring's configuration and property modules, which are read and never run."""
+    from oracle_server.importer import import_config
+
+    import_config(config, properties or [], out)
+
+
 @app.command()
 def record(
     session: Annotated[str, typer.Argument(metavar="SESSION")],

@@ -37,7 +37,7 @@ class Place(Struct, frozen=True, gc=False):
 
 
 class Recorded(NamedTuple):
-    """A recorded event; a session's own trace also has its places, and what its adapter did with it.
+    """A recorded event; a session's own trace also has its places, what its adapter did with it and why, and ticks.
 
     `verdict` is what ROSMonitoring's oracle said of it.
     """
@@ -45,6 +45,7 @@ class Recorded(NamedTuple):
     event: Event
     places: tuple[Place, ...] = ()
     passed: bool | None = None
+    why: str | None = None
     verdict: str | None = None
 
 

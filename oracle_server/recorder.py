@@ -32,4 +32,4 @@ def record_session(client: Client, session: str, out: Path) -> None:
         raise TraceError(f"{out}: can't be written: {error.strerror}") from None
     finally:
         part.unlink(missing_ok=True)
-    sys.stdout.write(f"{out}: {count} events of {session}\n")
+    sys.stdout.write(f"{out}: {count} lines of {session}\n")

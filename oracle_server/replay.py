@@ -33,7 +33,7 @@ class Replay:
         self.spec = replace(spec, ordering=ordering)
         self.events = 0
         self.comparison = Comparison(orders(self.spec)[0])
-        self.passed: dict[tuple[str, int], bool] = {}
+        self.passed: dict[tuple[str, int], tuple[bool, str | None]] = {}
         """What an adapter did with the events that are not judged yet."""
         self._recording = recording
         self._anew = by is not None
@@ -85,7 +85,7 @@ class Replay:
         event = recorded.event
         self.events += event.stream.kind != "tick"
         if recorded.passed is not None:
-            self.passed[event.monitor, event.seq] = recorded.passed
+            self.passed[event.monitor, event.seq] = (recorded.passed, recorded.why)
         if recorded.verdict is not None:
             self.comparison.told(event, recorded.verdict)
         return event

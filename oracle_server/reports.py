@@ -15,6 +15,7 @@ from rich.table import Table
 from oracle_server.core.errors import one_line
 from oracle_server.core.verdicts import Judged, explain, record
 from oracle_server.replay import Replay
+from oracle_server.schema import UNDECIDED
 
 Format = Literal["text", "jsonl", "csv", "junit"]
 _MOST_TOLD = 20
@@ -186,8 +187,11 @@ def records(replay: Replay, judged: Judged) -> list[dict[str, Any]]:
     """The records of a step, with what the adapter did where the recording tells."""
     rows = [record(judged, verdict) for verdict in judged.verdicts]
     event = judged.step.event
-    passed = replay.passed.pop((event.monitor, event.seq), None) if replay.passed and judged.decision else None
-    return [row | {"passed": passed} for row in rows] if passed is not None else rows
+    if not replay.passed or not judged.decision:
+        return rows
+    passed, why = replay.passed.pop((event.monitor, event.seq), (None, None))
+    more = {"passed": passed} | ({"kind": "unavailable"} if why in UNDECIDED else {})
+    return [row | more for row in rows]
 
 
 def _attribute(text: str) -> str:

@@ -24,13 +24,14 @@ def trace_lines(store: Store, session: int) -> Iterator[dict[str, Any]]:
     line: dict[str, Any] | None = None
     for row in store.each(select + "ORDER BY arrived, monitor, seq, position", (session,)):
         r = dict(zip(STEP_COLUMNS, row, strict=True))
-        if line is None or (line["monitor"], line["seq"]) != (r["monitor"], r["seq"]):
+        same = line is not None and (line["monitor"], line["seq"]) == (r["monitor"], r["seq"])
+        if line is None or not same or r["kind"] == "tick":
             if line is not None:
                 yield line
             line = _line(r)
         line["places"].append(_place(r))
         if r["ord"] == "publication":
-            line["passed"] = _truth(r["passed"])
+            line |= {"passed": _truth(r["passed"]), "why": r["why"]}
     if line is not None:
         yield line
 
@@ -41,6 +42,7 @@ def _line(row: dict[str, Any]) -> dict[str, Any]:
     more = {
         "ask": bool(row["ask"]),
         "passed": _truth(row["passed"]),
+        "why": row["why"],
         "signals": signals,
         "failed": failed,
         "places": [],

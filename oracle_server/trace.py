@@ -46,6 +46,7 @@ class Line(Struct):
     otherwise: Nanoseconds | None = None
     places: list[Place] = []
     passed: bool | None = None
+    why: str | None = None
     verdict: str | None = None
 
     def message(self) -> dict[str, Any] | Projected:
@@ -93,7 +94,7 @@ class Trace:
                     self.clocked, first = line.arrived is not None, False
                 event = self._event(line)
                 if event is not None:
-                    yield Recorded(event, tuple(line.places), line.passed, line.verdict)
+                    yield Recorded(event, tuple(line.places), line.passed, line.why, line.verdict)
         except OSError as error:
             raise TraceError(f"{self.path}: can't be read: {error.strerror}") from None
 

@@ -17,6 +17,7 @@ from tests.server.harness import Server, failed, run
 STREAMS = {
     "lamp": [("/light", "topic"), ("/battery", "topic"), ("/switch", "request"), ("/switch", "response")],
     "both": [("/a", "topic"), ("/b", "topic")],
+    "deadline": [("/a", "topic"), ("/b", "topic")],
 }
 
 
@@ -86,7 +87,9 @@ async def test_the_replay_of_a_recording_is_the_session(
     assert replayed.returncode in (0, 1), replayed.stderr
     *records, last = map(json.loads, replayed.stdout.splitlines())
     assert comparable(records) == comparable(told)
-    assert f": {last['summary']['events']} events of {session}" in ended.stdout
+    ticks = len({(r["order"], r["seq"]) for r in told if r["kind"] == "tick"})
+    assert bool(ticks) is (spec == "deadline")
+    assert f": {last['summary']['events'] + ticks} lines of {session}" in ended.stdout
 
 
 async def test_a_trace_is_json_lines_in_order_of_arrival(server: Server, session: str) -> None:

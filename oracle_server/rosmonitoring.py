@@ -1,0 +1,158 @@
+"""ROSMonitoring's YAML, in all its dialects, as one neutral value; it is read, and nothing of it is run."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from oracle_server.core.errors import OracleError
+
+_KNOWN = {
+    "monitor": {"id", "oracle", "topics", "services", "actions", "ordered_topics", "ordered_services", "log", "silent",
+                "warning", "status"},
+    "interface": {"name", "type", "action", "publishers", "subscribers", "side", "ordered", "ordering", "warning"},
+    "oracle": {"url", "port", "action", "timeout"},
+}  # fmt: skip
+
+
+class ConfigError(OracleError):
+    """A configuration that can't be read as ROSMonitoring's."""
+
+
+@dataclass(slots=True)
+class Interface:
+    """A topic or service; `delay` is its `max_delay_ms`, `stamp` the field that it is ordered by."""
+
+    name: str
+    kind: Literal["topic", "service"]
+    type: str
+    filtered: bool
+    subscribers: bool = False
+    reordered: bool = False
+    delay: int | None = None
+    stamp: str | None = None
+    lost: list[str] = field(default_factory=list)
+    """What has no counterpart, in words."""
+
+
+@dataclass(slots=True)
+class Config:
+    """All monitors of a file together; `url` is the first one's oracle, `timeout` its patience in seconds."""
+
+    name: str
+    interfaces: list[Interface] = field(default_factory=list)
+    url: str = "ws://127.0.0.1:8080"
+    timeout: float = 2.0
+    lost: list[str] = field(default_factory=list)
+
+    @property
+    def reordered(self) -> bool:
+        """Whether anything was put in order of publication."""
+        return any(i.reordered for i in self.interfaces)
+
+
+def read_config(value: object, file: str) -> Config:
+    """A configuration from its YAML. Raises `ConfigError`."""
+    monitors = value.get("monitors") if isinstance(value, Mapping) else None
+    if not isinstance(monitors, list) or not monitors:
+        raise ConfigError(f"{file}: is no configuration of ROSMonitoring: the list `monitors` is missing")
+    config = Config("imported")
+    assert isinstance(value, Mapping)  # noqa: S101 -- it has monitors
+    config.lost += [f"`{key}`: nodes are started by your own launch files" for key in ("path", "nodes") if key in value]
+    for number, item in enumerate(monitors):
+        monitor = item.get("monitor", item) if isinstance(item, Mapping) else None
+        if not isinstance(monitor, Mapping):
+            raise ConfigError(f"{file}: monitors[{number}] is no mapping")
+        name = str(monitor.get("id", f"monitor_{number}"))
+        config.name = name if number == 0 else config.name
+        _add_monitor(config, monitor, name, file, first=number == 0)
+    if not config.interfaces:
+        raise ConfigError(f"{file}: names no topic and no service")
+    return config
+
+
+def _add_monitor(config: Config, monitor: Mapping[str, Any], name: str, file: str, *, first: bool) -> None:
+    oracle = monitor.get("oracle") if isinstance(monitor.get("oracle"), Mapping) else {}
+    assert isinstance(oracle, Mapping)  # noqa: S101 -- the line above
+    if first:
+        config.url = f"ws://{oracle.get('url', '127.0.0.1')}:{oracle.get('port', 8080)}"
+        config.timeout = float(oracle.get("timeout") or 2.0)
+    elif oracle:
+        config.lost.append(f"the oracle of monitor '{name}': one spec has one oracle here; import it by itself")
+    words = {
+        "log": "the history is kept by the server, and `oracle-server record` writes it",
+        "silent": "the server logs by itself",
+        "warning": "every outcome is recorded; ask for those that you want",
+        "status": "see the adapter's own diagnostics",
+        "actions": "actions are not observed in this version",
+    }
+    config.lost += [f"`{key}` of monitor '{name}': {words[key]}" for key in words if key in monitor]
+    if oracle.get("action") not in (None, "nothing"):
+        config.lost.append(f"`oracle.action: {oracle['action']}` of monitor '{name}': messages are never changed here")
+    config.lost += [f"`{key}` of monitor '{name}'" for key in sorted(set(monitor) - _KNOWN["monitor"])]
+    config.lost += [f"`oracle.{key}` of monitor '{name}'" for key in sorted(set(oracle) - _KNOWN["oracle"])]
+    ordered = {kind: _names(monitor.get(f"ordered_{kind}s")) for kind in ("topic", "service")}
+    for kind in ("topic", "service"):
+        for item in _items(monitor, kind):
+            interface = _interface(item, kind, name, file)
+            interface.reordered = interface.reordered or interface.name in ordered[kind]
+            known = next((i for i in config.interfaces if (i.name, i.kind) == (interface.name, kind)), None)
+            if known is None:
+                config.interfaces.append(interface)
+            else:
+                known.filtered = known.filtered or interface.filtered
+                known.reordered = known.reordered or interface.reordered
+
+
+def _items(monitor: Mapping[str, Any], kind: str) -> Iterator[Mapping[str, Any]]:
+    """The interfaces of a kind: those listed, and those that only the list of ordered ones describes."""
+    seen = set()
+    for key in (f"{kind}s", f"ordered_{kind}s"):
+        for item in monitor.get(key) or ():
+            if isinstance(item, Mapping) and item.get("name") not in seen and (key == f"{kind}s" or "type" in item):
+                seen.add(item.get("name"))
+                yield item
+
+
+def _names(items: object) -> set[str]:
+    found = items if isinstance(items, list) else []
+    return {_slashed(str(i.get("name") if isinstance(i, Mapping) else i)) for i in found}
+
+
+def _interface(item: Mapping[str, Any], kind: Literal["topic", "service"], monitor: str, file: str) -> Interface:
+    name = item.get("name")
+    if not isinstance(name, str) or not re.fullmatch(r"[~/A-Za-z][\w/~]*", name):
+        raise ConfigError(
+            f"{file}: a {kind} of monitor '{monitor}' has no name, or one that ROS does not have: {name!r}"
+        )
+    ordering = item.get("ordering") if isinstance(item.get("ordering"), Mapping) else {}
+    assert isinstance(ordering, Mapping)  # noqa: S101 -- the line above
+    by = ordering.get("order_by", ordering.get("source"))
+    found = Interface(
+        name=_slashed(name),
+        kind=kind,
+        type=str(item.get("type", "")),
+        filtered=item.get("action") == "filter",
+        subscribers="subscribers" in item or item.get("side") == "subscribers",
+        reordered=bool(ordering.get("enabled", bool(ordering))),
+        delay=ordering.get("max_delay_ms") if isinstance(ordering.get("max_delay_ms"), int) else None,
+        stamp=by if isinstance(by, str) and re.fullmatch(r"\w+(\.\w+)+", by) else None,
+    )
+    if item.get("ordered") and not found.reordered:
+        found.lost.append("`ordered: true` alone put nothing in order there")
+    if by is not None and found.stamp is None:
+        found.lost.append(f"ordered by `{by}`")
+    if found.filtered and kind == "topic" and not {"publishers", "subscribers", "side"} & item.keys():
+        found.lost.append("without `publishers` or `subscribers` its filter did nothing there; here it does")
+    found.lost += [f"`{key}`" for key in sorted(set(item) - _KNOWN["interface"])]
+    if "warning" in item:
+        found.lost.append(
+            "`warning`: every outcome is recorded; with 2, `currently_false` passed a filter in version 1"
+        )
+    return found
+
+
+def _slashed(name: str) -> str:
+    return name if name.startswith(("/", "~")) else f"/{name}"
