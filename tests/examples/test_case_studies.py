@@ -1,0 +1,85 @@
+"""The case studies: their recordings are what their simulators write, and are judged as their READMEs say."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from oracle_server.recordings import open_recording
+from oracle_server.replay import Replay
+from oracle_server.specfile import load_spec
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+BROKEN = {
+    "rover": {"reports_are_of_visits": 1, "no_approach_into_danger": 1, "leaves_when_too_hot": 1},
+    "turtle": {"no_speeding": 1, "slow_at_the_edge": 13, "teleported_inside_only": 1},
+    "manipulator": {"slow_near_a_person": 18, "sees_where_it_goes": 1},
+}
+
+
+def simulator(name: str) -> Callable[..., Iterator[str]]:
+    place = importlib.util.spec_from_file_location(f"{name}_simulator", EXAMPLES / name / "simulator.py")
+    assert place
+    assert place.loader
+    module = importlib.util.module_from_spec(place)
+    place.loader.exec_module(module)
+    found: Callable[..., Iterator[str]] = module.trace
+    return found
+
+
+def replayed(name: str, trace: str) -> tuple[Replay, list[Any]]:
+    loaded = load_spec(EXAMPLES / name / f"{name}.yaml")
+    assert loaded.warnings == ()
+    replay = Replay(loaded.spec, open_recording(EXAMPLES / name / "traces" / f"{trace}.jsonl", loaded.spec))
+    return replay, list(replay)
+
+
+@pytest.mark.parametrize("name", BROKEN)
+@pytest.mark.parametrize("trace", ["sound", "fault"])
+def test_a_recording_is_what_the_simulator_writes(name: str, trace: str) -> None:
+    recorded = (EXAMPLES / name / "traces" / f"{trace}.jsonl").read_text().splitlines()
+    assert recorded == list(simulator(name)(fault=trace == "fault"))
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_sound_run_breaks_nothing(name: str) -> None:
+    replay, judged = replayed(name, "sound")
+    assert not replay.violated
+    assert {v.outcome.value for item in judged for v in item.verdicts} == {"currently_true"}
+    assert all(item.decision is None or item.decision.choice == "allow" for item in judged)
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_faulty_run_breaks_what_its_readme_says(name: str) -> None:
+    replay, _ = replayed(name, "fault")
+    broken = {n: state["violations"] for n, state in replay.states().items() if state["violations"]}
+    assert broken == BROKEN[name]
+    assert replay.summary()["late"] == 0
+
+
+def test_the_rover_is_not_sent_on_into_the_leak() -> None:
+    _, judged = replayed("rover", "fault")
+    found = next(
+        item for item in judged for v in item.verdicts if v.property == "no_approach_into_danger" and v.explanation
+    )
+    assert found.step.event.data == {"action": "approach", "drum": 5}
+
+
+def test_the_turtle_is_held_back_each_time() -> None:
+    _, judged = replayed("turtle", "fault")
+    denied = [item for item in judged if item.decision and item.decision.choice == "deny"]
+    by_stream = {
+        name: sum(i.step.event.stream.name == name for i in denied)
+        for name in ("/turtle1/cmd_vel", "/turtle1/teleport_absolute")
+    }
+    recorded = (json.loads(line) for line in (EXAMPLES / "turtle" / "traces" / "fault.jsonl").read_text().splitlines())
+    speeding = sum(line["data"]["linear"]["x"] > 2 for line in recorded if line["stream"] == "/turtle1/cmd_vel")
+    assert by_stream == {
+        "/turtle1/cmd_vel": speeding + BROKEN["turtle"]["slow_at_the_edge"],
+        "/turtle1/teleport_absolute": 1,
+    }
