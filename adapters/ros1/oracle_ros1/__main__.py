@@ -10,6 +10,7 @@ import re
 import signal
 import sys
 import threading
+import time
 from typing import List, Optional, Sequence, Tuple
 
 import rospy
@@ -97,8 +98,9 @@ def _observe(
     if simulated:
         on_back(monitor.renew)
     rospy.loginfo(f"observing {len(attached.streams)} streams for session {attached.session}")
-    while not stopping.wait(CLOCK_PERIOD):
+    while not stopping.is_set():  # not `wait`: a signal that comes inside it would wait for its lock
         monitor.turn()
+        time.sleep(CLOCK_PERIOD)
     monitor.stop()
 
 

@@ -1,7 +1,8 @@
 """What the three nodes share: how they start, how they are told to go wrong, how they end."""
 
-from contextlib import suppress
-from typing import Any, Callable, Sequence
+import signal
+import threading
+from typing import Any, Callable, List, Sequence
 
 import rospy
 from std_msgs.msg import Header
@@ -12,10 +13,25 @@ DEPTH = 100  # messages that a topic keeps for a slow subscriber
 
 
 def run(name: str, work: Callable[[], None]) -> None:
-    """Do a node's work until it is done, or SIGINT or SIGTERM tells the node to stop."""
-    rospy.init_node(name)
-    with suppress(rospy.ROSInterruptException, KeyboardInterrupt):
+    """Do a node's work until it is done, or SIGINT or SIGTERM tells the node to stop.
+
+    rospy's own handlers shut down in the midst of whatever the node does, and can wait for a lock that it holds itself.
+    """
+    rospy.init_node(name, disable_signals=True)
+    stopping: List[int] = []
+
+    def stop(number: int, _frame: object) -> None:
+        stopping.append(number)
+        threading.Thread(target=rospy.signal_shutdown, args=[f"signal {number}"]).start()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, stop)
+    try:
         work()
+    except rospy.ROSException:  # it slept, or was about to publish
+        if not stopping and not rospy.is_shutdown():
+            raise
+    rospy.signal_shutdown("its work is done")
 
 
 def publisher(topic: str, kind: Any) -> rospy.Publisher:
