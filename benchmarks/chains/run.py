@@ -1,0 +1,222 @@
+"""The run: every path, round by round, each part a process of its own."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from chains.measured import Measured, print_table, rows
+from chains.parts import CALLS, PATIENCE
+
+ROOT = Path(__file__).resolve().parents[2]
+SERVER = ROOT / ".build" / "server" / "bin" / "oracle-server"
+ROS_ONLY = ("PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
+RATES = (100, 1000)
+
+SPECS = """
+id: topic
+description: Every message is asked for, and passes
+streams:
+  - topic: /number
+    type: std_msgs/msg/Int64
+    action: filter
+    intercept: subscriber
+    signals: {value: msg.data}
+properties:
+  - id: no_seven
+    formula: 'not {topic: "/number", value: 7}'
+    guards: [/number]
+---
+id: service
+description: Every request and response is asked for, and passes
+streams:
+  - service: /switch
+    type: std_srvs/srv/SetBool
+    action: filter
+    request: {signals: {on: msg.data}}
+    response: {signals: {text: msg.message}}
+properties:
+  - id: no_nonsense
+    formula: 'not {service: "/switch", text: "nonsense"}'
+    guards: [/switch]
+"""
+
+
+class Part:
+    """A process; its lines are read as they are wanted."""
+
+    def __init__(self, command: list[object], setting: dict[str, str]) -> None:
+        self._process = subprocess.Popen(
+            [str(word) for word in command],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=setting,
+        )  # fmt: skip
+
+    def until(self, pattern: str, more: float = 0) -> re.Match[str]:
+        """Read up to a line that has the pattern; the process is ended where that takes `more` seconds too long."""
+        assert self._process.stdout is not None
+        seen = []
+        impatient = threading.Timer(PATIENCE + more, self._process.kill)
+        impatient.start()
+        try:
+            for line in self._process.stdout:
+                match = re.search(pattern, re.sub(r"\x1b\[[0-9;]*m", "", line))
+                if match:
+                    return match
+                seen.append(line)
+        finally:
+            impatient.cancel()
+        raise SystemExit(f"no {pattern!r} in {PATIENCE + more} s: {''.join(seen[-20:])}")
+
+    def tell(self, word: str) -> None:
+        assert self._process.stdin is not None
+        with suppress(BrokenPipeError):
+            self._process.stdin.write(word + "\n")
+            self._process.stdin.flush()
+
+    def finish(self) -> None:
+        """Let it end by itself."""
+        self._process.terminate()
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(PATIENCE)
+
+    def end(self) -> None:
+        self._process.kill()
+        self._process.communicate()
+
+
+@dataclass(frozen=True)
+class Ros:
+    """What a run has to know of the ROS that it is on."""
+
+    script: str
+    """The program that is also each part, by `--part NAME WORDS…`."""
+    adapter: str
+    """The adapter's module."""
+    parts: Mapping[str, Callable[..., None]]
+    settings: Mapping[str, str]
+    """What its processes find in their environment."""
+    core: tuple[str, ...] = ()
+    """What all nodes need running, as a command; it says `started core service`."""
+
+
+class Run:
+    """One benchmark: a graph, a folder, and what was measured of each case on each path."""
+
+    def __init__(self, folder: Path, ros: Ros, seconds: float) -> None:
+        self.measured: dict[tuple[str, str], Measured] = {}
+        self._folder, self._ros, self._seconds = folder, ros, seconds
+        self._setting = {**os.environ, **ros.settings, "ROS_LOG_DIR": str(folder / "ros")}
+        (folder / "specs").mkdir()
+        for text in SPECS.split("---\n"):
+            name = text.split("id: ")[1].split("\n")[0]
+            (folder / "specs" / f"{name}.yaml").write_text(text)
+
+    def rounds(self, count: int) -> None:
+        with ExitStack() as stack:
+            if self._ros.core:
+                core = self._start(stack, list(self._ros.core))
+                stack.callback(core.finish)  # or it would leave its own processes
+                core.until("started core service")
+            for _ in range(count):
+                self._round()
+
+    def _round(self) -> None:
+        for path, chain in (("direct", self._direct), ("bare", self._bare), ("oracle", self._oracle)):
+            for rate in RATES:
+                with chain("topic"):
+                    self._measure_topic(path, rate)
+            with chain("service"):
+                self._measure_service(path)
+
+    def _part(self, stack: ExitStack, *words: object) -> Part:
+        return self._start(stack, [sys.executable, self._ros.script, "--part", *words])
+
+    def _start(self, stack: ExitStack, command: list[object], without: tuple[str, ...] = ()) -> Part:
+        part = Part(command, {k: v for k, v in self._setting.items() if k not in without})
+        stack.callback(part.end)
+        return part
+
+    @contextmanager
+    def _direct(self, _what: str) -> Iterator[None]:
+        yield
+
+    @contextmanager
+    def _bare(self, _what: str) -> Iterator[None]:
+        with ExitStack() as stack:
+            port = self._part(stack, "echo").until(r"port=(\d+)")[1]
+            self._part(stack, "bare", port).until("ready")
+            yield
+
+    @contextmanager
+    def _oracle(self, what: str) -> Iterator[None]:
+        with ExitStack() as stack:
+            data = tempfile.mkdtemp(dir=self._folder)
+            command = [SERVER, "serve", "--specs", self._folder / "specs", "--data-dir", data, "--port", "0"]
+            url = self._start(stack, command, ROS_ONLY).until(r"url=(http://\S+)")[1]
+            adapter = [sys.executable, "-m", self._ros.adapter, "--oracle", url, "--spec", what]
+            self._start(stack, adapter).until("observing")
+            yield
+
+    def _measure_topic(self, path: str, rate: int) -> None:
+        wanted = int(rate * self._seconds)
+        with ExitStack() as stack:
+            receiver = self._part(stack, "receive", "/number" if path == "direct" else "/number_mon", wanted)
+            sender = self._part(stack, "send", rate, self._seconds)
+            receiver.until("heard")
+            sender.tell("go")
+            sender.until("sent", self._seconds)
+            receiver.tell("stop")
+            latencies = json.loads(receiver.until(r"^\[.*\]$")[0])
+            sender.tell("end")
+        self._add(f"topic at {rate} Hz", path, wanted, latencies)
+
+    def _measure_service(self, path: str) -> None:
+        with ExitStack() as stack:
+            self._part(stack, "serve").until("ready")
+            caller = self._part(stack, "call", "/switch" if path == "direct" else "/switch_mon")
+            latencies = json.loads(caller.until(r"^\[.*\]$")[0])
+        self._add("service", path, CALLS, latencies)
+
+    def _add(self, case: str, path: str, sent: int, latencies: list[float]) -> None:
+        measured = self.measured.setdefault((case, path), Measured())
+        measured.sent += sent
+        measured.latencies += latencies
+
+
+def free_port() -> int:
+    with socket.socket() as mark:
+        mark.bind(("127.0.0.1", 0))
+        return int(mark.getsockname()[1])
+
+
+def main(ros: Ros, description: str | None) -> None:
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rounds", type=int, default=2)
+    parser.add_argument("--seconds", type=float, default=2.0, help="how long a topic is published (%(default)s)")
+    parser.add_argument("--json", action="store_true", help="one JSON document instead of a table")
+    parser.add_argument("--part", nargs="+", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.part:
+        ros.parts[options.part[0]](*options.part[1:])
+        return
+    before = os.getloadavg()[0]
+    with tempfile.TemporaryDirectory(prefix="oracle-benchmark.") as folder:
+        run = Run(Path(folder), ros, options.seconds)
+        run.rounds(options.rounds)
+    found = rows(run.measured)
+    if options.json:
+        print(json.dumps({"cpus": os.cpu_count(), "load_before": before, "rows": found}))
+        return
+    print_table(found)
+    print(f"{os.cpu_count()} CPUs; load before the run {before:.1f}")
