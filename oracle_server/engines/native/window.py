@@ -93,6 +93,9 @@ class Window:
         """Take what changed below and what time changes."""
         if self.changes:
             self.changes = []
+        if not self.variables:
+            self._step_alone()
+            return
         keys = self._body.touched(self._table)
         peopled = self._peopled
         if self._sparse and self._upper is not None:
@@ -105,6 +108,36 @@ class Window:
             self._refresh_all()
         self._pop(self._entering)
         self._pop(self._leaving)
+
+    def _step_alone(self) -> None:
+        """What `step` does, where there is one key only."""
+        runs, clock = self._table.fresh, self._clock
+        if clock.journal is not None:
+            self._note(runs)
+        if self._sparse and self._upper is not None:
+            self._peopled = clock.any_between(self._lower, self._upper)
+        right, left = self._right(()), self._left is None or self._left(())
+        if right is not runs.right or left is not runs.left or not left:
+            if self._move((), runs, left, right) and self._upper is not None:
+                self._leaving.append((clock.before + self._upper + 1, ()))
+            self._entering.extend(self._new_entering)
+            self._new_entering.clear()
+        for queue in (self._entering, self._leaving):
+            while queue and queue[0][0] <= clock.now:
+                queue.popleft()
+        value = self._value(runs)
+        if value is not runs.value:
+            runs.value = value
+            self.changes.append(())
+
+    def _note(self, runs: Runs) -> None:
+        """Let all of the one key be taken back as it is."""
+        journal = self._clock.journal
+        if journal is not None:
+            journal.append(partial(runs.become, runs.copy()))
+            journal.append(partial(setattr, self, "_peopled", self._peopled))
+            journal.append(partial(setattr, self, "_entering", self._entering.copy()))
+            journal.append(partial(setattr, self, "_leaving", self._leaving.copy()))
 
     def due(self) -> int | None:
         """When this must be stepped even if nothing changes below."""
