@@ -1,0 +1,140 @@
+"""What a step of each engine costs, and what a property takes: native beside reelay, in turns, in one run.
+
+    python benchmarks/engine.py [--json] [--quick]
+
+Each formula is stepped through events that meet its atoms in turn, one atom at an event, every value fresh until there
+are as many as the line says, and then the same ones again. *µs* is the mean of a step, the best of three turns; *ratio*
+native by reelay. *ms* is the making of a fresh engine, *kB* what idle ones take of the process's memory, each.
+With `--large` up to 10^6 distinct values, for which reelay takes a gigabyte.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from oracle_server.core.atoms import Match
+from oracle_server.core.engine import Engine
+from oracle_server.core.formula import tree
+from oracle_server.core.formula.parse import parse_formula
+from oracle_server.core.formula.tree import Formula
+from oracle_server.engines.native import NativeEngine
+from oracle_server.engines.reelay import ReelayEngine
+from oracle_server.specfile import load_spec
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = os.sysconf("SC_PAGE_SIZE")
+IDLE = 200
+_kept: list[list[Engine]] = []
+"""The idle engines: were they let go, the next ones would take their memory."""
+
+FORMULAS = {
+    "propositional": "not {a} or {b}",
+    "bounded": "{a} -> once[:10] {b}",
+    "nested": "historically[2:20] ({a} -> once[:5] {b}) since {c}",
+    "quantified": "forall[i]. {r: *i} -> once {q: *i}",
+    "quantified, bounded": "forall[i]. {r: *i} -> once[:100] {q: *i}",
+    "quantified, nested": "forall[i]. {r: *i} -> ({a} since[:50] {q: *i}) or historically[:20] not {p: *i}",
+}
+
+
+@dataclass(frozen=True)
+class Line:
+    """One formula with so many distinct values over so many steps."""
+
+    what: str
+    values: int
+    steps: int
+    native: float
+    reelay: float
+    native_ms: float
+    reelay_ms: float
+
+    @property
+    def ratio(self) -> float:
+        return self.native / self.reelay
+
+
+def main() -> None:
+    """Measure, and print."""
+    parser = argparse.ArgumentParser(description="Measure the native engine beside reelay.")
+    parser.add_argument("--json", action="store_true", help="print one JSON document")
+    parser.add_argument("--quick", action="store_true", help="measure little: to see that it runs")
+    parser.add_argument("--large", action="store_true", help="measure 10^6 distinct values too")
+    args = parser.parse_args()
+    idle = {name: (taken(NativeEngine, f), taken(ReelayEngine, f)) for name, f in formulas()}
+    steps = 2_000 if args.quick else 30_000
+    lines = [measure(name, formula, 100, steps) for name, formula in formulas()]
+    sizes = (1_000,) if args.quick else (1_000, 10_000, 100_000, *((1_000_000,) if args.large else ()))
+    grown = parse_formula(FORMULAS["quantified"])
+    lines += [measure("quantified", grown, size, max(steps, 2 * size)) for size in sizes]
+    if args.json:
+        found = [asdict(line) | {"ratio": line.ratio, "kb": idle[line.what]} for line in lines]
+        print(json.dumps(found, indent=2))
+        return
+    head = f"{'formula':32} {'values':>8} {'steps':>8} {'native µs':>10} {'reelay µs':>10} {'ratio':>6}"
+    print(f"{head} {'ms':>14} {'kB':>14}")
+    for line in lines:
+        making = f"{line.native_ms:.2f} / {line.reelay_ms:.1f}"
+        kb = "{:.0f} / {:.0f}".format(*idle[line.what])
+        told = f"{line.what:32} {line.values:8} {line.steps:8} {line.native:10.2f} {line.reelay:10.2f}"
+        print(f"{told} {line.ratio:6.2f} {making:>14} {kb:>14}")
+
+
+def formulas() -> Iterator[tuple[str, Formula]]:
+    """The formulas, and the case study's six properties."""
+    for name, text in FORMULAS.items():
+        yield name, parse_formula(text)
+    for prop in load_spec(ROOT / "specs/battery_uav.yaml").spec.properties:
+        yield prop.id, prop.formula
+
+
+def measure(what: str, formula: Formula, values: int, steps: int) -> Line:
+    """Step both engines through the same events, in turns."""
+    events = list(stream(formula, values, steps))
+    turns = 1 if steps > 100_000 else 3
+    native, reelay = ([timed(make, formula, events) for _ in range(turns)] for make in (NativeEngine, ReelayEngine))
+    best = [min(times) for times in (*zip(*native, strict=True), *zip(*reelay, strict=True))]
+    return Line(what, values, steps, best[1], best[3], best[0], best[2])
+
+
+def stream(formula: Formula, values: int, steps: int) -> Iterator[list[Match]]:
+    """What each atom makes of each event."""
+    atoms = tree.atoms(formula)
+    for n in range(steps):
+        found: list[Match] = [None] * len(atoms)
+        atom = n % len(atoms)
+        found[atom] = tuple(str(n // len(atoms) % values) for _ in atoms[atom].refs)
+        yield found
+
+
+def timed(make: Callable[[Formula], Engine], formula: Formula, events: list[list[Match]]) -> tuple[float, float]:
+    """Milliseconds to make an engine, and microseconds a step."""
+    begun = time.perf_counter()
+    engine = make(formula)
+    made = time.perf_counter()
+    for n, found in enumerate(events):
+        engine.step(n, found)
+    return (made - begun) * 1e3, (time.perf_counter() - made) / len(events) * 1e6
+
+
+def taken(make: Callable[[Formula], Engine], formula: Formula) -> float:
+    """Kilobytes of the process's memory that an idle engine takes."""
+    count = IDLE if make is NativeEngine else 3
+    before = resident()
+    _kept.append([make(formula) for _ in range(count)])
+    return max(0, resident() - before) / count / 1e3
+
+
+def resident() -> int:
+    """Bytes of this process in memory."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * PAGE
+
+
+if __name__ == "__main__":
+    main()
