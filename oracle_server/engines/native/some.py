@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from functools import partial
+from itertools import product
 from typing import Any
 
 from oracle_server.engines.native.body import Body
@@ -25,7 +26,7 @@ from oracle_server.engines.native.tables import Flat, Tree, table
 class Some:
     """A quantifier that binds all variables of its body.
 
-    Of the keys at which the body holds, `held` has one at least for each that no later change tells from it.
+    Of the keys at which the body holds, `held` has those that no more general one of them stands for.
     """
 
     __slots__ = ("_body", "_clock", "_operand", "changes", "flat", "held", "variables")
@@ -50,8 +51,8 @@ class Some:
         if keys:
             held, operand = self.held, self._operand
             before = bool(held)
-            for key in keys:
-                if operand(key) is not (key in held):
+            for key in _general_first(keys):
+                if (operand(key) and not _covered(key, held)) is not (key in held):
                     _turn(held, key)
                     if self._clock.journal is not None:
                         self._clock.journal.append(partial(_turn, held, key))
@@ -158,11 +159,11 @@ class SomeOf:
         if not keys:
             return
         owns: dict[Key, _Held] = {}
-        for key in self._with_rest(keys):
+        for key in sorted(self._with_rest(keys), key=self._turns):
             own = key_of(key[: self._own])
             held = owns[own] = self._table.own(own)
             rest = key[self._own :]
-            if self._operand(key) is not (rest in held.keys):
+            if (self._operand(key) and not _covered(rest, held.keys)) is not (rest in held.keys):
                 _turn(held.keys, rest)
                 if self._clock.journal is not None:
                     self._clock.journal.append(partial(_turn, held.keys, rest))
@@ -176,6 +177,10 @@ class SomeOf:
             fresh = fresh or is_fresh(own)
         for own in self._table.keys() if fresh else list(owns):
             self._table.drop(own, _same)
+
+    def _turns(self, key: Key) -> tuple[list[bool], list[bool]]:
+        """Free variables first where they are told apart, bound ones first where they are not."""
+        return [text is None for text in key[: self._own]], [text is not None for text in key[self._own :]]
 
     def _with_rest(self, keys: Collection[Key]) -> Collection[Key]:
         """The keys, and where the last one stands for all others, what it stands for with free variables told apart."""
@@ -267,6 +272,18 @@ class _Asked:
             return self._table.spread(region[: self._own], place)
         held = self._table.get(key_of(region[: self._own]))
         return _texts(held.keys, region[self._own :], place - self._own)
+
+
+def _general_first(keys: Collection[Key]) -> Collection[Key]:
+    return keys if len(keys) < 2 else sorted(keys, key=lambda key: [text is not None for text in texts_of(key)])
+
+
+def _covered(key: Key, held: set[Key]) -> bool:
+    """Whether a more general key is among those held."""
+    if not isinstance(key, tuple):
+        return key is not None and None in held
+    choices = [(text,) if text is None else (text, None) for text in key]
+    return any(general in held for general in product(*choices) if general != key)
 
 
 def _turn(keys: set[Key], key: Key) -> None:
