@@ -31,7 +31,7 @@ class Attention:
 
     def is_paid(self, now: float, total: int) -> bool:
         """Whether clocks may tell that nothing older will come; `total` messages were heard."""
-        fresh, self._total = total - self._total, total
+        fresh, self._total = max(0, total - self._total), total
         if fresh:
             if self._suspicious:
                 self._settled = now + SETTLE

@@ -65,3 +65,10 @@ def test_how_busy_it_is_counts_by_the_second() -> None:
     adapter = Adapter()
     for _ in range(5):
         assert all(adapter.hears(2, burst=BUSY - 1)), "a burst now and then"
+
+
+def test_a_count_that_begins_anew_is_no_silence() -> None:
+    adapter = Adapter()
+    adapter.hears(3, every=2)
+    adapter.total = 0
+    assert all(adapter.hears(3, every=2))
