@@ -19,6 +19,8 @@ from oracle_server.store import Store
 
 _CHUNK = 2_000
 """Rows that are deleted with one commit, so that none waits long for it."""
+_OF_A_SESSION = (("refused", "session"), ("monitors", "session"), ("snapshots", "session"), ("sessions", "number"))
+"""The tables besides `steps` that have rows of a session, and their columns with its number; itself at last."""
 
 log = structlog.get_logger()
 
@@ -103,7 +105,7 @@ class Pruner:
             end = min(start + _CHUNK, session.first + count)
             await self._do("DELETE FROM steps WHERE session = ? AND position < ?", (session.number, end))
         if count > session.size:
-            for table, key in (("refused", "session"), ("monitors", "session"), ("sessions", "number")):
+            for table, key in _OF_A_SESSION:
                 await self._do(f"DELETE FROM {table} WHERE {key} = ?", (session.number,))  # noqa: S608
         log.info("history deleted", session=session.number, events=min(count, session.size))
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sqlite3
+from contextlib import closing
+
 from tests.server.client import attached, make_event, make_events
 from tests.server.conftest import Starts
 from tests.server.harness import Server
@@ -53,6 +56,25 @@ async def test_an_open_session_keeps_what_it_is_restored_from(start: Starts) -> 
     server = start()
     assert kept(server) == {"open": list(range(1, 41))}
     assert server.get("sessions/open")["properties"] == state
+
+
+async def test_nothing_is_left_of_a_session_that_goes(start: Starts) -> None:
+    server = start()
+    async with attached(server, session="s", spec="single") as monitor:
+        await monitor.send(make_event(1, "/nowhere"))
+        await monitor.expect("error", seq=1)
+        await monitor.send(make_events(*(make_event(i, at=i, data={"v": 1}) for i in range(2, 1501))))
+        await monitor.acked(1500)
+    assert server.http.delete("/api/v1/sessions/s").status_code == 200
+    assert server.stop() == 0
+    with closing(sqlite3.connect(server.data / "history.sqlite")) as database:
+        tables = [name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
+        database.execute("INSERT OR IGNORE INTO snapshots VALUES (1, 1, '{}')")
+        database.commit()
+        assert all(database.execute(f"SELECT count(*) FROM {name}").fetchone()[0] for name in tables), tables
+        server = start(**OFTEN, ORACLE_RETAIN_AGE="1ms")
+        await server.until(lambda: kept(server), lambda found: not found)
+        assert not any(database.execute(f"SELECT count(*) FROM {name}").fetchone()[0] for name in tables), tables
 
 
 async def test_a_session_goes_once_it_was_closed_long_enough(start: Starts) -> None:
