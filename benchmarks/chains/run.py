@@ -16,8 +16,8 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from chains.measured import Measured, print_table, rows
-from chains.parts import CALLS, PATIENCE
+from .measured import Measured, print_table, rows
+from .parts import CALLS, PATIENCE
 
 ROOT = Path(__file__).resolve().parents[2]
 SERVER = ROOT / ".build" / "server" / "bin" / "oracle-server"

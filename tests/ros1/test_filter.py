@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import signal
 import time
 from collections.abc import Callable, Sequence
@@ -127,6 +128,30 @@ def test_who_publishes_past_the_monitor_is_told(tmp_path: Path) -> None:
         adapter.said("/number: /peer0 publishes /number past the monitor")
         sneak.withdraw("/number")
         adapter.said("/number: well again")
+
+
+def test_a_session_made_anew_is_observed_by_the_spec_of_today(tmp_path: Path) -> None:
+    with gate(tmp_path) as scene:
+        adapter, speaker, hearer = scene.adapter("gate"), scene.peer(), scene.peer()
+        scene.server.kill()
+        shutil.rmtree(tmp_path / "data")
+        spec = tmp_path / "specs" / "spec.yaml"
+        more = "  - topic: /new\n    type: std_msgs/Int64\nproperties:"
+        spec.write_text(
+            spec.read_text().replace("properties:", more).replace("intercept: publisher", "intercept: subscriber")
+        )
+        scene.server.restart()
+        adapter.said("observing 2 streams")
+        hearer.record(Int64, "/number_mon", speakers=1)
+        speaker.advertise(Int64, "/number")
+        speaker.advertise(Int64, "/new")
+        speaker.publish("/number", *numbers(7, 8))
+        speaker.publish("/new", *numbers(1))
+        assert values(hearer.heard("/number_mon", 1)) == [8]
+        events = eventually(lambda: scene.server.events("s"), lambda found: len(found) == 3)
+        assert sorted(event["stream"] for event in events) == ["/new", "/number", "/number"]
+        assert "past the monitor" not in adapter.log
+        adapter.ends_well()
 
 
 def say_on(_: Any) -> SetBoolResponse:

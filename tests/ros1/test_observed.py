@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import json
 import re
 import subprocess
 import sys
@@ -312,3 +313,18 @@ def test_check_knows_which_of_ros_own_types_hold_no_time(tmp_path: Path) -> None
     told = subprocess.run([SERVER, "check", "--ros", "1", spec], capture_output=True, text=True, check=True).stderr
     warned = [kind._type for i, kind in enumerate(kinds) if f"/a{i} is ordered by its arrival" in told]
     assert warned == [kind._type for kind in kinds if stamp_reader(kind, None) is None]
+
+
+def test_the_graph_can_be_dumped(tmp_path: Path) -> None:
+    with Scene(tmp_path) as scene:
+        peer = scene.peer()
+        peer.record(Int64, "/heard")
+        peer.advertise(Int64, "/said", listeners=0)
+        dump = scene.run("dump", sys.executable, "-m", "oracle_ros1", "--dump-graph", "--monitor", "dumper")
+        found = json.loads(dump.said(r"(?s)\{.*\}\n")[0])
+        node = {node["name"]: node for node in found["nodes"]}["/peer0"]
+        assert (node["publishes"], node["subscribes"]) == (
+            {"/said": ["std_msgs/Int64"]},
+            {"/heard": ["std_msgs/Int64"]},
+        )
+        assert "/dumper" not in [node["name"] for node in found["nodes"]]

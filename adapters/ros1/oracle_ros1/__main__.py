@@ -6,6 +6,7 @@ Options but --remap can also be private parameters of the node: ~oracle, ~spec, 
 from __future__ import annotations
 
 import argparse
+import json
 import re
 import signal
 import sys
@@ -14,19 +15,19 @@ import time
 from typing import List, Optional, Sequence, Tuple
 
 import rospy
-from oracle_adapter import Attached, Board, Link, LinkError, Names
-from oracle_adapter.command import default, parser, unknown_remap, wait_attached
+from oracle_adapter import Board, Link, LinkError, Names
+from oracle_adapter.command import default, parser, wait_attached
 
 from oracle_ros1.codec import CodecError
+from oracle_ros1.graph import dump_graph
 from oracle_ros1.monitor import CLOCK_PERIOD, Monitor
 from oracle_ros1.screen import Screen
-from oracle_ros1.stamps import on_back, simulated_now, wall_now
 
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:
     """Run until SIGINT or SIGTERM; 0 after a clean stop, 2 where it can't start or the server refused."""
     own, for_ros = _split(sys.argv if arguments is None else arguments)
-    options = parser("oracle_ros1", __doc__).parse_args(own[1:])
+    options = _parse(own[1:])
     name = re.sub(r"\W", "_", (options.monitor or "monitor").strip("/")) or "monitor"
     rospy.init_node(name, argv=for_ros, disable_signals=True)  # waits for the master
     stopping = threading.Event()
@@ -34,12 +35,21 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
         signal.signal(number, lambda *_: stopping.set())
     rospy.on_shutdown(stopping.set)  # `rosnode kill`, or another node of this name
     try:
+        if options.dump_graph:
+            sys.stdout.write(json.dumps(dump_graph(), indent=2) + "\n")
+            return 0
         return _run(_completed(options), stopping)
     except (CodecError, ValueError) as error:
         rospy.logfatal(str(error))
         return 2
     finally:
         rospy.signal_shutdown("the monitor has ended")
+
+
+def _parse(arguments: Sequence[str]) -> argparse.Namespace:
+    options = parser("oracle_ros1", __doc__)
+    options.add_argument("--dump-graph", action="store_true", help="print the live graph as JSON, and end")
+    return options.parse_args(arguments)
 
 
 def _split(arguments: Sequence[str]) -> Tuple[List[str], List[str]]:
@@ -80,28 +90,25 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
     )  # fmt: skip
     link.start()
     try:
-        attached = wait_attached(link, stopping, rospy.logwarn)
-        if attached is not None:
-            _observe(link, board, names, attached, stopping, simulated=simulated)
+        _observe(link, board, names, stopping, simulated=simulated)
     finally:
         link.close()
     return 2 if failed else 0
 
 
-def _observe(
-    link: Link, board: Board, names: Names, attached: Attached, stopping: threading.Event, *, simulated: bool
-) -> None:
-    unknown = unknown_remap(names, attached)
-    if unknown:
-        raise ValueError(f"--remap {unknown}: {attached.spec} has no such stream")
-    monitor = Monitor(link, board, names, attached.streams, simulated_now if simulated else wall_now)
-    if simulated:
-        on_back(monitor.renew)
-    rospy.loginfo(f"observing {len(attached.streams)} streams for session {attached.session}")
-    while not stopping.is_set():  # not `wait`: a signal that comes inside it would wait for its lock
-        monitor.turn()
-        time.sleep(CLOCK_PERIOD)
-    monitor.stop()
+def _observe(link: Link, board: Board, names: Names, stopping: threading.Event, *, simulated: bool) -> None:
+    """Observe what the oracle wants until `stopping` is set. Raises `CodecError`, or ValueError for a bad remap."""
+    attached = wait_attached(link, stopping, rospy.logwarn)
+    while attached is not None:
+        monitor = Monitor(link, board, names, attached, simulated=simulated)
+        while not stopping.is_set() and not monitor.outdated:
+            monitor.turn()
+            time.sleep(CLOCK_PERIOD)  # not `stopping.wait`: a signal that comes inside it would wait for its lock
+        monitor.stop()
+        if stopping.is_set():
+            return
+        monitor.retire()
+        attached = wait_attached(link, stopping, rospy.logwarn)
 
 
 if __name__ == "__main__":

@@ -3,12 +3,37 @@
 from __future__ import annotations
 
 import threading
-from typing import Dict, List
+from typing import Any, Dict, List
 
 import rospy
 
 PERIOD = 1.0
 """Seconds between two questions."""
+
+
+NOISE = ("/rosout", "/rosout_agg")
+SERVICES = ("/get_loggers", "/set_logger_level")  # that every node has
+
+
+def dump_graph() -> Dict[str, Any]:
+    """The graph without this node, as `oracle-server check --ros-graph` reads it: types by the names of topics.
+
+    ROS 1 does not tell who calls a service.
+    """
+    master = rospy.get_master()
+    _, _, types = master.getTopicTypes()
+    _, _, (publishers, subscribers, services) = master.getSystemState()
+    kinds = {topic: [kind] for topic, kind in types}
+    nodes: Dict[str, Any] = {}
+    for key, entries in (("publishes", publishers), ("subscribes", subscribers), ("serves", services)):
+        for name, users in entries:
+            if name in NOISE or (key == "serves" and name.endswith(SERVICES)):
+                continue
+            for user in users:
+                blank: Dict[str, Any] = {"name": user, "publishes": {}, "subscribes": {}, "serves": {}, "calls": {}}
+                nodes.setdefault(user, blank)[key][name] = kinds.get(name, [])
+    nodes.pop(rospy.get_name(), None)
+    return {"nodes": [nodes[name] for name in sorted(nodes)]}
 
 
 class Graph:

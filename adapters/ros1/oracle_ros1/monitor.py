@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import itertools
-from typing import Any, List, Mapping, Sequence, Union
+from typing import List, Union
 
-from oracle_adapter import Board, ClockStamp, Link, Names
+import rospy
+from oracle_adapter import Attached, Board, ClockStamp, Link, Names
+from oracle_adapter.command import unknown_remap
 
 from oracle_ros1.graph import Graph
 from oracle_ros1.services import ProxiedService
-from oracle_ros1.stamps import Now
+from oracle_ros1.stamps import on_back, simulated_now, wall_now
 from oracle_ros1.topics import FilteredTopic, LoggedTopic
 
 CLOCK_PERIOD = 0.01
@@ -21,9 +23,17 @@ LOOK_EVERY = 5
 class Monitor:
     """Everything that one node observes for one link."""
 
-    def __init__(self, link: Link, board: Board, names: Names, streams: Sequence[Mapping[str, Any]], now: Now) -> None:
-        """Observe the streams that the server named. Raises `CodecError` where a type is not there."""
-        self._link, self._board, self._now = link, board, now
+    def __init__(self, link: Link, board: Board, names: Names, attached: Attached, *, simulated: bool) -> None:
+        """Observe the streams that the server named.
+
+        Raises `CodecError` where a type is not there, ValueError where a remapped stream isn't.
+        """
+        unknown = unknown_remap(names, attached)
+        if unknown:
+            raise ValueError(f"--remap {unknown}: {attached.spec} has no such stream")
+        self._link, self._board, self._streams = link, board, attached.streams
+        self._now = now = simulated_now if simulated else wall_now
+        streams = attached.streams
         by_key = {(s["name"], s["kind"]): s for s in streams}
         self._services = [
             ProxiedService(link, board, names, s, by_key[s["name"], "response"], now)
@@ -41,6 +51,14 @@ class Monitor:
         ]
         self._graph.start()
         self._turns = itertools.count()
+        self._jumps = on_back(lambda: link.renew(self._stamps)) if simulated else None
+        rospy.loginfo(f"observing {len(streams)} streams for session {attached.session}")
+
+    @property
+    def outdated(self) -> bool:
+        """Whether the oracle wants other streams by now: a session that was made anew has the spec of today."""
+        attached = self._link.attached
+        return attached is not None and attached.streams != self._streams
 
     def turn(self) -> None:
         """Tell the clocks and, now and then, how the streams are; to be called every `CLOCK_PERIOD`."""
@@ -49,16 +67,19 @@ class Monitor:
         self._link.clock(self._stamps)
 
     def stop(self) -> None:
-        """Take nothing more."""
+        """Take nothing more; what is decided yet is still forwarded."""
         self._graph.stop()
+        if self._jumps is not None:
+            self._jumps.unregister()
         for service in self._services:
             service.stop()
         for topic in self._topics:
             topic.stop()
 
-    def renew(self) -> None:
-        """Go on in another session: simulated time went back."""
-        self._link.renew(self._stamps)
+    def retire(self) -> None:
+        """Forward nothing any more, to make room for another monitor."""
+        for topic in self._topics:
+            topic.retire()
 
     def _look(self) -> None:
         """Tell how the streams are."""

@@ -36,8 +36,8 @@ def simulated_now() -> Optional[int]:
     return rospy.get_rostime().to_nsec() or None
 
 
-def on_back(call: Callable[[], None]) -> None:
-    """Call something whenever simulated time goes back."""
+def on_back(call: Callable[[], None]) -> rospy.Subscriber:
+    """Call something whenever simulated time goes back, until what is returned is unregistered."""
     newest = genpy.Time()
 
     def hear(clock: Clock) -> None:  # behind rospy's own, so that its time has gone back already
@@ -46,7 +46,7 @@ def on_back(call: Callable[[], None]) -> None:
         if newest < before:
             call()
 
-    rospy.Subscriber("/clock", Clock, hear)
+    return rospy.Subscriber("/clock", Clock, hear)
 
 
 def _at(message: Any, names: Sequence[str]) -> Any:

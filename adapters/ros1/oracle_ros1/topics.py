@@ -6,7 +6,7 @@ Messages are taken as they were sent: any topic can be observed, and what is for
 from __future__ import annotations
 
 import threading
-from typing import Any, Mapping, Optional, Union
+from typing import Any, List, Mapping, Union
 
 import rospy
 from oracle_adapter import PROXY, Board, Link, Names
@@ -35,6 +35,9 @@ class LoggedTopic:
         """Take no more."""
         self._subscriber.unregister()
 
+    def retire(self) -> None:
+        """There is nothing that it forwards."""
+
     def _take(self, message: rospy.AnyMsg) -> None:
         decoder = self.observed.decoder(header_of(message))
         if isinstance(decoder, str):
@@ -59,8 +62,8 @@ class FilteredTopic:
         taken, self._given = (proxy, name) if stream["intercept"] == "publisher" else (name, proxy)
         self._gate = Gate(Passing(link, board, stream), self._forward)
         self._making = threading.Lock()
-        self._publisher: Optional[rospy.Publisher] = None
-        self._latched = False
+        self._publishers: List[rospy.Publisher] = []
+        self._latched = self._retired = False
         if self.observed.installed:
             self._publish(self.observed.installed, latched=False)
         self._subscriber = rospy.Subscriber(taken, rospy.AnyMsg, self._take, tcp_nodelay=True)
@@ -78,6 +81,13 @@ class FilteredTopic:
     def stop(self) -> None:
         """Take no more; what is decided yet is still forwarded."""
         self._subscriber.unregister()
+
+    def retire(self) -> None:
+        """Forward no more."""
+        with self._making:
+            self._retired = True
+            for publisher in self._publishers:
+                publisher.unregister()
 
     def _take(self, message: rospy.AnyMsg) -> None:
         header = header_of(message)
@@ -101,13 +111,15 @@ class FilteredTopic:
     def _publish(self, decoder: Decoder, *, latched: bool) -> rospy.Publisher:
         """Give messages of this definition, unless others are given; latched once one of its publishers is."""
         with self._making:
-            if self._publisher is None or latched > self._latched:
-                made = self._publisher.data_class if self._publisher else decoder.definition.type
+            if not self._publishers or latched > self._latched:
+                made = self._publishers[0].data_class if self._publishers else decoder.definition.type
                 # rospy shares connections among a topic's publishers: a second one only switches latching on.
-                self._publisher = rospy.Publisher(self._given, made, latch=latched, tcp_nodelay=True, queue_size=DEPTH)
+                publisher = rospy.Publisher(self._given, made, latch=latched, tcp_nodelay=True, queue_size=DEPTH)
+                self._publishers.append(publisher)
                 self._latched |= latched
-            return self._publisher
+            return self._publishers[0]
 
     def _forward(self, message: rospy.AnyMsg) -> None:
-        assert self._publisher is not None  # noqa: S101 - made before the message was asked about
-        self._publisher.publish(message)
+        with self._making:
+            if not self._retired:
+                self._publishers[0].publish(message)
