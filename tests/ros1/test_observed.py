@@ -227,12 +227,17 @@ class World:
         self.peer.publish("/clock", Clock(rospy.Time(seconds)))
         self._adapter.said(r"attached s\.run2")
 
-    def say(self, number: int, seconds: int) -> None:
-        """Publish a point with a stamp, and a number without."""
+    def say(self, number: int, seconds: int, session: str = "s") -> None:
+        """Publish a point with a stamp, and a number without, which has arrived when this returns."""
+        before = self._taken(session)
         point = PointStamped()
         point.header.stamp.secs = seconds
         self.peer.publish("/point", point)
         self.peer.publish("/number", Int64(number))
+        eventually(lambda: self._taken(session), lambda taken: taken == before + 2)
+
+    def _taken(self, session: str) -> int:
+        return int(self._scene.server.session(session)["monitors"][0]["next"])
 
     def _frontier(self, session: str) -> int:
         streams = self._scene.server.session(session)["streams"]
@@ -250,7 +255,7 @@ def test_stamps_follow_simulated_time_and_a_jump_back_begins_a_new_session(tmp_p
         assert [event["stamp"] // SECOND for event in events] == [10, 10, 11, 11, 12, 12]
         world.back_to(5)
         assert scene.server.session("s")["status"] == "closed"
-        world.say(7, 5)
+        world.say(7, 5, "s.run2")
         world.at(6, "s.run2")
         again = eventually(lambda: scene.server.events("s.run2"), lambda found: len(found) == 2)
         assert [event["stamp"] // SECOND for event in again] == [5, 5]
