@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from oracle_server.core.spec import StreamSpec
+from oracle_server.core.events import StreamKey
+from oracle_server.core.plan import Plan
 from oracle_server.live import LiveSession
 from oracle_server.monitors import Monitor
 from oracle_server.protocol import MAX_BATCH, MAX_DEPTH, MAX_FRAME
@@ -18,7 +19,7 @@ def attached_frame(session: LiveSession, monitor: Monitor) -> dict[str, Any]:
         "session": session.id,
         "spec": session.spec.id,
         "spec_digest": session.spec.digest,
-        "streams": [_stream(session, session.spec.by_key[key]) for key in monitor.streams],
+        "streams": [described(session.core.plan, key) for key in monitor.streams],
         "next": monitor.numbering.next,
         "limits": {
             "max_frame": MAX_FRAME,
@@ -29,9 +30,10 @@ def attached_frame(session: LiveSession, monitor: Monitor) -> dict[str, Any]:
     }
 
 
-def _stream(session: LiveSession, stream: StreamSpec) -> dict[str, Any]:
-    fields = session.core.plan.streams[stream.key].project.fields
-    described: dict[str, Any] = {
+def described(plan: Plan, key: StreamKey) -> dict[str, Any]:
+    """One stream, as an adapter is told of it."""
+    stream, fields = plan.spec.by_key[key], plan.streams[key].project.fields
+    told: dict[str, Any] = {
         "name": stream.name,
         "kind": stream.kind,
         "type": stream.type,
@@ -42,7 +44,7 @@ def _stream(session: LiveSession, stream: StreamSpec) -> dict[str, Any]:
         "fields": None if fields is None else sorted(fields),
     }
     if stream.action == "filter":
-        described |= {"on_unavailable": stream.on_unavailable, "decide_within": stream.decide_within}
+        told |= {"on_unavailable": stream.on_unavailable, "decide_within": stream.decide_within}
     if stream.kind == "topic":
-        return described | {"intercept": stream.intercept}
-    return described | {"proxy": stream.proxy, "denied_response": stream.denied_response}
+        return told | {"intercept": stream.intercept}
+    return told | {"proxy": stream.proxy, "denied_response": stream.denied_response}

@@ -219,6 +219,20 @@ def verdicts(
     show_verdicts(Client(url, token), session, property_ or [], outcome or [], as_json=as_json)
 
 
+@app.command()
+def streams(spec: Annotated[Path, typer.Argument(metavar="SPEC", help="A spec file.")]) -> None:
+    """Print what an adapter has to observe for a spec, for its `--log` without a server."""
+    import json
+
+    from oracle_server.attachment import described
+    from oracle_server.core.plan import plan
+
+    ready = plan(load_spec(spec).spec)
+    told = [described(ready, key) for key in ready.streams]
+    document = {"spec": ready.spec.id, "spec_digest": ready.spec.digest, "streams": told}
+    typer.echo(json.dumps(document, indent=2))
+
+
 @app.command("import")
 def import_(
     config: Annotated[Path, typer.Argument(metavar="CONFIG", help="A configuration of ROSMonitoring (.yaml).")],

@@ -8,6 +8,7 @@ from oracle_adapter.errors import LinkError
 from oracle_adapter.exchange import Stamp, State
 from oracle_adapter.jsonvalues import dumps
 from oracle_adapter.link import Link
+from oracle_adapter.logfile import LogFile, open_log
 from oracle_adapter.marks import ClockStamp
 from oracle_adapter.names import PROXY, Names
 from oracle_adapter.protocol import Attached, TimeSource
@@ -22,6 +23,7 @@ __all__ = [
     "ClockStamp",
     "Link",
     "LinkError",
+    "LogFile",
     "Names",
     "Policy",
     "Stamp",
@@ -33,5 +35,6 @@ __all__ = [
     "Why",
     "dumps",
     "graph_name",
+    "open_log",
     "should_pass",
 ]

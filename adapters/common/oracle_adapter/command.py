@@ -37,6 +37,14 @@ def parser(program: str, description: Optional[str]) -> argparse.ArgumentParser:
     options.add_argument(
         "--namespace", help="what goes before all names of the spec, such as /uav1"
     )
+    options.add_argument(
+        "--log", metavar="FILE", help="write events there, as JSON Lines, and use no oracle"
+    )
+    options.add_argument(
+        "--streams",
+        metavar="FILE",
+        help="for --log, what to observe: the output of `oracle-server streams SPEC`",
+    )
     options.add_argument("--token", help="the server's token; default ORACLE_TOKEN")
     return options
 

@@ -1,6 +1,7 @@
 """`python3 -m oracle_ros1`: attach this machine's ROS 1 graph to an oracle server.
 
-Options but --remap can also be private parameters of the node: ~oracle, ~spec, ~session, ~monitor, ~namespace, ~token.
+Options but --remap can also be private parameters of the node: ~oracle, ~spec, ~session, ~monitor, ~namespace, ~token,
+~log, ~streams.
 """
 
 from __future__ import annotations
@@ -12,10 +13,10 @@ import signal
 import sys
 import threading
 import time
-from typing import List, Optional, Sequence, Tuple
+from typing import Any, List, Optional, Sequence, Tuple
 
 import rospy
-from oracle_adapter import Board, Link, LinkError, Names
+from oracle_adapter import Board, Link, LinkError, Names, open_log
 from oracle_adapter.command import default, parser, wait_attached
 
 from oracle_ros1.codec import CodecError
@@ -83,11 +84,14 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
             stopping.set()
 
     simulated = bool(rospy.get_param("/use_sim_time", False))
-    link = Link(
-        options.oracle, options.monitor, spec=options.spec, session=options.session, token=options.token,
-        clock="sim" if simulated else "wall", on_error=on_error, on_state=board.on_state,
-        on_violation=board.on_violation, on_verdicts=board.on_verdicts,
-    )  # fmt: skip
+    if options.log:
+        link: Any = open_log(options.log, options.streams, options.monitor, board.on_state, on_error)
+    else:
+        link = Link(
+            options.oracle, options.monitor, spec=options.spec, session=options.session, token=options.token,
+            clock="sim" if simulated else "wall", on_error=on_error, on_state=board.on_state,
+            on_violation=board.on_violation, on_verdicts=board.on_verdicts,
+        )  # fmt: skip
     link.start()
     try:
         _observe(link, board, names, stopping, simulated=simulated)

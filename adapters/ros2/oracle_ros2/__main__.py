@@ -7,10 +7,11 @@ import json
 import signal
 import sys
 import threading
-from typing import Sequence
+from contextlib import closing
+from typing import Any, Sequence
 
 import rclpy
-from oracle_adapter import Board, Link, LinkError, Names
+from oracle_adapter import Board, Link, LinkError, Names, open_log
 from oracle_adapter.command import default, parser, wait_attached
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
@@ -82,19 +83,23 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
             failed.append(error)
             stopping.set()
 
-    link = Link(
-        options.oracle, options.monitor, spec=options.spec, session=options.session, token=options.token,
-        clock="sim" if simulated(node) else "wall", on_error=on_error, on_state=board.on_state,
-        on_violation=board.on_violation, on_verdicts=board.on_verdicts,
-    )  # fmt: skip
-    link.start()
+    def make_link() -> Any:
+        if options.log:
+            return open_log(options.log, options.streams, options.monitor, board.on_state, on_error)
+        return Link(
+            options.oracle, options.monitor, spec=options.spec, session=options.session, token=options.token,
+            clock="sim" if simulated(node) else "wall", on_error=on_error, on_state=board.on_state,
+            on_violation=board.on_violation, on_verdicts=board.on_verdicts,
+        )  # fmt: skip
+
     try:
-        _observe(node, link, board, options.names, stopping)
+        with closing(make_link()) as link:
+            link.start()
+            _observe(node, link, board, options.names, stopping)
     except (CodecError, ValueError) as error:
         log.fatal(str(error))
         return 2
     finally:
-        link.close()
         node.destroy_node()
     return 2 if failed else 0
 

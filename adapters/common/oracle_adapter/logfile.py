@@ -1,0 +1,134 @@
+"""An offline monitor's log: what a link would have sent, in a file that `replay` takes."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import threading
+import time
+from typing import IO, TYPE_CHECKING, Any, Callable, Dict, Mapping, Optional
+
+from oracle_adapter.errors import LinkError
+from oracle_adapter.jsonvalues import dumps
+from oracle_adapter.protocol import Attached
+from oracle_adapter.stats import Stats
+
+if TYPE_CHECKING:
+    from oracle_adapter.exchange import Stamp, State
+
+
+class LogFile:
+    """Stands where a `Link` does when there is no oracle: it writes events, and denies nothing.
+
+    Streams are observed only, whatever the spec would have filtered; services stay behind their
+    proxies, since there is no other way to hear them.
+    """
+
+    def __init__(
+        self,
+        path: str,
+        described: Mapping[str, Any],
+        monitor: str,
+        on_state: Callable[[State, str], None],
+        on_error: Callable[[LinkError], None],
+    ) -> None:
+        """Append to `path`; `described` is what `oracle-server streams SPEC` prints.
+
+        Raises ValueError where one of them can't be used.
+        """
+        try:
+            streams = tuple({**s, "action": "log"} for s in described["streams"])
+            spec, digest = str(described["spec"]), str(described["spec_digest"])
+        except (KeyError, TypeError):
+            raise ValueError("--streams: is not what `oracle-server streams SPEC` prints") from None
+        self.attached = Attached(monitor, path, spec, digest, streams, {})
+        self._monitor, self._on_state, self._on_error = monitor, on_state, on_error
+        self._lock = threading.Lock()
+        self._stats = Stats()
+        self._seq = self._arrived = 0
+        try:
+            self._file: IO[str] = open(path, "a", encoding="utf-8", buffering=1)  # noqa: SIM115
+        except OSError as error:
+            raise ValueError(f"--log {path}: can't be written: {error.strerror}") from None
+
+    def start(self) -> None:
+        """Say that there is somewhere to tell events to."""
+        self._on_state("attached", f"attached to the log {self.attached.session}")
+
+    def wait_attached(self, timeout: Optional[float] = None) -> Attached:  # noqa: ARG002
+        """The streams to observe."""
+        return self.attached
+
+    def send(
+        self,
+        stream: str,
+        kind: str,
+        stamp: Stamp,
+        data: Any,
+        *,
+        source: Optional[str] = None,
+        call: Optional[int] = None,
+        lost: Optional[int] = None,
+    ) -> bool:
+        """Write an event as a line, at once; False where it could not be, which is told."""
+        line: Dict[str, Any] = {"stream": stream, "kind": kind, "monitor": self._monitor}
+        given = {"source": source, "call": call, "lost": lost}
+        line.update((name, value) for name, value in given.items() if value is not None)
+        with self._lock:
+            published = stamp() if callable(stamp) else stamp
+            self._arrived = max(self._arrived, time.time_ns())
+            self._seq += 1
+            line.update(seq=self._seq, stamp=published, arrived=self._arrived, data=data)
+            try:
+                self._file.write(dumps(line) + "\n")
+            except (OSError, ValueError) as error:
+                self._stats.lost += 1
+                first = self._stats.lost == 1
+                reason = getattr(error, "strerror", None) or str(error)
+            else:
+                self._stats.sent += 1
+                return True
+        if first:
+            self._on_error(LinkError("lost", f"the log can't be written: {reason}"))
+        return False
+
+    def clock(self, stamps: object) -> None:
+        """Pass over what only an order that is being made needs."""
+
+    def renew(self, stamps: object) -> None:
+        """Pass over it: a log goes on where simulated time goes back."""
+
+    def report(self, stream: str, kind: str, **said: object) -> None:
+        """Pass over it: there is no server to show it."""
+
+    def stats(self) -> Stats:
+        """The counters, as they are now."""
+        with self._lock:
+            return Stats(sent=self._stats.sent, lost=self._stats.lost)
+
+    def close(self, timeout: float = 5.0) -> bool:  # noqa: ARG002
+        """Close the file."""
+        with self._lock, contextlib.suppress(OSError):  # what can't be written was told of
+            self._file.close()
+        return True
+
+
+def open_log(
+    path: str,
+    streams: Optional[str],
+    monitor: str,
+    on_state: Callable[[State, str], None],
+    on_error: Callable[[LinkError], None],
+) -> LogFile:
+    """The log at `path` of the streams that the file `streams` describes. Raises ValueError."""
+    if not streams:
+        raise ValueError(
+            "--log needs --streams FILE; make it by `oracle-server streams SPEC > FILE`"
+        )
+    try:
+        with open(streams, encoding="utf-8") as file:
+            described = json.load(file)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise ValueError(f"--streams {streams}: can't be read: {reason}") from None
+    return LogFile(path, described, monitor, on_state, on_error)

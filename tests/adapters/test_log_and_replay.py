@@ -1,0 +1,114 @@
+"""An offline monitor's log, and what `replay` makes of it."""
+
+from __future__ import annotations
+
+import json
+import threading
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+from oracle_adapter import LinkError, LogFile, open_log
+
+from tests.server.harness import run
+
+ROOT = Path(__file__).parents[2]
+SPEC = ROOT / "specs" / "battery_uav.yaml"
+TRACE = ROOT / "examples" / "battery_uav" / "traces" / "fault_wrong_status.jsonl"
+
+
+@pytest.fixture(scope="module")
+def streams(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("streams") / "streams.json"
+    ended = run("streams", SPEC)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    path.write_text(ended.stdout)
+    return path
+
+
+def log_at(path: Path, streams: Path, errors: list[LinkError] | None = None) -> LogFile:
+    found: list[LinkError] = [] if errors is None else errors
+    return open_log(str(path), str(streams), "uav1", lambda state, detail: None, found.append)
+
+
+def test_streams_are_observed_and_none_is_filtered(streams: Path, tmp_path: Path) -> None:
+    log = log_at(tmp_path / "log.jsonl", streams)
+    attached = log.wait_attached()
+    log.close()
+    assert (attached.spec, attached.monitor) == ("battery_uav", "uav1")
+    assert {s["action"] for s in attached.streams} == {"log"}
+    assert ("/SetLED", "/SetLED_mon") in {(s["name"], s.get("proxy")) for s in attached.streams}
+
+
+def test_a_log_is_judged_as_the_events_were_told(streams: Path, tmp_path: Path) -> None:
+    events: list[dict[str, Any]] = [json.loads(line) for line in TRACE.read_text().splitlines()]
+    log = log_at(tmp_path / "log.jsonl", streams)
+    log.start()
+    for event in events:
+        stamp = event["stamp"]
+        assert log.send(event["stream"], event["kind"], partial(int, stamp), event["data"], call=event.get("call"))
+    assert (log.stats().sent, log.stats().lost) == (len(events), 0)
+    log.close()
+    lines = [json.loads(line) for line in (tmp_path / "log.jsonl").read_text().splitlines()]
+    assert [line["data"] for line in lines] == [event["data"] for event in events]
+    assert [line["arrived"] for line in lines] == sorted(line["arrived"] for line in lines)
+    ended = run("replay", SPEC, tmp_path / "log.jsonl", "--json")
+    assert ended.returncode == 1
+    properties = json.loads(ended.stdout.splitlines()[-1])["summary"]["properties"]
+    assert {name for name, p in properties.items() if p["violations"]} == {"status_matches_percentage"}
+
+
+def test_a_log_goes_on_behind_what_is_there_and_takes_bytes_and_what_is_no_number(
+    streams: Path, tmp_path: Path
+) -> None:
+    for value in (b"\x01\x02", float("nan")):
+        log = log_at(tmp_path / "log.jsonl", streams)
+        log.send("/a", "topic", None, {"v": value})
+        log.close()
+    values = [json.loads(line)["data"]["v"] for line in (tmp_path / "log.jsonl").read_text().splitlines()]
+    assert values == ["AQI=", "NaN"]
+
+
+def test_many_threads_write_whole_lines_in_order(streams: Path, tmp_path: Path) -> None:
+    log = log_at(tmp_path / "log.jsonl", streams)
+
+    def speak(number: int) -> None:
+        for i in range(200):
+            log.send(f"/{number}", "topic", i, {"v": i})
+
+    threads = [threading.Thread(target=speak, args=(number,)) for number in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    log.close()
+    lines = [json.loads(line) for line in (tmp_path / "log.jsonl").read_text().splitlines()]
+    assert [line["seq"] for line in lines] == list(range(1, 801))
+    for number in range(4):
+        assert [line["stamp"] for line in lines if line["stream"] == f"/{number}"] == list(range(200))
+
+
+def test_a_full_disk_is_told_once_and_counted(streams: Path) -> None:
+    errors: list[LinkError] = []
+    log = log_at(Path("/dev/full"), streams, errors)
+    assert [log.send("/a", "topic", None, {"v": 1}) for _ in range(3)] == [False] * 3
+    assert log.stats().lost == 3
+    (error,) = errors
+    assert "No space left" in str(error)
+    assert not error.fatal
+    log.close()
+
+
+@pytest.mark.parametrize("content", ["", "[]", '{"spec": "x"}', '{"streams": [5], "spec": "x", "spec_digest": "y"}'])
+def test_what_are_no_streams_is_refused_in_words(content: str, tmp_path: Path) -> None:
+    (tmp_path / "streams.json").write_text(content)
+    with pytest.raises(ValueError, match="--streams"):
+        log_at(tmp_path / "log.jsonl", tmp_path / "streams.json")
+    with pytest.raises(ValueError, match="--streams"):
+        log_at(tmp_path / "log.jsonl", tmp_path / "nothing.json")
+
+
+def test_a_log_that_can_not_be_written_is_refused(streams: Path, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="--log"):
+        log_at(tmp_path / "nowhere" / "log.jsonl", streams)
