@@ -22,7 +22,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from itertools import count
@@ -32,6 +32,7 @@ from typing import Any, NamedTuple
 import msgspec
 import uvicorn
 from fastapi import FastAPI, WebSocket, WebSocketDisconnect
+from lines import Line, table
 from websockets.asyncio.client import ClientConnection, connect
 
 from oracle_server.core.events import Event, Step, StreamKey
@@ -44,6 +45,7 @@ from oracle_server.specfile import parse_spec
 
 ROOT = Path(__file__).resolve().parents[1]
 PATIENCE = 60.0
+_SETTINGS = {"ORACLE_LOG": "json", "ORACLE_MAX_RATE": "0"}
 COMMIT = 256
 """Events to a commit of the bare loop."""
 
@@ -95,32 +97,6 @@ class Load:
     def _clock(self, stamp: int) -> Frame:
         streams = {(event["stream"], event["kind"]) for event in self.events}
         return {"type": "clock", "stamps": [{"stream": s, "kind": k, "stamp": stamp} for s, k in sorted(streams)]}
-
-
-@dataclass(frozen=True)
-class Line:
-    """A line of the table: `ratio` is `value` by `baseline`; `goal` bounds it, from above where it is a time."""
-
-    what: str
-    unit: str
-    value: float
-    baseline: float
-    goal: float | None = None
-
-    @property
-    def ratio(self) -> float:
-        return self.value / self.baseline
-
-    @property
-    def rises(self) -> bool:
-        """Whether more is better."""
-        return self.unit == "events/s"
-
-    @property
-    def met(self) -> bool | None:
-        if self.goal is None:
-            return None
-        return self.ratio >= self.goal if self.rises else self.ratio <= self.goal
 
 
 class Speed(NamedTuple):
@@ -329,7 +305,7 @@ class Server:
 def oracle(specs: Path, data: Path) -> Iterator[Server]:
     """A server with some specs."""
     command = [sys.executable, "-c", "from oracle_server.cli import main; main()", "serve", "--port", "0"]
-    environment = {k: v for k, v in os.environ.items() if not k.startswith("ORACLE_")} | {"ORACLE_LOG": "json"}
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("ORACLE_")} | _SETTINGS
     arguments = ["--specs", str(specs), "--data-dir", str(data)]
     with running([*command, *arguments], environment) as process:
         assert process.stderr is not None
@@ -378,30 +354,6 @@ def serve_echo() -> None:
 
 def percentile(values: list[int], share: float) -> int:
     return sorted(values)[math.ceil(share * len(values)) - 1]
-
-
-def table(lines: list[Line]) -> str:
-    rows = [("", "oracle", "bare", "", "ratio", "goal", "")]
-    for line in lines:
-        goal = "" if line.goal is None else f"{'≥' if line.rises else '≤'} {line.goal}"
-        verdict = {None: "", True: "met", False: "MISSED"}[line.met]
-        rows.append(
-            (line.what, f"{line.value:,.0f}", f"{line.baseline:,.0f}", line.unit, f"{line.ratio:.2f}", goal, verdict)
-        )
-    widths = [max(len(row[i]) for row in rows) for i in range(7)]
-    align: list[Callable[[str, int], str]] = [
-        str.ljust,
-        str.rjust,
-        str.rjust,
-        str.ljust,
-        str.rjust,
-        str.ljust,
-        str.ljust,
-    ]
-    return "\n".join(
-        "  ".join(put(cell, width) for put, cell, width in zip(align, row, widths, strict=True)).rstrip()
-        for row in rows
-    )
 
 
 def _encode(frame: Frame) -> str:

@@ -13,9 +13,8 @@ from oracle_server.core.credit import Credit
 from oracle_server.core.events import Event, StreamKey
 from oracle_server.core.session import Session
 from oracle_server.core.simulated import ClockReading, SimulatedTime
-from oracle_server.core.spec import Spec
 from oracle_server.core.verdicts import Judged, decision_frame, record
-from oracle_server.monitors import Monitor, Outbox
+from oracle_server.monitors import Monitor, Outbox, check_time, claimed
 from oracle_server.news import News
 from oracle_server.numbering import Numbering
 from oracle_server.protocol import (
@@ -24,7 +23,6 @@ from oracle_server.protocol import (
     ClockMessage,
     OutcomeMessage,
     ReportMessage,
-    TimeBase,
     WireError,
     encode,
 )
@@ -245,14 +243,7 @@ class LiveSession:
         """The first monitor says in which time a session runs. Raises a fatal `WireError` for one of another time."""
         if not self.monitors and wanted.clock == "sim":
             self.core.simulated = SimulatedTime(self.spec.by_key)
-        runs: TimeBase = "wall" if self.core.simulated is None else "sim"
-        if runs != wanted.clock:
-            kinds = {"wall": "wall time", "sim": "simulated time"}
-            message = (
-                f"session '{self.id}' runs in {kinds[runs]}, and '{wanted.monitor}' in {kinds[wanted.clock]}: "
-                f'attach it with `"clock": "{runs}"` (on ROS `use_sim_time`), or to another session'
-            )
-            raise WireError("clock_mismatch", message, fatal=True)
+        check_time(self.id, wanted, "wall" if self.core.simulated is None else "sim")
 
     def _enter(self) -> int:
         """The present time, in nanoseconds; while the history can't be written, the core judges nothing."""
@@ -404,13 +395,3 @@ class LiveSession:
     def _tick(self) -> None:
         self._armed = self._timer = None
         self._deliver(self.core.advance(self._enter()))
-
-
-def claimed(spec: Spec, names: list[str] | None) -> tuple[StreamKey, ...]:
-    """The streams of these names, None for all. Raises a fatal `WireError` where there is no such stream."""
-    if names is None:
-        return tuple(spec.by_key)
-    unknown = sorted(set(names) - spec.names)
-    if unknown:
-        raise WireError("bad_attach", f"'{unknown[0]}' is no stream of {spec.id}", fatal=True)
-    return tuple(key for key in spec.by_key if key.name in names)

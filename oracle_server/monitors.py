@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from oracle_server.core.events import StreamKey
+from oracle_server.core.spec import Spec
 from oracle_server.numbering import Numbering
-from oracle_server.protocol import StreamReport, TimeBase, WireError
+from oracle_server.protocol import Attach, StreamReport, TimeBase, WireError
 
 
 class Outbox(Protocol):
@@ -56,3 +57,24 @@ class Monitor:
     reports: dict[StreamKey, StreamReport] = field(default_factory=dict)
     """What it says of its streams."""
     expiry: asyncio.TimerHandle | None = None
+
+
+def claimed(spec: Spec, names: list[str] | None) -> tuple[StreamKey, ...]:
+    """The streams of these names, None for all. Raises a fatal `WireError` where there is no such stream."""
+    if names is None:
+        return tuple(spec.by_key)
+    unknown = sorted(set(names) - spec.names)
+    if unknown:
+        raise WireError("bad_attach", f"'{unknown[0]}' is no stream of {spec.id}", fatal=True)
+    return tuple(key for key in spec.by_key if key.name in names)
+
+
+def check_time(session: str, wanted: Attach, runs: TimeBase) -> None:
+    """Raise a fatal `WireError` where a monitor lives in another time than its session."""
+    if runs != wanted.clock:
+        kinds = {"wall": "wall time", "sim": "simulated time"}
+        message = (
+            f"session '{session}' runs in {kinds[runs]}, and '{wanted.monitor}' in {kinds[wanted.clock]}: "
+            f'attach it with `"clock": "{runs}"` (on ROS `use_sim_time`), or to another session'
+        )
+        raise WireError("clock_mismatch", message, fatal=True)

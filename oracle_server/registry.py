@@ -19,8 +19,8 @@ from oracle_server.core.session import Session
 from oracle_server.core.spec import By
 from oracle_server.engines.choice import make_engines
 from oracle_server.library import Entry, Library, UnknownSpecError
-from oracle_server.live import Identity, LiveSession, claimed
-from oracle_server.monitors import Monitor, Outbox
+from oracle_server.live import Identity, LiveSession
+from oracle_server.monitors import Monitor, Outbox, claimed
 from oracle_server.protocol import Attach, WireError
 from oracle_server.restore import restore
 from oracle_server.schema import Row

@@ -121,7 +121,7 @@ def _spin(executor: SingleThreadedExecutor, monitor: Monitor, stopping: threadin
     """Return when `stopping` is set, or the oracle wants other streams."""
     while not stopping.is_set() and not monitor.outdated:
         try:
-            executor.spin_once(timeout_sec=0.1)
+            executor.spin_once()  # the monitor's timers end it in time; a timeout would make one more at each turn
         except ExternalShutdownException:
             stopping.set()
     monitor.stop()
