@@ -164,3 +164,5 @@ def _undoing(spec: Spec) -> Iterator[Problem]:
             yield Problem(path, "`undo` is for what no one has seen: requests, and topics with `intercept: publisher`")
         if spec.ordering.by == "both":
             yield Problem(path, "`undo` needs one order: `by: both` judges an event by arrival before it is decided")
+        if stream.on_unavailable == "pass":
+            yield Problem(path, "`undo` needs `on_unavailable: deny`: what passed without a decision did happen")
