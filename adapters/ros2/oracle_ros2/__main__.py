@@ -13,12 +13,13 @@ from typing import Any, Sequence
 import rclpy
 from oracle_adapter import Board, Link, LinkError, Names, open_log
 from oracle_adapter.command import default, parser, wait_attached
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from oracle_ros2.codec import CodecError
 from oracle_ros2.graph import dump_graph
+from oracle_ros2.loop import Loop
 from oracle_ros2.monitor import Monitor
 from oracle_ros2.screen import Screen
 from oracle_ros2.stamps import simulated
@@ -106,22 +107,18 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
 
 def _observe(node: Node, link: Link, board: Board, names: Names, stopping: threading.Event) -> None:
     """Observe what the oracle wants until `stopping` is set. Raises `CodecError`, or ValueError for a bad remap."""
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    try:
+    loop = Loop(node)
+    attached = wait_attached(link, stopping, node.get_logger().warning)
+    while attached is not None:
+        _spin(loop, Monitor(node, link, board, names, attached), stopping)
         attached = wait_attached(link, stopping, node.get_logger().warning)
-        while attached is not None:
-            _spin(executor, Monitor(node, link, board, names, attached), stopping)
-            attached = wait_attached(link, stopping, node.get_logger().warning)
-    finally:
-        executor.shutdown()
 
 
-def _spin(executor: SingleThreadedExecutor, monitor: Monitor, stopping: threading.Event) -> None:
+def _spin(loop: Loop, monitor: Monitor, stopping: threading.Event) -> None:
     """Return when `stopping` is set, or the oracle wants other streams."""
     while not stopping.is_set() and not monitor.outdated:
         try:
-            executor.spin_once()  # the monitor's timers end it in time; a timeout would make one more at each turn
+            loop.turn()  # the monitor's timers end it in time
         except ExternalShutdownException:
             stopping.set()
     monitor.stop()

@@ -102,6 +102,8 @@ class Monitor:
         heard: int | None = self._now()
         for topic in self._topics:
             topic.heard.take_all()
+        for service in self._services:
+            service.tend()
         if not self._attention.is_paid(time.monotonic(), sum(topic.observed.count for topic in self._topics)):
             heard = None
         self._link.clock(lambda: self._readings(heard))

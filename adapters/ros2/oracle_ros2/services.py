@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import itertools
 import time
-from typing import TYPE_CHECKING, Any, Mapping
+from collections import deque
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Callable, Mapping
 
-from oracle_adapter import Answer, Board, Link
+from oracle_adapter import Board, Link
 from oracle_adapter.passing import Passing
-from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.clock import Clock, ClockType
-from rclpy.task import Future
+from rclpy.exceptions import InvalidHandle
 
 from oracle_ros2.codec import load_type, reader, write
+from oracle_ros2.loop import Later
 from oracle_ros2.stamps import stamp_reader, time_of
 
 if TYPE_CHECKING:
-    from oracle_adapter import ClockStamp, Names
+    from oracle_adapter import Answer, ClockStamp, Names
     from rclpy.node import Node
+
+    from oracle_ros2.loop import Reply
 
 DISCOVERY = 2.0  # seconds that a service may take to be discovered
 
@@ -48,67 +52,79 @@ class ProxiedService:
         self._request = _Side(link, board, request, self._type.Request)
         self._response = _Side(link, board, response, self._type.Response)
         self._calls = itertools.count(1)
-        self._group = ReentrantCallbackGroup()
-        self._client = node.create_client(self._type, names[self.name], callback_group=self._group)
-        proxy = names[request["proxy"]]
-        self._service = node.create_service(self._type, proxy, self._serve, callback_group=self._group)
+        self._early: deque[tuple[float, _Call]] = deque()  # when each gives up (s), and the call
+        self._client = node.create_client(self._type, names[self.name])
+        self._service = node.create_service(self._type, names[request["proxy"]], Later(self._serve))
 
     def stop(self) -> None:
         """Serve no more."""
         self._node.destroy_service(self._service)
         self._node.destroy_client(self._client)
 
-    async def _serve(self, request: Any, response: Any) -> Any:
-        call = next(self._calls)
-        if not await self._may_pass(self._request, request, call):
-            return write(response, self._denied)
-        if not self._client.service_is_ready() and not await self._appears():
-            self._board.error(f"{self.name} is not there: call {call} is answered by denied_response")
-            return write(response, self._denied)
-        answer = await self._client.call_async(request)
-        if not await self._may_pass(self._response, answer, call):
-            return write(response, self._denied)
-        return answer
+    def tend(self) -> None:
+        """Go on with calls that wait for the service to be discovered; to be called often, where callbacks run."""
+        for _ in range(len(self._early)):
+            patience, call = self._early.popleft()
+            if self._client.service_is_ready():
+                self._forward(call)
+            elif time.monotonic() < patience:
+                self._early.append((patience, call))
+            else:
+                self._board.error(f"{self.name} is not there: call {call.number} is answered by denied_response")
+                self._deny(call)
+
+    # The steps of a call, in the thread of the callbacks; in the link's after a decision.
+
+    def _serve(self, request: Any, reply: Reply) -> None:
+        call = _Call(next(self._calls), request, reply)
+        self._judge(self._request, request, call, lambda: self._forward_when_there(call))
+
+    def _forward_when_there(self, call: _Call) -> None:
+        if self._client.service_is_ready():
+            self._forward(call)
+        else:
+            self._early.append((time.monotonic() + DISCOVERY, call))
+
+    def _forward(self, call: _Call) -> None:
+        with suppress(InvalidHandle):  # stopped meanwhile
+            self._client.call_async(call.request).add_done_callback(lambda done: self._answer(call, done.result()))
+
+    def _answer(self, call: _Call, response: Any) -> None:
+        self._judge(self._response, response, call, lambda: call.reply(response))
+
+    def _deny(self, call: _Call) -> None:
+        call.reply(write(self._type.Response(), self._denied))
+
+    def _judge(self, side: _Side, message: Any, call: _Call, then: Callable[[], None]) -> None:
+        # stamped under the link's lock, so that no clock can say that nothing older will come
+        stamp = side.stamp(message) or self._time
+        data = side.read(message)
+        passing = side.passing
+        if passing is None:
+            self._link.send(self.name, side.kind, stamp, data, call=call.number)
+            then()
+            return
+
+        def settle(answer: Answer) -> None:
+            passed, _reason = passing.settle(answer, call.number)
+            if passed:
+                then()
+            else:
+                self._deny(call)
+
+        passing.ask(stamp, data, settle, call=call.number)
+        self._link.clock(self._now)  # or the decision would wait for the monitor's next one
 
     def _now(self) -> list[ClockStamp]:
         now = self._time()
         return [(self.name, side.kind, now) for side in (self._request, self._response) if side.stamped_here]
 
-    async def _appears(self) -> bool:
-        """Whether the service is there soon: one that has just been started may not have been discovered yet."""
-        settled: Future[bool] = Future(executor=self._node.executor)
-        end = time.monotonic() + DISCOVERY
 
-        def look() -> None:
-            ready = self._client.service_is_ready()
-            if not settled.done() and (ready or time.monotonic() > end):
-                settled.set_result(ready)
-
-        clock = Clock(clock_type=ClockType.STEADY_TIME)
-        timer = self._node.create_timer(0.02, look, self._group, clock)
-        ready = await settled
-        self._node.destroy_timer(timer)
-        return ready
-
-    async def _may_pass(self, side: _Side, message: Any, call: int) -> bool:
-        # stamped under the link's lock, so that no clock can say that nothing older will come
-        stamp = side.stamp(message) or self._time
-        data = side.read(message)
-        if side.passing is None:
-            self._link.send(self.name, side.kind, stamp, data, call=call)
-            return True
-        asked = side.passing.ask(stamp, data, call=call)
-        self._link.clock(self._now)  # or the decision would wait for the monitor's next one
-        executor = self._node.executor
-        settled: Future[Answer] = Future(executor=executor)
-
-        def settle(done: Any) -> None:  # in the link's thread
-            settled.set_result(done.result())
-            executor.wake()
-
-        asked.add_done_callback(settle)
-        passed, _reason = side.passing.settle(await settled, call)
-        return passed
+@dataclass(frozen=True)
+class _Call:
+    number: int
+    request: Any
+    reply: Reply
 
 
 class _Side:

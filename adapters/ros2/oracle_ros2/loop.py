@@ -1,0 +1,152 @@
+"""Calls what a node's subscriptions, timers, clients and services want called, one after the other in one thread.
+
+rclpy's executors make a wait set and a task for each message, and wake themselves twice: that takes several times as
+long as all that an adapter does with it.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, Callable, NamedTuple
+
+from rclpy.exceptions import InvalidHandle
+from rclpy.executors import ExternalShutdownException
+from rclpy.impl.implementation_singleton import rclpy_implementation as rcl
+from rclpy.subscription import Subscription
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+BURST = 100
+"""Messages of one subscription that are taken before others have their turn."""
+
+Reply = Callable[[Any], None]
+
+
+class Later:
+    """A service's callback that gets the request, and a function to reply by: whenever it wants to, in any thread."""
+
+    def __init__(self, take: Callable[[Any, Reply], None]) -> None:
+        self.take = take
+
+    def __call__(self, request: Any, response: Any) -> Any:
+        """Refuse: an executor of rclpy's sends what is returned, at once."""
+        raise NotImplementedError("a service that replies later is served by a Loop")
+
+
+class Loop:
+    """One node's callbacks. Only the thread that calls `turn` makes and destroys what it waits for."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._known: list[Any] = []
+        self._waiting: Any = None
+        self._entities: list[_Entity] = []
+
+    def turn(self) -> None:
+        """Wait until something is there, and take it; raises `ExternalShutdownException` where ROS was shut down."""
+        node = self._node
+        known = [*node.timers, *node.subscriptions, *node.clients, *node.services]
+        if known != self._known:
+            self._prepare(known)
+        waiting = self._waiting
+        waiting.clear_entities()
+        places = [entity.add(entity.handle) for entity in self._entities]
+        waiting.wait(-1)
+        if not node.context.ok():
+            raise ExternalShutdownException
+        for entity, place in zip(self._entities, places, strict=True):
+            if waiting.is_ready(entity.kind, place):
+                with suppress(InvalidHandle):  # destroyed by one that had its turn before
+                    entity.take()
+
+    def _prepare(self, known: list[Any]) -> None:
+        node = self._node
+        kinds = {"timer": node.timers, "subscription": node.subscriptions, "client": node.clients}
+        some = {kind: list(of_kind) for kind, of_kind in {**kinds, "service": node.services}.items()}
+        timers, subscriptions, clients, services = (len(of_kind) for of_kind in some.values())
+        waiting = rcl.WaitSet(subscriptions, 0, timers, clients, services, 0, node.context.handle)
+        self._entities = [
+            _Entity(kind, one.handle, getattr(waiting, f"add_{kind}"), _TAKES[kind](one))
+            for kind, of_kind in some.items()
+            for one in of_kind
+        ]
+        self._known, self._waiting = known, waiting
+
+
+class _Entity(NamedTuple):
+    kind: str
+    handle: Any
+    add: Callable[[Any], int]
+    take: Callable[[], None]
+
+
+def _timer(timer: Any) -> Callable[[], None]:
+    handle = timer.handle
+
+    def take() -> None:
+        with handle:
+            if not handle.is_timer_ready():
+                return
+            handle.call_timer()
+        timer.callback()
+
+    return take
+
+
+def _subscription(subscription: Any) -> Callable[[], None]:
+    handle, message_type, callback = subscription.handle, subscription.msg_type, subscription.callback
+    wants_info = subscription._callback_type is Subscription.CallbackType.WithMessageInfo  # noqa: SLF001 -- no other way
+    parts = 2 if wants_info else 1
+
+    def take() -> None:
+        with handle:
+            for _ in range(BURST):
+                taken = handle.take_message(message_type, False)
+                if taken is None:
+                    return
+                callback(*taken[:parts])
+
+    return take
+
+
+def _client(client: Any) -> Callable[[], None]:
+    handle, response_type = client.handle, client.srv_type.Response
+
+    def take() -> None:
+        with handle:
+            header, response = handle.take_response(response_type)
+        if header is not None:
+            with suppress(KeyError):  # nobody waits for it any more
+                client.get_pending_request(header.request_id.sequence_number).set_result(response)
+
+    return take
+
+
+def _service(service: Any) -> Callable[[], None]:
+    handle, kind, callback = service.handle, service.srv_type, service.callback
+
+    def take() -> None:
+        with handle:
+            request, header = handle.service_take_request(kind.Request)
+        if header is None:
+            return
+
+        def reply(response: Any) -> None:
+            with suppress(InvalidHandle):  # the service is gone, and its client's hope with it
+                service.send_response(response, header)
+
+        if isinstance(callback, Later):
+            callback.take(request, reply)
+        else:
+            reply(callback(request, kind.Response()))
+
+    return take
+
+
+_TAKES: dict[str, Callable[[Any], Callable[[], None]]] = {
+    "timer": _timer,
+    "subscription": _subscription,
+    "client": _client,
+    "service": _service,
+}
