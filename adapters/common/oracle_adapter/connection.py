@@ -6,14 +6,15 @@ import asyncio
 import inspect
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Callable, Coroutine, Dict, Optional, Union
+from typing import TYPE_CHECKING, Any, Callable, Coroutine, Dict, Iterator, Optional, cast
 from urllib.parse import urlsplit, urlunsplit
 
-from websockets.asyncio.client import ClientConnection, connect
+from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketException
 from websockets.typing import Subprotocol
 
 from oracle_adapter.errors import LinkError
+from oracle_adapter.websocket import WebSocket
 
 if TYPE_CHECKING:
     from ssl import SSLContext
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 PATH = "/api/v1/attach"
 MAX_MESSAGE = 1 << 26
 """Bytes of a frame from the server: a violation carries its events."""
+_AT_ONCE = 1 << 14
+"""Bytes that are written in one go, or one frame: a ping waits behind them."""
 REFUSALS = {401: "unauthorized", 403: "forbidden", 421: "misdirected"}
 """HTTP statuses that asking again won't change."""
 FAILURES = (OSError, EOFError, asyncio.TimeoutError, WebSocketException)
@@ -65,7 +68,7 @@ def attach_url(url: str) -> str:
     return urlunsplit((scheme, parts.netloc, path, parts.query, ""))
 
 
-async def open_connection(address: Address, timing: Timing) -> ClientConnection:
+async def open_connection(address: Address, timing: Timing) -> WebSocket:
     """Open a WebSocket; raises a fatal `LinkError` where it is refused, or one of `FAILURES`."""
     options: Dict[str, Any] = {} if address.tls is None else {"ssl": address.tls}
     # An oracle is on the robot's own network: the version for Python 3.8 knows no proxies, and the
@@ -73,8 +76,9 @@ async def open_connection(address: Address, timing: Timing) -> ClientConnection:
     if "proxy" in inspect.signature(connect.__init__).parameters:
         options["proxy"] = None
     try:
-        return await connect(
+        socket = await connect(
             address.url,
+            create_connection=WebSocket,
             subprotocols=[Subprotocol("oracle.v1")],
             additional_headers=_headers(address.token),
             compression=None,
@@ -84,6 +88,7 @@ async def open_connection(address: Address, timing: Timing) -> ClientConnection:
             max_size=MAX_MESSAGE,
             **options,
         )
+        return cast(WebSocket, socket)  # what it was told to create
     except InvalidStatus as error:
         status = error.response.status_code
         if status in REFUSALS:
@@ -97,9 +102,10 @@ def _headers(token: Optional[str]) -> Dict[str, str]:
 
 
 async def _until_closed(work: Coroutine[Any, Any, None]) -> None:
-    """Leave it to the reader to find the connection closed: it has frames to read until then."""
+    """Leave it to others to find the connection closed: frames may still be on their way."""
     with suppress(ConnectionClosed):
         await work
+        return
     await asyncio.Event().wait()
 
 
@@ -107,52 +113,75 @@ class Conversation:
     """Frames to and fro on one connection.
 
     `receive` takes each frame and says whether it was the last; `next_frame` gives the next one to
-    write or None, and is asked again whenever `woken` is set.
+    write or None, and is asked again whenever `pump` is called.
     """
 
     def __init__(
         self,
-        socket: ClientConnection,
+        socket: WebSocket,
         timing: Timing,
         *,
-        receive: Callable[[Union[str, bytes]], bool],
+        receive: Callable[[bytes], bool],
         next_frame: Callable[[], Optional[str]],
-        woken: asyncio.Event,
     ) -> None:
         self._socket, self._timing = socket, timing
-        self._receive, self._next_frame, self._woken = receive, next_frame, woken
-        self._time = asyncio.get_running_loop().time
+        self._receive, self._next_frame = receive, next_frame
+        loop = asyncio.get_running_loop()
+        self._time = loop.time
         self._heard = 0.0  # when the last frame came
+        self._over: asyncio.Future[None] = loop.create_future()  # the last frame, or what failed
 
     async def run(self, hello: str) -> None:
         """Return after the last frame and a close in order; raise where it ends otherwise."""
-        parts = (self._read(), _until_closed(self._write(hello)), _until_closed(self._watch()))
-        tasks = [asyncio.ensure_future(part) for part in parts]
+        socket = self._socket
+        socket.on_message, socket.on_room = self._take, self.pump
+        socket.write([hello])
+        watching = asyncio.ensure_future(_until_closed(self._watch()))
+        closed = asyncio.ensure_future(socket.wait_closed())
         try:
-            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-            for task in tasks:
-                if task.done():
-                    task.result()
+            await asyncio.wait([self._over, watching, closed], return_when=asyncio.FIRST_COMPLETED)
+            if self._over.done():
+                self._over.result()
+            elif closed.done():
+                raise socket.close_exc
+            else:
+                watching.result()
             with suppress(asyncio.TimeoutError):
-                await asyncio.wait_for(self._socket.close(), self._timing.close_timeout)
+                await asyncio.wait_for(socket.close(), self._timing.close_timeout)
         finally:
+            self._over.cancel()  # what still comes is not for this conversation
             # Closing in order would wait for bytes to leave that no one may be there to take.
-            self._socket.transport.abort()
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+            socket.transport.abort()
+            watching.cancel()
+            closed.cancel()
+            await asyncio.gather(watching, closed, return_exceptions=True)
 
-    async def _read(self) -> None:
-        while not self._receive(await self._socket.recv()):
-            self._heard = self._time()
+    def pump(self) -> None:
+        """Write what there is to write, unless the other side is slow to take it: then after it."""
+        while not self._socket.full and not self._over.done():
+            texts = list(self._some())
+            if not texts:
+                return
+            self._socket.write(texts)
 
-    async def _write(self, hello: str) -> None:
-        await self._socket.send(hello)
-        while True:
-            self._woken.clear()
-            for frame in iter(self._next_frame, None):
-                await self._socket.send(frame)
-            await self._woken.wait()
+    def _some(self) -> Iterator[str]:
+        size = 0
+        while size < _AT_ONCE:
+            frame = self._next_frame()
+            if frame is None:
+                return
+            size += len(frame)
+            yield frame
+
+    def _take(self, message: bytes) -> None:
+        if self._over.done():
+            return
+        self._heard = self._time()
+        try:
+            if self._receive(message):
+                self._over.set_result(None)
+        except Exception as error:  # noqa: BLE001 - raised where it can be handled
+            self._over.set_exception(error)
 
     async def _watch(self) -> None:
         """Raise once the other side is silent.

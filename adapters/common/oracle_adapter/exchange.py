@@ -1,4 +1,4 @@
-"""The protocol's state shared by threads: one lock around it, futures for asks, callbacks for news.
+"""The protocol's state shared by threads: one lock around it, callbacks for answers and news.
 
 Robot threads put events in and never wait; the link's own thread takes frames out, puts frames in,
 and alone calls back. No callback is called under the lock.
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import logging
 import threading
-from concurrent.futures import Future
 from operator import index
 from typing import TYPE_CHECKING, Any, Callable, Dict, Literal, Optional, Union
 
@@ -30,6 +29,8 @@ if TYPE_CHECKING:
 State = Literal["attached", "disconnected", "ended"]
 Stamp = Union[int, None, Callable[[], Optional[int]]]
 """Publication time (ns), None where there is none, or a function that is called under the lock."""
+Then = Callable[[Answer], None]
+"""What is done with the answer to an ask, mostly in the link's thread."""
 
 _log = logging.getLogger("oracle_adapter")
 
@@ -50,12 +51,13 @@ class Exchange:
         self._lock = threading.Lock()  # over all that follows
         self._changed = threading.Condition(self._lock)  # opened, attached or ended
         self._protocol = protocol
-        self._asks: Dict[int, Tuple[Queued, Future[Answer]]] = {}
+        self._asks: Dict[int, Tuple[Queued, Then]] = {}
         self._deadlines = Deadlines()
         self._timer: Optional[asyncio.TimerHandle] = None
         self._loop: Optional[asyncio.AbstractEventLoop] = None
-        self._woken: Optional[asyncio.Event] = None
-        self._awake = False  # the writer will look at the queue without being woken
+        self._pump: Callable[[], None] = _nothing
+        self._thread = 0
+        self._awake = False  # the queue will be looked at
         self._trouble: Optional[LinkError] = None  # why there is no connection
 
     # From robot threads
@@ -84,22 +86,19 @@ class Exchange:
             self._wake()
         return queued
 
-    def ask(self, stamp: Stamp, body: str, lost: int, seconds: float) -> Future[Answer]:
-        """Queue an event that wants an answer; the future has one within that time."""
-        future: Future[Answer] = Future()
-        future.set_running_or_notify_cancel()  # it can't be cancelled any more
+    def ask(self, stamp: Stamp, body: str, lost: int, seconds: float, then: Then) -> None:
+        """Queue an event that wants an answer; `then` gets it within that time, maybe at once."""
         with self._lock:
             if self._loop is None and self._protocol.ended is None:
                 raise LinkError("closed", "the link was not started")
             asked = self._protocol.ask(_read(stamp), body, lost)
             if self._loop is not None and not isinstance(asked, Answer):
-                self._asks[asked.number] = asked, future
+                self._asks[asked.number] = asked, then
                 if self._deadlines.add(self._loop.time() + seconds, asked.number):
                     self._loop.call_soon_threadsafe(self._set_timer, self._loop)
                 self._wake()
         if isinstance(asked, Answer):
-            future.set_result(asked)
-        return future
+            _call(then, asked)
 
     def outcome(self, answer: Answer, passed: bool, why: Why) -> None:
         """Queue what was done with an ask."""
@@ -147,10 +146,10 @@ class Exchange:
 
     # From the link's thread
 
-    def open(self, loop: asyncio.AbstractEventLoop, woken: asyncio.Event) -> None:
-        """Set `woken`, on its loop, whenever there is something to write."""
+    def open(self, loop: asyncio.AbstractEventLoop, pump: Callable[[], None]) -> None:
+        """Call `pump`, on its loop, whenever there is something to write."""
         with self._changed:
-            self._loop, self._woken = loop, woken
+            self._loop, self._pump, self._thread = loop, pump, threading.get_ident()
             self._changed.notify_all()
 
     def hello(self) -> str:
@@ -159,13 +158,13 @@ class Exchange:
             return self._protocol.hello()
 
     def next_frame(self) -> Optional[str]:
-        """The next frame to write, or None until `woken` is set."""
+        """The next frame to write, or None until `pump` is called."""
         with self._lock:
             frame = self._protocol.next_frame()
             self._awake = frame is not None
             return frame
 
-    def receive(self, frame: Union[str, bytes]) -> bool:
+    def receive(self, frame: bytes) -> bool:
         """Take in one frame, and say whether it was the last; raises what ends the connection."""
         with self._lock:
             self._protocol.receive(frame)
@@ -235,16 +234,19 @@ class Exchange:
         self._deliver(notices)
 
     def _wake(self) -> None:
-        if self._loop is not None and self._woken is not None and not self._awake:
+        if self._loop is not None and not self._awake:
             self._awake = True
-            self._loop.call_soon_threadsafe(self._woken.set)
+            if threading.get_ident() == self._thread:  # it looks at what there is to do anyway
+                self._loop.call_soon(self._pump)
+            else:
+                self._loop.call_soon_threadsafe(self._pump)
 
     def _deliver(self, notices: List[Notice]) -> None:
         for notice in notices:
             if isinstance(notice, Answered):
                 with self._lock:
-                    _, future = self._asks.pop(notice.event.number)
-                future.set_result(notice.answer)
+                    _, then = self._asks.pop(notice.event.number)
+                _call(then, notice.answer)
             elif isinstance(notice, Attached):
                 with self._changed:
                     self._trouble = None
@@ -261,6 +263,10 @@ class Exchange:
                 _call(self._on_verdicts, notice.frame)
             elif not notice.fatal:  # a fatal one is reported when all is over
                 self.report(notice)
+
+
+def _nothing() -> None:
+    pass
 
 
 def _read(stamp: Stamp) -> Optional[int]:

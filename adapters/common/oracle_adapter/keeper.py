@@ -6,7 +6,7 @@ import asyncio
 import logging
 import random
 import threading
-from typing import TYPE_CHECKING, Iterator
+from typing import TYPE_CHECKING, Iterator, Optional
 
 from oracle_adapter.connection import FAILURES, Conversation, open_connection
 from oracle_adapter.errors import LinkError
@@ -23,6 +23,7 @@ class Keeper:
 
     def __init__(self, address: Address, timing: Timing, exchange: Exchange) -> None:
         self._address, self._timing, self._exchange = address, timing, exchange
+        self._conversation: Optional[Conversation] = None  # the latest
         self._thread = threading.Thread(target=self._run, name="oracle-link", daemon=True)
 
     def start(self) -> None:
@@ -48,10 +49,9 @@ class Keeper:
         asyncio.run(self._main())
 
     async def _main(self) -> None:
-        self._woken = asyncio.Event()
         self._closing = asyncio.get_running_loop().create_future()
         self._work = asyncio.ensure_future(self._keep_up())
-        self._exchange.open(asyncio.get_running_loop(), self._woken)
+        self._exchange.open(asyncio.get_running_loop(), self._pump)
         end = _closed()
         try:
             await self._work
@@ -92,13 +92,14 @@ class Keeper:
         socket = await open_connection(self._address, self._timing)
         exchange = self._exchange
         conversation = Conversation(
-            socket,
-            self._timing,
-            receive=exchange.receive,
-            next_frame=exchange.next_frame,
-            woken=self._woken,
+            socket, self._timing, receive=exchange.receive, next_frame=exchange.next_frame
         )
+        self._conversation = conversation
         await conversation.run(exchange.hello())
+
+    def _pump(self) -> None:
+        if self._conversation is not None:
+            self._conversation.pump()
 
     def _delays(self) -> Iterator[float]:
         delay = self._timing.backoff_first

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from concurrent.futures import Future
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Callable, Dict, Literal, Optional, Union
 from uuid import uuid4
@@ -15,14 +16,13 @@ from oracle_adapter.protocol import Hello, Protocol
 from oracle_adapter.tls import context_from
 
 if TYPE_CHECKING:
-    from concurrent.futures import Future
     from ssl import SSLContext
     from types import TracebackType
     from typing import Iterable, Mapping, Type
 
     from oracle_adapter.decision import Answer, Why
     from oracle_adapter.errors import LinkError
-    from oracle_adapter.exchange import Stamp, State
+    from oracle_adapter.exchange import Stamp, State, Then
     from oracle_adapter.marks import ClockStamp
     from oracle_adapter.protocol import Attached, TimeSource
     from oracle_adapter.stats import Stats
@@ -123,8 +123,40 @@ class Link:
         The future has its answer within `decide_within` seconds, whatever happens; it can't be
         cancelled.
         """
+        answered: Future[Answer] = Future()
+        answered.set_running_or_notify_cancel()  # it can't be cancelled any more
+        self.ask_then(
+            stream,
+            kind,
+            stamp,
+            data,
+            answered.set_result,
+            decide_within=decide_within,
+            source=source,
+            call=call,
+            lost=lost,
+        )
+        return answered
+
+    def ask_then(
+        self,
+        stream: str,
+        kind: str,
+        stamp: Stamp,
+        data: Any,
+        then: Then,
+        *,
+        decide_within: float,
+        source: Optional[str] = None,
+        call: Optional[int] = None,
+        lost: Optional[int] = None,
+    ) -> None:
+        """Do the same without a future: `then` is called with the answer.
+
+        That happens in the link's thread; in the caller's where the answer is known at once.
+        """
         body = _body(stream, kind, data, source, call, ask=True)
-        return self._exchange.ask(stamp, body, lost or 0, decide_within)
+        self._exchange.ask(stamp, body, lost or 0, decide_within, then)
 
     def outcome(self, answer: Answer, passed: bool, why: Why) -> None:
         """Report what was done with an ask; nothing where its event was never queued."""

@@ -7,11 +7,9 @@ from collections import deque
 from typing import TYPE_CHECKING, Any, Callable, Deque, Mapping, Optional, Tuple
 
 if TYPE_CHECKING:
-    from concurrent.futures import Future
-
     from oracle_adapter.board import Board
     from oracle_adapter.decision import Answer
-    from oracle_adapter.exchange import Stamp
+    from oracle_adapter.exchange import Stamp, Then
     from oracle_adapter.link import Link
 
 
@@ -24,10 +22,10 @@ class Passing:
         self._within = stream["decide_within"] / 10**9
         self._policy = stream["on_unavailable"]
 
-    def ask(self, stamp: Stamp, data: Any, **more: Any) -> Future[Answer]:
-        """Ask about an event; `more` is what `Link.ask` takes besides."""
-        return self._link.ask(
-            self._name, self._kind, stamp, data, decide_within=self._within, **more
+    def ask(self, stamp: Stamp, data: Any, then: Then, **more: Any) -> None:
+        """Ask about an event; `then` and `more` are what `Link.ask_then` takes."""
+        self._link.ask_then(
+            self._name, self._kind, stamp, data, then, decide_within=self._within, **more
         )
 
     def settle(self, answer: Answer, call: Optional[int] = None) -> Tuple[bool, str]:
@@ -39,27 +37,45 @@ class Passing:
         return passed, ", ".join(answer.denied_by) or answer.reason
 
 
+class _Waiting:
+    __slots__ = ("answer", "message")
+
+    def __init__(self, message: Any) -> None:
+        self.message = message
+        self.answer: Optional[Answer] = None
+
+
 class Gate:
     """Forwards what may pass of a topic, in its order; nobody waits for a decision."""
 
     def __init__(self, passing: Passing, forward: Callable[[Any], None]) -> None:
         """Call `forward` with each message that passes, mostly in the link's thread."""
         self._passing, self._forward = passing, forward
-        self._waiting: Deque[Tuple[Any, Future[Answer]]] = deque()
+        self._waiting: Deque[_Waiting] = deque()
         self._entering, self._leaving = threading.Lock(), threading.Lock()
 
     def take(self, message: Any, stamp: Stamp, data: Any, **more: Any) -> None:
         """Ask about a message that came, from any thread; `more` is as for `Link.ask`."""
-        with self._entering:  # or two publishers' messages could change places on the way
-            answer = self._passing.ask(stamp, data, **more)
-            self._waiting.append((message, answer))
-        answer.add_done_callback(self._settle)
+        waiting = _Waiting(message)
 
-    def _settle(self, _: Future[Answer]) -> None:
+        def answered(answer: Answer) -> None:
+            waiting.answer = answer
+            self._settle()
+
+        with self._entering:  # or two publishers' messages could change places on the way
+            self._passing.ask(stamp, data, answered, **more)
+            self._waiting.append(waiting)
+        if waiting.answer is not None:  # before it had its place
+            self._settle()
+
+    def _settle(self) -> None:
         """Settle the messages at the head of the queue whose answers are there."""
         with self._leaving:
-            while self._waiting and self._waiting[0][1].done():
-                message, answer = self._waiting.popleft()
-                passed, _reason = self._passing.settle(answer.result())
+            while self._waiting:
+                answer = self._waiting[0].answer
+                if answer is None:
+                    break
+                message = self._waiting.popleft().message
+                passed, _reason = self._passing.settle(answer)
                 if passed:
                     self._forward(message)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import itertools
+from queue import SimpleQueue
 from typing import Any, List, Mapping
 
 import rospy
-from oracle_adapter import Board, ClockStamp, Link, Names
+from oracle_adapter import Answer, Board, ClockStamp, Link, Names
 from oracle_adapter.passing import Passing
 
 from oracle_ros1.codec import reader
@@ -56,9 +57,10 @@ class ProxiedService:
         if not side.filtered:
             self._link.send(self.name, side.kind, stamp, data, call=call)
             return
-        asked = side.passing.ask(stamp, data, call=call)
+        answered: SimpleQueue[Answer] = SimpleQueue()
+        side.passing.ask(stamp, data, answered.put, call=call)
         self._link.clock(self._stamps)  # or the decision would wait for the monitor's next one
-        passed, reason = side.passing.settle(asked.result(), call)
+        passed, reason = side.passing.settle(answered.get(), call)
         if not passed:
             raise rospy.ServiceException(f"the oracle denied the {side.kind} of {self.name}: {reason}")
 

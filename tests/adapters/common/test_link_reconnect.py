@@ -107,7 +107,7 @@ class TestReconnecting:
 
     @pytest.mark.parametrize("unread", [0, 50], ids=["idle", "with a full send buffer"])
     def test_a_dead_peer_is_found(self, oracle: Oracle, links: List[Link], unread: int) -> None:
-        timing = Timing(ping_interval=0.05, ping_timeout=0.1, backoff_first=0.01)
+        timing = Timing(ping_interval=0.05, ping_timeout=0.5, backoff_first=0.01)
         link = Link(oracle.url, "uav1", timing=timing)
         links.append(link)
         link.start()
