@@ -24,6 +24,7 @@ def attached_frame(session: LiveSession, monitor: Monitor) -> dict[str, Any]:
         "limits": {
             "max_frame": MAX_FRAME,
             "max_batch": MAX_BATCH,
+            "max_outcomes": MAX_BATCH,
             "max_depth": MAX_DEPTH,
             "credit": session.credit.left[monitor.name],
         },

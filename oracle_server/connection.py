@@ -23,6 +23,7 @@ from oracle_server.protocol import (
     Events,
     Frame,
     OutcomeMessage,
+    OutcomesMessage,
     ReportMessage,
     WireError,
     decode,
@@ -280,6 +281,9 @@ class Connection:
                 raise WireError("bad_attach", "attached already")
             case OutcomeMessage() as message:
                 session.outcome(monitor, message)
+            case OutcomesMessage(outcomes=outcomes):
+                for outcome in outcomes:
+                    session.outcome(monitor, outcome)
             case ClockMessage() as message:
                 session.clock(monitor, message)
             case ReportMessage() as message:

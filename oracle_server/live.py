@@ -21,7 +21,7 @@ from oracle_server.protocol import (
     AnyEvent,
     Attach,
     ClockMessage,
-    OutcomeMessage,
+    Outcome,
     ReportMessage,
     WireError,
     encode,
@@ -32,8 +32,8 @@ from oracle_server.standing import Frame, Standing
 from oracle_server.store import Store
 from oracle_server.tally import Tally
 
-_WRITE_AFTER = 0.002
-"""Seconds after a decision in which the next one goes before the history."""
+_WRITE_AFTER = 0.01
+"""Seconds after a decision in which others go before the history, and what the adapter did is heard of most."""
 
 _SAVE_AFTER = 10_000
 """Steps until the first snapshot, and at least between two."""
@@ -171,7 +171,7 @@ class LiveSession:
                 raise WireError("unknown_stream", "the report names a stream that was not claimed at attach")
             monitor.reports[key] = said
 
-    def outcome(self, monitor: Monitor, message: OutcomeMessage) -> None:
+    def outcome(self, monitor: Monitor, message: Outcome) -> None:
         """Keep what the adapter did about an event that it asked about."""
         if (monitor.name, message.seq) in self._gaps:
             monitor.outcomes[message.seq] = (message.passed, message.why)

@@ -83,13 +83,28 @@ class Events(_Message):
     events: Annotated[list[Any], Field(max_length=MAX_BATCH)]
 
 
-class OutcomeMessage(_Message):
+Why = Literal["decision", "timeout", "unavailable"]
+
+
+class Outcome(_Message):
     """What the adapter did after an ask."""
 
-    type: Literal["outcome"]
     seq: Seq
     passed: bool
-    why: Literal["decision", "timeout", "unavailable"]
+    why: Why
+
+
+class OutcomeMessage(Outcome):
+    """The same, in a frame of its own."""
+
+    type: Literal["outcome"]
+
+
+class OutcomesMessage(_Message):
+    """What the adapter did after several asks."""
+
+    type: Literal["outcomes"]
+    outcomes: Annotated[list[Outcome], Field(max_length=MAX_BATCH)]
 
 
 class ClockStamp(_Message):
@@ -133,7 +148,7 @@ class Detach(_Message):
     type: Literal["detach"]
 
 
-Message = Attach | EventMessage | Events | OutcomeMessage | ClockMessage | ReportMessage | Detach
+Message = Attach | EventMessage | Events | OutcomeMessage | OutcomesMessage | ClockMessage | ReportMessage | Detach
 Incoming = Annotated[Message, Field(discriminator="type")]
 
 
@@ -162,7 +177,7 @@ _LONG_INTEGER = re.compile(r"-[0-9]{19}|[0-9]{20}")
 _EVENT = '{"type":"event",'
 """How an event begins where its writer puts the type first and no blanks, as most do; others are read all the same."""
 _INTEGERS = range(-(2**63), 2**64)
-_TAGS = frozenset({"attach", "events", "outcome", "clock", "report", "detach"})
+_TAGS = frozenset({"attach", "events", "outcome", "outcomes", "clock", "report", "detach"})
 
 
 class Frame(NamedTuple):

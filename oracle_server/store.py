@@ -103,7 +103,7 @@ class Store:
     async def flush(self) -> None:
         """Wait until all that was appended is committed."""
         committed = asyncio.Event()
-        self.execute("SELECT 1", (), committed.set)
+        self.append("steps", [], committed.set)
         await committed.wait()
 
     def close(self) -> None:
@@ -190,7 +190,7 @@ class Store:
                 if what in _COLUMNS:
                     _insert(self._writer, what, rows)
                 else:
-                    self._writer.execute(what, rows)
+                    self._writer.executemany(what, rows)
             self._writer.execute("COMMIT")
         except BaseException:
             with contextlib.suppress(sqlite3.Error):
@@ -208,13 +208,12 @@ class Store:
 
 
 def _merged(work: list[tuple[str, Any]]) -> list[tuple[str, Any]]:
-    """The work with rows that follow each other in one table put together."""
+    """The work with rows that follow each other in one table, or statement, put together."""
     merged: list[tuple[str, Any]] = []
     for what, values in work:
-        if what in _COLUMNS and merged and merged[-1][0] == what:
-            merged[-1][1].extend(values)
-        else:
-            merged.append((what, list(values)))
+        if not merged or merged[-1][0] != what:
+            merged.append((what, []))
+        merged[-1][1].extend(values if what in _COLUMNS else [values])
     return merged
 
 

@@ -38,6 +38,7 @@ class Limits(_Frame):
 
     max_frame: int
     max_batch: int
+    max_outcomes: int
     max_depth: int
     credit: int
 

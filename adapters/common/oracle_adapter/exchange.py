@@ -32,6 +32,9 @@ Stamp = Union[int, None, Callable[[], Optional[int]]]
 Then = Callable[[Answer], None]
 """What is done with the answer to an ask, mostly in the link's thread."""
 
+OUTCOMES_AFTER = 0.003
+"""Seconds in which outcomes are gathered: many in a frame cost little more than one."""
+
 _log = logging.getLogger("oracle_adapter")
 
 
@@ -52,6 +55,7 @@ class Exchange:
         self._changed = threading.Condition(self._lock)  # opened, attached or ended
         self._protocol = protocol
         self._asks: Dict[int, Tuple[Queued, Then]] = {}
+        self._outcomes: List[Tuple[Answer, bool, Why]] = []
         self._deadlines = Deadlines()
         self._timer: Optional[asyncio.TimerHandle] = None
         self._loop: Optional[asyncio.AbstractEventLoop] = None
@@ -101,10 +105,11 @@ class Exchange:
             _call(then, asked)
 
     def outcome(self, answer: Answer, passed: bool, why: Why) -> None:
-        """Queue what was done with an ask."""
+        """Queue what was done with an ask, to be told with others of the next moments."""
         with self._lock:
-            self._protocol.outcome(answer, passed, why)
-            self._wake()
+            self._outcomes.append((answer, passed, why))
+            if len(self._outcomes) == 1 and self._loop is not None:
+                self._loop.call_soon_threadsafe(self._gather_outcomes, self._loop)
 
     def clock(
         self, stamps: Union[Iterable[ClockStamp], Callable[[], Iterable[ClockStamp]]]
@@ -134,6 +139,7 @@ class Exchange:
     def detach(self) -> None:
         """Take nothing more, and detach when all is written."""
         with self._lock:
+            self._put_outcomes()
             self._protocol.detach()
             self._awake = False  # there may be no event to write, yet something to do
             self._wake()
@@ -233,13 +239,26 @@ class Exchange:
             notices = self._protocol.take_notices()
         self._deliver(notices)
 
+    def _tell_outcomes(self) -> None:
+        with self._lock:
+            self._put_outcomes()
+            self._wake()
+
+    def _put_outcomes(self) -> None:
+        for answer, passed, why in self._outcomes:
+            self._protocol.outcome(answer, passed, why)
+        self._outcomes.clear()
+
     def _wake(self) -> None:
         if self._loop is not None and not self._awake:
             self._awake = True
-            if threading.get_ident() == self._thread:  # it looks at what there is to do anyway
+            if threading.get_ident() == self._thread:
                 self._loop.call_soon(self._pump)
             else:
                 self._loop.call_soon_threadsafe(self._pump)
+
+    def _gather_outcomes(self, loop: asyncio.AbstractEventLoop) -> None:
+        loop.call_later(OUTCOMES_AFTER, self._tell_outcomes)
 
     def _deliver(self, notices: List[Notice]) -> None:
         for notice in notices:

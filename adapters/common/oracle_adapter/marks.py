@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Deque, Dict, Iterable, List, Optional, Tuple
+from typing import TYPE_CHECKING, Deque, Dict, Iterable, Iterator, List, Optional, Tuple
 
 from oracle_adapter.jsonvalues import dumps
 
@@ -41,6 +41,8 @@ class Marks:
     """
 
     def __init__(self, capacity: int) -> None:
+        self.max_outcomes = 1
+        """How many outcomes a frame may have."""
         self._capacity = capacity
         self._clocks: List[_Clock] = []
         self._outcomes: Deque[_Outcome] = deque()
@@ -74,16 +76,24 @@ class Marks:
 
         `front` is the first event that waits, `highest` the highest number sent.
         """
-        while self._outcomes and (front is None or self._outcomes[0].event.number < front):
-            outcome = self._outcomes.popleft()
-            if outcome.event.seq is None:
-                continue  # the event was given up
-            outcome.mark = highest
-            self._reported.append(outcome)
-            return _outcome_text(outcome)
+        outcomes = list(self._due_outcomes(front, highest))
+        if outcomes:
+            return _outcomes_text(outcomes)
         if self._clocks and (front is None or self._clocks[0].after < front):
             return _clock_text(self._clocks.pop(0))
         return None
+
+    def _due_outcomes(self, front: Optional[int], highest: int) -> Iterator[_Outcome]:
+        for _ in range(self.max_outcomes):
+            if not self._outcomes or (
+                front is not None and self._outcomes[0].event.number >= front
+            ):
+                return
+            outcome = self._outcomes.popleft()
+            if outcome.event.seq is not None:  # else the event was given up
+                outcome.mark = highest
+                self._reported.append(outcome)
+                yield outcome
 
     def acked(self, upto: int) -> None:
         """Forget outcomes that have arrived: the server, reading in order, acked a later event."""
@@ -101,15 +111,11 @@ class Marks:
         self._outcomes = deque(item for item in self._outcomes if item.event.seq is None)
 
 
-def _outcome_text(outcome: _Outcome) -> str:
-    return dumps(
-        {
-            "type": "outcome",
-            "seq": outcome.event.seq,
-            "passed": outcome.passed,
-            "why": outcome.why,
-        }
-    )
+def _outcomes_text(outcomes: List[_Outcome]) -> str:
+    told = [{"seq": o.event.seq, "passed": o.passed, "why": o.why} for o in outcomes]
+    if len(told) == 1:
+        return dumps({"type": "outcome", **told[0]})
+    return dumps({"type": "outcomes", "outcomes": told})
 
 
 def _clock_text(clock: _Clock) -> str:

@@ -269,6 +269,7 @@ class Protocol:
             if event.waiting:
                 self._unavailable(event, "the event was lost in a reconnect")
         self._outbox.credit = None if self._detaching else limits.get("credit")
+        self._outbox.marks.max_outcomes = int(limits.get("max_outcomes") or 1)
         self.attached = attached
         self._unreported = set(self._reports)
         # To resume this session, or have it made anew from its spec where the server has lost it.
