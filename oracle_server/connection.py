@@ -28,11 +28,13 @@ from oracle_server.protocol import (
     WireError,
     decode,
     encode,
+    encode_bytes,
     event_of,
 )
 from oracle_server.registry import Registry
 from oracle_server.store import Store
 from oracle_server.throttle import Throttle
+from oracle_server.transport import DIRECT, WebSocketTransport
 
 MAX_QUEUE = 10_000
 """Frames that may wait for a monitor for longer than `_STALLED`; beyond, it is cut off, and resumes by itself."""
@@ -41,6 +43,9 @@ MAX_BURST = 50_000
 _STALLED = 5.0
 _ATTACH_WITHIN = 10.0
 _CLOSE_WITHIN = 5.0
+
+_BATCH = '{"type":"events"'
+"""How a batch begins, mostly: it is taken in turns."""
 
 log = structlog.get_logger()
 
@@ -61,6 +66,9 @@ class Connection:
         self._over = asyncio.Event()
         self._sending = asyncio.Lock()
         self._taking = False
+        self._direct: WebSocketTransport | None = socket.scope.get("extensions", {}).get(DIRECT)
+        self._idle = False  # the reader waits for a frame
+        self._owed = 0.0  # seconds that it is to rest before the next one
         self._backlog: asyncio.TimerHandle | None = None
         self._stalled = Patience(_STALLED, self._give_up)
         self._tasks: list[asyncio.Task[None]] = []
@@ -126,6 +134,8 @@ class Connection:
                 self._give_up()
         finally:
             self._stalled.stop()
+            if self._direct is not None:
+                self._direct.taker = None
             if self._session and self._monitor:
                 reason = self._end[1] if self._end else ""
                 log.info("monitor gone", session=self._session.id, monitor=self._monitor.name, reason=reason or "left")
@@ -166,7 +176,11 @@ class Connection:
             await self._attach(text)
             while self._end is None:
                 await self._store.room()
-                self._take(await self._receive())
+                text = await self._next()
+                if self._owed:
+                    await asyncio.sleep(self._owed)
+                    self._owed = 0.0
+                self._take(text)
                 await self._answer()
                 while self._throttle.is_due:
                     await self._rest()
@@ -181,9 +195,41 @@ class Connection:
             self._end = self._end or (1000, "")
             self._greeted.set()
             self._ready.set()
-        except Exception:
-            log.exception("a connection failed")
-            self.drop(WireError("internal", "the server failed; its log says why", fatal=True))
+        except Exception:  # noqa: BLE001 -- whatever it is, the others go on
+            self._fail()
+
+    async def _next(self) -> str:
+        """The next frame that was not taken as it came."""
+        self._idle = True
+        try:
+            return await self._receive()
+        finally:
+            self._idle = False
+
+    def take(self, text: str) -> bool:
+        """Take a frame as it comes: waking the reader for it would take longer than the judging."""
+        waits = not self._idle or self._owed or self._throttle.is_long or not self._store.has_room
+        if waits or self._end is not None or text.startswith(_BATCH):
+            return False
+        try:
+            return self._take(text, batches=False)
+        except Exception:  # noqa: BLE001 -- whatever it is, the others go on
+            self._fail()
+            return True
+
+    def taken(self) -> None:
+        """Send what was answered, and rest where this monitor is too fast."""
+        if self._idle:
+            self._owed = self._pause()
+        if self._queue and self._end is None and self._direct is not None:
+            if not self._sending.locked() and self._direct.write([encode_bytes(frame) for frame in self._queue]):
+                self._queue.clear()
+            else:
+                self._ready.set()
+
+    def _fail(self) -> None:
+        log.exception("a connection failed")
+        self.drop(WireError("internal", "the server failed; its log says why", fatal=True))
 
     async def _answer(self) -> None:
         """Send at once what a frame was answered with: waking the writer for it would take longer than the judging."""
@@ -225,6 +271,8 @@ class Connection:
         if self._monitor.numbering.upto:
             self.send({"type": "ack", "upto": self._monitor.numbering.upto})
         self._session.tell_verdicts(self._monitor)
+        if self._direct is not None:
+            self._direct.taker = self
 
     def _check_grant(self, wanted: Attach) -> None:
         live = self._registry.open.get(wanted.session or "")
@@ -232,22 +280,27 @@ class Connection:
         if not grant_of(self._socket).covers(spec=spec, session=wanted.session):
             raise WireError("forbidden", "the token is bound to other specs or sessions", fatal=True)
 
-    def _take(self, text: str) -> None:
+    def _take(self, text: str, *, batches: bool = True) -> bool:
+        """Take a frame; False for a batch where these are not wanted."""
         assert self._session is not None  # noqa: S101 -- only called once attached
         assert self._monitor is not None  # noqa: S101
         if self._monitor.outbox is not self:
-            return
+            return True
         if self._monitor.detaching:
             self.send(WireError("detached", "the monitor has detached; what it says now is not heard").frame())
-            return
+            return True
         self._taking = True
         self._throttle.count()
         try:
-            self._dispatch(decode(text), self._session, self._monitor)
+            frame = decode(text)
+            if not batches and isinstance(frame.message, Events):
+                return False
+            self._dispatch(frame, self._session, self._monitor)
         except WireError as error:
             self._refuse(error)
         finally:
             self._taking = False
+        return True
 
     def _take_some(self) -> None:
         """Go on with a batch, until it is at its end or it is the others' turn."""
@@ -268,12 +321,15 @@ class Connection:
 
     async def _rest(self) -> None:
         """Let the others have their turn, and a longer one where this monitor is too fast."""
+        await asyncio.sleep(self._pause())
+
+    def _pause(self) -> float:
         pause = self._throttle.pause()
         self._registry.tally.throttled += pause > 0
         if pause and not self._throttled:
             self._throttled = True
             self.send(WireError("throttled", "more events than may come; the rest is read more slowly").frame())
-        await asyncio.sleep(pause)
+        return pause
 
     def _dispatch(self, frame: Frame, session: LiveSession, monitor: Monitor) -> None:
         match frame.message:

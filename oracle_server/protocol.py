@@ -238,7 +238,12 @@ def event_of(value: Any, *, suspicious: bool) -> AnyEvent:
 
 def encode(frame: Any) -> str:
     """A frame, or any plain value, as JSON text."""
-    return msgspec.json.encode(frame).decode()
+    return encode_bytes(frame).decode()
+
+
+def encode_bytes(frame: Any) -> bytes:
+    """The same in UTF-8."""
+    return msgspec.json.encode(frame)
 
 
 def _unfit(data: dict[str, Any]) -> str | None:

@@ -83,6 +83,11 @@ class Store:
         await self._room.wait()
 
     @property
+    def has_room(self) -> bool:
+        """Whether no more than `MAX_PENDING` rows wait for the disk."""
+        return self._room.is_set()
+
+    @property
     def pending(self) -> int:
         """Rows that wait for the disk."""
         return self._pending

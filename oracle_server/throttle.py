@@ -28,7 +28,12 @@ class Throttle:
     @property
     def is_due(self) -> bool:
         """Whether it is the others' turn."""
-        return self._run >= _AT_ONCE or (self._run > 0 and time.monotonic() - self._at > _TURN)
+        return self.is_long or (self._run > 0 and time.monotonic() - self._at > _TURN)
+
+    @property
+    def is_long(self) -> bool:
+        """Whether many were counted since the last `pause`."""
+        return self._run >= _AT_ONCE
 
     def pause(self) -> float:
         """Seconds for which nothing more should be read, for what was counted since the last call."""

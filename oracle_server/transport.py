@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Iterable
 from http import HTTPStatus
+from typing import Protocol, cast
 
 import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+from websockets.http11 import Request
+from websockets.protocol import OPEN
 
 from oracle_server.problems import problem
 
@@ -16,6 +20,8 @@ REQUEST_WITHIN = 10.0
 READ_WITHIN = 10.0
 """Seconds for which a client may read nothing of what waits for it."""
 _CLOSE_WITHIN = 5.0
+DIRECT = "oracle.direct"
+"""Where an application finds the `WebSocketTransport` of a WebSocket among its extensions."""
 
 
 class HttpTransport(H11Protocol):
@@ -83,8 +89,57 @@ class HttpTransport(H11Protocol):
             self._patience = None
 
 
+class Taker(Protocol):
+    """Who takes messages as they come, without being woken for each."""
+
+    def take(self, text: str) -> bool:
+        """Take a message now; False where it has to wait to be received, with all that come until it was."""
+
+    def taken(self) -> None:
+        """No more messages have come for now."""
+
+
 class WebSocketTransport(WebSocketsSansIOProtocol):
-    """One WebSocket."""
+    """One WebSocket; in the extensions of its scope it is there as `DIRECT`."""
+
+    taker: Taker | None = None
+
+    def handle_connect(self, event: Request) -> None:
+        """Let the application find this."""
+        super().handle_connect(event)
+        if not self.close_sent:
+            cast("dict[str, object]", self.scope["extensions"])[DIRECT] = self
+
+    def data_received(self, data: bytes) -> None:
+        """Hand over what has come."""
+        super().data_received(data)
+        if self.taker is not None:
+            self.taker.taken()
+
+    def send_receive_event_to_app(self) -> None:
+        """Hand over a message, unless others wait before it."""
+        if self.taker is not None and self.queue.empty() and not self.close_sent and self._is_taken(self.taker):
+            self.frames = []
+        else:
+            super().send_receive_event_to_app()
+
+    def _is_taken(self, taker: Taker) -> bool:
+        if self.curr_msg_data_type != "text":
+            return False
+        try:
+            text = b"".join(self.frames).decode()
+        except UnicodeDecodeError:
+            return False
+        return taker.take(text)
+
+    def write(self, texts: Iterable[bytes]) -> bool:
+        """Write messages in one go; False where they have to wait, since the peer is slow or leaves."""
+        if not self.writable.is_set() or self.disconnected or self.conn.state is not OPEN:
+            return False
+        for text in texts:
+            self.conn.send_text(text)
+        self.transport.write(b"".join(self.conn.data_to_send()))
+        return True
 
     async def run_asgi(self) -> None:
         """Leave no socket behind: closing in order waits for bytes to leave that no one may be there to take."""
