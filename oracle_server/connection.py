@@ -24,6 +24,8 @@ from oracle_server.protocol import (
     Frame,
     OutcomeMessage,
     OutcomesMessage,
+    QuickClock,
+    QuickOutcomes,
     ReportMessage,
     WireError,
     decode,
@@ -337,10 +339,10 @@ class Connection:
                 raise WireError("bad_attach", "attached already")
             case OutcomeMessage() as message:
                 session.outcome(monitor, message)
-            case OutcomesMessage(outcomes=outcomes):
+            case OutcomesMessage(outcomes=outcomes) | QuickOutcomes(outcomes=outcomes):
                 for outcome in outcomes:
                     session.outcome(monitor, outcome)
-            case ClockMessage() as message:
+            case ClockMessage() | QuickClock() as message:
                 session.clock(monitor, message)
             case ReportMessage() as message:
                 session.report(monitor, message)

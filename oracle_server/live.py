@@ -18,10 +18,11 @@ from oracle_server.monitors import Monitor, Outbox, check_time, claimed
 from oracle_server.news import News
 from oracle_server.numbering import Numbering
 from oracle_server.protocol import (
+    AnyClock,
     AnyEvent,
     Attach,
-    ClockMessage,
     Outcome,
+    QuickOutcome,
     ReportMessage,
     WireError,
     encode,
@@ -148,7 +149,7 @@ class LiveSession:
             if gap is not None:
                 self._refuse(monitor, error.seq, gap, error.code, error.message)
 
-    def clock(self, monitor: Monitor, message: ClockMessage) -> None:
+    def clock(self, monitor: Monitor, message: AnyClock) -> None:
         """Learn how far a monitor's streams have come."""
         if self._takes_no_more:
             return
@@ -171,7 +172,7 @@ class LiveSession:
                 raise WireError("unknown_stream", "the report names a stream that was not claimed at attach")
             monitor.reports[key] = said
 
-    def outcome(self, monitor: Monitor, message: Outcome) -> None:
+    def outcome(self, monitor: Monitor, message: Outcome | QuickOutcome) -> None:
         """Keep what the adapter did about an event that it asked about."""
         if (monitor.name, message.seq) in self._gaps:
             monitor.outcomes[message.seq] = (message.passed, message.why)

@@ -142,6 +142,34 @@ class ReportMessage(_Message):
     streams: list[StreamReport]
 
 
+class QuickOutcome(msgspec.Struct, frozen=True, gc=False):
+    """The same as `Outcome`."""
+
+    seq: Annotated[int, msgspec.Meta(ge=1, lt=2**53)]
+    passed: bool
+    why: Why
+
+
+class QuickOutcomes(msgspec.Struct, frozen=True, gc=False, tag_field="type", tag="outcomes"):
+    """The same as `OutcomesMessage`."""
+
+    outcomes: Annotated[list[QuickOutcome], msgspec.Meta(max_length=MAX_BATCH)]
+
+
+class QuickStamp(msgspec.Struct, frozen=True, gc=False):
+    """The same as `ClockStamp`."""
+
+    stream: str
+    stamp: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
+    kind: Kind = "topic"
+
+
+class QuickClock(msgspec.Struct, frozen=True, gc=False, tag_field="type", tag="clock"):
+    """The same as `ClockMessage`."""
+
+    stamps: list[QuickStamp]
+
+
 class Detach(_Message):
     """The monitor goes; what it sent is still judged."""
 
@@ -169,13 +197,15 @@ class WireError(Exception):
 
 
 AnyEvent = EventMessage | QuickEvent
-_quick = msgspec.json.Decoder(QuickEvent)
+AnyClock = ClockMessage | QuickClock
+Quick = QuickEvent | QuickOutcomes | QuickClock
+_quick: msgspec.json.Decoder[Quick] = msgspec.json.Decoder(Quick)
 _incoming: TypeAdapter[Message] = TypeAdapter(Incoming)
 _event = TypeAdapter(EventMessage)
 _LONG_INTEGER = re.compile(r"-[0-9]{19}|[0-9]{20}")
 """What every integer outside of `_INTEGERS` has; a stamp in nanoseconds, which every event may have, is shorter."""
-_EVENT = '{"type":"event",'
-"""How an event begins where its writer puts the type first and no blanks, as most do; others are read all the same."""
+_OFTEN = ('{"type":"event",', '{"type":"outcomes",', '{"type":"clock",')
+"""How these begin where their writer puts the type first and no blanks, as most do; others are read all the same."""
 _INTEGERS = range(-(2**63), 2**64)
 _TAGS = frozenset({"attach", "events", "outcome", "outcomes", "clock", "report", "detach"})
 
@@ -183,14 +213,14 @@ _TAGS = frozenset({"attach", "events", "outcome", "outcomes", "clock", "report",
 class Frame(NamedTuple):
     """A frame's message; a suspicious one may hold data nested too deep, too many keys, or integers beyond 64 bits."""
 
-    message: Message | QuickEvent
+    message: Message | Quick
     suspicious: bool
 
 
 def decode(text: str) -> Frame:
     """A frame as a message; the events of a batch are left unchecked. Raises `WireError`."""
     odd = suspicious(text)
-    if not odd and text.startswith(_EVENT):
+    if not odd and text.startswith(_OFTEN):
         try:
             return Frame(_quick.decode(text), odd)
         except (msgspec.MsgspecError, ValueError, RecursionError):

@@ -28,7 +28,9 @@ MAX_PENDING = 20_000
 """Rows that may wait for the disk; beyond, monitors are not read until there is room."""
 _RETRY_AFTER = 1.0
 _GATHER = 0.01
-"""Seconds for which rows are gathered before the writer is woken: it competes with the event loop for Python."""
+"""Seconds for which rows are gathered before the writer is woken."""
+_PERIOD = 0.04
+"""Seconds between two commits at least: the writer competes with the event loop for Python."""
 _COLUMNS = {"steps": STEP_COLUMNS, "refused": REFUSED_COLUMNS}
 _CHUNK = 512
 
@@ -64,6 +66,7 @@ class Store:
         self._batch = _Batch()
         self._next: _Batch | None = None
         self._handing_over: asyncio.TimerHandle | None = None
+        self._handed_over = 0.0
         self._wake = threading.Condition()
         self._stopping = False
         self._pending = 0
@@ -138,11 +141,15 @@ class Store:
         self._batch.size += size
         if done is not None:
             self._batch.callbacks.append(done)
-        if self._handing_over is None and self._loop is not None:
-            self._handing_over = self._loop.call_later(_GATHER, self._hand_over)
+        self._schedule()
         self._pending += size
         if self._pending > MAX_PENDING:
             self._room.clear()
+
+    def _schedule(self) -> None:
+        if self._batch.work and self._handing_over is None and self._loop is not None:
+            delay = max(_GATHER, self._handed_over + _PERIOD - self._loop.time())
+            self._handing_over = self._loop.call_later(delay, self._hand_over)
 
     def _hand_over(self) -> None:
         """Give the writer what has piled up, unless it has not taken the last batch yet."""
@@ -152,6 +159,7 @@ class Store:
         with self._wake:
             if self._next is None:
                 self._next, self._batch = self._batch, _Batch()
+                self._handed_over = self._loop.time() if self._loop else 0.0
                 self._wake.notify()
 
     def _run(self) -> None:
@@ -204,7 +212,7 @@ class Store:
 
     def _committed(self, batch: _Batch) -> None:
         self._uncommitted.popleft()
-        self._hand_over()
+        self._schedule()
         self._pending -= batch.size
         if self._pending <= MAX_PENDING:
             self._room.set()

@@ -10,7 +10,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from oracle_server.protocol import EventMessage, QuickEvent, WireError, decode, event_of
+from oracle_server.protocol import (
+    MAX_BATCH,
+    ClockMessage,
+    EventMessage,
+    OutcomesMessage,
+    QuickClock,
+    QuickEvent,
+    QuickOutcomes,
+    WireError,
+    decode,
+    event_of,
+)
 
 PLAIN = {"type": "event", "seq": 1, "stream": "/a", "data": {}}
 FIELDS: dict[str, list[Any]] = {
@@ -77,3 +88,39 @@ def test_however_it_is_written(separators: tuple[str, str]) -> None:
     event = decode(json.dumps(frame, separators=separators)).message
     assert isinstance(event, QuickEvent | EventMessage)
     assert told(event) == told(EventMessage.model_validate(frame))
+
+
+OUTCOME = {"seq": 1, "passed": True, "why": "decision"}
+STAMP = {"stream": "/a", "kind": "request", "stamp": 5}
+ODD: list[Any] = [None, 0, -1, 1.0, 2**53, 2**63 - 1, 2**63, True, "x", "timeout", "topic", [], {}]
+
+
+@pytest.mark.parametrize("name", ["seq", "passed", "why", "more"])
+@pytest.mark.parametrize("value", ODD)
+def test_each_field_of_an_outcome(name: str, value: object) -> None:
+    as_slow(OutcomesMessage, {"type": "outcomes", "outcomes": [OUTCOME, OUTCOME | {name: value}]})
+
+
+@pytest.mark.parametrize("name", ["stream", "kind", "stamp", "more"])
+@pytest.mark.parametrize("value", ODD)
+def test_each_field_of_a_clock(name: str, value: object) -> None:
+    as_slow(ClockMessage, {"type": "clock", "stamps": [STAMP, STAMP | {name: value}]})
+
+
+@pytest.mark.parametrize("outcomes", [None, {}, [OUTCOME] * MAX_BATCH, [OUTCOME] * (MAX_BATCH + 1)])
+def test_no_more_outcomes_than_may_be_in_a_frame(outcomes: object) -> None:
+    as_slow(OutcomesMessage, {"type": "outcomes", "outcomes": outcomes})
+
+
+def as_slow(model: type[OutcomesMessage] | type[ClockMessage], frame: dict[str, Any]) -> None:
+    try:
+        slow: Any = model.model_validate(frame).model_dump()
+    except ValueError:
+        with pytest.raises(WireError):
+            decode(json.dumps(frame, separators=(",", ":")))
+        return
+    read = decode(json.dumps(frame, separators=(",", ":"))).message
+    assert isinstance(read, QuickOutcomes | QuickClock | OutcomesMessage | ClockMessage)
+    assert (
+        read.model_dump() if isinstance(read, model) else {"type": frame["type"], **msgspec.to_builtins(read)}
+    ) == slow

@@ -6,6 +6,7 @@ and alone calls back. No callback is called under the lock.
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import threading
 from operator import index
@@ -17,7 +18,6 @@ from oracle_adapter.errors import LinkError
 from oracle_adapter.protocol import Answered, Attached, Protocol, Room, Verdicts, Violation
 
 if TYPE_CHECKING:
-    import asyncio
     from typing import Iterable, List, Mapping, Tuple
 
     from oracle_adapter.decision import Why
@@ -108,8 +108,8 @@ class Exchange:
         """Queue what was done with an ask, to be told with others of the next moments."""
         with self._lock:
             self._outcomes.append((answer, passed, why))
-            if len(self._outcomes) == 1 and self._loop is not None:
-                self._loop.call_soon_threadsafe(self._gather_outcomes, self._loop)
+            if len(self._outcomes) == 1:
+                self._soon(self._gather_outcomes)
 
     def clock(
         self, stamps: Union[Iterable[ClockStamp], Callable[[], Iterable[ClockStamp]]]
@@ -252,13 +252,19 @@ class Exchange:
     def _wake(self) -> None:
         if self._loop is not None and not self._awake:
             self._awake = True
-            if threading.get_ident() == self._thread:
-                self._loop.call_soon(self._pump)
-            else:
-                self._loop.call_soon_threadsafe(self._pump)
+            self._soon(self._pump)
 
-    def _gather_outcomes(self, loop: asyncio.AbstractEventLoop) -> None:
-        loop.call_later(OUTCOMES_AFTER, self._tell_outcomes)
+    def _soon(self, call: Callable[[], None]) -> None:
+        """Call something in the link's thread."""
+        if self._loop is None:
+            return
+        if threading.get_ident() == self._thread:
+            self._loop.call_soon(call)
+        else:
+            self._loop.call_soon_threadsafe(call)
+
+    def _gather_outcomes(self) -> None:
+        asyncio.get_running_loop().call_later(OUTCOMES_AFTER, self._tell_outcomes)
 
     def _deliver(self, notices: List[Notice]) -> None:
         for notice in notices:
