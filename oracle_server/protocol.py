@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import re
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal, NamedTuple
 
 import msgspec
@@ -202,16 +202,15 @@ Quick = QuickEvent | QuickOutcomes | QuickClock
 _quick: msgspec.json.Decoder[Quick] = msgspec.json.Decoder(Quick)
 _incoming: TypeAdapter[Message] = TypeAdapter(Incoming)
 _event = TypeAdapter(EventMessage)
-_LONG_INTEGER = re.compile(r"-[0-9]{19}|[0-9]{20}")
-"""What every integer outside of `_INTEGERS` has; a stamp in nanoseconds, which every event may have, is shorter."""
 _OFTEN = ('{"type":"event",', '{"type":"outcomes",', '{"type":"clock",')
 """How these begin where their writer puts the type first and no blanks, as most do; others are read all the same."""
-_INTEGERS = range(-(2**63), 2**64)
+_LOWEST, _HIGHEST = -(2**63), 2**64 - 1
+_INTEGERS = range(_LOWEST, _HIGHEST + 1)
 _TAGS = frozenset({"attach", "events", "outcome", "outcomes", "clock", "report", "detach"})
 
 
 class Frame(NamedTuple):
-    """A frame's message; a suspicious one may hold data nested too deep, too many keys, or integers beyond 64 bits."""
+    """A frame's message; the data of a suspicious one may hold too many keys."""
 
     message: Message | Quick
     suspicious: bool
@@ -222,9 +221,12 @@ def decode(text: str) -> Frame:
     odd = suspicious(text)
     if not odd and text.startswith(_OFTEN):
         try:
-            return Frame(_quick.decode(text), odd)
+            message = _quick.decode(text)
         except (msgspec.MsgspecError, ValueError, RecursionError):
             pass  # to be said in words
+        else:
+            if type(message) is not QuickEvent or _fits(message.data, MAX_DEPTH):
+                return Frame(message, odd)
     try:
         value = msgspec.json.decode(text)
     except (msgspec.DecodeError, ValueError) as error:
@@ -242,28 +244,40 @@ def decode(text: str) -> Frame:
 
 
 def suspicious(text: str) -> bool:
-    """Whether a frame may carry data nested too deep, too many keys, or integers of more than 64 bits."""
-    return (
-        text.count("[") + text.count("{") > MAX_DEPTH
-        or text.count(":") > MAX_KEYS
-        or _LONG_INTEGER.search(text) is not None
-    )
+    """Whether a frame may carry an event with too many keys."""
+    return text.count(":") > MAX_KEYS
 
 
 def event_of(value: Any, *, suspicious: bool) -> AnyEvent:
     """An event of a batch, checked. Raises `WireError`."""
     if not suspicious:
         with contextlib.suppress(msgspec.ValidationError):  # to be said in words
-            return msgspec.convert(value, QuickEvent)
+            quick = msgspec.convert(value, QuickEvent)
+            if _fits(quick.data, MAX_DEPTH):
+                return quick
     try:
         event = _event.validate_python(value)
     except ValidationError as error:
         raise WireError("bad_event", _reason(error), seq=_seq(value)) from None
-    if suspicious:
-        reason = _unfit(event.data)
-        if reason:
-            raise WireError("bad_event", reason, seq=event.seq)
+    reason = _unfit(event.data)
+    if reason:
+        raise WireError("bad_event", reason, seq=event.seq)
     return event
+
+
+def _fits(data: dict[str, Any] | list[Any], depth: int) -> bool:
+    """Whether data is nested no deeper, and its integers have no more than 64 bits."""
+    if depth == 0:
+        return False
+    values: Iterable[Any] = data.values() if isinstance(data, dict) else data
+    for value in values:
+        kind = type(value)
+        if kind is int:
+            if not _LOWEST <= value <= _HIGHEST:
+                return False
+        elif (kind is dict or kind is list) and not _fits(value, depth - 1):
+            return False
+    return True
 
 
 def encode(frame: Any) -> str:
