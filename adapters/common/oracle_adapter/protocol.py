@@ -8,7 +8,19 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Dict, List, Literal, Mapping, Optional, Set, Tuple, Union
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    Callable,
+    Dict,
+    List,
+    Literal,
+    Mapping,
+    Optional,
+    Set,
+    Tuple,
+    Union,
+)
 
 from oracle_adapter.decision import Answer
 from oracle_adapter.errors import ENDING, LinkError
@@ -96,6 +108,16 @@ class Protocol:
         self._notices: List[Notice] = []
         self._reports: Dict[Tuple[str, str], Dict[str, Any]] = {}
         self._unreported: Set[Tuple[str, str]] = set()
+        self._handlers: Mapping[str, Callable[[Mapping[str, Any]], None]] = {
+            "attached": self._on_attached,
+            "ack": self._on_ack,
+            "decision": self._on_decision,
+            "violation": self._on_violation,
+            "verdicts": self._on_verdicts,
+            "credit": self._on_credit,
+            "error": self._on_error,
+            "detached": self._on_detached,
+        }
         self._met = self._detaching = self._detach_sent = self._over = False
 
     # From the adapter
@@ -162,19 +184,9 @@ class Protocol:
 
     def receive(self, text: Union[str, bytes]) -> None:
         """Take in one frame; raises `LinkError` for one that can't be understood."""
-        handlers = {
-            "attached": self._on_attached,
-            "ack": self._on_ack,
-            "decision": self._on_decision,
-            "violation": self._on_violation,
-            "verdicts": self._on_verdicts,
-            "credit": self._on_credit,
-            "error": self._on_error,
-            "detached": self._on_detached,
-        }
         try:
             frame = json.loads(text)
-            handler = handlers.get(frame["type"])
+            handler = self._handlers.get(frame["type"])
             if handler is not None:  # later servers may say more
                 handler(frame)
         except (ValueError, TypeError, KeyError, AttributeError) as error:

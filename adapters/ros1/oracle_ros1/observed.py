@@ -44,7 +44,7 @@ class Observed:
         self._decoders: Dict[str, Union[Decoder, str]] = {}  # by their md5sum; a text says why there is none
         self._deciding = threading.Lock()
         found = installed_message(self._type)
-        self.installed = found and self._decoder(found)
+        self.installed = self._decoder(found) if found else None
 
     @property
     def time_source(self) -> Optional[TimeSource]:

@@ -6,7 +6,7 @@ Messages are taken as they were sent: any topic can be observed, and what is for
 from __future__ import annotations
 
 import threading
-from typing import Any, List, Mapping, Union
+from typing import Any, Dict, List, Mapping, Tuple, Union
 
 import rospy
 from oracle_adapter import PROXY, Board, Link, Names
@@ -64,6 +64,7 @@ class FilteredTopic:
         self._making = threading.Lock()
         self._publishers: List[rospy.Publisher] = []
         self._latched = self._retired = False
+        self._ready: Dict[int, Tuple[Header, Decoder]] = {}  # by the header's id: that of one connection
         if self.observed.installed:
             self._publish(self.observed.installed, latched=False)
         self._subscriber = rospy.Subscriber(taken, rospy.AnyMsg, self._take, tcp_nodelay=True)
@@ -100,13 +101,22 @@ class FilteredTopic:
 
     def _prepared(self, header: Header) -> Union[Decoder, str]:
         """What decodes the messages of a publisher, now that they can be given, or why they can't."""
+        ready = self._ready.get(id(header))
+        if ready is not None and ready[0] is header:
+            return ready[1]
         decoder = self.observed.decoder(header)
         if isinstance(decoder, str):
             return decoder
         publisher = self._publish(decoder, latched=header.get("latching") == "1")
         if publisher.md5sum != decoder.digest:
             return f"{header.get('callerid')} publishes another version of {header['type']} than is given"
+        self._ready = {**self._current(), id(header): (header, decoder)}
         return decoder
+
+    def _current(self) -> Dict[int, Tuple[Header, Decoder]]:
+        """What is ready of the connections that there are."""
+        there = {id(header) for header in headers(self._subscriber)}
+        return {key: ready for key, ready in self._ready.items() if key in there}
 
     def _publish(self, decoder: Decoder, *, latched: bool) -> rospy.Publisher:
         """Give messages of this definition, unless others are given; latched once one of its publishers is."""
