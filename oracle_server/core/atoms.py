@@ -100,4 +100,9 @@ def specialise(atoms: Sequence[Atom], known: Signals, possible: Callable[[str], 
 
 
 def _check(constraint: Constraint) -> Check | None:
-    return None if isinstance(constraint.value, Any | Ref) else partial(meets, constraint)
+    wanted = constraint.value
+    if isinstance(wanted, Any | Ref):
+        return None
+    if constraint.op == "==" and isinstance(wanted, str):  # as most are
+        return lambda value: value == wanted
+    return partial(meets, constraint)

@@ -21,6 +21,8 @@ class Outcome(StrEnum):
     FALSE = "false"
     UNKNOWN = "unknown"
 
+    __hash__ = str.__hash__  # an Enum's own takes longer than what it is asked for at each step
+
     @property
     def current(self) -> Outcome:
         """The same, not final."""
