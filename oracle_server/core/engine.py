@@ -8,6 +8,7 @@ from typing import Any, Protocol, runtime_checkable
 from oracle_server.core.atoms import Matches
 from oracle_server.core.explanation import Why
 from oracle_server.core.formula.tree import Exists, Forall, Formula, Historically, Once
+from oracle_server.core.past import NO_PAST, Past
 from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import Outcome
 
@@ -62,8 +63,8 @@ class Savable(Engine, Protocol):
 class Explaining(Engine, Protocol):
     """An engine that can say why."""
 
-    def explain(self) -> Why:
-        """Why the formula holds, or does not, at the last step."""
+    def explain(self, past: Past = NO_PAST) -> Why:
+        """Why the formula holds, or does not, at the last step, as deep as the remembered steps tell."""
         ...
 
 

@@ -6,6 +6,7 @@ from oracle_server.core.atoms import Matches
 from oracle_server.core.engine import Engine
 from oracle_server.core.errors import EngineError
 from oracle_server.core.explanation import Why
+from oracle_server.core.past import NO_PAST, Past
 from oracle_server.core.verdicts import NEGATIVE, Outcome
 from oracle_server.engines.native import NativeEngine
 
@@ -34,9 +35,9 @@ class BothEngine:
                 self._compare(outcome, other)
         return outcome
 
-    def explain(self) -> Why:
-        """Why the formula holds, or does not, at the last step."""
-        return self._native.explain()
+    def explain(self, past: Past = NO_PAST) -> Why:
+        """Why the formula holds, or does not, at the last step; see `Explaining.explain`."""
+        return self._native.explain(past)
 
     def _compare(self, outcome: Outcome, other: Outcome) -> None:
         if (outcome in NEGATIVE) is not (other in NEGATIVE) and self.complaint is None:

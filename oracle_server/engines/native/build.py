@@ -11,6 +11,7 @@ from oracle_server.engines.native.body import Body, Expression, negated, variabl
 from oracle_server.engines.native.clock import Clock
 from oracle_server.engines.native.ever import Ever
 from oracle_server.engines.native.guarded import SomeGuarded, guard_of
+from oracle_server.engines.native.latest import Latest
 from oracle_server.engines.native.nodes import AtomNode
 from oracle_server.engines.native.previous import Previous
 from oracle_server.engines.native.some import Some, SomeOf
@@ -20,7 +21,7 @@ Scope = Mapping[str, int]
 """The number of the quantifier that binds each variable: inner ones have larger numbers."""
 Path = tuple[int, ...]
 """Where a part of the formula stands: which child of which child of the whole."""
-Operator = Ever | Window | Previous | Some | SomeOf | SomeGuarded
+Operator = Ever | Latest | Window | Previous | Some | SomeOf | SomeGuarded
 
 
 @dataclass(slots=True)
@@ -94,10 +95,11 @@ class _Builder:
             case tree.Historically(operand, bound):
                 return ("not", self._once(path, negated(self.expression(operand, scope, (*path, 0))), bound))
             case tree.Since(left, right, bound):
-                body = Body(
-                    self._clock, self.expression(right, scope, (*path, 1)), self.expression(left, scope, (*path, 0))
-                )
-                return self._add(path, Window(body, bound, self._clock))
+                sides = self.expression(right, scope, (*path, 1)), self.expression(left, scope, (*path, 0))
+                body = Body(self._clock, sides[0])
+                if not bound.lower and _is_slim(body, sides[0]) and {*variables_of(sides[1])} <= {*body.variables}:
+                    return self._add(path, Latest(body, Body(self._clock, sides[1]), bound.upper, self._clock))
+                return self._add(path, Window(Body(self._clock, *sides), bound, self._clock))
 
     def _atom(self, atom: Atom, scope: Scope, path: Path) -> AtomNode:
         refs = tuple(scope[name] for _, name in atom.refs)
@@ -111,8 +113,10 @@ class _Builder:
 
     def _once(self, path: Path, operand: Expression, bound: Bound) -> Expression:
         body = Body(self._clock, operand)
-        if bound.upper is None and body.flat and (not body.variables or _not_fresh(operand)):
+        if bound.upper is None and (not body.variables or _is_slim(body, operand)):
             return self._add(path, Ever(body, bound.lower, self._clock))
+        if not bound.lower and _is_slim(body, operand):
+            return self._add(path, Latest(body, None, bound.upper, self._clock))
         return self._add(path, Window(body, bound, self._clock))
 
     def _some(self, node: tree.Exists | tree.Forall, scope: Scope, path: Path) -> Expression:
@@ -147,10 +151,15 @@ class _Builder:
         return operator
 
 
+def _is_slim(body: Body, expression: Expression) -> bool:
+    """Whether it holds at finitely many keys, without fresh values."""
+    return bool(body.variables) and body.flat and _not_fresh(expression)
+
+
 def _not_fresh(expression: Expression) -> bool:
     """Whether an expression can't hold where its variables have fresh values."""
     if not isinstance(expression, tuple):
-        if isinstance(expression, AtomNode | Ever):
+        if isinstance(expression, AtomNode | Ever | Latest):
             return bool(expression.variables)
         return False
     if expression[0] == "not":

@@ -10,13 +10,14 @@ from oracle_server.core.errors import EngineError
 from oracle_server.core.explanation import Why
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import Formula
+from oracle_server.core.past import NO_PAST, Past
 from oracle_server.core.verdicts import Outcome
 from oracle_server.engines.native.build import build
 from oracle_server.engines.native.clock import Clock
 from oracle_server.engines.native.explain import explain
 
 _NEVER = 2**63
-FORMAT = 1
+FORMAT = 2
 """The number of the form that snapshots have."""
 
 
@@ -42,14 +43,17 @@ class NativeEngine:
         self._steps += 1
         now = time if self._timed else self._steps
         self._clock.move(now)
-        if now < self._due and matches.count(None) == len(matches):
+        silent = matches.count(None) == len(matches)
+        if silent and now < self._due:
             return self._last
         for place, atom in self._atoms:
-            atom.take(matches[place])
+            match = matches[place]
+            if match is not None or not atom.idle:
+                atom.take(match)
         for operator in self._operators:
             operator.step()
         self._clock.first = False
-        self._due = self._next_due()
+        self._due = self._next_due() if silent else 0
         self._last = self._outcome()
         return self._last
 
@@ -66,9 +70,9 @@ class NativeEngine:
         deadlines = [d for operator in self._operators if (d := operator.next_deadline(after)) is not None]
         return min(deadlines, default=None)
 
-    def explain(self) -> Why:
-        """Why the formula holds, or does not, at the last step."""
-        return explain(self._formula, self._network, self._time)
+    def explain(self, past: Past = NO_PAST) -> Why:
+        """Why the formula holds, or does not, at the last step; see `Explaining.explain`."""
+        return explain(self._formula, self._network, self._time, self._steps, past)
 
     def snapshot(self) -> dict[str, Any]:
         """All that later verdicts depend on, as plain data that JSON can carry."""
@@ -125,7 +129,5 @@ class NativeEngine:
         return journal
 
     def _next_due(self) -> int:
-        if any(atom.holds for _, atom in self._atoms):
-            return 0
         deadlines = [due for operator in self._operators if (due := operator.due()) is not None]
         return min(deadlines, default=_NEVER)

@@ -10,27 +10,16 @@ from typing import Any
 
 from oracle_server.engines.native.body import NOTHING, Body
 from oracle_server.engines.native.clock import Clock
-from oracle_server.engines.native.keys import ALL, Key, Region, key_of, read_key
-from oracle_server.engines.native.tables import Index
+from oracle_server.engines.native.held import Held
+from oracle_server.engines.native.keys import Key, Region, read_key
 
 
 class Ever:
     """Once it holds at a key, it holds there for ever."""
 
     __slots__ = (
-        "_at",
-        "_body",
-        "_clock",
-        "_index",
-        "_lower",
-        "at",
-        "changes",
-        "flat",
-        "held",
-        "variables",
-        "waiting",
-        "waits",
-    )
+        "_at", "_body", "_clock", "_held", "_lower", "at", "changes", "flat", "held", "variables", "waiting", "waits",
+    )  # fmt: skip
 
     def __init__(self, body: Body, lower: int, clock: Clock) -> None:
         self._body, self._lower, self._clock = body, lower, clock
@@ -38,13 +27,13 @@ class Ever:
         self.variables = body.variables
         self.flat = True
         self.changes: list[Key] = []
-        self.held: dict[Key, int] = {}
+        self._held = Held(len(self.variables), clock)
+        self.held = self._held.times
         """Where it holds, and the first time at which the operand did."""
         self.waiting: deque[tuple[int, Key]] = deque()
         """When it will have held long enough ago, and where; `waits` are these keys."""
         self.waits: set[Key] = set()
         self.at = self.held.__contains__
-        self._index: Index | None = None
 
     def step(self) -> None:
         """Take what changed below."""
@@ -77,18 +66,11 @@ class Ever:
 
     def spread(self, region: Region, place: int) -> Collection[str]:
         """The texts at a place of the keys in a region."""
-        if len(self.variables) == 1:
-            return self.held
-        if self._index is None:
-            self.index()
-        assert self._index is not None  # noqa: S101 -- made just now
-        return self._index.spread(region, place)
+        return self._held.spread(region, place)
 
     def constant(self, region: Region) -> bool | None:
         """The value all over a region, None where it may differ."""
-        if ALL not in region:
-            return self.at(key_of(region))
-        return None if self.held else False
+        return self._held.constant(region)
 
     def when(self, key: Key) -> int | None:
         """The time of a step that makes it hold at a key."""
@@ -118,10 +100,7 @@ class Ever:
 
     def index(self) -> None:
         """Be asked for `spread`."""
-        if len(self.variables) > 1:
-            self._index = Index(len(self.variables))
-            for key in self.held:
-                self._index.add(key)
+        self._held.index()
 
     def _release(self) -> None:
         now = self._clock.now
@@ -146,17 +125,8 @@ class Ever:
         self.waits.discard(self.waiting.pop()[1])
 
     def _hold(self, key: Key, time: int) -> None:
-        self.held[key] = time
+        self._held.add(key, time)
         self.changes.append(key)
-        if self._index is not None:
-            self._index.add(key)
-        if self._clock.journal is not None:
-            self._clock.journal.append(partial(self._hold_no_more, key))
-
-    def _hold_no_more(self, key: Key) -> None:
-        del self.held[key]
-        if self._index is not None:
-            self._index.remove(key)
 
 
 def _deadline(entry: tuple[int, Key]) -> int:

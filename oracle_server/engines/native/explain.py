@@ -1,223 +1,336 @@
-"""Why a formula holds or does not at the last step, read off its nodes.
+"""Why a formula holds or does not at the last step.
 
-A conjunction that fails is explained by one side that does, one that holds by both, and so on down to atoms and
-temporal operators. These are explained by a step, or by where there is none.
+A conjunction that fails is explained by one side that does, one that holds by both; a temporal operator by the steps
+that decide it, and its operand at these in turn, as far as they are remembered; and so on down to atoms. What is
+explained at several steps at once is told once.
 """
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
 
 from oracle_server.core.explanation import Reason, Why
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.parse import Time
-from oracle_server.core.formula.render import render
-from oracle_server.core.formula.tree import Atom, Bound, Constraint, Formula, Ref, Scalar
-from oracle_server.engines.native.build import Network, Path
+from oracle_server.core.formula.tree import Bound, Formula
+from oracle_server.core.past import Past
+from oracle_server.engines.native.build import Network
 from oracle_server.engines.native.ever import Ever
 from oracle_server.engines.native.guarded import SomeGuarded
-from oracle_server.engines.native.keys import Text, key_of, texts_of
+from oracle_server.engines.native.keys import key_of, texts_of
+from oracle_server.engines.native.latest import Latest
+from oracle_server.engines.native.parts import Part, is_simple
+from oracle_server.engines.native.recall import Recall
 from oracle_server.engines.native.some import Some, SomeOf
 from oracle_server.engines.native.window import Window
+from oracle_server.engines.native.wording import Wording, scalar
 
-Values = Mapping[int, Text]
-"""What each quantified variable stands for, None for any value that is not told apart."""
+Steps = Sequence[int]
+"""Numbers of remembered steps, ascending."""
+_MOST_TOLD = 3
+"""Values that are told of where all decide together."""
 
 
-def explain(formula: Formula, network: Network, time: Time) -> Why:
-    """Why the formula holds, or does not, at the last step."""
-    part = _Part(formula, (), {}, {})
-    explainer = _Explainer(network, time)
-    quantified = isinstance(formula, tree.Exists | tree.Forall)
+def explain(formula: Formula, network: Network, time: Time, last: int, past: Past) -> Why:
+    """Why the formula holds, or does not, at the last step, number `last`; `past` is what is remembered."""
+    part = Part(formula, (), {}, {})
+    explainer = _Explainer(network, Recall(formula, network, time, last, past), Wording(time, network.clock.now))
     holds = explainer.holds(part)
-    deciding = explainer.deciding(part) if quantified and holds is isinstance(formula, tree.Exists) else None
+    deciding = None
+    if isinstance(formula, tree.Exists | tree.Forall) and holds is isinstance(formula, tree.Exists):
+        deciding = explainer.deciding(part)
     if deciding is None:
-        return Why(holds, {}, 0, tuple(explainer.reasons(part)))
+        return Why(holds, {}, 0, tuple(explainer.reasons(part, holds, [last])))
     inner, others = deciding
-    values = {name: _scalar(inner.values[i]) for name, i in inner.scope.items() if i in inner.values}
-    return Why(holds, values, others, tuple(explainer.reasons(inner)))
-
-
-@dataclass(frozen=True, slots=True)
-class _Part:
-    """A part of the formula, where it stands, what binds its variables, and what they stand for."""
-
-    formula: Formula
-    path: Path
-    scope: Mapping[str, int]
-    values: Values
-
-    def child(self, formula: Formula, place: int = 0) -> _Part:
-        return _Part(formula, (*self.path, place), self.scope, self.values)
+    values = {name: scalar(inner.values[i]) for name, i in inner.scope.items() if i in inner.values}
+    return Why(holds, values, others, tuple(explainer.reasons(inner, explainer.holds(inner), [last])))
 
 
 class _Explainer:
-    def __init__(self, network: Network, time: Time) -> None:
-        self._network, self._time = network, time
-        self._clock = network.clock
+    def __init__(self, network: Network, recall: Recall, wording: Wording) -> None:
+        self._network, self._recall, self._wording = network, recall, wording
+        self._now = recall.last
 
-    def holds(self, part: _Part) -> bool:
+    def holds(self, part: Part) -> bool:
         """Whether a part holds now."""
-        node = self._network.places.get(part.path)
-        formula = part.formula
-        match formula:
-            case tree.Not(operand):
-                return not self.holds(part.child(operand))
-            case tree.And(left, right):
-                return self.holds(part.child(left)) and self.holds(part.child(right, 1))
-            case tree.Or(left, right):
-                return self.holds(part.child(left)) or self.holds(part.child(right, 1))
-            case tree.Implies(left, right):
-                return not self.holds(part.child(left)) or self.holds(part.child(right, 1))
-        if node is None:  # a quantifier whose variables no node uses
-            return self.holds(self._body(part))
-        value = node.at(key_of([part.values.get(v) for v in node.variables]))
-        return not value if isinstance(formula, tree.Historically | tree.Forall) else value
+        return self._recall.at(part, self._now) is True
 
-    def reasons(self, part: _Part) -> list[Reason]:  # noqa: PLR0911 -- a case a node
-        """What decides whether a part holds."""
-        holds = self.holds(part)
+    def reasons(self, part: Part, holds: bool, steps: Steps) -> list[Reason]:  # noqa: PLR0911 -- a case a node
+        """What decides that a part holds at all of some steps, or at none of them."""
         match part.formula:
             case tree.Not(operand):
-                return self.reasons(part.child(operand))
+                return self.reasons(part.child(operand), not holds, steps)
             case tree.And(left, right):
-                return self._sides([part.child(left), part.child(right, 1)], [holds, holds], all_of=holds)
+                sides = [(part.child(left), holds), (part.child(right, 1), holds)]
+                return self._all(sides, steps) if holds else self._one(part, holds, sides, steps)
             case tree.Or(left, right):
-                return self._sides([part.child(left), part.child(right, 1)], [holds, holds], all_of=not holds)
+                sides = [(part.child(left), holds), (part.child(right, 1), holds)]
+                return self._one(part, holds, sides, steps) if holds else self._all(sides, steps)
             case tree.Implies(left, right):
-                return self._sides([part.child(left), part.child(right, 1)], [not holds, holds], all_of=not holds)
+                sides = [(part.child(left), not holds), (part.child(right, 1), holds)]
+                return self._one(part, holds, sides, steps) if holds else self._all(sides, steps)
             case tree.Exists() | tree.Forall():
-                return [self._quantifier(part, holds)]
+                return self._quantifier(part, steps, holds)
             case tree.Atom():
-                text = f"{'holds' if holds else 'does not hold'} at {self._shown(self._clock.now)}"
-                return [Reason(self._render(part), holds, text, self._clock.now if holds else None)]
-            case _:
-                return [self._temporal(part, holds)]
+                return [self._plain(part, steps, holds)]
+            case tree.Pre(operand):
+                return [self._pre(part, part.child(operand), steps, holds)]
+            case tree.Since():
+                return [self._since(part, steps, holds)]
+            case tree.Once() | tree.Historically():
+                return [self._once(part, steps, holds)]
 
-    def deciding(self, part: _Part) -> tuple[_Part, int] | None:
-        """A quantifier's body with values that decide it, and how many others there are; None where all do together."""
+    def deciding(self, part: Part) -> tuple[Part, int] | None:
+        """A quantifier's body with values that decide it now, and how many others do; None where all do together."""
         node = self._network.places.get(part.path)
-        if not isinstance(part.formula, tree.Exists | tree.Forall) or not isinstance(node, Some | SomeOf | SomeGuarded):
+        if not isinstance(node, Some | SomeOf | SomeGuarded):
             return None
         own = key_of([part.values.get(v) for v in node.variables])
         keys = sorted(node.keys(own), key=lambda key: [(text is None, text or "") for text in texts_of(key)])
         if not keys:
             return None
         found = dict(zip(node.body_variables, texts_of(keys[0]), strict=True))
-        body = self._body(part)
-        return _Part(body.formula, body.path, body.scope, {**part.values, **found}), len(keys) - 1
+        return part.body(self._network).given(found), len(keys) - 1
 
-    def _sides(self, sides: list[_Part], wanted: list[bool], *, all_of: bool) -> list[Reason]:
-        """The reasons of the sides that stand as wanted: of all, or of the one with the fewest."""
-        found = [self.reasons(s) for s, value in zip(sides, wanted, strict=True) if self.holds(s) is value]
-        return [reason for reasons in found for reason in reasons] if all_of else min(found, key=len)
+    def _all(self, sides: list[tuple[Part, bool]], steps: Steps) -> list[Reason]:
+        return [reason for side, holds in sides for reason in self.reasons(side, holds, steps)]
 
-    def _quantifier(self, part: _Part, holds: bool) -> Reason:
-        deciding = self.deciding(part) if holds is isinstance(part.formula, tree.Exists) else None
-        if deciding is None:
-            text = "for every value" if holds else "for no value"
-            return Reason(self._render(part), holds, text)
-        inner, others = deciding
-        given = {name: inner.values[i] for name, i in inner.scope.items() if i in inner.values}
-        told = ", ".join(f"{name} = {text or 'any other value'}" for name, text in given.items())
-        text = f"for {told}" + (f" (and {others} more)" if others else "")
-        return Reason(self._render(part), holds, text, parts=tuple(self.reasons(inner)))
+    def _one(self, part: Part, holds: bool, sides: list[tuple[Part, bool]], steps: Steps) -> list[Reason]:
+        """The reasons of one side, the shorter ones; of both, where each decides at some of the steps."""
+        found = [[s for s in steps if self._recall.at(side, s) is value] for side, value in sides]
+        alone = [self.reasons(*side, steps) for side, held in zip(sides, found, strict=True) if len(held) == len(steps)]
+        if alone:
+            return min(alone, key=_size)
+        rest = [s for s in steps if s not in found[0]]
+        if any(s not in found[1] for s in rest):
+            return [self._plain(part, steps, holds)]
+        return [*self.reasons(*sides[0], found[0]), *self.reasons(*sides[1], rest)]
 
-    def _temporal(self, part: _Part, holds: bool) -> Reason:
+    def _quantifier(self, part: Part, steps: Steps, holds: bool) -> list[Reason]:
+        if holds is not isinstance(part.formula, tree.Exists):
+            return [self._for_all(part, steps, holds)]
+        if [*steps] == [self._now]:
+            deciding = self.deciding(part)
+            groups = None if deciding is None else [(*deciding, steps)]
+        else:
+            groups = self._groups(part, steps, holds)
+        if groups is None:
+            return [self._plain(part, steps, holds)]
+        reasons = []
+        for body, others, group in groups:
+            told = f"for {self._wording.values(body.scope, body.values)}" + (f" (and {others} more)" if others else "")
+            parts = tuple(self.reasons(body, holds, group))
+            reasons.append(self._reason(part, group, holds, told, parts=parts))
+        return reasons
+
+    def _groups(self, part: Part, steps: Steps, holds: bool) -> list[tuple[Part, int, Steps]] | None:
+        """A quantifier's body with values that decide it, and the steps where they do; None where that is not known."""
+        groups: list[tuple[Part, int, Steps]] = []
+        bodies, rest = self._recall.bindings(part) or [], [*steps]
+        while rest:
+            body = next((b for b in bodies if self._recall.at(b, rest[0]) is holds), None)
+            if body is None:
+                return None
+            groups.append((body, 0, [s for s in rest if self._recall.at(body, s) is holds]))
+            rest = [s for s in rest if s not in groups[-1][2]]
+        return groups
+
+    def _for_all(self, part: Part, steps: Steps, holds: bool) -> Reason:
+        """All values decide together: a few are told of, and the window that all of them need."""
+        text = "for every value" if holds else "for no value"
+        bodies = self._recall.bindings(part) if self._recall.first == 1 else None
+        if not bodies or any(self._recall.at(body, s) is not holds for body in bodies for s in steps):
+            return self._reason(part, steps, holds, text)
+        found = [(body, self.reasons(body, holds, steps)) for body in bodies]
+        spots = [spot for _, reasons in found for spot in _spots(reasons)]
+        window = (min(spot[0] for spot in spots), max(spot[1] for spot in spots)) if spots else None
+        telling = [item for item in found if any(reason.holds for reason in _leaves(item[1]))][:_MOST_TOLD]
+        parts = []
+        for body, reasons in telling:
+            told = f"for {self._wording.values(body.scope, body.values)}"
+            parts.append(self._reason(body, steps, holds, told, parts=tuple(reasons)))
+        return self._reason(part, steps, holds, text, window=window, parts=tuple(parts))
+
+    def _pre(self, part: Part, operand: Part, steps: Steps, holds: bool) -> Reason:
+        before = [s - 1 for s in steps if s > 1]
+        if not before:
+            return self._reason(part, steps, holds, "there is no step before")
+        known = before[0] >= self._recall.first
+        if not known and [*steps] != [self._now]:
+            return self._plain(part, steps, holds)
+        times = self._times(before) if known else [self._network.clock.before]
+        parts = self._deeper([(operand, holds, before)]) if known else ()
+        text = f"its operand {self._wording.held(times, holds=holds)}"
+        return self._reason(part, steps, holds, text, times, parts=parts)
+
+    def _once(self, part: Part, steps: Steps, holds: bool) -> Reason:
         formula = part.formula
-        if isinstance(formula, tree.Pre):
-            before = self._clock.before or None
-            where = "there is no step before"
-            if before is not None:
-                where = f"its operand {'held' if holds else 'did not hold'} at {self._shown(before)}"
-            return Reason(self._render(part), holds, where, before)
-        assert isinstance(formula, tree.Once | tree.Historically | tree.Since)  # noqa: S101 -- what is left
+        assert isinstance(formula, tree.Once | tree.Historically)  # noqa: S101 -- see `reasons`
+        operand, wanted = part.child(formula.operand), isinstance(formula, tree.Once)
+        if holds is not wanted:
+            return self._nowhere(part, operand, steps, holds)
+        times, found = self._witnesses(part, operand, steps, wanted=wanted)
+        if not times:
+            return self._plain(part, steps, holds)
+        parts = self._deeper([(operand, wanted, found)])
+        return self._reason(part, steps, holds, self._wording.held(times, holds=wanted), times, parts=parts)
+
+    def _witnesses(self, part: Part, operand: Part, steps: Steps, *, wanted: bool) -> tuple[list[int], list[int]]:
+        """The times of steps that make `once` hold at all of some steps, and these as far as they are remembered."""
+        assert isinstance(part.formula, tree.Once | tree.Historically)  # noqa: S101 -- see `reasons`
+        found: set[int] = set()
+        for step in steps:
+            window, _ = self._recall.window(part.formula.bound, step)
+            if any(j in window for j in found):
+                continue
+            witness = next((j for j in self._likely(part, window) if self._recall.at(operand, j) is wanted), None)
+            if witness is None:
+                when = self._when(part) if [*steps] == [self._now] else None
+                return ([] if when is None else [when]), []
+            found.add(witness)
+        return self._times(sorted(found)), sorted(found)
+
+    def _likely(self, part: Part, window: range) -> Iterable[int]:
+        """The steps of a window, the one first that the engine goes by at present."""
+        when = self._when(part) if window and window.stop > self._now else None
+        first = None if when is None else self._recall.step(when)
+        return reversed(window) if first is None or first not in window else [first, *reversed(window)]
+
+    def _when(self, part: Part) -> int | None:
+        """The time of a step that makes an operator hold now, as the engine knows it."""
         node = self._network.places[part.path]
-        assert isinstance(node, Ever | Window)  # noqa: S101 -- what these are built as
-        at = node.when(key_of([part.values.get(v) for v in node.variables]))
-        if at is None:
-            return self._nowhere(part, formula, holds)
-        now, negated = at == self._clock.now, isinstance(formula, tree.Historically)
-        word = ("does not hold" if negated else "holds") if now else ("did not hold" if negated else "held")
-        where = f"{'its right side ' if isinstance(formula, tree.Since) else ''}{word} at {self._shown(at)}"
-        return Reason(self._render(part), holds, where, at)
+        assert isinstance(node, Ever | Latest | Window)  # noqa: S101 -- what these operators are built as
+        return node.when(key_of([part.values.get(v) for v in node.variables]))
 
-    def _nowhere(self, part: _Part, formula: tree.Once | tree.Historically | tree.Since, holds: bool) -> Reason:
-        first, last = self._window(formula.bound)
-        where = self._shown_window(formula.bound)
-        words = {tree.Once: "none", tree.Historically: "at every one"}
-        text = f"{words.get(type(formula), 'none with its left side ever since')} {where}"
-        return Reason(self._render(part), holds, text, window=(first, last) if first <= last else None)
+    def _nowhere(self, part: Part, operand: Part, steps: Steps, holds: bool) -> Reason:
+        assert isinstance(part.formula, tree.Once | tree.Historically)  # noqa: S101 -- see `reasons`
+        window, complete = self._windows(part.formula.bound, steps)
+        told, ends = self._where(part.formula.bound, steps, window)
+        words = "at every one" if holds else "none"
+        parts: tuple[Reason, ...] = ()
+        if complete and window and all(self._recall.at(operand, j) is holds for j in window):
+            parts = self._deeper([(operand, holds, window)])
+        return self._reason(part, steps, holds, f"{words} {told}", window=ends, parts=parts)
 
-    def _window(self, bound: Bound) -> tuple[int, int]:
-        first = 1 if bound.upper is None else max(1, self._clock.now - bound.upper)
-        return first, self._clock.now - bound.lower
+    def _since(self, part: Part, steps: Steps, holds: bool) -> Reason:
+        formula = part.formula
+        assert isinstance(formula, tree.Since)  # noqa: S101 -- see `reasons`
+        left, right = part.child(formula.left), part.child(formula.right, 1)
+        return self._since_held(part, left, right, steps) if holds else self._since_not(part, left, right, steps)
 
-    def _shown_window(self, bound: Bound) -> str:
-        first, last = self._window(bound)
-        if self._time == "steps":
-            if last < first:
-                return "before there were steps"
-            return f"in steps {first}–{last}" if last > first else f"in step {first}"  # noqa: RUF001 -- a range
-        near, far = _duration(bound.lower), None if bound.upper is None else _duration(bound.upper)
-        if far is None:
-            return f"{near} ago or earlier" if bound.lower else "so far"
-        return f"between {near} and {far} ago" if bound.lower else f"in the last {far}"
+    def _since_held(self, part: Part, left: Part, right: Part, steps: Steps) -> Reason:
+        assert isinstance(part.formula, tree.Since)  # noqa: S101 -- see `reasons`
+        witnesses: set[int] = set()
+        between: set[int] = set()
+        for step in steps:
+            witness = self._recall.since(left, right, part.formula.bound, step)
+            if witness is None:
+                break
+            witnesses.add(witness)
+            between.update(range(witness + 1, step + 1))
+        else:
+            found = sorted(witnesses)
+            times = self._times(found)
+            parts = self._deeper([(right, True, found), (left, True, sorted(between))])
+            text = f"its right side {self._wording.held(times, holds=True)}"
+            window = (times[0], self._recall.time(steps[-1])) if between else None
+            return self._reason(part, steps, True, text, times, window=window, parts=parts)
+        when = self._when(part) if [*steps] == [self._now] else None
+        if when is None:
+            return self._plain(part, steps, True)
+        text = f"its right side {self._wording.held([when], holds=True)}"
+        return self._reason(part, steps, True, text, [when], window=(when, self._network.clock.now))
 
-    def _shown(self, time: int) -> str:
-        if time == self._clock.now:
-            return "this step" if self._time == "seconds" else f"step {time}"
-        return f"step {time}" if self._time == "steps" else f"a step {_duration(self._clock.now - time)} ago"
+    def _since_not(self, part: Part, left: Part, right: Part, steps: Steps) -> Reason:
+        assert isinstance(part.formula, tree.Since)  # noqa: S101 -- see `reasons`
+        told, ends = self._where(part.formula.bound, steps, self._windows(part.formula.bound, steps)[0])
+        known, missing = True, set[int]()
+        broken = set[int]()
+        for step in steps:
+            candidates, complete = self._recall.window(part.formula.bound, step)
+            if all(self._recall.at(right, j) is False for j in candidates):
+                missing.update(candidates)
+                known = known and complete
+                continue
+            past = range(step, candidates.start - 1, -1)
+            failed = next((j for j in past if self._recall.at(left, j) is False), None)
+            known = known and failed is not None
+            broken.update(() if failed is None else (failed,))
+            missing.update(j for j in candidates if failed is None or j >= failed)
+        known = known and all(self._recall.at(right, j) is False for j in missing)
+        plain = is_simple(right.formula) and not broken
+        sides = [(right, False, sorted(missing)), (left, False, sorted(broken))] if known and not plain else []
+        parts = tuple(r for side, value, at in sides if at for r in self.reasons(side, value, at))
+        return self._reason(part, steps, False, f"none with its left side ever since {told}", window=ends, parts=parts)
 
-    def _body(self, part: _Part) -> _Part:
-        """What a quantifier, and those of its kind that follow, say of their variables."""
-        formula, path, kind = part.formula, part.path, type(part.formula)
-        while isinstance(formula, tree.Exists | tree.Forall) and type(formula) is kind:
-            formula, path = formula.body, (*path, 0)
-        return _Part(formula, path, self._network.scopes[part.path], part.values)
+    def _windows(self, bound: Bound, steps: Steps) -> tuple[list[int], bool]:
+        """All steps in the windows of some steps, and whether all of them are remembered."""
+        windows = [self._recall.window(bound, step) for step in steps]
+        return sorted({j for window, _ in windows for j in window}), all(complete for _, complete in windows)
 
-    def _render(self, part: _Part) -> str:
-        values = {name: part.values[i] for name, i in part.scope.items() if part.values.get(i) is not None}
-        return render(_with(part.formula, {name: _scalar(text) for name, text in values.items()}), self._time)
+    def _where(self, bound: Bound, steps: Steps, window: Steps) -> tuple[str, tuple[int, int] | None]:
+        """Windows in words, and the first and the last time in them."""
+        if [*steps] == [self._now]:
+            first, last = self._wording.ends(bound)
+            return self._wording.window(bound), (first, last) if first <= last else None
+        if not window:
+            return "before there were steps", None
+        ends = self._recall.time(window[0]), self._recall.time(window[-1])
+        return self._wording.during(*ends), ends
+
+    def _deeper(self, sides: list[tuple[Part, bool, Steps]]) -> tuple[Reason, ...]:
+        """The reasons for operands, where there is more to say than whether they held."""
+        if all(is_simple(operand.formula) for operand, _, _ in sides):
+            return ()
+        return tuple(reason for side in sides if side[2] for reason in self.reasons(*side))
+
+    def _times(self, steps: Steps) -> list[int]:
+        return [self._recall.time(step) for step in steps]
+
+    def _plain(self, part: Part, steps: Steps, holds: bool) -> Reason:
+        """That something held, or did not, and no more."""
+        times = self._times(steps)
+        now = [*steps] == [self._now]
+        text = self._wording.held(times, holds=holds)
+        return self._reason(part, [self._now], holds, text, [] if now and not holds else times)
+
+    def _reason(
+        self,
+        part: Part,
+        steps: Steps,
+        holds: bool,
+        text: str,
+        times: Sequence[int] = (),
+        *,
+        window: tuple[int, int] | None = None,
+        parts: tuple[Reason, ...] = (),
+    ) -> Reason:
+        """A reason for what is said of `steps`, where `times` or a window decide it."""
+        if [*steps] != [self._now]:
+            text = f"({self._wording.at(self._times(steps))}) {text}"
+        if len(times) > 1:
+            window = times[0], times[-1] if window is None else window[1]
+        at = times[0] if len(times) == 1 else None
+        return Reason(self._wording.formula(part), holds, text, at, window, parts)
 
 
-def _with(formula: Formula, values: Mapping[str, Scalar | None]) -> Formula:
-    """The formula with values in place of its free variables."""
-    match formula:
-        case Atom(constraints):
-            return Atom(tuple(_given(c, values) for c in constraints))
-        case tree.Not(operand) | tree.Pre(operand):
-            return type(formula)(_with(operand, values))
-        case tree.And(left, right) | tree.Or(left, right) | tree.Implies(left, right):
-            return type(formula)(_with(left, values), _with(right, values))
-        case tree.Once(operand, bound) | tree.Historically(operand, bound):
-            return type(formula)(_with(operand, values), bound)
-        case tree.Since(left, right, bound):
-            return tree.Since(_with(left, values), _with(right, values), bound)
-        case tree.Exists(variable, body) | tree.Forall(variable, body):
-            inner = {name: value for name, value in values.items() if name != variable}
-            return type(formula)(variable, _with(body, inner))
+def _leaves(reasons: Iterable[Reason]) -> Iterator[Reason]:
+    for reason in reasons:
+        if reason.parts:
+            yield from _leaves(reason.parts)
+        else:
+            yield reason
 
 
-def _given(constraint: Constraint, values: Mapping[str, Scalar | None]) -> Constraint:
-    if not isinstance(constraint.value, Ref):
-        return constraint
-    value = values.get(constraint.value.name)
-    return constraint if value is None else Constraint(constraint.key, "==", value)
+def _size(reasons: Sequence[Reason]) -> int:
+    return sum(1 for _ in _leaves(reasons))
 
 
-def _scalar(text: Text) -> Scalar | None:
-    """The value of a canonical text, None for the fresh one."""
-    if text is None:
-        return None
-    value: Scalar = json.loads(text)
-    return value
-
-
-def _duration(nanoseconds: int) -> str:
-    for unit, size in (("s", 10**9), ("ms", 10**6), ("us", 10**3)):
-        if nanoseconds >= size or nanoseconds % size == 0:
-            return f"{nanoseconds / size:.9g}{unit}"
-    return f"{nanoseconds}ns"
+def _spots(reasons: Iterable[Reason]) -> Iterator[tuple[int, int]]:
+    """The first and the last time of each reason that has any."""
+    for reason in reasons:
+        if reason.at is not None:
+            yield reason.at, reason.at
+        if reason.window is not None:
+            yield reason.window
+        yield from _spots(reason.parts)

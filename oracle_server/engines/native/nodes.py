@@ -80,6 +80,11 @@ class AtomNode:
         """Whether it holds at some key."""
         return self.current is not _ABSENT
 
+    @property
+    def idle(self) -> bool:
+        """Whether it neither holds nor has just changed."""
+        return self.current is _ABSENT and not self.changes
+
     def take(self, match: Match) -> None:
         """Move on to the next step."""
         key: Key | Absent

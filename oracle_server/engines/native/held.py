@@ -1,0 +1,65 @@
+"""The keys at which something holds, where it can't hold for fresh values."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from functools import partial
+
+from oracle_server.engines.native.clock import Clock
+from oracle_server.engines.native.keys import ALL, Key, Region, key_of
+from oracle_server.engines.native.tables import Index
+
+
+class Held:
+    """Keys without fresh values, each with a time."""
+
+    __slots__ = ("_clock", "_index", "_size", "times")
+
+    def __init__(self, size: int, clock: Clock) -> None:
+        self._size, self._clock = size, clock
+        self.times: dict[Key, int] = {}
+        self._index: Index | None = None
+
+    def add(self, key: Key, time: int) -> None:
+        """Take in a key that is not there."""
+        self._put(key, time)
+        if self._clock.journal is not None:
+            self._clock.journal.append(partial(self._take, key))
+
+    def remove(self, key: Key) -> None:
+        """Forget a key that is there."""
+        if self._clock.journal is not None:
+            self._clock.journal.append(partial(self._put, key, self.times[key]))
+        self._take(key)
+
+    def spread(self, region: Region, place: int) -> Collection[str]:
+        """The texts at a place of the keys in a region."""
+        if self._size == 1:
+            return self.times
+        if self._index is None:
+            self.index()
+        assert self._index is not None  # noqa: S101 -- made just now
+        return self._index.spread(region, place)
+
+    def constant(self, region: Region) -> bool | None:
+        """Whether it holds all over a region, None where that may differ."""
+        if ALL not in region:
+            return key_of(region) in self.times
+        return None if self.times else False
+
+    def index(self) -> None:
+        """Be asked for `spread`."""
+        if self._size > 1 and self._index is None:
+            self._index = Index(self._size)
+            for key in self.times:
+                self._index.add(key)
+
+    def _put(self, key: Key, time: int) -> None:
+        self.times[key] = time
+        if self._index is not None:
+            self._index.add(key)
+
+    def _take(self, key: Key) -> None:
+        del self.times[key]
+        if self._index is not None:
+            self._index.remove(key)
