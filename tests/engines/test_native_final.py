@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import os
 import random
+from dataclasses import fields
+from typing import Any
 
 import pytest
 
+from oracle_server.core.formula import tree
 from oracle_server.core.formula.parse import Time, parse_formula
 from oracle_server.core.formula.render import render
+from oracle_server.core.formula.tree import Bound, Formula
 from oracle_server.core.verdicts import FINAL, Outcome
 from oracle_server.engines.native import NativeEngine
 from tests import generate
@@ -19,12 +23,26 @@ from tests.strategies import START
 CASES = int(os.environ.get("CASES", "1000"))
 
 
+def settling(rng: random.Random, formula: Formula) -> Formula:
+    """The formula with many of its atoms in parts that settle."""
+    if isinstance(formula, tree.Atom):
+        kind = rng.choice((None, tree.Once, tree.Historically))
+        return formula if kind is None else kind(formula, Bound(rng.choice((0, 0, 2)), None))
+    parts: dict[str, Any] = {field.name: getattr(formula, field.name) for field in fields(formula)}
+    for name in ("operand", "left", "right", "body"):
+        if name in parts:
+            parts[name] = settling(rng, parts[name])
+    return type(formula)(**parts)
+
+
 @pytest.mark.parametrize("time", ["steps", "seconds"])
 def test_no_continuation_changes_a_final_outcome(time: Time) -> None:
     finals = 0
     for number in range(SEED, SEED + CASES):
         rng = random.Random(f"final {time} {number}")
         formula = generate.formula(rng, time, rng.randint(2, 4))
+        if number % 2:
+            formula = settling(rng, formula)
         steps = generate.trace(rng, rng.randint(1, 8))
         found = outcomes(NativeEngine(formula, time), formula, steps)
         final = next((i for i, outcome in enumerate(found) if outcome in FINAL), None)
@@ -60,6 +78,14 @@ STEPS: list[TimedSignals] = [(1, {"a": True}), (2, {"a": False}), (3, {"b": 7})]
         ("forall[v]. historically ({b: *v} -> once {a: *v})", "currently_true currently_true false"),
         ("once[:5] {a} or once {a}", "true true true"),
         ("historically ({a} or {b: 7})", "currently_true false false"),
+        ("once[1:2] once {a}", "currently_false true true"),
+        ("exists[v]. {a: *v} and historically {b}", "false false false"),
+        ("exists[v]. not {a: *v} or once {b: *v}", "currently_true currently_true true"),
+        (
+            "exists[w]. not once {a: *w} and (exists[v]. {a: *v, b: *w} and historically {b})",
+            "false false false",
+        ),
+        ("exists[v]. once[2:] ({a: *v} and historically {a})", "currently_false currently_false true"),
     ],
 )
 def test_final_as_soon_as_it_is_decided(text: str, expected: str) -> None:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
-from itertools import chain
+from collections.abc import Callable, Collection, Iterator, Sequence
+from itertools import chain, product
+from math import prod
 from typing import Any, Protocol
 
 from oracle_server.engines.native.clock import Clock
-from oracle_server.engines.native.keys import ALL, Key, Region, Variables, fresh_key, key_of, picker, texts_of
+from oracle_server.engines.native.keys import ALL, Key, Region, Text, Variables, fresh_key, key_of, picker, texts_of
 from oracle_server.engines.native.nodes import Node
+
+_MOST_APART = 256
+"""Keys that are looked at, at each step, to find out that a quantifier has settled."""
 
 Expression = Any
 """A node, `("not", node)`, or `("and" | "or", left, right)`: negations stand at nodes only."""
@@ -159,11 +163,6 @@ def _part(expression: Expression, variables: Variables) -> _Part:
     return _Both(left, right, len(variables), absorbing=expression[0] == "or")
 
 
-def value_of(expression: Expression, variables: Variables) -> Callable[[Key], bool]:
-    """What gives the value of an expression at a key of these variables."""
-    return _part(expression, variables).at
-
-
 class Own(Protocol):
     """The keys that the node above a body tells apart itself."""
 
@@ -230,9 +229,28 @@ class Body:
                 keys = changes if keys is None else keys + changes
         return keys or ()
 
-    def all_points(self) -> Collection[Key]:
-        """Keys that stand for all: where values may differ, and the fresh one."""
-        return self._everything(NOTHING)
+    def apart(self, variable: int) -> Iterator[str]:
+        """The texts of a variable that may, now or later, have other values than its fresh one; some repeatedly."""
+        return chain.from_iterable(node.apart(variable) for node in self.nodes)
+
+    def all_settled(self, value: bool, *, some: bool, own: Sequence[Text] = ()) -> bool:
+        """Whether the first expression has settled on a value at all keys that begin with these texts, or at `some`.
+
+        False too where there are too many keys to look at.
+        """
+        settled, choices, seen = self.settled[0], [{text} for text in own], 0
+        for variable in self.variables[len(own) :]:
+            texts: set[Text] = {None}
+            for text in self.apart(variable):
+                seen += 1
+                if seen > _MOST_APART:
+                    return False
+                texts.add(text)
+            choices.append(texts)
+        if prod(map(len, choices)) > _MOST_APART:
+            return False
+        found = (settled(key_of(texts)) is value for texts in product(*choices))
+        return any(found) if some else all(found)
 
     def _everything(self, own: Own) -> Collection[Key]:
         if not self.flat:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from functools import partial
+from itertools import chain
 from typing import Any
 
 from oracle_server.engines.native.body import NOTHING, Body
 from oracle_server.engines.native.clock import Clock
 from oracle_server.engines.native.held import Held
 from oracle_server.engines.native.keys import Key, Region, read_key
+from oracle_server.engines.native.nodes import texts_at
 
 
 class Ever:
@@ -87,6 +89,11 @@ class Ever:
             self._hold(read_key(key), time)
         self.waiting.extend((deadline, read_key(key)) for deadline, key in waiting)
         self.waits.update(key for _, key in self.waiting)
+
+    def apart(self, variable: int) -> Iterator[str]:
+        """The texts at which it holds, or will, and those that are told apart below."""
+        own = texts_at(chain(self.held, self.waits), self.variables, variable)
+        return chain(own, self._body.apart(variable))
 
     def settled(self, key: Key) -> bool | None:
         """True once it holds."""

@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection, Iterator
 from functools import partial
 from typing import Any
 
-from oracle_server.engines.native.body import Expression, value_of
+from oracle_server.engines.native.body import Body, Expression
 from oracle_server.engines.native.clock import Clock
 from oracle_server.engines.native.keys import Key, Region, Variables, read_key
 from oracle_server.engines.native.nodes import AtomNode
+from oracle_server.engines.native.some import settled_over
 
 
 class SomeGuarded:
     """A quantifier that binds all variables of its body, one conjunct of which is an atom with all of them."""
 
-    __slots__ = ("_clock", "_guard", "_operand", "changes", "flat", "held", "variables")
+    __slots__ = ("_body", "_clock", "_guard", "_operand", "changes", "flat", "held", "variables")
 
     def __init__(self, guard: AtomNode, operand: Expression, clock: Clock) -> None:
         self._guard, self._clock = guard, clock
-        self._operand: Callable[[Key], bool] = value_of(operand, guard.variables)
+        self._body = Body(clock, operand)
+        self._operand = self._body.at[0]
         self.variables: Variables = ()
         self.flat = True
         self.changes: list[Key] = []
@@ -81,12 +83,17 @@ class SomeGuarded:
         """Become what a snapshot says."""
         self.held = [read_key(key) for key in data]
 
-    def settled(self, key: Key) -> None:
-        """None: the next step may be any."""
+    def apart(self, variable: int) -> Iterator[str]:  # noqa: ARG002
+        """None: it has one value."""
+        return iter(())
 
-    def can_settle(self, fresh: frozenset[int]) -> tuple[bool, bool]:  # noqa: ARG002
-        """Neither."""
-        return False, False
+    def settled(self, key: Key) -> bool | None:  # noqa: ARG002
+        """False where the body has settled so at all keys; true never, since the next step may be any."""
+        return None if self.held else settled_over(self._body, ())
+
+    def can_settle(self, fresh: frozenset[int]) -> tuple[bool, bool]:
+        """Whether the value can settle on true, and on false, where these variables have fresh values."""
+        return False, self._body.can_settle[0](fresh.union(self._body.variables))[1]
 
 
 def guard_of(expression: Expression, variables: Variables) -> AtomNode | None:

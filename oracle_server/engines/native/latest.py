@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 from functools import partial
+from itertools import chain
 from typing import Any
 
 from oracle_server.engines.native.body import NOTHING, Body
 from oracle_server.engines.native.clock import Clock
 from oracle_server.engines.native.held import Held
 from oracle_server.engines.native.keys import Key, Region, is_fresh, picker, read_key
+from oracle_server.engines.native.nodes import texts_at
 
 
 class Latest:
@@ -100,6 +102,11 @@ class Latest:
             self._held.add(read_key(key), time)
         self._ended.update((read_key(key), time) for key, time in ended)
         self._leaving.extend((deadline, read_key(key)) for deadline, key in leaving)
+
+    def apart(self, variable: int) -> Iterator[str]:
+        """The texts at which it holds, and those that are told apart below."""
+        left = () if self._left is None else self._left.apart(variable)
+        return chain(texts_at(self._held.times, self.variables, variable), self._body.apart(variable), left)
 
     def settled(self, key: Key) -> bool | None:
         """The value at a key, where no continuation can change it; None where one may."""

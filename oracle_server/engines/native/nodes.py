@@ -7,7 +7,7 @@ the keys at which it changed itself, so that a step costs what changes and not w
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable, Iterator
 from typing import Any, Protocol
 
 from oracle_server.core.atoms import Match
@@ -44,6 +44,10 @@ class Node(Protocol):
         """Be asked for `spread`."""
         ...
 
+    def apart(self, variable: int) -> Iterator[str]:
+        """The texts of a variable that may, now or later, have other values than its fresh one; some repeatedly."""
+        ...
+
     def settled(self, key: Key) -> bool | None:
         """The value at a key, where no continuation can change it; None where one may, or that is not known."""
         ...
@@ -51,6 +55,14 @@ class Node(Protocol):
     def can_settle(self, fresh: frozenset[int]) -> tuple[bool, bool]:
         """Whether the value can settle on true, and on false, where these variables have fresh values."""
         ...
+
+
+def texts_at(keys: Iterable[Key], variables: Variables, variable: int) -> Iterator[str]:
+    """The texts that a variable has in keys, where it is one of theirs; the fresh one is none."""
+    if variable not in variables:
+        return iter(())
+    place = variables.index(variable)
+    return (text for key in keys if (text := texts_of(key)[place]) is not None)
 
 
 class Absent:
@@ -136,6 +148,10 @@ class AtomNode:
 
     def index(self) -> None:
         """Nothing to prepare."""
+
+    def apart(self, variable: int) -> Iterator[str]:
+        """The text at which it holds."""
+        return texts_at([] if isinstance(self.current, Absent) else [self.current], self.variables, variable)
 
     def settled(self, key: Key) -> None:
         """None: the next step may be any."""

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from functools import partial
+from itertools import chain
 from typing import Any
 
 from oracle_server.engines.native.body import Body
 from oracle_server.engines.native.clock import Clock
 from oracle_server.engines.native.keys import ALL, Key, Region, is_fresh, key_of, read_key
+from oracle_server.engines.native.nodes import texts_at
 from oracle_server.engines.native.tables import table
 
 
@@ -83,6 +85,11 @@ class Previous:
         states, following = data
         self._table.load([(read_key(key), _Value(value)) for key, value in states])
         self.next = [(read_key(key), value) for key, value in following]
+
+    def apart(self, variable: int) -> Iterator[str]:
+        """The texts that are told apart here, will be with the next step, or are below."""
+        own = chain(self._table.keys(), (key for key, _ in self.next))
+        return chain(texts_at(own, self.variables, variable), self._body.apart(variable))
 
     def settled(self, key: Key) -> bool | None:
         """The operand's value, once it is settled and this has become that."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator, Sequence
 from functools import partial
-from itertools import product
+from itertools import chain, product
 from typing import Any
 
 from oracle_server.engines.native.body import Body
@@ -13,6 +13,7 @@ from oracle_server.engines.native.keys import (
     ALL,
     Key,
     Region,
+    Text,
     Variables,
     fresh_key,
     is_fresh,
@@ -20,6 +21,7 @@ from oracle_server.engines.native.keys import (
     read_key,
     texts_of,
 )
+from oracle_server.engines.native.nodes import texts_at
 from oracle_server.engines.native.tables import Flat, Tree, table
 
 
@@ -96,14 +98,13 @@ class Some:
         """Become what a snapshot says."""
         self.held = {read_key(key) for key in data}
 
+    def apart(self, variable: int) -> Iterator[str]:  # noqa: ARG002
+        """None: it has one value."""
+        return iter(())
+
     def settled(self, key: Key) -> bool | None:  # noqa: ARG002
         """True where the body has settled so at a key, false where it has at all."""
-        settled = self._body.settled[0]
-        if self.held:
-            return True if any(settled(key) for key in self.held) else None
-        if settled(fresh_key(len(self._body.variables))) is not False:
-            return None
-        return False if all(settled(key) is False for key in self._body.all_points()) else None
+        return settled_over(self._body, self.held)
 
     def can_settle(self, fresh: frozenset[int]) -> tuple[bool, bool]:
         """Whether the value can settle on true, and on false, where these variables have fresh values."""
@@ -236,16 +237,19 @@ class SomeOf:
             states.append((read_key(own), held))
         self._table.load(states)
 
+    def apart(self, variable: int) -> Iterator[str]:
+        """The texts that are told apart here or below."""
+        return chain(texts_at(self._table.keys(), self.variables, variable), self._body.apart(variable))
+
     def settled(self, key: Key) -> bool | None:
-        """True where the body has settled so at some key of the bound variables; false is not found out."""
+        """True where the body has settled so at some key of the bound variables, false where it has at all of them."""
         own = texts_of(key)
-        settled = self._body.settled[0]
-        held = self._table.get(key).keys
-        return True if any(settled((*own, *bound)) for bound in held) else None
+        return settled_over(self._body, [(*own, *bound) for bound in self._table.get(key).keys], own)
 
     def can_settle(self, fresh: frozenset[int]) -> tuple[bool, bool]:
         """Whether the value can settle on true, and on false, where these variables have fresh values."""
-        return self._body.can_settle[0](fresh)[0], False
+        bound = frozenset(self._body.variables[self._own :])
+        return self._body.can_settle[0](fresh)[0], self._body.can_settle[0](fresh | bound)[1]
 
     def index(self) -> None:
         """Be asked for `spread`."""
@@ -272,6 +276,17 @@ class _Asked:
             return self._table.spread(region[: self._own], place)
         held = self._table.get(key_of(region[: self._own]))
         return _texts(held.keys, region[self._own :], place - self._own)
+
+
+def settled_over(body: Body, held: Collection[Key], own: Sequence[Text] = ()) -> bool | None:
+    """What `exists` has settled on, over keys that begin with these texts; `held` are those at which its body holds."""
+    settled = body.settled[0]
+    if held:
+        return True if any(map(settled, held)) or body.all_settled(True, some=True, own=own) else None
+    size = len(body.variables) - len(own)
+    if settled(key_of([*own, *texts_of(fresh_key(size))])) is not False:
+        return None
+    return False if body.all_settled(False, some=False, own=own) else None
 
 
 def _general_first(keys: Collection[Key]) -> Collection[Key]:

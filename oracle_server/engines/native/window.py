@@ -9,14 +9,16 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Iterator
 from functools import partial
+from itertools import chain
 from typing import Any
 
 from oracle_server.core.formula.tree import Bound
 from oracle_server.engines.native.body import Body
 from oracle_server.engines.native.clock import Clock
 from oracle_server.engines.native.keys import ALL, Key, Region, is_fresh, key_of, read_key
+from oracle_server.engines.native.nodes import texts_at
 from oracle_server.engines.native.tables import table
 
 
@@ -215,6 +217,10 @@ class Window:
         self._entering.extend((deadline, read_key(key)) for deadline, key in entering)
         self._leaving.extend((deadline, read_key(key)) for deadline, key in leaving)
 
+    def apart(self, variable: int) -> Iterator[str]:
+        """The texts that are told apart here or below."""
+        return chain(texts_at(self._table.keys(), self.variables, variable), self._body.apart(variable))
+
     def settled(self, key: Key) -> bool | None:
         """The value at a key, where no continuation can change it; None where one may."""
         right = self._body.settled[0](key)
@@ -226,13 +232,16 @@ class Window:
             return True
         if right is False and not runs.starts:
             return False
+        if right is True and left is True and self._all and not self._sparse and len(runs.starts) > len(runs.ends):
+            return True if runs.starts[-1] <= self._clock.now - self._lower else None
         return False if left is False and (right is False or self._lower) else None
 
     def can_settle(self, fresh: frozenset[int]) -> tuple[bool, bool]:
         """Whether the value can settle on true, and on false, where these variables have fresh values."""
         right = self._body.can_settle[0](fresh)
         left = (True, False) if self._left is None else self._body.can_settle[1](fresh)
-        return (right[0] and not self._lower) or (left[0] and self._upper is None), right[1] or left[1]
+        lasting = right[0] and left[0] and not self._sparse
+        return (right[0] and not self._lower) or (left[0] and self._upper is None) or lasting, right[1] or left[1]
 
     def index(self) -> None:
         """Be asked for `spread`."""
