@@ -6,6 +6,7 @@ import asyncio
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Body, FastAPI, HTTPException, Query, Request, Response, WebSocket
+from fastapi import Path as PathParameter
 from pydantic import BaseModel, ConfigDict
 from starlette.requests import ClientDisconnect
 from starlette.responses import StreamingResponse
@@ -15,6 +16,7 @@ from oracle_server.access import demand, demand_session, demand_spec, grant_of, 
 from oracle_server.connection import Connection
 from oracle_server.core.errors import SpecError
 from oracle_server.core.verdicts import Outcome
+from oracle_server.explaining import NoExplanationError, explained
 from oracle_server.history import Query as Question
 from oracle_server.history import find
 from oracle_server.legacy import legacy_routes
@@ -183,6 +185,7 @@ def _sessions(registry: Registry) -> APIRouter:
 
 def _verdicts(registry: Registry, store: Store) -> APIRouter:
     router = APIRouter()
+    explaining = asyncio.Lock()
 
     async def page(request: Request, session_id: str, question: Question) -> Page:
         known = demand_session(request, registry, session_id)
@@ -205,6 +208,21 @@ def _verdicts(registry: Registry, store: Store) -> APIRouter:
         """The verdict history; `since` and `until` bound the publication time in nanoseconds."""
         wanted = frozenset(property), frozenset(outcome)
         return await page(request, session_id, Question(*wanted, stream, since, until, after, limit, order))
+
+    @router.get("/sessions/{session_id}/verdicts/{n}/explanation")
+    async def explain_verdict(
+        request: Request, session_id: str, n: Annotated[int, PathParameter(ge=1, lt=2**63)]
+    ) -> dict[str, Any]:
+        """A verdict with its explanation, positive ones too: all that came before is judged again, one at a time."""
+        known = demand_session(request, registry, session_id)
+        try:
+            async with explaining:
+                record = await asyncio.to_thread(explained, store, known.number, n)
+        except NoExplanationError as error:
+            raise HTTPException(409, str(error)) from None
+        if record is None:
+            raise HTTPException(404, f"session '{session_id}' has no verdict {n} in its history yet")
+        return record
 
     @router.get("/sessions/{session_id}/violations")
     async def list_violations(

@@ -206,13 +206,19 @@ def verdicts(
     property_: Annotated[list[str] | None, typer.Option("--property", help="Only this property; repeatable.")] = None,
     outcome: Annotated[list[str] | None, typer.Option(help="Only this outcome; repeatable.")] = None,
     follow: Annotated[bool, typer.Option("--follow", help="Go on with what comes, until the session ends.")] = False,
+    explain: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Say why verdict number N is as it is.")
+    ] = None,
     url: Url = _DEFAULT_URL,
     token: Token = None,
     as_json: AsJson = False,
 ) -> None:
     """Print a session's verdicts: a summary and its violations, or the records that are asked for."""
-    from oracle_server.client import Client, follow_verdicts, show_verdicts
+    from oracle_server.client import Client, follow_verdicts, show_explanation, show_verdicts
 
+    if explain is not None:
+        show_explanation(Client(url, token), session, explain, as_json=as_json)
+        return
     if follow:
         follow_verdicts(Client(url, token), session, property_ or [], outcome or [], as_json=as_json)
         return

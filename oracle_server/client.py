@@ -15,9 +15,11 @@ from rich.console import Console
 from rich.table import Table
 
 from oracle_server.core.errors import OracleError
+from oracle_server.reasons import told
 from oracle_server.tokens import Token
 
 _WITHIN = 10.0
+_EXPLAINED_WITHIN = 600.0
 _SILENT = 60.0
 """Seconds without a sign of life, of which there is one every 15, after which a stream is opened anew."""
 _RECONNECT_AFTER = 1.0
@@ -37,10 +39,10 @@ class Client:
             base_url=f"{self._url}/api/v1/", headers=headers, timeout=_WITHIN, trust_env=False, verify=_tls()
         )
 
-    def get(self, path: str, **query: Any) -> dict[str, Any]:
-        """A document. Raises `ServerUnreachableError`."""
+    def get(self, path: str, within: float = _WITHIN, **query: Any) -> dict[str, Any]:
+        """A document, waited for so many seconds. Raises `ServerUnreachableError`."""
         try:
-            response = self._http.get(path, params={k: v for k, v in query.items() if v is not None})
+            response = self._http.get(path, params={k: v for k, v in query.items() if v is not None}, timeout=within)
             document: dict[str, Any] = response.json()
         except (httpx.HTTPError, httpx.InvalidURL) as error:
             raise self._unreachable(error) from None
@@ -164,6 +166,12 @@ def follow_verdicts(client: Client, session: str, properties: list[str], outcome
         line = json.dumps(record) if as_json else "  ".join(_record_row(record)).rstrip()
         sys.stdout.write(line + "\n")
         sys.stdout.flush()
+
+
+def show_explanation(client: Client, session: str, n: int, *, as_json: bool) -> None:
+    """Print why a verdict is as it is."""
+    record = client.get(f"sessions/{session}/verdicts/{n}/explanation", _EXPLAINED_WITHIN)
+    sys.stdout.write(json.dumps(record) + "\n" if as_json else told(record))
 
 
 def show_tokens(tokens: Sequence[Token], *, as_json: bool) -> None:

@@ -9,14 +9,15 @@ import msgspec
 
 from oracle_server.core.formula.tree import Scalar
 
-Recall = Callable[[int], Mapping[str, Any] | None]
+Recall = Callable[[int, int | None], Mapping[str, Any] | None]
 
 
 class Reason(msgspec.Struct, frozen=True, gc=False):
     """One part of the formula with values in place of variables, and whether it holds.
 
-    `at` is a step that decides it: its number, or its time in nanoseconds with `time: seconds`; `window` are the first
-    and the last one among which there is none; `text` says so. `parts` decide it in turn.
+    `at` is a step that decides it: its number, or its time in nanoseconds with `time: seconds`; `step` its number where
+    that is known; `window` are the first and the last of several, or of those among which there is none; `text` says
+    so. `parts` decide it in turn.
     """
 
     formula: str
@@ -25,6 +26,7 @@ class Reason(msgspec.Struct, frozen=True, gc=False):
     at: int | None = None
     window: tuple[int, int] | None = None
     parts: tuple[Reason, ...] = ()
+    step: int | None = None
 
 
 class Why(msgspec.Struct, frozen=True, gc=False):
@@ -52,7 +54,7 @@ class Why(msgspec.Struct, frozen=True, gc=False):
         return iter(dict.fromkeys(leaf for reason in self.reasons for leaf in _leaves(reason)))
 
     def data(self, recall: Recall) -> dict[str, Any]:
-        """As plain data; `recall` tells the event at a step, None where that is not known any more."""
+        """As plain data; `recall` tells the event of an `at` and a `step`, None where that is not known any more."""
         values = {"values": dict(self.values), "other_values": self.others}
         return {**values, "reasons": [_data(r, recall) for r in self.reasons]}
 
@@ -67,7 +69,7 @@ def _leaves(reason: Reason) -> Iterator[Reason]:
 def _data(reason: Reason, recall: Recall) -> dict[str, Any]:
     data: dict[str, Any] = {"formula": reason.formula, "holds": reason.holds, "text": reason.text}
     if reason.at is not None:
-        data |= {"at": reason.at, "event": recall(reason.at)}
+        data |= {"at": reason.at, "event": recall(reason.at, reason.step)}
     if reason.window is not None:
         data["window"] = list(reason.window)
     if reason.parts:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import msgspec
@@ -11,6 +12,7 @@ import msgspec
 from oracle_server.core.engine import Engine
 from oracle_server.core.events import Event, Order, Step, StreamKey
 from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.past import Past
 from oracle_server.core.plan import Plan, StreamPlan
 from oracle_server.core.property_state import Names, PropertyState
 from oracle_server.core.recent import Recent
@@ -59,6 +61,9 @@ class Judge:
         """The time of the last step, in nanoseconds."""
         self._ticked = 0
         self._recent = Recent()
+        self._tick: tuple[int, Mapping[str, Scalar]] | None = None
+        for i, state in enumerate(self.properties):
+            state.past = partial(self._past, i)
 
     @property
     def next_deadline(self) -> int | None:
@@ -98,6 +103,10 @@ class Judge:
         """Mark every verdict from now on as one before which something is known to be lost, skipped or failed."""
         self._degraded = True
 
+    def remember(self, steps: int, effort: int) -> None:
+        """Before the first step: remember more of them, and work out more for an explanation, than else."""
+        self._recent = Recent(steps, effort)
+
     def judge(self, step: Step, now: int) -> Judged:
         """Judge one step, or skip it; `now` becomes its time of judgement."""
         self.counters.late += step.late
@@ -116,7 +125,9 @@ class Judge:
         self._ticked = time
         signals, failed = self._all_held()
         views = self._plan.silent
+        self._tick = time, signals
         found = [s.tick(view, time, signals, failed) for s, view in zip(self.properties, views, strict=True)]
+        self._tick = None
         if all(state.outcome is outcome for state, outcome in zip(self.properties, found, strict=True)):
             return None
         self.counters.ticks += 1
@@ -159,9 +170,9 @@ class Judge:
         stream = self._plan.streams[step.event.stream]
         self.counters.steps += 1
         self._move_on(step, stream)
-        self._recent.add(self.counters.steps, self.present, step)
         blameless = self._blameless(step, stream)
         signals, failed = self._signals(step, stream)
+        self._recent.add(self.counters.steps, self.present, step, signals)
         verdicts = []
         for state, view in zip(self.properties, stream.views, strict=True):
             degraded = self._is_degraded(state)
@@ -185,7 +196,7 @@ class Judge:
     ) -> Verdict:
         n = next(self._numbers)
         became_negative = state.remember(n, outcome)
-        why = self._explain(state, signals) if became_negative else None
+        why = self._explain(state, signals) if became_negative or state.asked else None
         degraded = self._is_degraded(state) if degraded is None else degraded
         return Verdict(n, state.property.id, outcome, degraded, why)
 
@@ -238,8 +249,16 @@ class Judge:
     def _explain(self, state: PropertyState, signals: Mapping[str, Scalar]) -> Explanation:
         if state.why is None:
             return Explanation(state.property.text, signals)
-        recall = self._recent.at_time if state.property.time == "seconds" else self._recent.at_step
-        return Explanation(state.property.text, signals, state.why.text, state.why.data(recall))
+        timed = state.property.time == "seconds"
+        return Explanation(
+            state.property.text, signals, state.why.text, state.why.data(partial(self._recent.recall, timed=timed))
+        )
+
+    def _past(self, index: int) -> Past:
+        """What one property saw of the last steps, and of a tick that is being judged."""
+        views = self._plan.streams
+        tick = () if self._tick is None else ((self._tick[0], self._plan.silent[index], self._tick[1]),)
+        return self._recent.past(lambda stream: views[stream].views[index], *tick)
 
     def _all_held(self) -> tuple[dict[str, Scalar], Names]:
         """What the streams of all monitors hold; of two monitors that hold one signal, the one that spoke last."""

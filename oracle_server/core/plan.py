@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from oracle_server.core.atoms import AtomTest, specialise
+from oracle_server.core.atoms import AtomTest, Match, specialise
 from oracle_server.core.events import StreamKey
 from oracle_server.core.formula.tree import Atom, Scalar, atoms
 from oracle_server.core.signals import RESERVED, DefaultProjection, Projection
@@ -39,6 +39,13 @@ class View:
     size: int
     tests: tuple[AtomTest, ...]
     reads: frozenset[str]
+
+    def matches(self, signals: Mapping[str, Scalar]) -> list[Match]:
+        """What each of the formula's atoms makes of a step."""
+        found: list[Match] = [None] * self.size
+        for test in self.tests:
+            found[test.index] = test.match(signals)
+        return found
 
 
 @dataclass(frozen=True, slots=True)

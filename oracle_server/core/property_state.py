@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -10,6 +10,7 @@ from oracle_server.core.engine import Engine, Explaining, Revisable, Savable
 from oracle_server.core.errors import EngineError
 from oracle_server.core.explanation import Why
 from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.past import NO_PAST, Past
 from oracle_server.core.plan import View
 from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import FINAL, NEGATIVE, Outcome
@@ -47,7 +48,10 @@ class PropertyState:
     broken: str | None = None
     """Why the engine judges no more."""
     why: Why | None = None
-    """Why it became negative, where it did and the engine can say."""
+    """Why it became negative, where it did and the engine can say; where `asked`, why the last outcome is as it is."""
+    past: Callable[[], Past] | None = None
+    """What is remembered of the last steps, the present one among them."""
+    asked: bool = False
 
     def step(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names) -> Outcome:
         """The outcome at the next step."""
@@ -135,8 +139,9 @@ class PropertyState:
         return getattr(self.engine, "complaint", None)
 
     def _explain(self, outcome: Outcome) -> None:
-        if outcome in NEGATIVE and not self.negative:
-            self.why = self.engine.explain() if isinstance(self.engine, Explaining) else None
+        if self.asked or (outcome in NEGATIVE and not self.negative):
+            past = NO_PAST if self.past is None else self.past()
+            self.why = self.engine.explain(past) if isinstance(self.engine, Explaining) else None
 
     def _revisable(self) -> Revisable | None:
         return self.engine if self.broken is None and isinstance(self.engine, Revisable) else None
@@ -144,11 +149,8 @@ class PropertyState:
     def _ask_engine(self, view: View, time: int, signals: Mapping[str, Scalar]) -> Outcome:
         if self.broken is not None:
             return Outcome.UNKNOWN
-        matches: list[tuple[str, ...] | None] = [None] * view.size
-        for test in view.tests:
-            matches[test.index] = test.match(signals)
         try:
-            return self.engine.step(time, matches)
+            return self.engine.step(time, view.matches(signals))
         except Exception as error:  # noqa: BLE001 -- one engine's failure must not end a session
             self.broken = str(error) or type(error).__name__
             return Outcome.UNKNOWN

@@ -3,24 +3,34 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from typing import Any
 
-from oracle_server.core.events import Step, StreamKey
+from oracle_server.core.atoms import Matches
+from oracle_server.core.events import Signals, Step, StreamKey
+from oracle_server.core.past import Past
+from oracle_server.core.plan import View
 
 SIZE = 1024
 """Steps that are remembered; of older ones an explanation tells the number or the time alone."""
+EFFORT = 2_000
+"""Values of parts of a formula that are worked out for one explanation: some milliseconds' worth."""
+
+Seen = tuple[int, int, StreamKey, int, str, int, Signals]
+"""A step's number and time, its event's stream, stamp, monitor and number there, and what formulas saw of it."""
 
 
 class Recent:
     """What is told of the last steps; all times in nanoseconds."""
 
-    def __init__(self) -> None:
-        self._steps: deque[tuple[int, int, StreamKey, int, str, int]] = deque(maxlen=SIZE)
+    def __init__(self, size: int = SIZE, effort: int = EFFORT) -> None:
+        self._steps: deque[Seen] = deque(maxlen=size)
+        self._effort = effort
 
-    def add(self, number: int, time: int, step: Step) -> None:
-        """Take in the next step."""
+    def add(self, number: int, time: int, step: Step, signals: Signals) -> None:
+        """Take in the next step, of which formulas see `signals`."""
         event = step.event
-        self._steps.append((number, time, event.stream, step.stamp, event.monitor, event.seq))
+        self._steps.append((number, time, event.stream, step.stamp, event.monitor, event.seq, signals))
 
     def remove(self) -> None:
         """Forget the last step."""
@@ -32,17 +42,28 @@ class Recent:
 
     def restore(self, data: Any) -> None:
         """Become what a snapshot says."""
-        self._steps.extend((n, t, StreamKey(*stream), stamp, m, seq) for n, t, stream, stamp, m, seq in data)
+        self._steps.extend((n, t, StreamKey(*stream), *rest) for n, t, stream, *rest in data)
 
-    def at_step(self, number: int) -> dict[str, Any] | None:
-        """The step of a number."""
-        return next((_told(step) for step in reversed(self._steps) if step[0] == number), None)
+    def past(self, views: Callable[[StreamKey], View], *more: tuple[int, View, Signals]) -> Past:
+        """What a property saw of these steps by its view of each stream, and after them of one more."""
+        steps = list(self._steps)
+        times = [time for _, time, *_ in steps] + [time for time, _, _ in more]
 
-    def at_time(self, time: int) -> dict[str, Any] | None:
-        """The last step at a time."""
-        return next((_told(step) for step in reversed(self._steps) if step[1] == time), None)
+        def matches(place: int) -> Matches:
+            if place < len(steps):
+                return views(steps[place][2]).matches(steps[place][6])
+            _, view, signals = more[place - len(steps)]
+            return view.matches(signals)
+
+        return Past(times, matches, self._effort)
+
+    def recall(self, at: int, step: int | None, *, timed: bool) -> dict[str, Any] | None:
+        """The event of a reason: of step number `step`, where that is known, else the last one at a time or number."""
+        place, wanted = (1, at) if timed and step is None else (0, at if step is None else step)
+        return next((_told(seen) for seen in reversed(self._steps) if seen[place] == wanted), None)
 
 
-def _told(step: tuple[int, int, StreamKey, int, str, int]) -> dict[str, Any]:
-    number, _, stream, stamp, monitor, seq = step
-    return {"step": number, "stream": stream.name, "kind": stream.kind, "stamp": stamp, "monitor": monitor, "seq": seq}
+def _told(seen: Seen) -> dict[str, Any]:
+    number, _, stream, stamp, monitor, seq, signals = seen
+    event = {"step": number, "stream": stream.name, "kind": stream.kind, "stamp": stamp, "monitor": monitor, "seq": seq}
+    return {**event, "signals": dict(signals)}

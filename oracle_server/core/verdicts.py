@@ -120,7 +120,7 @@ def record(judged: Judged, verdict: Verdict) -> dict[str, Any]:
 
 
 def explain(judged: Judged, verdict: Verdict) -> dict[str, Any] | None:
-    """A violation's explanation as plain data, None for any other verdict."""
+    """A verdict's explanation as plain data, None where there is none: it is no violation, and nobody asked."""
     why, event = verdict.explanation, judged.step.event
     if why is None:
         return None
@@ -134,8 +134,11 @@ def explain(judged: Judged, verdict: Verdict) -> dict[str, Any] | None:
         "monitor": event.monitor,
         "seq": event.seq,
     }
+    how = "does not hold" if verdict.outcome in NEGATIVE else "holds"
+    if verdict.outcome is Outcome.UNKNOWN:
+        how = "is not known to hold"
     return {
-        "text": f"{verdict.property} does not hold {where}: {why.text or why.formula}",
+        "text": f"{verdict.property} {how} {where}: {why.text or why.formula}",
         "formula": why.formula,
         "event": {**seen, "stamp": judged.step.stamp, "signals": dict(why.signals)},
         **(why.why or {}),

@@ -161,7 +161,7 @@ class _Explainer:
         times = self._times(before) if known else [self._network.clock.before]
         parts = self._deeper([(operand, holds, before)]) if known else ()
         text = f"its operand {self._wording.held(times, holds=holds)}"
-        return self._reason(part, steps, holds, text, times, parts=parts)
+        return self._reason(part, steps, holds, text, times, before if known else (), parts=parts)
 
     def _once(self, part: Part, steps: Steps, holds: bool) -> Reason:
         formula = part.formula
@@ -173,7 +173,7 @@ class _Explainer:
         if not times:
             return self._plain(part, steps, holds)
         parts = self._deeper([(operand, wanted, found)])
-        return self._reason(part, steps, holds, self._wording.held(times, holds=wanted), times, parts=parts)
+        return self._reason(part, steps, holds, self._wording.held(times, holds=wanted), times, found, parts=parts)
 
     def _witnesses(self, part: Part, operand: Part, steps: Steps, *, wanted: bool) -> tuple[list[int], list[int]]:
         """The times of steps that make `once` hold at all of some steps, and these as far as they are remembered."""
@@ -234,7 +234,7 @@ class _Explainer:
             parts = self._deeper([(right, True, found), (left, True, sorted(between))])
             text = f"its right side {self._wording.held(times, holds=True)}"
             window = (times[0], self._recall.time(steps[-1])) if between else None
-            return self._reason(part, steps, True, text, times, window=window, parts=parts)
+            return self._reason(part, steps, True, text, times, found, window=window, parts=parts)
         when = self._when(part) if [*steps] == [self._now] else None
         if when is None:
             return self._plain(part, steps, True)
@@ -292,7 +292,7 @@ class _Explainer:
         times = self._times(steps)
         now = [*steps] == [self._now]
         text = self._wording.held(times, holds=holds)
-        return self._reason(part, [self._now], holds, text, [] if now and not holds else times)
+        return self._reason(part, [self._now], holds, text, [] if now and not holds else times, steps)
 
     def _reason(
         self,
@@ -301,17 +301,19 @@ class _Explainer:
         holds: bool,
         text: str,
         times: Sequence[int] = (),
+        found: Steps = (),
         *,
         window: tuple[int, int] | None = None,
         parts: tuple[Reason, ...] = (),
     ) -> Reason:
-        """A reason for what is said of `steps`, where `times` or a window decide it."""
+        """A reason for what is said of `steps`, which steps `found` at `times` decide, or a window."""
         if [*steps] != [self._now]:
             text = f"({self._wording.at(self._times(steps))}) {text}"
         if len(times) > 1:
             window = times[0], times[-1] if window is None else window[1]
         at = times[0] if len(times) == 1 else None
-        return Reason(self._wording.formula(part), holds, text, at, window, parts)
+        step = found[0] if at is not None and found else None
+        return Reason(self._wording.formula(part), holds, text, at, window, parts, step)
 
 
 def _leaves(reasons: Iterable[Reason]) -> Iterator[Reason]:

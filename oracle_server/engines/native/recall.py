@@ -10,6 +10,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from itertools import product
 
+from oracle_server.core.atoms import Matches
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import Bound, Formula
@@ -37,6 +38,7 @@ class Recall:
         self._known: dict[tuple[Path, int, tuple[Text, ...]], Tri] = {}
         self._free: dict[Path, tuple[int, ...]] = {}
         self._texts: dict[str, set[str]] | None = None
+        self._seen: dict[int, Matches] = {}
 
     def time(self, step: int) -> int:
         """A step's time as explanations tell it: its number or, with `time: seconds`, nanoseconds."""
@@ -119,7 +121,7 @@ class Recall:
     def _before(self, part: Part, step: int) -> Tri:  # noqa: PLR0911 -- a case an operator
         match part.formula:
             case tree.Atom() as atom:
-                match = self._past.matches(step - self.first)[self._places[atom]]
+                match = self._matches(step)[self._places[atom]]
                 wanted = [part.values.get(part.scope[name]) for _, name in atom.refs]
                 return match is not None and list(match) == wanted
             case tree.Pre(operand):
@@ -166,6 +168,11 @@ class Recall:
             certain = certain and ever_since is True
         return None if possible or not complete else False
 
+    def _matches(self, step: int) -> Matches:
+        if step not in self._seen:
+            self._seen[step] = self._past.matches(step - self.first)
+        return self._seen[step]
+
     def _variables(self, part: Part) -> tuple[int, ...]:
         """The variables that a part depends on."""
         if part.path not in self._free:
@@ -176,8 +183,8 @@ class Recall:
         """The remembered values of the variables, by name."""
         texts: dict[str, set[str]] = {}
         refs = [(place, [name for _, name in atom.refs]) for atom, place in self._places.items() if atom.refs]
-        for step in range(len(self._past.times)):
-            matches = self._past.matches(step)
+        for step in range(self.first, self.first + len(self._past.times)):
+            matches = self._matches(step)
             for place, names in refs:
                 for name, text in zip(names, matches[place] or (), strict=False):
                     texts.setdefault(name, set()).add(text)

@@ -1,0 +1,41 @@
+"""An explained verdict as text: what decides it as a tree, each part with the event behind it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+
+def told(record: Mapping[str, Any]) -> str:
+    """The lines of a verdict's record with its explanation."""
+    why = record["explanation"]
+    if why is None:
+        return f"verdict {record['n']}: {record['property']} is {record['outcome']}; nothing more is known\n"
+    head = f"verdict {record['n']}: {record['property']} is {record['outcome']}, decided by {_event(why['event'])}"
+    lines = [head, f"  {why['formula']}"]
+    values = why.get("values")
+    if values:
+        given = ", ".join(f"{k} = {'any other value' if v is None else json.dumps(v)}" for k, v in values.items())
+        others = why.get("other_values")
+        lines.append(f"  for {given}" + (f" (and {others} more)" if others else ""))
+    lines += _lines(why.get("reasons", ()), "    ")
+    return "\n".join(lines) + "\n"
+
+
+def _lines(reasons: Sequence[Mapping[str, Any]], indent: str) -> Iterator[str]:
+    for reason in reasons:
+        yield f"{indent}{reason['formula']}: {reason['text']}"
+        if reason.get("event"):
+            yield f"{indent}    by {_event(reason['event'])}"
+        yield from _lines(reason.get("reasons", ()), indent + "  ")
+
+
+def _event(event: Mapping[str, Any]) -> str:
+    if event["kind"] == "tick":
+        return "a deadline that ran out"
+    where = f"{event['stream']} ({event['kind']} {event['seq']} of {event['monitor']}, stamp {event['stamp']})"
+    shown = {
+        name: value for name, value in event["signals"].items() if name not in ("topic", "service", "kind", "monitor")
+    }
+    return where + "".join(f" {name}={json.dumps(value)}" for name, value in sorted(shown.items()))

@@ -1,0 +1,107 @@
+"""Why any verdict of a history is as it is."""
+
+from __future__ import annotations
+
+import subprocess
+from typing import Any
+
+import httpx
+
+from tests.server.client import attached, make_event
+from tests.server.conftest import Starts
+from tests.server.harness import COMMAND, Server, environment
+
+
+def explanation(server: Server, n: int) -> dict[str, Any]:
+    found: dict[str, Any] = server.get(f"sessions/s/verdicts/{n}/explanation")
+    return found
+
+
+def leaves(reasons: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    return [leaf for r in reasons for leaf in (leaves(r["reasons"]) if "reasons" in r else [r])]
+
+
+def number(server: Server, step: int, name: str) -> int:
+    (found,) = [r["n"] for r in server.records("s") if r["step"] == step and r["property"] == name]
+    return int(found)
+
+
+async def tell(server: Server) -> None:
+    async with attached(server, session="s", spec="explained") as monitor:
+        await monitor.send(
+            make_event(1, "/grant", at=1, data={"id": 7, "mode": "on"}),
+            make_event(2, "/ask", at=2, data={"id": 7}),
+            make_event(3, "/go", at=3, kind="request", data={"v": 9}, ask=True, call=1),
+            make_event(4, "/grant", at=4, data={"id": 8, "mode": "off"}),
+            make_event(5, "/ask", at=5, data={"id": 1}),
+            make_event(6, "/ask", at=6, data={"id": 1}),
+        )
+        await monitor.acked(6)
+
+
+async def test_positive_and_negative_verdicts_are_explained_down_to_their_events(start: Starts) -> None:
+    server = start()
+    await tell(server)
+    positive = explanation(server, number(server, 2, "granted_in_time"))
+    assert positive["outcome"] == "currently_true"
+    assert "granted_in_time holds at step 2" in positive["explanation"]["text"]
+
+    first = explanation(server, number(server, 4, "granted_in_time"))
+    assert first["outcome"] == "false"
+    assert first["explanation"]["event"]["seq"] == 5
+    (nested,) = first["explanation"]["reasons"]
+    found = {leaf["formula"]: leaf for leaf in leaves([nested])}
+    asked = found['{topic: "/ask", id: 1}']
+    assert asked["event"]["signals"]["id"] == 1
+    assert asked["event"]["seq"] == 5
+    assert found['{topic: "/grant", id: 1}']["window"] == [1, 4], "the denied request never happened"
+
+    later = explanation(server, number(server, 5, "granted_in_time"))
+    assert later["explanation"] == first["explanation"], "explained by what made it final"
+
+    other = explanation(server, number(server, 5, "asked_before"))
+    (leaf,) = leaves(other["explanation"]["reasons"])
+    assert (other["outcome"], leaf["event"]["seq"]) == ("true", 5)
+
+    denied = next(r["n"] for r in server.records("s") if r["seq"] == 3 and r["property"] == "go_small")
+    assert "does not hold" in explanation(server, denied)["explanation"]["text"]
+
+
+async def test_what_reelay_judges_is_explained_too(start: Starts) -> None:
+    server = start()
+    async with attached(server, session="s", spec="reelay") as monitor:
+        await monitor.send(make_event(1, data={"v": 1}), make_event(2, at=1, data={"v": 2}))
+        await monitor.acked(2)
+    (leaf,) = leaves(explanation(server, number(server, 2, "a_was_1"))["explanation"]["reasons"])
+    assert (leaf["formula"], leaf["event"]["seq"]) == ('once {topic: "/a", v: 1}', 1)
+    assert explanation(server, number(server, 2, "a_is_small"))["outcome"] == "currently_true"
+
+
+async def test_what_cannot_be_explained_is_said(start: Starts) -> None:
+    server = start()
+    async with attached(server, session="s", spec="explained") as monitor:
+        await monitor.send(make_event(1, "/ask", data={"id": [1]}))
+        await monitor.acked(1)
+    for n, status, detail in (
+        (1, 409, "verdict 1 is no judgement: computing failed for id"),
+        (1000, 404, "session 's' has no verdict 1000 in its history yet"),
+    ):
+        answer = httpx.get(f"{server.url}/api/v1/sessions/s/verdicts/{n}/explanation")
+        assert (answer.status_code, answer.json()["detail"]) == (status, detail)
+
+
+async def test_an_explanation_survives_a_restart_and_is_printed_as_a_tree(start: Starts) -> None:
+    server = start()
+    await tell(server)
+    n = number(server, 4, "granted_in_time")
+    before = explanation(server, n)
+    server.stop()
+    server = start()
+    assert explanation(server, n) == before
+    printed = subprocess.run(
+        [COMMAND, "verdicts", "s", "--explain", str(n), "--url", server.url],
+        capture_output=True, text=True, check=True, env=environment(),
+    ).stdout  # fmt: skip
+    lines = [line.strip() for line in printed.splitlines()]
+    assert lines[0].startswith(f"verdict {n}: granted_in_time is false, decided by /ask (topic 5 of ")
+    assert '{topic: "/grant", id: 1}: held at none of steps 1–4' in lines  # noqa: RUF001 -- a range
