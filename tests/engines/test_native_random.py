@@ -14,9 +14,10 @@ import pytest
 
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.render import render
+from oracle_server.core.formula.tree import Formula
 from oracle_server.engines.native import NativeEngine
 from tests import generate
-from tests.brute import truths
+from tests.brute import TimedSignals, truths
 from tests.engines.test_against_brute import SEED, holds, outcomes
 
 CASES = int(os.environ.get("CASES", "3000"))
@@ -28,10 +29,14 @@ def test_every_case_is_judged_as_the_table_says(time: Time) -> None:
         check(time, number)
 
 
-def check(time: Time, number: int) -> None:
+def case(time: Time, number: int) -> tuple[Formula, list[TimedSignals]]:
+    """A formula and a trace."""
     rng = random.Random(f"{time} {number}")
-    formula = generate.formula(rng, time, rng.randint(2, 5))
-    steps = generate.trace(rng, rng.randint(3, 14))
+    return generate.formula(rng, time, rng.randint(2, 5)), generate.trace(rng, rng.randint(3, 14))
+
+
+def check(time: Time, number: int) -> None:
+    formula, steps = case(time, number)
     found = [holds(outcome) for outcome in outcomes(NativeEngine(formula, time), formula, steps)]
     assert found == truths(formula, steps, time), f"case {number}, {time}: {render(formula, time)}\n{steps}"
 
