@@ -18,7 +18,7 @@ class Past:
 
     times: Sequence[int]
     matches: Callable[[int], Matches]
-    effort: int = 2_000
+    effort: int = 1_000
 
 
 NO_PAST = Past((), lambda _: ())

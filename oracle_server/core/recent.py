@@ -13,7 +13,7 @@ from oracle_server.core.plan import View
 
 SIZE = 1024
 """Steps that are remembered; of older ones an explanation tells the number or the time alone."""
-EFFORT = 2_000
+EFFORT = 1_000
 """Values of parts of a formula that are worked out for one explanation: some milliseconds' worth."""
 
 Seen = tuple[int, int, StreamKey, int, str, int, Signals]

@@ -56,6 +56,9 @@ async def test_positive_and_negative_verdicts_are_explained_down_to_their_events
     assert asked["event"]["seq"] == 5
     assert found['{topic: "/grant", id: 1}']["window"] == [1, 4], "the denied request never happened"
 
+    (live,) = [r for r in server.records("s", "violations") if r["property"] == "granted_in_time"]
+    assert live == first, "as it was told when it came"
+
     later = explanation(server, number(server, 5, "granted_in_time"))
     assert later["explanation"] == first["explanation"], "explained by what made it final"
 

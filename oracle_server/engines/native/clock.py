@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable
 from typing import Any
 
@@ -44,6 +44,10 @@ class Clock:
         """Whether there was a step at a distance from `nearest` to `farthest`."""
         place = bisect_left(self._times, self.now - farthest)
         return place < len(self._times) and self._times[place] <= self.now - nearest
+
+    def latest(self, until: int) -> int:
+        """The time of the last step up to a time; there is one that is remembered."""
+        return self._times[bisect_right(self._times, until) - 1]
 
     def next_change(self, nearest: int, farthest: int, after: int) -> int | None:
         """The first time later than `after` at which, without a further step, `any_between` turns."""

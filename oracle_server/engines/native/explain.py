@@ -178,23 +178,30 @@ class _Explainer:
     def _witnesses(self, part: Part, operand: Part, steps: Steps, *, wanted: bool) -> tuple[list[int], list[int]]:
         """The times of steps that make `once` hold at all of some steps, and these as far as they are remembered."""
         assert isinstance(part.formula, tree.Once | tree.Historically)  # noqa: S101 -- see `reasons`
+        if [*steps] == [self._now]:
+            return self._witness_now(part, operand, wanted=wanted)
         found: set[int] = set()
         for step in steps:
             window, _ = self._recall.window(part.formula.bound, step)
             if any(j in window for j in found):
                 continue
-            witness = next((j for j in self._likely(part, window) if self._recall.at(operand, j) is wanted), None)
+            witness = next((j for j in reversed(window) if self._recall.at(operand, j) is wanted), None)
             if witness is None:
-                when = self._when(part) if [*steps] == [self._now] else None
-                return ([] if when is None else [when]), []
+                return [], []
             found.add(witness)
         return self._times(sorted(found)), sorted(found)
 
-    def _likely(self, part: Part, window: range) -> Iterable[int]:
-        """The steps of a window, the one first that the engine goes by at present."""
-        when = self._when(part) if window and window.stop > self._now else None
-        first = None if when is None else self._recall.step(when)
-        return reversed(window) if first is None or first not in window else [first, *reversed(window)]
+    def _witness_now(self, part: Part, operand: Part, *, wanted: bool) -> tuple[list[int], list[int]]:
+        """The time of the step that the engine goes by at present, and the step if it is remembered."""
+        when = self._when(part)
+        if when is None:
+            return [], []
+        step = self._recall.step(when)
+        while step is not None and step >= self._recall.first and self._recall.time(step) == when:
+            if self._recall.at(operand, step) is wanted:
+                return [when], [step]
+            step -= 1
+        return [when], []
 
     def _when(self, part: Part) -> int | None:
         """The time of a step that makes an operator hold now, as the engine knows it."""
@@ -208,7 +215,8 @@ class _Explainer:
         told, ends = self._where(part.formula.bound, steps, window)
         words = "at every one" if holds else "none"
         parts: tuple[Reason, ...] = ()
-        if complete and window and all(self._recall.at(operand, j) is holds for j in window):
+        simple = is_simple(operand.formula)
+        if not simple and complete and window and self._recall.are(operand, holds, window):
             parts = self._deeper([(operand, holds, window)])
         return self._reason(part, steps, holds, f"{words} {told}", window=ends, parts=parts)
 
@@ -248,7 +256,7 @@ class _Explainer:
         broken = set[int]()
         for step in steps:
             candidates, complete = self._recall.window(part.formula.bound, step)
-            if all(self._recall.at(right, j) is False for j in candidates):
+            if self._recall.are(right, False, candidates):
                 missing.update(candidates)
                 known = known and complete
                 continue
@@ -257,7 +265,7 @@ class _Explainer:
             known = known and failed is not None
             broken.update(() if failed is None else (failed,))
             missing.update(j for j in candidates if failed is None or j >= failed)
-        known = known and all(self._recall.at(right, j) is False for j in missing)
+        known = known and self._recall.are(right, False, missing)
         plain = is_simple(right.formula) and not broken
         sides = [(right, False, sorted(missing)), (left, False, sorted(broken))] if known and not plain else []
         parts = tuple(r for side, value, at in sides if at for r in self.reasons(side, value, at))

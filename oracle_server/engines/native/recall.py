@@ -7,7 +7,7 @@ explanation looks, and with `None` for what is not known any more.
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from itertools import product
 
 from oracle_server.core.atoms import Matches
@@ -71,6 +71,10 @@ class Recall:
             self._effort -= 1
             self._known[key] = self._work_out(part, step)
         return self._known[key]
+
+    def are(self, part: Part, holds: bool, steps: Collection[int]) -> bool:
+        """Whether a part is known to have held at all of some steps, or at none; not known where these are too many."""
+        return len(steps) * 2 <= self._effort and all(self.at(part, step) is holds for step in steps)
 
     def bindings(self, part: Part) -> list[Part] | None:
         """A quantifier's body with each remembered value, and any other; None where these are too many."""

@@ -197,12 +197,12 @@ class Window:
         if self._upper is None:
             return runs.starts[0]
         if not runs.ends or (not self._lower and runs.right):
-            return runs.starts[0] if self._sparse else nearest
+            return clock.latest(nearest) if self._sparse else nearest
         if not self._lower:
             return runs.ends[-1]
         if runs.ends[0] <= nearest:
             return runs.ends[0]
-        return runs.starts[0] if self._sparse else nearest
+        return clock.latest(nearest) if self._sparse else nearest
 
     def snapshot(self) -> Any:
         """The state as plain data."""
