@@ -56,6 +56,10 @@ class Peer:
     def send_text(self, text: str) -> None:
         self._run(self.socket.send(text))
 
+    def send_in_pieces(self, pieces: List[str]) -> None:
+        """Send a text as a proxy may: in several frames."""
+        self._run(self.socket.send(pieces))
+
     def attach(self, upcoming: int = 1, session: str = "s1", **fields: Any) -> Frame:
         """Read `attach` and answer it."""
         hello = self.recv()

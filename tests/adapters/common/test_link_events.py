@@ -190,6 +190,35 @@ class TestAsking:
         decisions = [answer_of(future).decision for future in futures]
         assert decisions == ["allow", "deny"] * 50
 
+    def test_many_outcomes_are_told_in_one_frame(self, oracle: Oracle, link: Link) -> None:
+        peer = oracle.accept()
+        peer.attach(limits={"max_outcomes": 4})
+        futures = [ask(link) for _ in range(6)]
+        peer.events(6)
+        for seq in range(1, 7):
+            peer.send("decision", seq=seq, decision="allow")
+        answers = [answer_of(future) for future in futures]
+        link.send("/a", "topic", None, {})  # what is told of them may come after it, not before
+        for answer in answers:
+            link.outcome(answer, True, "decision")
+        peer.events(1)
+        told: List[int] = []
+        while len(told) < 6:
+            frame = peer.recv()
+            outcomes = frame["outcomes"] if frame["type"] == "outcomes" else [frame]
+            assert len(outcomes) <= 4
+            told += [outcome["seq"] for outcome in outcomes]
+        assert told == [1, 2, 3, 4, 5, 6]
+
+    def test_a_decision_in_pieces(self, oracle: Oracle, link: Link) -> None:
+        peer = oracle.accept()
+        peer.attach()
+        futures = [ask(link), ask(link)]
+        peer.events(2)
+        peer.send_in_pieces(['{"type":"decision",', '"seq":1,', '"decision":"deny"}'])
+        peer.send("decision", seq=2, decision="allow")
+        assert [answer_of(future).decision for future in futures] == ["deny", "allow"]
+
     def test_before_the_start_is_a_mistake(self, oracle: Oracle) -> None:
         with pytest.raises(LinkError, match="not started"):
             ask(Link(oracle.url, "uav1"))
