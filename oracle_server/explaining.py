@@ -23,7 +23,7 @@ from oracle_server.store import Store
 
 _NATIVE = frozenset({"auto", "native", "both", "reelay"})
 _REMEMBERED = 20_000
-_EFFORT = 200_000
+_EFFORT = 2_000_000
 _LONG = 50_000
 """Steps that are always judged again from the first one; of more, from the snapshot where there is one before."""
 _FINAL = LETTERS[Outcome.TRUE], LETTERS[Outcome.FALSE]

@@ -13,12 +13,12 @@ class Past:
     """The last steps, the present one among them as the last.
 
     `times` are theirs, in nanoseconds; `matches` tells what the formula's atoms made of the one at a place of `times`.
-    `effort` is how many values of parts of the formula may be worked out for one explanation.
+    `effort` is what one explanation may cost: ten for a value of a part of the formula that is worked out.
     """
 
     times: Sequence[int]
     matches: Callable[[int], Matches]
-    effort: int = 1_000
+    effort: int = 10_000
 
 
 NO_PAST = Past((), lambda _: ())

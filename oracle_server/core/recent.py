@@ -13,8 +13,8 @@ from oracle_server.core.plan import View
 
 SIZE = 1024
 """Steps that are remembered; of older ones an explanation tells the number or the time alone."""
-EFFORT = 1_000
-"""Values of parts of a formula that are worked out for one explanation: some milliseconds' worth."""
+EFFORT = 10_000
+"""What one explanation may cost: some milliseconds."""
 
 Seen = tuple[int, int, StreamKey, int, str, int, Signals]
 """A step's number and time, its event's stream, stamp, monitor and number there, and what formulas saw of it."""

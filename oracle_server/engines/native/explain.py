@@ -27,6 +27,7 @@ from oracle_server.engines.native.wording import Wording, scalar
 
 Steps = Sequence[int]
 """Numbers of remembered steps, ascending."""
+_MOST_STEPS = 2_000
 _MOST_TOLD = 3
 """Values that are told of where all decide together."""
 
@@ -55,8 +56,12 @@ class _Explainer:
         """Whether a part holds now."""
         return self._recall.at(part, self._now) is True
 
-    def reasons(self, part: Part, holds: bool, steps: Steps) -> list[Reason]:  # noqa: PLR0911 -- a case a node
+    def reasons(self, part: Part, holds: bool, steps: Steps) -> list[Reason]:
         """What decides that a part holds at all of some steps, or at none of them."""
+        many = len(steps) > _MOST_STEPS
+        return [self._plain(part, steps, holds)] if many else self._deciding_parts(part, steps, holds)
+
+    def _deciding_parts(self, part: Part, steps: Steps, holds: bool) -> list[Reason]:  # noqa: PLR0911 -- a case a node
         match part.formula:
             case tree.Not(operand):
                 return self.reasons(part.child(operand), not holds, steps)
@@ -101,8 +106,8 @@ class _Explainer:
         alone = [self.reasons(*side, steps) for side, held in zip(sides, found, strict=True) if len(held) == len(steps)]
         if alone:
             return min(alone, key=_size)
-        rest = [s for s in steps if s not in found[0]]
-        if any(s not in found[1] for s in rest):
+        rest = sorted({*steps}.difference(found[0]))
+        if not {*rest}.issubset(found[1]):
             return [self._plain(part, steps, holds)]
         return [*self.reasons(*sides[0], found[0]), *self.reasons(*sides[1], rest)]
 
@@ -132,7 +137,7 @@ class _Explainer:
             if body is None:
                 return None
             groups.append((body, 0, [s for s in rest if self._recall.at(body, s) is holds]))
-            rest = [s for s in rest if s not in groups[-1][2]]
+            rest = sorted({*rest}.difference(groups[-1][2]))
         return groups
 
     def _for_all(self, part: Part, steps: Steps, holds: bool) -> Reason:
@@ -180,16 +185,16 @@ class _Explainer:
         assert isinstance(part.formula, tree.Once | tree.Historically)  # noqa: S101 -- see `reasons`
         if [*steps] == [self._now]:
             return self._witness_now(part, operand, wanted=wanted)
-        found: set[int] = set()
+        found: list[int] = []
         for step in steps:
             window, _ = self._recall.window(part.formula.bound, step)
-            if any(j in window for j in found):
+            if found and found[-1] in window:
                 continue
             witness = next((j for j in reversed(window) if self._recall.at(operand, j) is wanted), None)
             if witness is None:
                 return [], []
-            found.add(witness)
-        return self._times(sorted(found)), sorted(found)
+            found.append(witness)
+        return self._times(found), found
 
     def _witness_now(self, part: Part, operand: Part, *, wanted: bool) -> tuple[list[int], list[int]]:
         """The time of the step that the engine goes by at present, and the step if it is remembered."""
@@ -228,14 +233,14 @@ class _Explainer:
 
     def _since_held(self, part: Part, left: Part, right: Part, steps: Steps) -> Reason:
         assert isinstance(part.formula, tree.Since)  # noqa: S101 -- see `reasons`
-        witnesses: set[int] = set()
-        between: set[int] = set()
+        witnesses, between, before = set[int](), set[int](), 0
         for step in steps:
             witness = self._recall.since(left, right, part.formula.bound, step)
             if witness is None:
                 break
             witnesses.add(witness)
-            between.update(range(witness + 1, step + 1))
+            between.update(range(max(witness, before) + 1, step + 1))  # a later step has no earlier witness
+            before = step
         else:
             found = sorted(witnesses)
             times = self._times(found)

@@ -23,6 +23,8 @@ from oracle_server.engines.native.parts import Part
 Tri = bool | None
 """None: not known."""
 _MOST_BINDINGS = 200
+_WORK = 10
+"""What working out a value costs, where looking one up costs 1."""
 
 
 class Recall:
@@ -64,17 +66,20 @@ class Recall:
 
     def at(self, part: Part, step: int) -> Tri:
         """Whether a part held at a step."""
+        if step == self.last:
+            return self._work_out(part, step)
+        if self._effort <= 0:
+            return None
         key = (part.path, step, tuple([part.values.get(v) for v in self._variables(part)]))
+        self._effort -= 1
         if key not in self._known:
-            if self._effort <= 0:
-                return None
-            self._effort -= 1
+            self._effort -= _WORK
             self._known[key] = self._work_out(part, step)
         return self._known[key]
 
     def are(self, part: Part, holds: bool, steps: Collection[int]) -> bool:
         """Whether a part is known to have held at all of some steps, or at none; not known where these are too many."""
-        return len(steps) * 2 <= self._effort and all(self.at(part, step) is holds for step in steps)
+        return len(steps) * 2 * _WORK <= self._effort and all(self.at(part, step) is holds for step in steps)
 
     def bindings(self, part: Part) -> list[Part] | None:
         """A quantifier's body with each remembered value, and any other; None where these are too many."""
