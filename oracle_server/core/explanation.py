@@ -9,6 +9,9 @@ import msgspec
 
 from oracle_server.core.formula.tree import Scalar
 
+_MOST_TOLD = 8
+"""Reasons in one line."""
+
 Recall = Callable[[int, int | None], Mapping[str, Any] | None]
 
 
@@ -45,7 +48,10 @@ class Why(msgspec.Struct, frozen=True, gc=False):
         """All in one line."""
         given = ", ".join(f"{name} = {_shown(value)}" for name, value in self.values.items())
         more = f" (and {self.others} more)" if self.others else ""
-        reasons = "; ".join(f"{r.formula}: {r.text}" for r in self.leaves)
+        found = [f"{r.formula}: {r.text}" for r in self.leaves]
+        reasons = "; ".join(found[:_MOST_TOLD])
+        if len(found) > _MOST_TOLD:
+            reasons += f"; and {len(found) - _MOST_TOLD} more reasons"
         return f"for {given}{more}: {reasons}" if given else reasons
 
     @property

@@ -7,7 +7,7 @@ from typing import Any
 
 import httpx
 
-from tests.server.client import attached, make_event
+from tests.server.client import attached, make_clock, make_event
 from tests.server.conftest import Starts
 from tests.server.harness import COMMAND, Server, environment
 
@@ -78,6 +78,17 @@ async def test_what_reelay_judges_is_explained_too(start: Starts) -> None:
     (leaf,) = leaves(explanation(server, number(server, 2, "a_was_1"))["explanation"]["reasons"])
     assert (leaf["formula"], leaf["event"]["seq"]) == ('once {topic: "/a", v: 1}', 1)
     assert explanation(server, number(server, 2, "a_is_small"))["outcome"] == "currently_true"
+
+
+async def test_a_deadline_that_ran_out_is_explained(start: Starts) -> None:
+    server = start()
+    async with attached(server, session="s", spec="timed") as monitor:
+        await monitor.send(make_event(1, "/a", at=0), make_clock("/a", 60), make_clock("/b", 60))
+        (told,) = await monitor.violated(1)
+        await monitor.acked(1)
+    assert explanation(server, told["n"])["explanation"] == told["explanation"]
+    beside = next(r["n"] for r in server.records("s") if r["kind"] == "tick" and r["property"] == "steps")
+    assert explanation(server, beside)["explanation"]["event"]["seq"] == 1, "a tick is no step"
 
 
 async def test_what_cannot_be_explained_is_said(start: Starts) -> None:
