@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from oracle_server.core.engine import Engine, Explaining, Revisable, Savable
+from oracle_server.core.atoms import Matches
+from oracle_server.core.engine import MAX_WORK, Engine, Explaining, Revisable, Savable
 from oracle_server.core.errors import EngineError
 from oracle_server.core.explanation import Why
 from oracle_server.core.formula.tree import Scalar
@@ -31,7 +33,17 @@ class _Mark(NamedTuple):
     outcome: Outcome
     negative: bool
     failures: int
-    broken: str | None
+
+
+class _Broken:
+    """Stands in for an engine that judges no more, so that its memory is free; `complaint` is what it had to say."""
+
+    def __init__(self, complaint: str | None) -> None:
+        self.complaint = complaint
+
+    def step(self, time: int, matches: Matches) -> Outcome:  # noqa: ARG002
+        """No judgement."""
+        return Outcome.UNKNOWN
 
 
 @dataclass(slots=True)
@@ -52,9 +64,12 @@ class PropertyState:
     past: Callable[[], Past] | None = None
     """What is remembered of the last steps, the present one among them."""
     asked: bool = False
+    idle_work: int = 0
+    """What ticks since the last step have cost: they are taken back, so that each may cost as much as the last one."""
 
     def step(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names) -> Outcome:
         """The outcome at the next step."""
+        self.idle_work = 0
         if self.outcome in FINAL:
             return self.outcome
         outcome = self._ask_engine(view, time, signals)
@@ -81,7 +96,10 @@ class PropertyState:
         engine.mark()
         outcome = self._ask_engine(view, time, signals)
         self._explain(outcome)
-        engine.back()
+        self._take_back(engine)
+        if self.broken is not None:
+            self.failures += 1
+            return Outcome.UNKNOWN
         if outcome is Outcome.UNKNOWN or not view.reads.isdisjoint(failed):
             return Outcome.UNKNOWN
         return Outcome.FALSE if self.property.latch and outcome in NEGATIVE else outcome.current
@@ -93,7 +111,7 @@ class PropertyState:
             return self.outcome
         engine.mark()
         outcome = self._ask_engine(view, time, signals)
-        engine.back()
+        self._take_back(engine)
         return outcome if view.reads.isdisjoint(failed) else Outcome.UNKNOWN
 
     def mark(self) -> _Mark:
@@ -101,18 +119,22 @@ class PropertyState:
         engine = self._revisable()
         if engine is not None:
             engine.mark()
-        return _Mark(self.outcome, self.negative, self.failures, self.broken)
+        return _Mark(self.outcome, self.negative, self.failures)
 
     def back(self, mark: _Mark) -> None:
-        """Take the step back; a violation stays counted."""
-        if isinstance(self.engine, Revisable):
-            self.engine.back()
-        self.outcome, self.negative, self.failures, self.broken = mark
+        """Take the step back; a violation stays counted, and an engine that broke at it stays broken."""
+        engine, failures = self._revisable(), self.failures
+        if engine is not None:
+            engine.back()
+        self.outcome, self.negative, self.failures = mark
+        if self.broken is not None:
+            self.failures = failures
 
     def keep(self) -> None:
         """Let the step stand."""
-        if isinstance(self.engine, Revisable):
-            self.engine.keep()
+        engine = self._revisable()
+        if engine is not None:
+            engine.keep()
 
     def snapshot(self) -> dict[str, Any] | None:
         """All that later verdicts depend on, as plain data; None where the engine can't be saved."""
@@ -141,7 +163,24 @@ class PropertyState:
     def _explain(self, outcome: Outcome) -> None:
         if self.asked or (outcome in NEGATIVE and not self.negative):
             past = NO_PAST if self.past is None else self.past()
-            self.why = self.engine.explain(past) if isinstance(self.engine, Explaining) else None
+            self.why = None
+            if isinstance(self.engine, Explaining):
+                with suppress(Exception):  # an outcome stands, whether or not it can be explained
+                    self.why = self.engine.explain(past)
+
+    def _take_back(self, engine: Revisable) -> None:
+        """Forget a step that changes nothing for good, but for what it cost."""
+        if self.broken is not None:
+            return
+        self.idle_work += getattr(engine, "work", 0)
+        engine.back()
+        if self.idle_work > MAX_WORK:
+            self.give_up(f"its deadlines cost too much: {MAX_WORK} values may be looked at for those between two steps")
+
+    def give_up(self, reason: str) -> None:
+        """Judge no more, for this reason."""
+        self.broken = reason
+        self.engine = _Broken(self.complaint)
 
     def _revisable(self) -> Revisable | None:
         return self.engine if self.broken is None and isinstance(self.engine, Revisable) else None
@@ -152,7 +191,7 @@ class PropertyState:
         try:
             return self.engine.step(time, view.matches(signals))
         except Exception as error:  # noqa: BLE001 -- one engine's failure must not end a session
-            self.broken = str(error) or type(error).__name__
+            self.give_up(str(error) or type(error).__name__)
             return Outcome.UNKNOWN
 
     def remember(self, verdict: int, outcome: Outcome) -> bool:

@@ -12,6 +12,8 @@ from oracle_server.engines.native import NativeEngine
 from oracle_server.engines.reelay import ReelayEngine
 from oracle_server.engines.reelay import refusal as reelay_refusal
 
+_UNSHARED = 10
+"""Properties of which each may cost what an engine may; more of them share that of so many."""
 _BUILT = ("auto", "native", "reelay", "both")
 
 
@@ -27,14 +29,17 @@ def goes_back(prop: Property) -> bool:
     return prop.engine in ("auto", "native") or (prop.engine == "both" and not _compares(prop))
 
 
-def make_engine(prop: Property) -> Engine:
-    """A fresh engine for a property; reelay's takes tens of milliseconds. Raises `EngineError` where there is none."""
+def make_engine(prop: Property, share: float = 1) -> Engine:
+    """A fresh engine for a property, which may cost a `share` of what engines may; reelay's takes tens of milliseconds.
+
+    Raises `EngineError` where there is none.
+    """
     reason = refusal(prop)
     if reason:
         raise EngineError(reason)
     if prop.engine == "reelay":
         return ReelayEngine(prop.formula)
-    native = NativeEngine(prop.formula, prop.time)
+    native = NativeEngine(prop.formula, prop.time, share)
     return BothEngine(native, ReelayEngine(prop.formula)) if _compares(prop) else native
 
 
@@ -45,4 +50,5 @@ def _compares(prop: Property) -> bool:
 
 def make_engines(plan: Plan) -> list[list[Engine]]:
     """Fresh engines for a session: for each of its orders, one a property."""
-    return [[make_engine(p) for p in plan.spec.properties] for _ in orders(plan.spec)]
+    share = min(1.0, _UNSHARED / len(plan.spec.properties))
+    return [[make_engine(p, share) for p in plan.spec.properties] for _ in orders(plan.spec)]

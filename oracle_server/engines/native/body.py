@@ -7,7 +7,7 @@ from itertools import chain, product
 from math import prod
 from typing import Any, Protocol
 
-from oracle_server.engines.native.clock import Clock
+from oracle_server.engines.native.clock import FEW, Clock
 from oracle_server.engines.native.keys import ALL, Key, Region, Text, Variables, fresh_key, key_of, picker, texts_of
 from oracle_server.engines.native.nodes import Node
 
@@ -189,7 +189,19 @@ NOTHING: Own = _Nothing()
 class Body:
     """One expression or more under a node, over the variables of all of them."""
 
-    __slots__ = ("_clock", "_fresh", "_leaves", "_parts", "at", "can_settle", "flat", "nodes", "settled", "variables")
+    __slots__ = (
+        "_clock",
+        "_cost",
+        "_fresh",
+        "_leaves",
+        "_parts",
+        "at",
+        "can_settle",
+        "flat",
+        "nodes",
+        "settled",
+        "variables",
+    )
 
     def __init__(self, clock: Clock, *expressions: Expression) -> None:
         self.variables = variables_of(*expressions)
@@ -206,6 +218,8 @@ class Body:
         self._leaves = [(n, [self.variables.index(v) for v in n.variables]) for n in self.nodes]
         self._fresh = fresh_key(size)
         self._clock = clock
+        self._cost = 1 + len(self._leaves) ** 2 // 16
+        """What it takes to look at a region: each operator looks at all below it, and so does each below."""
         if not self.flat:
             for node in self.nodes:
                 node.index()
@@ -233,6 +247,11 @@ class Body:
         """The texts of a variable that may, now or later, have other values than its fresh one; some repeatedly."""
         return chain.from_iterable(node.apart(variable) for node in self.nodes)
 
+    def look_at(self, keys: int) -> None:
+        """Count keys that the node above looks at. Raises `EngineError` where they cost too much."""
+        if keys > FEW:
+            self._clock.spend(keys)
+
     def all_settled(self, value: bool, *, some: bool, own: Sequence[Text] = ()) -> bool:
         """Whether the first expression has settled on a value at all keys that begin with these texts, or at `some`.
 
@@ -256,6 +275,8 @@ class Body:
         if not self.flat:
             return self._resolve([[ALL] * len(self.variables)], own)
         keys = set(own.points()).union(*(part.points() for part in self._parts))
+        if len(keys) > FEW:
+            self._clock.spend(len(keys))
         keys.discard(self._fresh)
         return [*keys, self._fresh]
 
@@ -271,31 +292,54 @@ class Body:
         return self._resolve(regions, own) if regions else ()
 
     def _resolve(self, regions: Collection[Region], own: Own) -> Collection[Key]:
-        keys: set[Key] = set()
+        found: _Found = {}
+        keys: list[Key] = []
         known = -1
         while known < len(keys):  # what one region tells apart is told apart in the others too
             known = len(keys)
             for region in regions:
-                self._split(list(region), own, keys)
+                self._split(list(region), own, found, keys)
             if len(regions) == 1:
                 break
         return sorted(keys, key=lambda key: [text is None for text in key])
 
-    def _split(self, region: list[Any], own: Own, keys: set[Key]) -> None:
+    def _split(self, region: list[Any], own: Own, found: _Found, keys: list[Key]) -> None:
         """Add the keys of a region between which values may differ, here, in `own` or by the keys found so far."""
         if ALL not in region:
-            keys.add(tuple(region))
+            if _add(found, region):
+                keys.append(tuple(region))
             return
         place = region.index(ALL)
-        texts: set[str | None] = {None, *own.spread(region, place)}
-        texts.update(
-            key[place]
-            for key in keys
-            if all(text is None or text == wanted for text, wanted in zip(key[:place], region, strict=False))
-        )
+        told = _below(found, region[:place])
+        texts: set[str | None] = {None, *own.spread(region, place)}.union(*told)
         for part in self._parts:
             texts.update(part.spread(region, place))
+        self._clock.spend(self._cost + len(texts) + len(told))
         for text in texts:
             inner = region.copy()
             inner[place] = text
-            self._split(inner, own, keys)
+            self._split(inner, own, found, keys)
+
+
+_Found = dict[str | None, Any]
+"""Keys as a tree: by the first text, then the second one, and so on."""
+
+
+def _add(found: _Found, key: Sequence[str | None]) -> bool:
+    """Add a key; whether it is new."""
+    *path, last = key
+    for text in path:
+        found = found.setdefault(text, {})
+    if last in found:
+        return False
+    found[last] = {}
+    return True
+
+
+def _below(found: _Found, path: Sequence[str | None]) -> list[_Found]:
+    """The branches that a path leads to, where a fresh value on the way stands for any."""
+    branches = [found]
+    for text in path:
+        ways = (None,) if text is None else (None, text)
+        branches = [branch[way] for branch in branches for way in ways if way in branch]
+    return branches

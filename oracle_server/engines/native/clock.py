@@ -1,4 +1,4 @@
-"""The clock that the nodes of one engine share, and the journal by which a step is taken back."""
+"""The clock that the nodes of one engine share, the journal by which a step is taken back, and what a step costs."""
 
 from __future__ import annotations
 
@@ -6,7 +6,14 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Callable
 from typing import Any
 
+from oracle_server.core.engine import MAX_WORK, MAX_WORK_ON_AVERAGE
+from oracle_server.core.errors import EngineError
+
 _TRIM = 1024
+FEW = 16
+"""Keys that nodes look at without counting them."""
+MAX_APART = 200_000
+"""Keys of several variables, which multiply, that a node may tell apart: each takes some 500 bytes."""
 
 
 class Clock:
@@ -15,12 +22,19 @@ class Clock:
     `now` is the present step's time, `before` that of the step before it; `first` tells the first step.
     """
 
-    __slots__ = ("_horizon", "_times", "before", "first", "journal", "now", "timed")
+    __slots__ = (
+        "_at_once", "_debt", "_horizon", "_on_average", "_times", "before", "first", "journal", "now", "timed", "work",
+    )  # fmt: skip
 
-    def __init__(self, *, timed: bool) -> None:
+    def __init__(self, *, timed: bool, share: float = 1) -> None:
+        """`share` of what an engine may cost is what this one may."""
         self.now = self.before = 0
         self.first = True
         self.timed = timed
+        self._at_once, self._on_average = int(MAX_WORK * share), int(MAX_WORK_ON_AVERAGE * share)
+        self.work = 0
+        """Keys that were looked at with this step, but for those of nodes that looked at few."""
+        self._debt = 0
         self.journal: list[Callable[[], object]] | None = None
         """What takes back each change since the journal was begun, None where none is kept."""
         self._times: list[int] = []
@@ -34,11 +48,31 @@ class Clock:
         """Go on to the next step."""
         if self.journal is not None:
             self.journal.append(self._back_to(self.now, self.before, first=self.first))
+        if self.work or self._debt:
+            self._debt, self.work = self._owed, 0
         self.before, self.now = self.now, time
         if self._horizon is not None:
             self._times.append(time)
             if len(self._times) % _TRIM == 0 and self.journal is None:
                 del self._times[: bisect_left(self._times, time - self._horizon)]
+
+    def spend(self, keys: int) -> None:
+        """Count keys that a node looks at. Raises `EngineError` where a step, or all of them, cost too much."""
+        self.work += keys
+        if self.work + self._debt > self._at_once:
+            raise EngineError(
+                f"its steps cost too much: {self._at_once} combinations of values may be looked at for one step, "
+                f"and {self._on_average} on average"
+            )
+
+    def tell_apart(self, keys: int) -> None:
+        """Count keys of several variables that a node tells apart. Raises `EngineError` where they are too many."""
+        if keys > MAX_APART:
+            raise EngineError(f"more than {MAX_APART} combinations of values would have to be told apart")
+
+    @property
+    def _owed(self) -> int:
+        return max(0, self._debt + self.work - self._on_average)
 
     def any_between(self, nearest: int, farthest: int) -> bool:
         """Whether there was a step at a distance from `nearest` to `farthest`."""
@@ -52,7 +86,9 @@ class Clock:
     def next_change(self, nearest: int, farthest: int, after: int) -> int | None:
         """The first time later than `after` at which, without a further step, `any_between` turns."""
         times = self._times
-        for place in range(bisect_left(times, after - farthest), len(times)):
+        # of steps that are all in the window, none leaves it before the next one has come in
+        begin = max(bisect_left(times, after - farthest), bisect_right(times, after - nearest) - 1)
+        for place in range(begin, len(times)):
             entering = times[place] + nearest
             if entering > after:
                 return entering
@@ -63,15 +99,19 @@ class Clock:
 
     def snapshot(self) -> Any:
         """The clock as plain data."""
-        return [self.now, self.before, self.first, self._times]
+        return [self.now, self.before, self.first, self._times, self._owed]
 
     def restore(self, data: Any) -> None:
         """Become what a snapshot says."""
-        self.now, self.before, self.first, self._times = data
+        self.now, self.before, self.first, self._times, *debt = data
+        self._debt, self.work = (debt[0] if debt else 0), 0
 
     def _back_to(self, now: int, before: int, *, first: bool) -> Callable[[], object]:
+        work, debt = self.work, self._debt
+
         def back() -> None:
             self.now, self.before, self.first = now, before, first
+            self.work, self._debt = work, debt
             if self._horizon is not None:
                 self._times.pop()
 

@@ -24,10 +24,11 @@ FORMAT = 2
 class NativeEngine:
     """The state of one formula in one session."""
 
-    def __init__(self, formula: Formula, time: Time = "steps") -> None:
+    def __init__(self, formula: Formula, time: Time = "steps", share: float = 1) -> None:
+        """`share` is how much of what an engine may cost this one may: where there are many, they share."""
         self._formula, self._time = formula, time
         self._timed = time == "seconds"
-        self._clock = Clock(timed=self._timed)
+        self._clock = Clock(timed=self._timed, share=share)
         network = self._network = build(formula, self._clock)
         self._atoms, self._operators = network.atoms, network.operators
         (self._holds,), (self._settled,) = network.root.at, network.root.settled
@@ -69,6 +70,11 @@ class NativeEngine:
             return None
         deadlines = [d for operator in self._operators if (d := operator.next_deadline(after)) is not None]
         return min(deadlines, default=None)
+
+    @property
+    def work(self) -> int:
+        """What the last step cost, in values that were looked at."""
+        return self._clock.work
 
     def explain(self, past: Past = NO_PAST) -> Why:
         """Why the formula holds, or does not, at the last step; see `Explaining.explain`."""

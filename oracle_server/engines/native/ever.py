@@ -10,7 +10,7 @@ from itertools import chain
 from typing import Any
 
 from oracle_server.engines.native.body import NOTHING, Body
-from oracle_server.engines.native.clock import Clock
+from oracle_server.engines.native.clock import FEW, Clock
 from oracle_server.engines.native.held import Held
 from oracle_server.engines.native.keys import Key, Region, read_key
 from oracle_server.engines.native.nodes import texts_at
@@ -110,8 +110,11 @@ class Ever:
         self._held.index()
 
     def _release(self) -> None:
-        now = self._clock.now
+        now, released = self._clock.now, 0
         while self.waiting and self.waiting[0][0] <= now:
+            released += 1
+            if released > FEW:
+                self._clock.spend(1)
             entry = self.waiting.popleft()
             self.waits.discard(entry[1])
             if self._clock.journal is not None:

@@ -50,7 +50,7 @@ class Held:
     def index(self) -> None:
         """Be asked for `spread`."""
         if self._size > 1 and self._index is None:
-            self._index = Index(self._size)
+            self._index = Index(self._size, self._clock)
             for key in self.times:
                 self._index.add(key)
 

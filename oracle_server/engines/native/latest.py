@@ -10,7 +10,7 @@ from itertools import chain
 from typing import Any
 
 from oracle_server.engines.native.body import NOTHING, Body
-from oracle_server.engines.native.clock import Clock
+from oracle_server.engines.native.clock import FEW, Clock
 from oracle_server.engines.native.held import Held
 from oracle_server.engines.native.keys import Key, Region, is_fresh, picker, read_key
 from oracle_server.engines.native.nodes import texts_at
@@ -151,6 +151,8 @@ class Latest:
             everywhere = any(is_fresh(key) for key in keys)
         else:
             everywhere = any(node.changes for node in left.nodes)
+        if everywhere and len(self._ended) > FEW:
+            self._clock.spend(len(self._ended))
         for key in list(self._ended) if everywhere else keys:
             if key in self._ended and not left.at[0](self._of_left(key)):
                 self._forget(key)
@@ -160,8 +162,11 @@ class Latest:
         return key if self._pick is None else self._pick(key)
 
     def _expire(self) -> None:
-        now = self._clock.now
+        now, left = self._clock.now, 0
         while self._leaving and self._leaving[0][0] <= now:
+            left += 1
+            if left > FEW:
+                self._clock.spend(1)
             entry = self._leaving.popleft()
             if self._clock.journal is not None:
                 self._clock.journal.append(partial(self._leaving.appendleft, entry))

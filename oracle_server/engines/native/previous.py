@@ -114,5 +114,7 @@ class Previous:
                     self._clock.journal.append(partial(setattr, state, "value", not value))
                 self.changes.append(key)
             fresh = fresh or is_fresh(key)
+        if fresh:
+            self._clock.spend(len(self._table.states))
         for key in self._table.keys() if fresh else [key for key, _ in self.next]:
             self._table.drop(key, _same)

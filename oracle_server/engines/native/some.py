@@ -8,7 +8,7 @@ from itertools import chain, product
 from typing import Any
 
 from oracle_server.engines.native.body import Body
-from oracle_server.engines.native.clock import Clock
+from oracle_server.engines.native.clock import FEW, Clock
 from oracle_server.engines.native.keys import (
     ALL,
     Key,
@@ -54,10 +54,12 @@ class Some:
             held, operand = self.held, self._operand
             before = bool(held)
             for key in _general_first(keys):
-                if (operand(key) and not _covered(key, held)) is not (key in held):
+                if (operand(key) and not _covered(key, held, self._clock)) is not (key in held):
                     _turn(held, key)
                     if self._clock.journal is not None:
                         self._clock.journal.append(partial(_turn, held, key))
+            if not self._body.flat:
+                self._clock.tell_apart(len(held))
             if bool(held) is not before:
                 self.changes = [()]
 
@@ -75,7 +77,7 @@ class Some:
 
     def spread(self, region: Region, place: int) -> Collection[str]:
         """The texts at a place of these keys in a region."""
-        return _texts(self.held, region, place)
+        return _texts(self.held, region, place, self._clock)
 
     def constant(self, region: Region) -> bool | None:  # noqa: ARG002
         """The value."""
@@ -146,7 +148,7 @@ class SomeOf:
         self.flat = body.flat or self._own == 1
         self.changes: list[Key] = []
         self._table = table(self._own, _Held(), _Held.copy, clock, flat=self.flat)
-        self._asked = _Asked(self._table, self._own, bound)
+        self._asked = _Asked(self._table, self._own, bound, clock)
 
     def at(self, key: Key) -> bool:
         """The value at a key of the free variables."""
@@ -164,10 +166,16 @@ class SomeOf:
             own = key_of(key[: self._own])
             held = owns[own] = self._table.own(own)
             rest = key[self._own :]
-            if (self._operand(key) and not _covered(rest, held.keys)) is not (rest in held.keys):
+            if (self._operand(key) and not _covered(rest, held.keys, self._clock)) is not (rest in held.keys):
                 _turn(held.keys, rest)
+                if not self._body.flat:
+                    self._clock.tell_apart(len(held.keys))
                 if self._clock.journal is not None:
                     self._clock.journal.append(partial(_turn, held.keys, rest))
+        self._tell(owns)
+
+    def _tell(self, owns: dict[Key, _Held]) -> None:
+        """Note where the value changed, and tell apart no more what has become the same."""
         fresh = False
         for own, held in owns.items():
             if bool(held.keys) is not held.value:
@@ -176,6 +184,8 @@ class SomeOf:
                     self._clock.journal.append(partial(setattr, held, "value", not held.value))
                 self.changes.append(own)
             fresh = fresh or is_fresh(own)
+        if fresh:
+            self._clock.spend(len(self._table.states))
         for own in self._table.keys() if fresh else list(owns):
             self._table.drop(own, _same)
 
@@ -190,6 +200,7 @@ class SomeOf:
         for key in keys:
             self._table.own(key_of(key[: self._own]))
         rest = last[self._own :]
+        self._clock.spend(len(self._table.states))
         return [*keys, *((*texts_of(own), *rest) for own in self._table.points())]
 
     def due(self) -> int | None:
@@ -259,13 +270,14 @@ class SomeOf:
 class _Asked:
     """What a `SomeOf` tells apart, as keys of all variables of its body."""
 
-    def __init__(self, table: Flat[_Held] | Tree[_Held], own: int, bound: int) -> None:
-        self._table, self._own = table, own
+    def __init__(self, table: Flat[_Held] | Tree[_Held], own: int, bound: int, clock: Clock) -> None:
+        self._table, self._own, self._clock = table, own, clock
         self._fresh = texts_of(fresh_key(bound))
 
     def points(self) -> Collection[Key]:
         found: set[Key] = set()
         for own, held in self._table.items():
+            self._clock.spend(1 + len(held.keys))
             texts = texts_of(own)
             found.update((*texts, *bound) for bound in held.keys)
             found.add((*texts, *self._fresh))
@@ -275,12 +287,13 @@ class _Asked:
         if place < self._own:
             return self._table.spread(region[: self._own], place)
         held = self._table.get(key_of(region[: self._own]))
-        return _texts(held.keys, region[self._own :], place - self._own)
+        return _texts(held.keys, region[self._own :], place - self._own, self._clock)
 
 
 def settled_over(body: Body, held: Collection[Key], own: Sequence[Text] = ()) -> bool | None:
     """What `exists` has settled on, over keys that begin with these texts; `held` are those at which its body holds."""
     settled = body.settled[0]
+    body.look_at(len(held))
     if held:
         return True if any(map(settled, held)) or body.all_settled(True, some=True, own=own) else None
     size = len(body.variables) - len(own)
@@ -293,12 +306,21 @@ def _general_first(keys: Collection[Key]) -> Collection[Key]:
     return keys if len(keys) < 2 else sorted(keys, key=lambda key: [text is not None for text in texts_of(key)])
 
 
-def _covered(key: Key, held: set[Key]) -> bool:
+def _covered(key: Key, held: set[Key], clock: Clock) -> bool:
     """Whether a more general key is among those held."""
     if not isinstance(key, tuple):
         return key is not None and None in held
+    if len(held) < 2 ** len(key):
+        if len(held) > FEW:
+            clock.spend(len(held))
+        return any(general != key and _covers(general, key) for general in held)
     choices = [(text,) if text is None else (text, None) for text in key]
     return any(general in held for general in product(*choices) if general != key)
+
+
+def _covers(general: Key, key: Key) -> bool:
+    """Whether a key of several variables is, but for fresh values, another one."""
+    return all(text is None or text == other for text, other in zip(general, key, strict=True))
 
 
 def _turn(keys: set[Key], key: Key) -> None:
@@ -309,8 +331,10 @@ def _turn(keys: set[Key], key: Key) -> None:
         keys.add(key)
 
 
-def _texts(keys: Collection[Key], region: Region, place: int) -> Collection[str]:
+def _texts(keys: Collection[Key], region: Region, place: int, clock: Clock) -> Collection[str]:
     """The texts at a place of the keys in a region."""
+    if len(keys) > FEW:
+        clock.spend(len(keys))
     fixed = [(i, text) for i, text in enumerate(region) if text is not ALL and i != place]
     return {
         text

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterator
 from functools import partial
 from typing import Generic, TypeVar
 
-from oracle_server.engines.native.clock import Clock
+from oracle_server.engines.native.clock import FEW, Clock
 from oracle_server.engines.native.keys import ALL, Key, Region, fresh_key
 
 S = TypeVar("S")
@@ -15,9 +15,10 @@ S = TypeVar("S")
 class Index:
     """Keys of two variables and more by the texts in them."""
 
-    __slots__ = ("_by",)
+    __slots__ = ("_by", "_clock")
 
-    def __init__(self, size: int) -> None:
+    def __init__(self, size: int, clock: Clock) -> None:
+        self._clock = clock
         self._by: list[dict[str, set[Key]]] = [{} for _ in range(size)]
 
     def add(self, key: Key) -> None:
@@ -40,6 +41,8 @@ class Index:
         if not fixed:
             return self._by[place]
         fewest: Collection[Key] = min((self._by[i].get(t, ()) if t is not None else () for i, t in fixed), key=len)
+        if len(fewest) > FEW:
+            self._clock.spend(len(fewest))
         return {key[place] for key in fewest if all(key[i] == text for i, text in fixed)}
 
 
@@ -103,7 +106,8 @@ class Flat(Generic[S]):
         if self._size == 1:
             return self.states.keys()
         if self._index is None:
-            return Index.spread(_indexed(self._size, self.states), region, place)
+            self._clock.spend(len(self.states))
+            return Index.spread(_indexed(self._size, self.states, self._clock), region, place)
         return self._index.spread(region, place)
 
     def load(self, states: list[tuple[Key, S]]) -> None:
@@ -119,7 +123,7 @@ class Flat(Generic[S]):
     def index(self) -> None:
         """Be asked for `spread`, before anything is told apart."""
         if self._size > 1 and self._index is None:
-            self._index = _indexed(self._size, self.states)
+            self._index = _indexed(self._size, self.states, self._clock)
 
     def _put(self, key: Key, state: S) -> None:
         self.states[key] = state
@@ -132,8 +136,8 @@ class Flat(Generic[S]):
             self._index.remove(key)
 
 
-def _indexed(size: int, keys: Collection[Key]) -> Index:
-    index = Index(size)
+def _indexed(size: int, keys: Collection[Key], clock: Clock) -> Index:
+    index = Index(size, clock)
     for key in keys:
         index.add(key)
     return index
@@ -223,6 +227,7 @@ class Tree(Generic[S]):
     def _note(self) -> None:
         """Let all be taken back as it is."""
         if self._clock.journal is not None:
+            self._clock.spend(len(self.states))
             branches = {path: set(texts) for path, texts in self._branches.items()}
             self._clock.journal.append(partial(self._reset, dict(self.states), branches))
 
@@ -238,6 +243,8 @@ class Tree(Generic[S]):
     def _grow(self, source: Key, target: Key) -> None:
         """Copy all that grows on one branch to another."""
         if len(source) == self._size:
+            self._clock.spend(1)
+            self._clock.tell_apart(len(self.states) + 1)
             self.states[target] = self._copy(self.states[source])
             return
         texts = self._branches.get(source, set())

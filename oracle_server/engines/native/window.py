@@ -16,7 +16,7 @@ from typing import Any
 
 from oracle_server.core.formula.tree import Bound
 from oracle_server.engines.native.body import Body
-from oracle_server.engines.native.clock import Clock
+from oracle_server.engines.native.clock import FEW, Clock
 from oracle_server.engines.native.keys import ALL, Key, Region, is_fresh, key_of, read_key
 from oracle_server.engines.native.nodes import texts_at
 from oracle_server.engines.native.tables import table
@@ -136,6 +136,7 @@ class Window:
         """Let all of the one key be taken back as it is."""
         journal = self._clock.journal
         if journal is not None:
+            self._copied(runs, len(self._entering) + len(self._leaving))
             journal.append(partial(runs.become, runs.copy()))
             journal.append(partial(setattr, self, "_peopled", self._peopled))
             journal.append(partial(setattr, self, "_entering", self._entering.copy()))
@@ -252,6 +253,7 @@ class Window:
         for key in keys:
             runs = self._table.own(key)
             if self._clock.journal is not None:
+                self._copied(runs)
                 self._clock.journal.append(partial(runs.become, runs.copy()))
             left = self._left is None or self._left(key)
             closed = self._move(key, runs, left, self._right(key))
@@ -311,11 +313,18 @@ class Window:
 
     def _refresh(self, key: Key, runs: Runs) -> None:
         if self._clock.journal is not None:
+            self._copied(runs)
             self._clock.journal.append(partial(runs.become, runs.copy()))
         value = self._value(runs)
         if value is not runs.value:
             runs.value = value
             self.changes.append(key)
+
+    def _copied(self, runs: Runs, more: int = 0) -> None:
+        """Count what is copied so that it can be taken back: numbers, of which a hundred cost what a key does."""
+        size = len(runs.starts) + len(runs.ends) + more
+        if size > FEW:
+            self._clock.spend(size // 100)
 
     def _value(self, runs: Runs) -> bool:
         if not runs.left:
@@ -342,14 +351,18 @@ class Window:
         return all(p == q or max(p, q) <= past for p, q in begun) and list(runs.ends) == list(other.ends)
 
     def _refresh_all(self) -> None:
+        self._clock.spend(len(self._table.states))
         for key, runs in self._table.items():
             self._refresh(key, runs)
         for key in self._table.keys():  # noqa: SIM118 -- a table is no mapping
             self._table.drop(key, self._same)
 
     def _pop(self, queue: deque[tuple[int, Key]]) -> None:
-        now = self._clock.now
+        now, popped = self._clock.now, 0
         while queue and queue[0][0] <= now:
+            popped += 1
+            if popped > FEW:
+                self._clock.spend(1)
             entry = queue.popleft()
             key = entry[1]
             if self._clock.journal is not None:
