@@ -16,7 +16,7 @@ from oracle_server.core.simulated import ClockReading, SimulatedTime
 from oracle_server.core.verdicts import Judged, decision_frame, record
 from oracle_server.monitors import Monitor, Outbox, check_time, claimed
 from oracle_server.news import News
-from oracle_server.numbering import Numbering
+from oracle_server.numbering import JUDGED, Numbering
 from oracle_server.protocol import (
     AnyClock,
     AnyEvent,
@@ -29,15 +29,13 @@ from oracle_server.protocol import (
 )
 from oracle_server.restore import Restored
 from oracle_server.schema import step_row
+from oracle_server.snapshots import Snapshots
 from oracle_server.standing import Frame, Standing
 from oracle_server.store import Store
 from oracle_server.tally import Tally
 
 _WRITE_AFTER = 0.01
 """Seconds after a decision in which others go before the history, and what the adapter did is heard of most."""
-
-_SAVE_AFTER = 10_000
-"""Steps until the first snapshot, and at least between two."""
 
 log = structlog.get_logger()
 
@@ -64,13 +62,13 @@ class LiveSession:
         self.monitors: dict[str, Monitor] = {}
         self.credit = Credit(self.spec.ordering.capacity)
         self.position = 0
-        self._next_snapshot = _SAVE_AFTER
         self.refused = 0
         self.closing = False
         self.news = News()  # told at each commit
         self.clock_went_back = False
         """Whether its simulation began anew, so that it takes nothing more."""
         self._store, self._clock, self._tally = store, clock, tally
+        self._snapshots = Snapshots(self.id, self.number, core, store)
         self._resume_within, self._on_over = resume_within, on_over
         self._gaps: dict[tuple[str, int], int] = {}
         self._unwritten: list[Judged] = []
@@ -217,7 +215,7 @@ class LiveSession:
     def resume(self, restored: Restored) -> None:
         """Go on where a session stood: give its monitors their time to come back, and put back what was held."""
         self.position, self.refused = restored.position, restored.refused
-        self._next_snapshot = self.position + _SAVE_AFTER
+        self._snapshots.resume(self.position)
         loop = asyncio.get_running_loop()
         if any(known.clock == "sim" for known in restored.monitors.values()):
             self.core.simulated = SimulatedTime(self.spec.by_key)
@@ -276,9 +274,10 @@ class LiveSession:
     def _refuse(self, monitor: Monitor, seq: int, gap: int, code: str, message: str) -> WireError:
         self.refused += 1
         monitor.unsettled += 1
-        monitor.lost += gap + (code == "bad_event")
+        lost = gap + (code == "bad_event")
+        monitor.lost += lost
         row = (self.number, monitor.name, seq, gap, self._clock.now(), code, message)
-        self._store.append("refused", [row], lambda: self._committed([(monitor, seq, gap)], [], None))
+        self._store.append("refused", [row], lambda: self._settled([(monitor, seq, gap, lost)]))
         return WireError(code, message, seq=seq)
 
     def _count_again(self, monitor: Monitor, key: StreamKey) -> None:
@@ -330,41 +329,42 @@ class LiveSession:
                 monitor = self.monitors[event.monitor]
                 gap = self._gaps.pop((event.monitor, event.seq), 0)
                 outcome = monitor.outcomes.pop(event.seq, None)
-                settled.append((monitor, event.seq, gap))
+                settled.append((monitor, event.seq, gap, JUDGED))
             rows.append(step_row(self.number, self.position, gap, item, outcome))
             violations += [{"type": "violation", **record(item, v)} for v in item.verdicts if v.explanation]
         if rows:
             self._tally.judged(rows)
-            standing = self._standing.changed(self._last_verdict)
-            self._store.append("steps", rows, lambda: self._committed(settled, violations, standing))
-            if self.position >= self._next_snapshot:
+            standing, position = self._standing.changed(self._last_verdict), self.position
+            self._store.append("steps", rows, lambda: self._committed(settled, position, violations, standing))
+            if self._snapshots.is_due(self.position):
                 self.save()
 
     def save(self) -> None:
-        """Keep how all stands, so that a restart need not judge it all again; ever more seldom, since it grows."""
-        if self._unwritten:
-            return
-        self._next_snapshot = self.position + max(_SAVE_AFTER, self.position // 4)
-        data = self.core.snapshot()
-        if data is not None:
-            values = (self.number, self.position, encode(data))
-            self._store.execute("INSERT OR REPLACE INTO snapshots VALUES (?, ?, ?)", values)
+        """Keep how all stands, so that a restart need not judge it all again."""
+        self._write()
+        self._snapshots.save(self.position, self.monitors)
 
     @property
     def _last_verdict(self) -> int:
         return self.position * len(self.spec.properties)
 
-    def _committed(self, settled: list[tuple[Monitor, int, int]], told: list[Frame], standing: Frame | None) -> None:
+    def _settled(self, settled: list[tuple[Monitor, int, int, int]]) -> None:
         touched = {}
-        for monitor, seq, gap in settled:
-            monitor.numbering.commit(seq, gap)
+        for monitor, seq, gap, lost in settled:
+            monitor.numbering.commit(seq, gap, lost)
             monitor.unsettled -= 1
             monitor.answers.pop(seq, None)
             touched[monitor.name] = monitor
-        self.news.tell()
         for monitor in touched.values():
             self._acknowledge(monitor)
             self._settle(monitor)
+
+    def _committed(
+        self, settled: list[tuple[Monitor, int, int, int]], position: int, told: list[Frame], standing: Frame | None
+    ) -> None:
+        self._snapshots.committed(position)
+        self.news.tell()
+        self._settled(settled)
         for frame in told:
             for monitor in self.monitors.values():
                 if monitor.outbox:

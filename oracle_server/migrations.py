@@ -10,6 +10,10 @@ from oracle_server.schema import DDL, VERSION
 _STEPS = {
     1: "ALTER TABLE monitors ADD COLUMN clock TEXT NOT NULL DEFAULT 'wall';",
     2: "ALTER TABLE sessions ADD COLUMN asked TEXT;",
+    3: "CREATE TABLE IF NOT EXISTS snapshots"
+    "(session INTEGER PRIMARY KEY, position INTEGER NOT NULL, data TEXT NOT NULL);"
+    "ALTER TABLE snapshots ADD COLUMN settled INTEGER NOT NULL DEFAULT 0;"
+    "ALTER TABLE snapshots ADD COLUMN numbers TEXT;",
 }
 """By the version that they start from: statements that lead to the next one."""
 

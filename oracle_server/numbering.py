@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Iterable
+from typing import Any
+
+JUDGED = -1
+"""In place of what a refused event takes with it: an event that was judged, and told of what was lost before it."""
 
 
 class Numbering:
@@ -12,16 +16,27 @@ class Numbering:
     A number is taken once; it is used up, with the gap before it, when its event is judged or refused and committed.
     """
 
-    def __init__(self, committed: Iterable[tuple[int, int]] = ()) -> None:
-        """Go on after what is committed: pairs of a number and the size of the gap before it."""
-        self.upto = 0
+    def __init__(self, committed: Iterable[tuple[int, int, int]] = (), saved: Any = None) -> None:
+        """Go on after what was `saved`, and what is committed since or was then.
+
+        `committed` has a number each, the size of the gap before it, and how much was lost with it where it was
+        refused, else `JUDGED`.
+        """
+        upto, told, done = saved or (0, 0, [])
+        self.upto: int = upto
         """Every number up to here is used up."""
+        self._lost: int = told
         self._newest = 0
-        self._taken: set[int] = set()
-        self._done: list[tuple[int, int]] = []
-        for seq, gap in committed:
-            self._taken.add(seq)
-            self.commit(seq, gap)
+        self._done: list[tuple[int, int, int]] = [(first, last, lost) for first, last, lost in done]
+        self._taken: set[int] = {last for _, last, _ in self._done}
+        self._gaps: dict[int, int] = {}
+        self._last_gap = 0
+        self._inside: set[int] = set()
+        """Numbers that came though they had been told as lost, until they are used up."""
+        for seq, gap, lost in sorted(committed):
+            if seq > self.upto and seq not in self._taken:
+                self._taken.add(seq)
+                self.commit(seq, gap, lost)
         self.resume()
 
     def hold(self, seq: int) -> None:
@@ -32,6 +47,22 @@ class Numbering:
     def next(self) -> int:
         """The number that a monitor goes on at."""
         return self._newest + 1
+
+    @property
+    def lost(self) -> int:
+        """How many events were lost or refused that no judged event was told of, as far as is committed."""
+        lost, before = self._lost, self.upto
+        for first, last, refused in sorted(self._done):
+            if refused != JUDGED:
+                lost += refused
+            elif first <= before + 1:
+                lost = 0  # told with this event, which came next
+            before = last
+        return lost
+
+    def saved(self) -> Any:
+        """What is committed, as plain data."""
+        return [self.upto, self._lost, sorted(self._done)]
 
     def resume(self) -> None:
         """Expect a monitor to send again all that is not used up."""
@@ -49,13 +80,25 @@ class Numbering:
         gap = max(0, seq - 1 - before)
         if gap:
             gap -= sum(1 for other in self._taken if before < other < seq)
+        if gap:
+            self._gaps[seq] = gap
+            self._last_gap = max(self._last_gap, seq)
+        if seq < self._last_gap and any(other - size <= seq < other for other, size in self._gaps.items()):
+            self._inside.add(seq)
         self._taken.add(seq)
         return gap
 
-    def commit(self, seq: int, gap: int) -> None:
-        """Use up a number that was taken, and the gap before it."""
-        heapq.heappush(self._done, (seq - gap, seq))
+    def commit(self, seq: int, gap: int, lost: int = JUDGED) -> None:
+        """Use up a number that was taken, and the gap before it, of which none is still on its way."""
+        self._inside.discard(seq)
+        heapq.heappush(self._done, (seq - gap, seq, lost))
         while self._done and self._done[0][0] <= self.upto + 1:
-            _, end = heapq.heappop(self._done)
+            _, end, refused = self._done[0]
+            if self._inside and (awaited := min(self._inside)) < end:
+                self.upto = max(self.upto, awaited - 1)
+                break
+            heapq.heappop(self._done)
             self._taken.discard(end)
+            self._gaps.pop(end, None)
+            self._lost = 0 if refused == JUDGED else self._lost + refused
             self.upto = max(self.upto, end)

@@ -141,6 +141,12 @@ class Registry:
             if monitor.outbox and not monitor.detaching:
                 monitor.outbox.drop(reason)
 
+    def save(self, number: int) -> None:
+        """Save an open session, so that less of its history is needed to restore it."""
+        for session in self.open.values():
+            if session.number == number and not session.closing:
+                session.save()
+
     async def closed_within(self, session: LiveSession, patience: float) -> bool:
         """Close a session; whether that is done after `patience` seconds. It is gone on with in any case."""
         _, waiting = await asyncio.wait((self._begin_to_close(session),), timeout=patience)

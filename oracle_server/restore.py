@@ -1,8 +1,12 @@
-"""Bringing a session back from its history: from its last snapshot, and what its engines were fed since."""
+"""Bringing a session back from its history: from its last snapshot, and what its engines were fed since.
+
+Steps that the snapshot makes needless may be gone. Where it can't be used, and they are, nothing is judged any more.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import msgspec
 import structlog
@@ -12,7 +16,7 @@ from oracle_server.core.events import Step, StreamKey
 from oracle_server.core.plan import Plan
 from oracle_server.core.session import Session, orders
 from oracle_server.engines.choice import make_engines
-from oracle_server.numbering import Numbering
+from oracle_server.numbering import JUDGED, Numbering
 from oracle_server.protocol import TimeBase
 from oracle_server.schema import LETTERS, STEP_COLUMNS, Row, step_of
 from oracle_server.store import Store
@@ -48,30 +52,37 @@ class Restored:
     held: list[tuple[Step, int]]
 
 
-@dataclass(frozen=True, slots=True)
-class _Used:
-    """A number that is used up, with the gap before it; `lost` counts what a refusal withheld from the judge."""
+class _Saved(NamedTuple):
+    """A session's snapshot: after which step it was taken, and the monitors' numbers as of an earlier step."""
 
-    seq: int
-    gap: int
-    lost: int | None = None
+    position: int = 0
+    data: str | None = None
+    settled: int = 0
+    numbers: str | None = None
+
+
+_Used = tuple[int, int, int]
+"""A number that is used up, the gap before it, and what was lost with it where it was refused, else `JUDGED`."""
 
 
 def restore(store: Store, number: int, plan: Plan) -> Restored:
     """Go on from a session's last snapshot, and judge the steps after it again: call it off the event loop."""
-    core, position = _from_snapshot(store, number, plan)
+    saved = _saved(store, number)
+    core, position = _begin(store, number, plan, saved)
     primary = orders(plan.spec)[0]
     used: dict[str, list[_Used]] = {}
     waiting: dict[tuple[str, int], Step] = {}
     differing = 0
-    sql = "SELECT monitor, seq, gap FROM steps WHERE session = ? AND position <= ? AND kind != 'tick'"
-    for monitor, seq, gap in store.read(sql, (number, position)):
-        used.setdefault(monitor, []).append(_Used(seq, gap))
-    outcomes, gaps = STEP_COLUMNS.index("outcomes"), STEP_COLUMNS.index("gap")
+    sql = "SELECT monitor, seq, gap FROM steps WHERE session = ? AND position > ? AND position <= ? AND kind != 'tick'"
+    for monitor, seq, gap in store.read(sql, (number, saved.settled, position)):
+        used.setdefault(monitor, []).append((seq, gap, JUDGED))
+    outcomes, gaps, degraded = (STEP_COLUMNS.index(name) for name in ("outcomes", "gap", "degraded"))
     select = f"SELECT {','.join(STEP_COLUMNS)} FROM steps WHERE session = ? AND position > ? ORDER BY position LIMIT ?"  # noqa: S608
     while rows := store.read(select, (number, position, _PAGE)):
         for row in rows:
             order, step, judged_at = step_of(row)
+            if "0" not in row[degraded]:  # by a loss that was known before its event was judged
+                core.judges[order].degrade()
             judged = core.rejudge(order, step, judged_at)
             verdicts = judged.verdicts if judged else ()
             differing += "".join(LETTERS[v.outcome] for v in verdicts) != row[outcomes]
@@ -80,7 +91,7 @@ def restore(store: Store, number: int, plan: Plan) -> Restored:
             key = (step.event.monitor, step.event.seq)
             if order == primary:
                 waiting.pop(key, None)
-                used.setdefault(step.event.monitor, []).append(_Used(step.event.seq, row[gaps]))
+                used.setdefault(step.event.monitor, []).append((step.event.seq, row[gaps], JUDGED))
             else:
                 waiting[key] = step
         position += len(rows)
@@ -88,36 +99,43 @@ def restore(store: Store, number: int, plan: Plan) -> Restored:
         log.error("restored verdicts differ from the recorded ones", session=number, steps=differing)
     refused = store.read("SELECT monitor, seq, gap, code FROM refused WHERE session = ?", (number,))
     for monitor, seq, gap, code in refused:
-        used.setdefault(monitor, []).append(_Used(seq, gap, gap + (code == "bad_event")))
+        used.setdefault(monitor, []).append((seq, gap, gap + (code == "bad_event")))
     rows = store.read("SELECT name, instance, streams, attached, clock FROM monitors WHERE session = ?", (number,))
-    monitors = {name: _known(tuple(known), used.get(name, [])) for name, *known in rows}
+    numbers: dict[str, Any] = msgspec.json.decode(saved.numbers) if saved.numbers else {}
+    monitors = {name: _known(tuple(known), Numbering(used.get(name, []), numbers.get(name))) for name, *known in rows}
     return Restored(core, position, len(refused), monitors, [(step, 0) for step in waiting.values()])
 
 
-def _from_snapshot(store: Store, number: int, plan: Plan) -> tuple[Session, int]:
-    """The session as it was saved, and the position of the last step before; a new one where that can't be used."""
-    saved = store.read("SELECT position, data FROM snapshots WHERE session = ?", (number,))
-    if saved:
-        position, data = saved[0]
-        core = Session(plan, make_engines(plan))
+def _saved(store: Store, number: int) -> _Saved:
+    rows = store.read("SELECT position, data, settled, numbers FROM snapshots WHERE session = ?", (number,))
+    return _Saved(*rows[0]) if rows else _Saved()
+
+
+def _begin(store: Store, number: int, plan: Plan, saved: _Saved) -> tuple[Session, int]:
+    """The session as it was saved, and the position of the last step before.
+
+    A new one where it can't be used; and where the first steps are gone too, one that judges no more.
+    """
+    width = len(plan.spec.properties)
+    core, problem = Session(plan, make_engines(plan)), "it has no snapshot"
+    if saved.data is not None:
         try:
-            core.restore(msgspec.json.decode(data), position * len(plan.spec.properties) + 1)
+            core.restore(msgspec.json.decode(saved.data), saved.position * width + 1)
         except (EngineError, KeyError, TypeError, ValueError) as error:
-            log.warning("a snapshot can't be used, so that all is judged again", session=number, reason=str(error))
+            core, problem = Session(plan, make_engines(plan)), str(error)
+            log.warning("a snapshot can't be used, so that all is judged again", session=number, reason=problem)
         else:
-            return core, position
-    return Session(plan, make_engines(plan)), 0
+            return core, saved.position
+    first = store.read("SELECT min(position) FROM steps WHERE session = ?", (number,))[0][0] or 1
+    if first > 1:
+        core.give_up(
+            (first - 1) * width + 1, f"its beginning is not kept any more, and its snapshot is of no use: {problem}"
+        )
+        log.error("a session can't be judged any more", session=number, reason=problem)
+    return core, first - 1
 
 
-def _known(row: Row, used: list[_Used]) -> Known:
+def _known(row: Row, numbering: Numbering) -> Known:
     instance, streams, attached, clock = row
-    used.sort(key=lambda u: u.seq)
-    lost = before = 0
-    for item in used:
-        if item.lost is not None:
-            lost += item.lost
-        elif item.seq - item.gap == before + 1:
-            lost = 0  # told with this event, which came next
-        before = item.seq
     claimed = tuple(StreamKey(*key) for key in msgspec.json.decode(streams))
-    return Known(instance, claimed, bool(attached), clock, Numbering([(u.seq, u.gap) for u in used]), lost)
+    return Known(instance, claimed, bool(attached), clock, numbering, numbering.lost)

@@ -9,7 +9,7 @@ import msgspec
 from oracle_server.core.events import Event, Order, Step, StreamKey
 from oracle_server.core.verdicts import Judged, Outcome, explain
 
-VERSION = 3
+VERSION = 4
 
 DDL = """
 CREATE TABLE IF NOT EXISTS sessions (
@@ -70,7 +70,9 @@ CREATE TABLE IF NOT EXISTS monitors (
 CREATE TABLE IF NOT EXISTS snapshots (
     session INTEGER PRIMARY KEY,
     position INTEGER NOT NULL,   -- of the last step before it
-    data TEXT NOT NULL           -- JSON
+    data TEXT NOT NULL,          -- JSON
+    settled INTEGER NOT NULL,    -- steps up to this position are needed no more; 0 where all are
+    numbers TEXT                 -- JSON, by monitor: its numbers, as of `settled`
 );
 CREATE TABLE IF NOT EXISTS refused (
     session INTEGER NOT NULL,

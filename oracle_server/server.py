@@ -89,7 +89,7 @@ async def _serve(settings: Settings, library: Library, store: Store, door: _Door
     clock = Clock(at_least=latest or 0)
     registry = Registry(store, library, clock, settings.resume_within)
     bounds = Retention(settings.retain_age, settings.retain_events, settings.retain_size)
-    pruner = Pruner(store, library, clock, bounds)
+    pruner = Pruner(store, library, clock, bounds, registry.save)
     with Watchdog() as watchdog:
         await registry.restore_all()
         gc.freeze()  # what is there now stays: looking through it again and again would hold decisions up

@@ -99,6 +99,12 @@ class Judge:
         self._recent.restore(data["recent"])
         self._numbers = numbers
 
+    def give_up(self, reason: str, numbers: Iterator[int]) -> None:
+        """Judge no property any more, for this reason; verdicts are numbered from `numbers`."""
+        for state in self.properties:
+            state.give_up(reason)
+        self._degraded, self._numbers = True, numbers
+
     def degrade(self) -> None:
         """Mark every verdict from now on as one before which something is known to be lost, skipped or failed."""
         self._degraded = True

@@ -127,8 +127,10 @@ class Session:
 
         None where an engine can't be saved, or where events are judged in two orders, and so are between them.
         """
+        if len(self.judges) > 1:
+            return None
         judges = {order: judge.snapshot() for order, judge in self.judges.items()}
-        if len(judges) > 1 or None in judges.values():
+        if None in judges.values():
             return None
         counts = [(m, list(stream), count.late, count.lost) for (m, stream), count in self.counts.items()]
         return {"judges": judges, "present": self.buffer.present, "now": self.now, "counts": counts}
@@ -144,6 +146,12 @@ class Session:
         self.buffer.present, self.now = data["present"], data["now"]
         for monitor, stream, late, lost in data["counts"]:
             self.counts[monitor, StreamKey(*stream)] = StreamCounts(late, lost)
+
+    def give_up(self, first: int, reason: str) -> None:
+        """Judge no more, since what came before is not known; verdicts, all unknown, are numbered from `first`."""
+        numbers = itertools.count(first)
+        for judge in self.judges.values():
+            judge.give_up(reason, numbers)
 
     def hold(self, step: Step) -> list[Judged]:
         """Put a step into the order of publication that was there before, and not judged in it yet."""

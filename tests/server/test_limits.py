@@ -179,16 +179,39 @@ def test_the_throttle_lets_a_burst_through_and_then_the_rate() -> None:
     assert unbounded.pause() == 0
 
 
-@pytest.mark.usefixtures("bystander")
-async def test_a_formula_that_explodes_disturbs_nobody(server: Server, session: str) -> None:
+async def test_a_formula_that_explodes_is_told_and_costs_the_others_nothing(server: Server, session: str) -> None:
+    """Two sessions side by side: one is judged no more where it would cost too much, the other as if it were alone."""
     spec = f"greedy-{session}"
-    names = ", ".join(f"x{i}" for i in range(6))
-    event = '{topic: "/a", ' + ", ".join(f"k{i}: *x{i}" for i in range(6)) + "}"
-    formula = f"forall[{names}]. historically[:1000] ({event} -> once[:1000]{event})"
-    text = f"id: {spec}\nstreams:\n  - topic: /a\nproperties:\n  - {{id: p, formula: '{formula}'}}\n"
+    formula = "exists[x, y, z]. ({topic: \"/a\", k: *x} or {l: *y}) since ({k: *y} or {l: *z})"
+    properties = f"  - {{id: greedy, formula: '{formula}'}}\n  - {{id: small, formula: '{{v > 0}}', guards: [/a]}}\n"
+    text = f"id: {spec}\nstreams:\n  - {{topic: /a, action: filter}}\nproperties:\n{properties}"
     assert server.http.put(f"/api/v1/specs/{spec}", content=text).status_code == 201
-    async with attached(server, session=session, spec=spec) as monitor:
-        events = [make_event(i, at=i, data={f"k{j}": i * (j + 1) for j in range(6)}) for i in range(1, 1501)]
-        await monitor.send(make_events(*events))
-        await monitor.acked(1500)
-    assert {r["outcome"] for r in server.records(session)} <= {"currently_true", "unknown"}
+    failures = engine_failures(server)
+    async with (
+        attached(server, session=session, spec=spec) as bad,
+        attached(server, session=f"{session}-good", spec="single") as good,
+    ):
+        outcomes: dict[str, set[str]] = {"greedy": set(), "small": set()}
+        for i in range(1, 201):
+            decision = await bad.ask(i, at=i, data={"k": i, "l": i * 7, "v": 1})
+            assert decision["decision"] == "allow", "what is broken does not guard"
+            for name, outcome in decision["verdicts"].items():
+                outcomes[name].add(outcome)
+            assert (await good.ask(i, at=i, data={"v": 1}))["verdicts"] == {"a_is_small": "currently_true"}
+        await bad.acked(200)
+    assert "unknown" in outcomes["greedy"]
+    assert outcomes["small"] == {"currently_true"}
+    states = {p["id"]: p for p in server.get(f"sessions/{session}")["properties"]}
+    assert "cost too much" in states["greedy"]["broken"]
+    unknown = [r for r in server.records(session, property="greedy") if r["outcome"] == "unknown"]
+    assert states["greedy"]["unknown"] == len(unknown) > 100
+    assert all(r["degraded"] for r in unknown[1:])
+    assert states["small"]["broken"] is None
+    assert engine_failures(server) == failures + 1
+    assert "a property is judged no more" in server.log
+    assert "stands still" not in server.log
+
+
+def engine_failures(server: Server) -> float:
+    text = server.http.get("/metrics").text
+    return next(float(line.split()[1]) for line in text.splitlines() if line.startswith("oracle_engine_failures_total"))

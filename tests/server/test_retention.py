@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import signal
 import sqlite3
 from contextlib import closing
+from typing import Any
 
-from tests.server.client import attached, make_event, make_events
+import pytest
+
+from tests.server.client import attached, make_event, make_events, stable
 from tests.server.conftest import Starts
-from tests.server.harness import Server
+from tests.server.harness import PATIENCE, Server
+from tests.server.stories import play, tell
+from tests.server.test_stream import stream, take
 
 OFTEN = {"ORACLE_RETAIN_CHECK": "0.05"}
 
@@ -46,16 +52,94 @@ async def test_the_oldest_events_of_closed_sessions_go_first(start: Starts) -> N
     await fill(server, "one", 3)
 
 
-async def test_an_open_session_keeps_what_it_is_restored_from(start: Starts) -> None:
-    server = start(**OFTEN, ORACLE_RETAIN_EVENTS="1", ORACLE_RETAIN_AGE="1ms", ORACLE_RETAIN_SIZE="1kB")
+@pytest.mark.parametrize("bound", [{"EVENTS": "1"}, {"AGE": "1ms"}, {"SIZE": "1kB"}], ids=str)
+async def test_an_open_session_is_saved_and_keeps_what_came_since(start: Starts, bound: dict[str, str]) -> None:
+    server = start(**OFTEN, **{f"ORACLE_RETAIN_{name}": value for name, value in bound.items()})
     await fill(server, "open", 40, closed=False)
     await fill(server, "closed", 5)
-    await server.until(lambda: kept(server).keys(), lambda names: "closed" not in names)
-    state = server.get("sessions/open")["properties"]
+    await server.until(lambda: kept(server), lambda found: found == {"open": [40]})
+    state = server.get("sessions/open")
     assert server.stop() == 0
     server = start()
-    assert kept(server) == {"open": list(range(1, 41))}
-    assert server.get("sessions/open")["properties"] == state
+    assert kept(server) == {"open": [40]}
+    for name in ("properties", "counters"):
+        assert server.get("sessions/open")[name] == state[name]
+    async with attached(server, session="open") as monitor:
+        assert monitor.attached["next"] == 41
+        await monitor.send(*(make_event(i, at=i, data={"v": 1}) for i in (39, 40, 41)))
+        await monitor.acked(41)
+    assert kept(server) == {"open": [40, 41]}
+
+
+async def test_what_can_not_be_saved_is_kept_whole(start: Starts) -> None:
+    server = start(**OFTEN, ORACLE_RETAIN_EVENTS="1")
+    text = (server.specs / "single.yaml").read_text()
+    for name, changed in {"reelay": text + "    engine: reelay\n", "twice": text + "ordering: {by: both}\n"}.items():
+        content = changed.replace("id: single", f"id: {name}")
+        assert server.http.put(f"/api/v1/specs/{name}", content=content).status_code == 201
+        await fill(server, name, 10, closed=False, spec=name)
+    await fill(server, "closed", 5)
+    found = await server.until(lambda: kept(server), lambda found: "closed" not in found)
+    assert (found["reelay"][0], found["twice"][0]) == (1, 1)
+
+
+async def until_cut(server: Server, n: int) -> None:
+    """Wait until nothing up to an `n` is kept of the session `s`."""
+    await server.until(lambda: kept(server)["s"][0], lambda first: first > n)
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+async def test_a_session_whose_beginning_is_gone_goes_on_as_if_nothing_had_happened(
+    start: Starts, number: signal.Signals
+) -> None:
+    """One session is cut and its server ended again and again; the other is neither."""
+    claimed, story = ["/a", "/b", "/go", "/free"], tell(7, chunks=4)
+    whole = start()
+    async with attached(whole, session="s", spec="pair", streams=claimed) as monitor:
+        for chunk in story:
+            await play(monitor, chunk)
+    expected = stable(whole.records("s"))
+    assert whole.stop() == 0
+    (whole.data / "history.sqlite").unlink()
+    found: dict[int, dict[str, Any]] = {}
+    server, following = start(**OFTEN, ORACLE_RETAIN_EVENTS="3"), 1
+    for chunk in story:
+        async with attached(server, session="s", spec="pair", streams=claimed) as monitor:
+            assert monitor.attached["next"] == following
+            async with stream(server, "s", last=max(found, default=0)) as events:
+                await play(monitor, chunk)
+                last = server.get("sessions/s")["counters"]
+                wanted = sum(r["seq"] <= chunk.last for r in expected) - len(found)
+                found |= {r["n"]: r for r in await take(events, wanted)}
+            following = chunk.last + 1
+        await until_cut(server, max(found) - 3 * 6)
+        server.process.send_signal(number)
+        server.process.wait(PATIENCE)
+        server.end()
+        server = start(**OFTEN, ORACLE_RETAIN_EVENTS="3")
+        assert server.get("sessions/s")["counters"] == last
+    assert sorted(found) == [r["n"] for r in expected]
+    unsaid = [{k: v for k, v in r.items() if k != "passed"} for r in stable([found[n] for n in sorted(found)])]
+    assert unsaid == [{k: v for k, v in r.items() if k != "passed"} for r in expected]
+
+
+async def test_a_session_whose_beginning_is_gone_and_snapshot_too_judges_no_more(start: Starts) -> None:
+    server = start(**OFTEN, ORACLE_RETAIN_EVENTS="3")
+    await fill(server, "s", 40, closed=False)
+    await server.until(lambda: kept(server)["s"], lambda found: found == [38, 39, 40])
+    assert server.stop() == 0
+    with closing(sqlite3.connect(server.data / "history.sqlite")) as database:
+        database.execute("UPDATE snapshots SET data = '{}'")
+        database.commit()
+    server = start()
+    assert "can't be judged any more" in server.log
+    async with attached(server, session="s") as monitor:
+        assert monitor.attached["next"] == 41
+        assert (await monitor.ask(41, at=41, data={"v": 1}))["verdicts"] == {"a_is_small": "unknown"}
+        await monitor.acked(41)
+    (state,) = server.get("sessions/s")["properties"]
+    assert "its beginning is not kept any more" in state["broken"]
+    assert [(r["n"], r["outcome"], r["degraded"]) for r in server.records("s", after=40)] == [(41, "unknown", True)]
 
 
 async def test_nothing_is_left_of_a_session_that_goes(start: Starts) -> None:
@@ -69,7 +153,7 @@ async def test_nothing_is_left_of_a_session_that_goes(start: Starts) -> None:
     assert server.stop() == 0
     with closing(sqlite3.connect(server.data / "history.sqlite")) as database:
         tables = [name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
-        database.execute("INSERT OR IGNORE INTO snapshots VALUES (1, 1, '{}')")
+        database.execute("INSERT OR IGNORE INTO snapshots VALUES (1, 1, '{}', 0, NULL)")
         database.commit()
         assert all(database.execute(f"SELECT count(*) FROM {name}").fetchone()[0] for name in tables), tables
         server = start(**OFTEN, ORACLE_RETAIN_AGE="1ms")
