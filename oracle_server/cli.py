@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from enum import StrEnum
+from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -101,64 +103,56 @@ def replay(
 
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-SpecsFolder = Annotated[Path | None, typer.Option("--specs", help="The folder of the specs; default ./specs.")]
 DataDir = Annotated[Path | None, typer.Option(help="Where the history is kept.")]
-Host = Annotated[str | None, typer.Option(help="The address to bind; default 127.0.0.1.")]
-Port = Annotated[int | None, typer.Option(min=0, max=65535, help="The port; default 8642.")]
-Certificate = Annotated[Path | None, typer.Option(help="The server's certificate (PEM), for TLS.")]
-Key = Annotated[Path | None, typer.Option(help="The certificate's key (PEM).")]
-ClientCa = Annotated[Path | None, typer.Option(help="Clients must show a certificate of this authority (PEM).")]
-Insecure = Annotated[bool | None, typer.Option("--insecure", help="Be reachable by others without tokens or TLS.")]
-Legacy = Annotated[str | None, typer.Option(metavar="SPEC", help="The spec of ROSMonitoring's monitors.")]
 Within = Annotated[float, typer.Option(min=0.1, help="Seconds to wait.")]
+_OF_A_SERVER: dict[str, Any] = {
+    "specs": Annotated[Path | None, typer.Option("--specs", help="The folder of the specs; default ./specs.")],
+    "data_dir": DataDir,
+    "host": Annotated[str | None, typer.Option(help="The address to bind; default 127.0.0.1.")],
+    "port": Annotated[int | None, typer.Option(min=0, max=65535, help="The port; default 8642.")],
+    "legacy": Annotated[str | None, typer.Option(metavar="SPEC", help="The spec of ROSMonitoring's monitors.")],
+    "tls_cert": Annotated[Path | None, typer.Option(help="The server's certificate (PEM), for TLS.")],
+    "tls_key": Annotated[Path | None, typer.Option(help="The certificate's key (PEM).")],
+    "tls_client_ca": Annotated[
+        Path | None, typer.Option(help="Clients must show a certificate of this authority (PEM).")
+    ],
+    "insecure": Annotated[
+        bool | None, typer.Option("--insecure", help="Be reachable by others without tokens or TLS.")
+    ],
+}
+"""The settings that a server takes on its command line, in the foreground or in the background."""
+
+_Command = Callable[..., None]
+
+
+def _takes_settings(command: _Command) -> _Command:
+    """Let a command take `_OF_A_SERVER` besides options of its own; it gets them as keywords, None where not given."""
+    own = [p for p in signature(command).parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
+    settings = [
+        Parameter(name, Parameter.KEYWORD_ONLY, default=None, annotation=kind) for name, kind in _OF_A_SERVER.items()
+    ]
+    command.__signature__ = Signature([*own, *settings])  # type: ignore[attr-defined]
+    return command
 
 
 @app.command()
-def serve(
-    specs: SpecsFolder = None,
-    data_dir: DataDir = None,
-    host: Host = None,
-    port: Port = None,
-    legacy: Legacy = None,
-    tls_cert: Certificate = None,
-    tls_key: Key = None,
-    tls_client_ca: ClientCa = None,
-    insecure: Insecure = None,
-) -> None:
+@_takes_settings
+def serve(**settings: Any) -> None:
     """Run the server in the foreground, until SIGTERM or SIGINT."""
     from oracle_server.server import serve as run
     from oracle_server.settings import load_settings
 
-    run(
-        load_settings(
-            specs=specs, data_dir=data_dir, host=host, port=port, legacy=legacy, tls_cert=tls_cert, tls_key=tls_key,
-            tls_client_ca=tls_client_ca, insecure=insecure,
-        )
-    )  # fmt: skip
+    run(load_settings(**settings))
 
 
 @app.command()
-def start(
-    specs: SpecsFolder = None,
-    data_dir: DataDir = None,
-    host: Host = None,
-    port: Port = None,
-    legacy: Legacy = None,
-    tls_cert: Certificate = None,
-    tls_key: Key = None,
-    tls_client_ca: ClientCa = None,
-    insecure: Insecure = None,
-    within: Within = 300.0,
-) -> None:
+@_takes_settings
+def start(within: Within = 300.0, **settings: Any) -> None:
     """Run the server in the background; return once it accepts work."""
     from oracle_server.daemon import start as run
     from oracle_server.settings import load_settings
 
-    settings = load_settings(
-        specs=specs, data_dir=data_dir, host=host, port=port, legacy=legacy, tls_cert=tls_cert, tls_key=tls_key,
-        tls_client_ca=tls_client_ca, insecure=insecure,
-    )  # fmt: skip
-    run(settings, within)
+    run(load_settings(**settings), within)
 
 
 @app.command()
