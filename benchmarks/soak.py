@@ -1,6 +1,6 @@
 """What a server's memory does over many sessions and reconnects, and whether a reader that stops slows the others.
 
-python -m benchmarks.soak [--sessions 1000] [--reconnects 10000]
+python benchmarks/soak.py [--sessions 1000] [--reconnects 10000] [--rounds 10] [--only sessions|reconnects|sse]
 """
 
 from __future__ import annotations
@@ -8,81 +8,45 @@ from __future__ import annotations
 import argparse
 import asyncio
 import json
-import os
 import socket
-import subprocess
-import sys
+import statistics
 import tempfile
 import time
-from contextlib import AsyncExitStack
+from collections.abc import Iterator
+from contextlib import AsyncExitStack, contextmanager
 from pathlib import Path
-from typing import Any
 
-from websockets.asyncio.client import ClientConnection, connect
+from served import Server, event, hello, percentile, talk, until
+from websockets.asyncio.client import ClientConnection
 
-SPEC = """
-id: soak
-streams:
-  - topic: /a
-    signals: {v: msg.v}
-properties:
-  - {id: small, formula: 'not {v > 10}'}
-  - {id: seen, formula: 'once[:10]{v: 1}'}
-"""
 AT_ONCE = 50
+ASKS = 1_000
+"""Decisions that are asked for in a round, alone and beside a reader that stopped."""
+FULL = 20_000
+"""Events in the history that the reader asks for and does not read: several MB."""
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sessions", type=int, default=1_000)
     parser.add_argument("--reconnects", type=int, default=10_000)
+    parser.add_argument("--rounds", type=int, default=10)
+    parser.add_argument("--only", choices=("sessions", "reconnects", "sse"))
     asyncio.run(soak(**vars(parser.parse_args())))
 
 
-async def soak(sessions: int, reconnects: int) -> None:
+async def soak(sessions: int, reconnects: int, rounds: int, only: str | None) -> None:
     with tempfile.TemporaryDirectory() as folder:
         server = Server(Path(folder))
         try:
-            await sessions_opened(server, sessions)
-            await reconnected(server, reconnects)
-            await beside_a_reader_that_stops(server)
+            if only in (None, "sessions"):
+                await sessions_opened(server, sessions)
+            if only in (None, "reconnects"):
+                await reconnected(server, reconnects)
+            if only in (None, "sse"):
+                await beside_a_reader_that_stops(server, rounds)
         finally:
-            server.process.terminate()
-            server.process.wait()
-
-
-class Server:
-    """A server in a process of its own."""
-
-    def __init__(self, folder: Path) -> None:
-        specs = folder / "specs"
-        specs.mkdir()
-        (specs / "soak.yaml").write_text(SPEC)
-        command = [sys.executable, "-m", "oracle_server", "serve", "--specs", str(specs), "--port", "0"]
-        env = os.environ | {"ORACLE_DATA_DIR": str(folder / "data"), "ORACLE_LOG": "json"}
-        self._log = (folder / "log").open("w+")
-        self.process = subprocess.Popen(command, env=env, stderr=self._log)
-        self.port = 0
-        while not self.port:
-            time.sleep(0.05)
-            self._log.seek(0)
-            lines = [json.loads(line) for line in self._log if line.endswith("\n")]
-            self.port = next((int(line["url"].rpartition(":")[2]) for line in lines if "url" in line), 0)
-
-    def attach(self) -> connect:
-        url = f"ws://127.0.0.1:{self.port}/api/v1/attach"
-        return connect(url, compression=None, proxy=None, ping_interval=None, open_timeout=60, max_queue=None)
-
-    @property
-    def memory(self) -> float:
-        """MB that are resident."""
-        status = Path(f"/proc/{self.process.pid}/status").read_text()
-        return next(int(line.split()[1]) / 1024 for line in status.splitlines() if line.startswith("VmRSS"))
-
-    @property
-    def files(self) -> int:
-        """Files and sockets that are open."""
-        return len(list(Path(f"/proc/{self.process.pid}/fd").iterdir()))
+            server.stop()
 
 
 async def sessions_opened(server: Server, count: int) -> None:
@@ -96,28 +60,6 @@ async def sessions_opened(server: Server, count: int) -> None:
         took, after = time.monotonic() - begin, server.memory
         print(f"{count} open sessions, a monitor and ten events each: {took:.1f} s, {server.files} open files")
         print(f"  memory {before:.0f} MB -> {after:.0f} MB, {(after - before) * 1024 / count:.0f} kB a session")
-
-
-async def talk(socket: ClientConnection, session: str, events: int) -> None:
-    await socket.send(json.dumps(hello(session)))
-    following = (await until(socket, "attached"))["next"]
-    for seq in range(following, following + events):
-        await socket.send(json.dumps({"type": "event", "seq": seq, "stream": "/a", "stamp": seq, "data": {"v": 1}}))
-    if events:
-        while (await until(socket, "ack"))["upto"] < following + events - 1:
-            pass
-
-
-def hello(session: str) -> dict[str, Any]:
-    return {"type": "attach", "monitor": "m", "instance": "i", "session": session, "spec": "soak"}
-
-
-async def until(socket: ClientConnection, kind: str) -> dict[str, Any]:
-    while True:
-        frame: dict[str, Any] = json.loads(await socket.recv())
-        if frame["type"] == kind:
-            return frame
-        assert frame["type"] != "error", frame
 
 
 async def reconnected(server: Server, count: int) -> None:
@@ -143,34 +85,55 @@ async def reconnected(server: Server, count: int) -> None:
     print(f"  {count / (time.monotonic() - begin):.0f} a second")
 
 
-async def beside_a_reader_that_stops(server: Server, asks: int = 2_000) -> None:
-    """Ask for decisions, first without a reader of the stream that has stopped to read, then beside one."""
+async def beside_a_reader_that_stops(server: Server, rounds: int) -> None:
+    """Ask for decisions in turns without and beside a reader of the stream that has stopped to read."""
     async with server.attach() as filling:
-        await talk(filling, "full", 20_000)
-    alone = await asked(server, "alone", asks)
+        await talk(filling, "full", FULL)
+    alone: list[float] = []
+    beside: list[float] = []
+    ratios = []
+    async with server.attach() as asking:
+        await asking.send(json.dumps(hello("asking")))
+        following = (await until(asking, "attached"))["next"]
+        await asked(asking, following, ASKS)  # so that all is warm
+        following += ASKS
+        for number in range(1, rounds + 1):
+            first = await asked(asking, following, ASKS)
+            with reader_that_stops(server):
+                second = await asked(asking, following + ASKS, ASKS)
+            following += 2 * ASKS
+            alone += first
+            beside += second
+            ratios.append(percentile(second, 99) / percentile(first, 99))
+            print(f"round {number}: 99 % {percentile(first, 99):.2f} ms alone, {percentile(second, 99):.2f} ms beside")
+    for name, times in (("alone", alone), ("beside a reader of the stream that has stopped", beside)):
+        print(f"decisions {name}: median {percentile(times, 50):.2f} ms, 99 % {percentile(times, 99):.2f} ms")
+    pooled = percentile(beside, 99) / percentile(alone, 99)
+    print(
+        f"99 %: {pooled:.2f} times as long beside it, {statistics.median(ratios):.2f} times in the median of the rounds"
+    )
+
+
+@contextmanager
+def reader_that_stops(server: Server) -> Iterator[None]:
+    """A client that asks for the stream of a long history, and reads nothing of it."""
     with socket.socket() as lazy:
         lazy.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         lazy.connect(("127.0.0.1", server.port))
         lazy.send(f"GET /api/v1/sessions/full/stream HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\n\r\n".encode())
-        beside = await asked(server, "beside", asks)
-    print(f"decisions alone: median {alone[0]:.2f} ms, 99 % {alone[1]:.2f} ms")
-    print(f"beside a reader of the stream that has stopped: median {beside[0]:.2f} ms, 99 % {beside[1]:.2f} ms")
+        yield
 
 
-async def asked(server: Server, session: str, count: int) -> tuple[float, float]:
-    """The median and the 99th percentile of the time from an ask to its decision, in ms."""
+async def asked(socket_: ClientConnection, first: int, count: int) -> list[float]:
+    """The times from an ask to its decision, in ms."""
     times = []
-    async with server.attach() as socket_:
-        await socket_.send(json.dumps(hello(session)))
-        await until(socket_, "attached")
-        for seq in range(1, count + 1):
-            event = {"type": "event", "seq": seq, "stream": "/a", "stamp": seq, "data": {"v": 1}, "ask": True}
-            begin = time.perf_counter()
-            await socket_.send(json.dumps(event))
-            await until(socket_, "decision")
-            times.append((time.perf_counter() - begin) * 1000)
-    times.sort()
-    return times[count // 2], times[count * 99 // 100]
+    for seq in range(first, first + count):
+        text = json.dumps(event(seq) | {"ask": True})
+        begin = time.perf_counter()
+        await socket_.send(text)
+        await until(socket_, "decision")
+        times.append((time.perf_counter() - begin) * 1000)
+    return times
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ import resource
 import signal
 import socket
 import ssl
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -40,6 +41,10 @@ from oracle_server.watchdog import Watchdog
 
 _LOOPBACK = ("127.0.0.1", "::1", "localhost")
 _STOP_WITHIN = 10
+_UNSENT = 2**17
+"""Bytes that the system takes for a client that reads nothing, beyond what the client has room for."""
+_TURN = 0.001
+"""Seconds after which a thread that computes gives way to the event loop, whose decisions wait for no reader."""
 
 log = structlog.get_logger()
 
@@ -83,6 +88,7 @@ class _Door(NamedTuple):
 
 async def _serve(settings: Settings, library: Library, store: Store, door: _Door) -> None:
     _take_all_files(settings.max_connections)
+    sys.setswitchinterval(_TURN)
     tls = door.tls
     store.start(asyncio.get_running_loop())
     (latest,) = store.read("SELECT max(judged) FROM steps")[0]
@@ -215,6 +221,7 @@ def _listen(host: str, port: int) -> socket.socket:
     # asyncio turns Nagle's algorithm off only where the protocol is named; with it a decision can wait 40 ms
     listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, _UNSENT)
     try:
         listener.bind((host, port))
     except OSError as error:

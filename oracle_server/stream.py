@@ -22,7 +22,8 @@ from oracle_server.protocol import encode
 from oracle_server.registry import Known, Registry
 from oracle_server.store import Store
 
-_PAGE = 1_000
+_PAGE = 100
+"""Records that are read at once: what stays in memory for a reader that has stopped, and keeps Python busy."""
 _KEEPALIVE = 15.0
 """Seconds of silence after which a comment is sent, so that both sides see whether the other is there."""
 _GATHER = 0.05
@@ -67,13 +68,11 @@ async def _events(
     while True:
         live = registry.open.get(session_id)
         upcoming = live.news.next() if live else None
-        seen = await asyncio.to_thread(latest, store, known.number, len(known.properties))
-        items, more = await asyncio.to_thread(find, store, known.number, known.properties, wanted)
-        if items:
-            yield "".join(map(_event, items))
-        seen = max(seen, items[-1]["n"]) if items else seen
-        wanted = replace(wanted, after=more or max(seen, wanted.after or 0))
-        if more is not None:
+        text, seen, more = await asyncio.to_thread(_page, store, known, wanted)
+        if text:
+            yield text
+        wanted = replace(wanted, after=max(seen, wanted.after or 0))
+        if more:
             continue
         if upcoming is None:
             yield "event: closed\ndata: {}\n\n"
@@ -83,6 +82,17 @@ async def _events(
         while not (await asyncio.wait((upcoming,), timeout=_KEEPALIVE))[0]:
             yield ":\n\n"
         await asyncio.sleep(_GATHER)
+
+
+def _page(store: Store, known: Known, wanted: Question) -> tuple[str, int, bool]:
+    """Events for what comes next in the history, the `n` up to which that is all, and whether there is more."""
+    seen = latest(store, known.number, len(known.properties))
+    items, more = find(store, known.number, known.properties, wanted)
+    if more is not None:
+        seen = more
+    elif items:
+        seen = max(seen, items[-1]["n"])
+    return "".join(map(_event, items)), seen, more is not None
 
 
 def _event(record: dict[str, Any]) -> str:
