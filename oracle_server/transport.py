@@ -8,7 +8,9 @@ from http import HTTPStatus
 from typing import Protocol, cast
 
 import h11
+from uvicorn._types import ASGISendEvent
 from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.utils import ClientDisconnected
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.http11 import Request
 from websockets.protocol import OPEN
@@ -133,13 +135,22 @@ class WebSocketTransport(WebSocketsSansIOProtocol):
         return taker.take(text)
 
     def write(self, texts: Iterable[bytes]) -> bool:
-        """Write messages in one go; False where they have to wait, since the peer is slow or leaves."""
-        if not self.writable.is_set() or self.disconnected or self.conn.state is not OPEN:
+        """Write messages in one go; False where they have to wait, since the peer is slow or leaves, or has gone."""
+        if not self.writable.is_set() or self.transport.is_closing() or self.conn.state is not OPEN:
             return False
         for text in texts:
             self.conn.send_text(text)
         self.transport.write(b"".join(self.conn.data_to_send()))
         return True
+
+    async def send(self, message: ASGISendEvent) -> None:
+        """Send nothing more where the socket has failed.
+
+        asyncio tells that in its next turn, and until then takes all that is sent, with a line in the log for each.
+        """
+        if message["type"] == "websocket.send" and self.transport.is_closing():
+            raise ClientDisconnected
+        await super().send(message)
 
     async def run_asgi(self) -> None:
         """Leave no socket behind: closing in order waits for bytes to leave that no one may be there to take."""
