@@ -180,9 +180,10 @@ class Store:
             try:
                 self._write(batch)
             except sqlite3.Error as error:
+                reason = _told(error)
                 if self.failure is None:
-                    log.error("the history can't be written", reason=str(error), path=str(self.path))
-                self.failure = str(error)
+                    log.error("the history can't be written", reason=reason, path=str(self.path))
+                self.failure = reason
                 with self._wake:
                     if self._stopping:
                         return
@@ -218,6 +219,12 @@ class Store:
             self._room.set()
         for callback in batch.callbacks:
             callback()
+
+
+def _told(error: sqlite3.Error) -> str:
+    if getattr(error, "sqlite_errorname", "").startswith("SQLITE_IOERR"):
+        return f"{error}: the disk fails, or has turned read-only; the system's log says more"
+    return str(error)
 
 
 def _merged(work: list[tuple[str, Any]]) -> list[tuple[str, Any]]:

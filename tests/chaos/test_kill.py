@@ -10,8 +10,12 @@ import random
 from contextlib import suppress
 from pathlib import Path
 
+import pytest
+
 from tests.chaos.link import LOST, Frame, Link
 from tests.chaos.runs import (
+    ALONE,
+    PAIR,
     SESSION,
     Layout,
     assert_same,
@@ -28,13 +32,22 @@ from tests.chaos.served import Served, reviving
 KILLS = 10
 
 
-@each_layout
+@pytest.mark.parametrize(
+    ("layout", "durability"),
+    [(ALONE, "full"), (PAIR, "full"), (ALONE, "normal")],
+    ids=["one monitor", "two monitors", "durability normal"],
+)
 async def test_ten_kills_in_a_row(
-    layout: Layout, trace: list[Frame], tmp_path: Path, chance: random.Random, known: dict[str, list[Frame]]
+    layout: Layout,
+    durability: str,
+    trace: list[Frame],
+    tmp_path: Path,
+    chance: random.Random,
+    known: dict[str, list[Frame]],
 ) -> None:
     first = len(trace) // 20  # by then each monitor has something in the history
     points = sorted(chance.sample(range(first, told(trace) * 9 // 10), KILLS))
-    async with Served(specs(layout, tmp_path), tmp_path / "data") as served:
+    async with Served(specs(layout, tmp_path), tmp_path / "data", durability=durability) as served:
         async with reviving(served):
             links = await stream_through(served, layout, trace, chance, points, lambda _: served.kill())
         assert served.starts == KILLS + 1

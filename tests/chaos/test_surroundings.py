@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import random
 import signal
 import subprocess
@@ -13,7 +14,7 @@ from typing import NamedTuple
 import httpx
 import pytest
 
-from tests.chaos.by_hand import attached, event, say
+from tests.chaos.by_hand import attached, event, say, until_acked
 from tests.chaos.link import Frame, Link
 from tests.chaos.runs import (
     ALONE,
@@ -141,6 +142,78 @@ async def test_a_disk_that_is_full_for_a_while(
     assert all(record["decision"] == "deny" for record in unknown if record["kind"] == "request")
     last = max((record["n"] for record in unknown), default=0)
     assert all(record["degraded"] for record in records if record["n"] > last and unknown)
+
+
+class FailingDisk(NamedTuple):
+    """A disk of its own that can turn read-only under who writes to it, and be put right once nobody does."""
+
+    folder: Path
+    fail: Callable[[], None]
+    mend: Callable[[], None]
+
+
+@pytest.fixture
+def failing_disk(tmp_path: Path) -> Iterator[FailingDisk]:
+    folder, image = tmp_path / "failing", tmp_path / "image"
+    folder.mkdir()
+    with image.open("wb") as file:
+        file.truncate(2**25)
+
+    def mount() -> str:
+        command: list[str | Path] = ["mount", "-o", "loop,errors=remount-ro", image, folder]
+        subprocess.run(command, capture_output=True, check=True)
+        shown = subprocess.run(["findmnt", "-n", "-o", "SOURCE", folder], capture_output=True, check=True, text=True)
+        return shown.stdout.strip().rpartition("/")[2]
+
+    try:
+        subprocess.run(["mkfs.ext4", "-q", image], capture_output=True, check=True)
+        devices = [mount()]
+    except (OSError, subprocess.CalledProcessError):
+        pytest.skip("a disk of its own can't be mounted here")
+
+    def fail() -> None:
+        Path(f"/sys/fs/ext4/{devices[-1]}/trigger_fs_error").write_text("1")
+
+    def mend() -> None:
+        subprocess.run(["umount", folder], check=True)
+        devices.append(mount())
+
+    yield FailingDisk(folder, fail, mend)
+    subprocess.run(["umount", folder], check=True)
+
+
+async def test_a_disk_that_turns_read_only(failing_disk: FailingDisk, tmp_path: Path) -> None:
+    """What was acked is there when the disk is put right, nothing else was acked, and what is guarded was denied."""
+    half = [event(seq, {"id": seq, "percentage": 50.0}) | {"stream": "/battery_percentage"} for seq in range(1, 101)]
+    request = {"stream": "/SetLED", "kind": "request", "ask": True}
+    async with (
+        asyncio.timeout(2 * PATIENCE),
+        Served(specs(ALONE, tmp_path), failing_disk.folder / "data") as served,
+    ):
+        async with attached(served, "battery_uav", "s", "m") as socket:
+            await say(socket, half[:50], at_once=50)
+            await until_acked(socket, 50)
+            failing_disk.fail()
+            await say(socket, half[50:], at_once=50)
+            assert "read-only" in await until_ready(served, 503)
+            await say(socket, [event(101, {"id": 1, "status": 1}) | request])
+            frames = [json.loads(await socket.recv())]
+            while frames[-1]["type"] != "decision":
+                frames.append(json.loads(await socket.recv()))
+            assert frames[-1]["decision"] == "deny"
+            assert not [frame for frame in frames if frame["type"] == "ack" and frame["upto"] > 50]
+            assert await served.stop() == 0
+        failing_disk.mend()
+        await served.start()
+        kept = await served.records("s")
+        assert sorted({record["seq"] for record in kept}) == list(range(1, 51))
+        async with attached(served, "battery_uav", "s", "m") as socket:
+            await say(socket, half[50:], at_once=50)
+            await until_acked(socket, 100)
+        records = await served.records("s")
+        assert records[: len(kept)] == kept
+        assert [record["n"] for record in records] == list(range(1, len(records) + 1))
+        assert sorted(record["seq"] for record in records[::6]) == list(range(1, 101))
 
 
 async def until_ready(served: Served, status: int) -> str:

@@ -1,0 +1,23 @@
+"""What a commit survives: the end of the process, or a power cut as well."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from oracle_server.store import Durability, Store
+from tests.server.harness import failed
+
+
+@pytest.mark.parametrize(("durability", "synchronous"), [("normal", 1), ("full", 2)])
+def test_the_database_waits_for_the_disk_as_is_asked(tmp_path: Path, durability: Durability, synchronous: int) -> None:
+    """SQLite waits for the disk at each commit where `synchronous` is 2, and at checkpoints only where it is 1."""
+    with closing(Store(tmp_path, durability)) as store:
+        assert store._writer.execute("PRAGMA synchronous").fetchone() == (synchronous,)
+        assert store._writer.execute("PRAGMA journal_mode").fetchone() == ("wal",)
+
+
+def test_a_durability_that_there_is_not_is_told(tmp_path: Path) -> None:
+    assert "ORACLE_DURABILITY" in failed("serve", "--data-dir", tmp_path, "--port", "0", ORACLE_DURABILITY="off")
