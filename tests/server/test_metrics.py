@@ -75,6 +75,19 @@ async def test_a_restored_session_is_not_counted_again(start: Starts) -> None:
         assert value(found, name) == 0, name
 
 
+async def test_the_log_has_a_line_at_both_ends_of_a_connection_and_none_for_an_event(start: Starts) -> None:
+    server = start()
+    before = len(server.log.splitlines())
+    async with attached(server, session="s", spec="single") as monitor:
+        await monitor.send(*(make_event(i, at=i, data={"v": 20 * (i % 2)}) for i in range(1, 101)))
+        await monitor.send(make_event(101, "/nowhere"))
+        await monitor.acked(101)
+        await monitor.detach()
+    server.said("monitor gone")
+    told = [line.split("]", 1)[1].split("  ")[0].strip() for line in server.log.splitlines()[before:]]
+    assert told == ["session opened", "monitor attached", "monitor gone"]
+
+
 async def test_labels_are_bounded(server: Server, session: str) -> None:
     async with attached(server, "a_monitor", session=session, spec="pair", streams=["/a"]) as monitor:
         await monitor.send(make_event(1, "/a", data={"v": 1}))

@@ -32,6 +32,25 @@ async def test_a_restart_goes_on_from_the_snapshot_and_else_judges_all_again(sta
     assert [r["outcome"] for r in records] == [known, latched, "currently_false", latched]
 
 
+async def test_a_snapshot_without_the_monitors_numbers_is_gone_on_from(start: Starts) -> None:
+    """One of an older format: all that came before is still in the history."""
+    server = start()
+    async with attached(server, session="s", spec="remembers") as monitor:
+        await monitor.send(*(make_event(i, at=i, data={"id": i}) for i in range(1, 10)))
+        await monitor.acked(9)
+    assert server.stop() == 0
+    with sqlite3.connect(server.data / "history.sqlite") as database:
+        assert database.execute("SELECT settled FROM snapshots").fetchone()[0] > 0
+        database.execute("UPDATE snapshots SET settled = 0, numbers = NULL")
+    database.close()
+    server = start()
+    async with attached(server, session="s") as monitor:
+        assert monitor.attached["next"] == 10
+        await monitor.send(make_event(9, at=9, data={"again": 3}), make_event(10, at=10, data={"again": 3}))
+        await monitor.acked(10)
+    assert [(r["n"], r["outcome"]) for r in server.records("s", after=18)][:1] == [(19, "currently_true")]
+
+
 def _spoil(data: Path, *, snapshot: bool) -> None:
     """Make the stored steps say nothing, so that only a snapshot tells what was; and that too, where wanted."""
     with sqlite3.connect(data / "history.sqlite") as database:
