@@ -78,9 +78,13 @@ class Process:
         if self.running:
             self._process.send_signal(number)
         try:
-            return self._process.wait(PATIENCE)
+            return self.wait()
         finally:
             self.remove()
+
+    def wait(self) -> int:
+        """Wait for its end, and tell its exit status."""
+        return self._process.wait(PATIENCE)
 
     def remove(self) -> None:
         """Let nothing of it be left."""
@@ -144,14 +148,7 @@ class Server:
 
     def records(self, session: str, what: str = "verdicts", **query: Any) -> list[Data]:
         """All records of a session that a question asks for."""
-        items: list[Data] = []
-        after: Data = {}
-        while True:
-            page = self.get(f"sessions/{session}/{what}", limit=1000, **query, **after)
-            items += page["items"]
-            if page["next"] is None:
-                return items
-            after = {"after": page["next"]}
+        return all_pages(self.get, f"sessions/{session}/{what}", query)
 
     def events(self, session: str, **query: Any) -> list[Data]:
         """The first of each event's records, in the order of judging; ticks are none."""
@@ -167,6 +164,18 @@ class Server:
         except URLError:
             return False
         return True
+
+
+def all_pages(get: Callable[..., Any], path: str, query: Data) -> list[Data]:
+    """All items of a list of the API, which `get` gets page by page."""
+    items: list[Data] = []
+    wanted = {"limit": 1000} | query
+    while True:
+        page = get(path, **wanted)
+        items += page["items"]
+        if page["next"] is None:
+            return items
+        wanted["after"] = page["next"]
 
 
 def eventually(ask: Callable[[], T], good: Callable[[T], object]) -> T:

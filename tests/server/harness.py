@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-import os
 import re
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -16,17 +14,13 @@ from typing import Any, Self, TypeVar
 
 import httpx
 
+from tests.processes import PATIENCE, Process, all_pages, environment
+
+__all__ = ["COMMAND", "PATIENCE", "Server", "environment", "failed", "problem", "run"]
+
 T = TypeVar("T")
 
-PATIENCE = 30.0
-"""Seconds that anything may take before a test fails."""
 COMMAND = Path(sys.executable).parent / "oracle-server"
-
-
-def environment(**settings: str) -> dict[str, str]:
-    """This process's environment without what would set up a server, and with what is given."""
-    plain = {k: v for k, v in os.environ.items() if not k.startswith("ORACLE_")}
-    return plain | {"COLUMNS": "200"} | settings
 
 
 class Server:
@@ -34,19 +28,13 @@ class Server:
 
     def __init__(self, specs: Path, data: Path, **settings: str) -> None:
         self.specs, self.data = specs, data
-        self._lines: list[str] = []
         self._checked = 0
-        self._said = threading.Condition()
         command: list[str | Path] = [COMMAND, "serve", "--specs", specs, "--data-dir", data, "--port", "0"]
-        self.process = subprocess.Popen(
-            command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env=environment(**settings)
-        )
-        self._reader = threading.Thread(target=self._read, daemon=True)
-        self._reader.start()
+        self.process = Process("the server", command, environment(**settings))
         try:
             self.url = self.said(r"url=(https?://\S+)")[1]
         except AssertionError:  # it did not start in time, and would stay behind
-            self.process.kill()
+            self.process.remove()
             raise
         self.http = httpx.Client(base_url=self.url, timeout=PATIENCE, trust_env=False)
 
@@ -60,47 +48,33 @@ class Server:
     @property
     def log(self) -> str:
         """What the server has said so far."""
-        with self._said:
-            return "".join(self._lines)
+        return self.process.log
 
     def said(self, pattern: str) -> re.Match[str]:
         """Wait until the log holds a pattern."""
-
-        def found() -> re.Match[str] | None:
-            return re.search(pattern, "".join(self._lines))
-
-        with self._said:
-            self._said.wait_for(lambda: found() or not self._reader.is_alive(), PATIENCE)
-            match = found()
-        assert match, f"the server did not say {pattern!r}:\n{self.log}"
-        return match
+        return self.process.said(pattern)
 
     def stop(self, number: signal.Signals = signal.SIGTERM) -> int:
         """End the server, and tell its exit status."""
-        self.process.send_signal(number)
         try:
-            return self.process.wait(PATIENCE)
+            return self.process.end(number)
         finally:
-            self.end()
+            self.http.close()
 
     def end(self) -> None:
         """Let nothing of the server be left."""
-        self.process.kill()
-        self.process.wait(PATIENCE)
-        self._reader.join(PATIENCE)
-        assert self.process.stderr is not None
-        self.process.stderr.close()
+        self.process.remove()
         self.http.close()
 
     def check_log(self) -> None:
         """A traceback in what was said since the last look is a bug, wherever it comes from."""
-        with self._said:
-            new, self._checked = "".join(self._lines[self._checked :]), len(self._lines)
+        log = self.log
+        new, self._checked = log[self._checked :], len(log)
         assert "Traceback" not in new, new
 
     @property
     def alive(self) -> bool:
-        return self.process.poll() is None
+        return self.process.running
 
     def get(self, path: str, **query: Any) -> Any:
         """A document of the API."""
@@ -110,14 +84,7 @@ class Server:
 
     def records(self, session: str, what: str = "verdicts", **query: Any) -> list[dict[str, Any]]:
         """All records of a session that a question asks for."""
-        items: list[dict[str, Any]] = []
-        after = None
-        while True:
-            page = self.get(f"sessions/{session}/{what}", **({"limit": 1000} | query | cursor(after)))
-            items += page["items"]
-            after = page["next"]
-            if after is None:
-                return items
+        return all_pages(self.get, f"sessions/{session}/{what}", query)
 
     async def until(self, ask: Callable[[], T], good: Callable[[T], object]) -> T:
         """Ask again and again until the answer is good."""
@@ -132,19 +99,6 @@ class Server:
     async def holds(self, session: str, count: int) -> None:
         """Wait until a session holds so many events."""
         await self.until(lambda: self.get(f"sessions/{session}")["counters"]["held"], lambda held: held == count)
-
-    def _read(self) -> None:
-        assert self.process.stderr is not None
-        for line in self.process.stderr:
-            with self._said:
-                self._lines.append(re.sub(r"\x1b\[[0-9;]*m", "", line))
-                self._said.notify_all()
-        with self._said:
-            self._said.notify_all()
-
-
-def cursor(after: int | None) -> dict[str, Any]:
-    return {} if after is None else {"after": after}
 
 
 def run(*arguments: str | Path, **settings: str) -> subprocess.CompletedProcess[str]:

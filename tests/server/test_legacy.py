@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import signal
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
@@ -98,7 +99,7 @@ async def test_an_old_session_is_closed_after_a_restart_and_can_be_read(start: S
         (session,) = sessions(server)
         await server.until(lambda: server.records(session), len)
         before = server.records(session)
-        server.process.kill()
+        server.process.send(signal.SIGKILL)
         with pytest.raises(ConnectionClosed):
             await socket.recv()
     server.end()

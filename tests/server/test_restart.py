@@ -9,7 +9,6 @@ import pytest
 
 from tests.server.client import attached, make_clock, make_event, monitors, stable
 from tests.server.conftest import Starts
-from tests.server.harness import PATIENCE
 from tests.server.stories import STREAMS, play, tell
 
 CLAIMED = ["/a", "/b", "/go", "/free"]
@@ -108,10 +107,10 @@ async def test_a_server_that_ends_in_the_middle_of_a_flood_loses_and_doubles_not
     async with attached(server, session="cut", spec="pair", streams=CLAIMED) as monitor:
         await monitor.send(*chunk.events[:200])
         await monitor.acked(20)
-        server.process.send_signal(number)
+        server.process.send(number)
         await monitor.closed()
         acked = monitor.upto
-    assert server.process.wait(PATIENCE) == (0 if number is signal.SIGTERM else -number)
+    assert server.process.wait() == (0 if number is signal.SIGTERM else -number)
     server.end()
     server = start()
     async with attached(server, session="cut", spec="pair", streams=CLAIMED) as monitor:
@@ -128,7 +127,7 @@ async def test_an_event_judged_by_arrival_and_still_held_outlives_a_server_that_
     async with attached(server, session="s", spec="both") as monitor:
         await monitor.send(make_event(1, "/b", at=20))
         await server.until(lambda: server.records("s"), lambda records: len(records) == 1)
-        server.process.kill()
+        server.process.send(signal.SIGKILL)
         await monitor.closed()
     server.end()
     server = start()

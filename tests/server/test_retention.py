@@ -11,7 +11,7 @@ import pytest
 
 from tests.server.client import attached, make_event, make_events, stable
 from tests.server.conftest import Starts
-from tests.server.harness import PATIENCE, Server
+from tests.server.harness import Server
 from tests.server.stories import play, tell
 from tests.server.test_stream import stream, take
 
@@ -113,8 +113,8 @@ async def test_a_session_whose_beginning_is_gone_goes_on_as_if_nothing_had_happe
                 found |= {r["n"]: r for r in await take(events, wanted)}
             following = chunk.last + 1
         await until_cut(server, max(found) - 3 * 6)
-        server.process.send_signal(number)
-        server.process.wait(PATIENCE)
+        server.process.send(number)
+        server.process.wait()
         server.end()
         server = start(**OFTEN, ORACLE_RETAIN_EVENTS="3")
         assert server.get("sessions/s")["counters"] == last
