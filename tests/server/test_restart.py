@@ -243,3 +243,45 @@ async def test_what_a_monitor_had_not_had_acked_is_told_by_next(start: Starts) -
         assert monitor.attached["next"] == 6
     counters = server.get("sessions/s")["counters"]
     assert (counters["steps"], counters["lost"], counters["refused"]) == (2, 2, 1)
+
+
+async def test_what_was_known_to_be_lost_is_known_after_a_restart(start: Starts) -> None:
+    """The event that tells of a loss is still held: what was judged since was degraded, and what comes is too."""
+    server = start()
+    async with (
+        attached(server, "m1", session="s", spec="pair", streams=["/a"]) as first,
+        attached(server, "m2", session="s", streams=["/b"]) as second,
+    ):
+        await first.send(make_event(1, "/a", at=10))
+        await second.send(make_event(1, "/b", at=10))
+        await second.acked(1)
+        await first.send(make_event(4, "/a", at=100))
+        await server.holds("s", 1)
+        await second.send(make_event(2, "/b", at=50))
+        await second.acked(2)
+        server.process.send(signal.SIGKILL)
+        await first.closed()
+    server.end()
+    server = start(**PATIENT)
+    async with (
+        attached(server, "m1", session="s", streams=["/a"]) as first,
+        attached(server, "m2", session="s", streams=["/b"]) as second,
+    ):
+        assert first.attached["next"] == 2
+        await first.send(make_clock("/a", at=100))
+        await second.send(make_event(3, "/b", at=60))
+        await second.acked(3)
+    records = server.records("s", property="b_after_a", stream="/b")
+    assert [(r["seq"], r["degraded"]) for r in records] == [(1, False), (2, True), (3, True)]
+
+
+async def test_what_was_told_as_lost_and_comes_after_all_is_judged(start: Starts) -> None:
+    server = start()
+    async with attached(server, session="s", spec="single") as monitor:
+        await monitor.send(make_event(1), make_event(5, at=1), make_event(3, at=2), make_event(3, at=2))
+        await monitor.acked(5)
+    assert [r["seq"] for r in server.records("s")] == [1, 5, 3]
+    assert server.stop() == 0
+    server = start()
+    async with attached(server, session="s") as monitor:
+        assert monitor.attached["next"] == 6
