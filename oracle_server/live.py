@@ -68,7 +68,7 @@ class LiveSession:
         self.clock_went_back = False
         """Whether its simulation began anew, so that it takes nothing more."""
         self._store, self._clock, self._tally = store, clock, tally
-        self._snapshots = Snapshots(self.id, self.number, core, store)
+        self.snapshots = Snapshots(self.id, self.number, core, store)
         self._resume_within, self._on_over = resume_within, on_over
         self._gaps: dict[tuple[str, int], int] = {}
         self._unwritten: list[Judged] = []
@@ -215,7 +215,7 @@ class LiveSession:
     def resume(self, restored: Restored) -> None:
         """Go on where a session stood: give its monitors their time to come back, and put back what was held."""
         self.position, self.refused = restored.position, restored.refused
-        self._snapshots.resume(self.position)
+        self.snapshots.resume(self.position)
         loop = asyncio.get_running_loop()
         if any(known.clock == "sim" for known in restored.monitors.values()):
             self.core.simulated = SimulatedTime(self.spec.by_key)
@@ -336,13 +336,13 @@ class LiveSession:
             self._tally.judged(rows)
             standing, position = self._standing.changed(self._last_verdict), self.position
             self._store.append("steps", rows, lambda: self._committed(settled, position, violations, standing))
-            if self._snapshots.is_due(self.position):
+            if self.snapshots.is_due(self.position):
                 self.save()
 
     def save(self) -> None:
         """Keep how all stands, so that a restart need not judge it all again."""
         self._write()
-        self._snapshots.save(self.position, self.monitors)
+        self.snapshots.save(self.position, self.monitors)
 
     @property
     def _last_verdict(self) -> int:
@@ -362,7 +362,7 @@ class LiveSession:
     def _committed(
         self, settled: list[tuple[Monitor, int, int, int]], position: int, told: list[Frame], standing: Frame | None
     ) -> None:
-        self._snapshots.committed(position)
+        self.snapshots.committed(position)
         self.news.tell()
         self._settled(settled)
         for frame in told:

@@ -144,7 +144,7 @@ class Registry:
     def save(self, number: int) -> None:
         """Save an open session, so that less of its history is needed to restore it."""
         for session in self.open.values():
-            if session.number == number and not session.closing:
+            if session.number == number and not session.closing and session.snapshots.rested:
                 session.save()
 
     async def closed_within(self, session: LiveSession, patience: float) -> bool:

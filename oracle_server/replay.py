@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from oracle_server.comparison import Comparison
+from oracle_server.core.errors import TraceError
 from oracle_server.core.events import Event, Step
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.plan import Plan, Projects, plan
@@ -70,16 +71,17 @@ class Replay:
         self.spec = replace(self.spec, ordering=ordering)
         session = self._session = self._open()
         waiting: list[tuple[int, Place, Step]] = []
+        upcoming = itertools.count(1)
         for recorded in itertools.chain((first,), rest):
             event = self._take(recorded)
             while waiting and waiting[0][1].judged < event.arrived:
-                yield from _rejudge(session, *heapq.heappop(waiting)[1:])
+                yield from _rejudge(session, next(upcoming), *heapq.heappop(waiting))
             signals, failed = _project(session, event)
             step = Step(event, signals, failed, event.stamp or event.arrived)
             for place in recorded.places:
                 heapq.heappush(waiting, (place.position, place, step))
         while waiting:
-            yield from _rejudge(session, *heapq.heappop(waiting)[1:])
+            yield from _rejudge(session, next(upcoming), *heapq.heappop(waiting))
 
     def _take(self, recorded: Recorded) -> Event:
         event = recorded.event
@@ -145,7 +147,12 @@ def _project(session: Session, event: Event) -> tuple[Mapping[str, Scalar], froz
     return session.plan.streams[event.stream].project(event.data)
 
 
-def _rejudge(session: Session, place: Place, step: Step) -> list[Judged]:
+def _rejudge(session: Session, upcoming: int, position: int, place: Place, step: Step) -> list[Judged]:
+    if upcoming == 1 and position > 1:
+        raise TraceError(
+            f"what the session judged first is not in the recording, which begins with its {position}. step: verdicts "
+            "would not be the same; use --by to judge what is there anew"
+        )
     if place.degraded:
         session.judges[place.order].degrade()
     placed = Step(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 
 import structlog
@@ -13,6 +14,8 @@ from oracle_server.store import Store
 
 _SAVE_AFTER = 10_000
 """Steps until the first snapshot, and at least between two that nobody asked for."""
+_REST = 500
+"""How many times as long as it took to save a session it is not saved to make room."""
 
 log = structlog.get_logger()
 
@@ -26,6 +29,7 @@ class Snapshots:
         self._next = _SAVE_AFTER
         self._committed = 0
         self._broken = 0
+        self._rested = 0.0
 
     def resume(self, position: int) -> None:
         """Go on with a session that was restored, and stands at a position."""
@@ -56,6 +60,7 @@ class Snapshots:
         The monitors' numbers are as of the last commit: steps up to there are needed no more.
         """
         self._next = position + max(_SAVE_AFTER, position // 4)
+        begin = time.monotonic()
         data = self._core.snapshot()
         if data is not None:
             numbers = {name: monitor.numbering.saved() for name, monitor in monitors.items()}
@@ -64,6 +69,14 @@ class Snapshots:
                 "INSERT OR REPLACE INTO snapshots (session, position, data, settled, numbers) VALUES (?,?,?,?,?)",
                 values,
             )
+
+        now = time.monotonic()
+        self._rested = now + (now - begin) * _REST
+
+    @property
+    def rested(self) -> bool:
+        """Whether to save now, where it could as well be done later: all other sessions wait meanwhile."""
+        return time.monotonic() >= self._rested
 
     @property
     def _no_more_judged(self) -> list[tuple[str, str]]:

@@ -111,6 +111,11 @@ async def test_a_trace_can_be_ordered_anew(server: Server, session: str, tmp_pat
     on_time = [r["stamp"] for r in records if not r["late"]]
     assert on_time == sorted(on_time)
     assert {(r["monitor"], r["seq"]) for r in records} == {(r["monitor"], r["seq"]) for r in server.records(session)}
+    lines = out.read_text().splitlines()
+    rest = [line for line in lines if all(place["position"] > 10 for place in json.loads(line)["places"])]
+    out.write_text("\n".join(rest) + "\n")
+    assert "begins with its 11. step" in failed("replay", spec_of("lamp"), out)
+    assert run("replay", spec_of("lamp"), out, "--by", "arrival").returncode in (0, 1)
 
 
 def test_what_can_not_be_recorded(server: Server, tmp_path: Path) -> None:
