@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from fractions import Fraction
+from functools import partial
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, StrictBool, StrictInt, StrictStr, Tag
@@ -39,9 +40,12 @@ def _delay(value: object) -> int | None:
     return None if value == "none" else duration(value)
 
 
-def _ros_type(value: object) -> object:
+def _ros_type(value: object, kind: str) -> object:
     """`pkg/Type` and `pkg.msg.Type` are read as `pkg/msg/Type`, and so for srv."""
-    return value.replace(".", "/") if isinstance(value, str) else value
+    if not isinstance(value, str):
+        return value
+    package, *rest = value.replace(".", "/").split("/")
+    return "/".join((package, kind, *rest) if len(rest) == 1 else (package, *rest))
 
 
 Duration = Annotated[int, BeforeValidator(duration)]
@@ -49,7 +53,8 @@ Size = Annotated[int, BeforeValidator(size)]
 Delay = Annotated[int | None, BeforeValidator(_delay)]
 Identifier = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,64}$")]
 RosName = Annotated[str, Field(pattern=r"^[~/A-Za-z][A-Za-z0-9_/{}~]*$", max_length=255)]
-RosType = Annotated[str, BeforeValidator(_ros_type), Field(pattern=r"^(\w+/((msg|srv)/)?\w+)?$")]
+MessageType = Annotated[str, BeforeValidator(partial(_ros_type, kind="msg")), Field(pattern=r"^(\w+/msg/\w+)?$")]
+ServiceType = Annotated[str, BeforeValidator(partial(_ros_type, kind="srv")), Field(pattern=r"^(\w+/srv/\w+)?$")]
 FieldPath = Annotated[str, Field(pattern=r"^\w+(\.\w+)*$")]
 SignalName = Annotated[str, Field(min_length=1, max_length=128)]
 
@@ -75,7 +80,6 @@ class _Channel(_Model):
 
 
 class _Interface(_Model):
-    type: RosType = ""
     latency: Duration = 20 * 10**6
     ordered: StrictBool = True
     causes: list[RosName] = []
@@ -89,6 +93,7 @@ class TopicModel(_Channel, _Interface):
     """A stream that is a topic."""
 
     topic: RosName
+    type: MessageType = ""
     intercept: Literal["publisher", "subscriber"] = "publisher"
 
 
@@ -96,6 +101,7 @@ class ServiceModel(_Interface):
     """A service: two streams, its requests and its responses."""
 
     service: RosName
+    type: ServiceType = ""
     proxy: RosName | None = None
     denied_response: dict[str, Any] | None = None
     request: _Channel = _Channel()

@@ -21,7 +21,7 @@ T = TypeVar("T")
 Data = dict[str, Any]
 Setting = dict[str, str]
 
-PATIENCE = 60.0
+PATIENCE = float(os.environ.get("PATIENCE", "60"))
 """Seconds that anything may take before a test fails."""
 ROOT = Path(__file__).parents[1]
 SERVER = ROOT / ".build" / "server" / "bin" / "oracle-server"
@@ -33,6 +33,11 @@ def environment(without: Sequence[str] = (), **settings: str) -> Setting:
     """This process's environment without what would set up a server or an adapter, and with what is given."""
     plain = {k: v for k, v in os.environ.items() if not k.startswith("ORACLE_") and k not in without}
     return plain | {"COLUMNS": "200"} | settings
+
+
+def as_yaml(value: object) -> str:
+    """A node's parameter on its command line."""
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 class Process:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from tests.processes import Data, Server, eventually
@@ -23,6 +24,7 @@ properties:
     formula: 'not {topic: "/number", seven}'
     guards: [/number]
 """
+GATE_AND_LOG = GATE.replace("properties:", "  - {topic: /logged, type: std_msgs/Int64}\nproperties:")
 SWITCH = """
 id: switch
 description: A switch that is only put on, and then says so
@@ -31,6 +33,7 @@ streams:
     type: std_srvs/SetBool
     action: filter
     decide_within: 60s
+    denied_response: {success: false, message: not now}
     request: {signals: {on: msg.data}}
     response: {signals: {text: msg.message}}
 properties:
@@ -43,6 +46,9 @@ properties:
 """
 SIDES = {"publisher": ("/number_mon", "/number"), "subscriber": ("/number", "/number_mon")}
 """Where messages come from and where they go, by `intercept`."""
+
+FAST = int(os.environ.get("MESSAGES", "5000"))
+"""How many messages are sent at 1 kHz."""
 
 
 def spec_folder(folder: Path, text: str, **words: str) -> Path:

@@ -13,7 +13,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Self
 
-from tests.processes import PATIENCE, ROOT, Process, Server, environment, eventually
+from tests.processes import PATIENCE, ROOT, Process, Server, as_yaml, environment, eventually
 from tests.ros1 import peer
 
 
@@ -151,7 +151,7 @@ class Scene:
 
     def node(self, module: str, **parameters: object) -> Process:
         """One of the example's nodes."""
-        words = [f"_{name}:={str(value).lower()}" for name, value in parameters.items()]
+        words = [f"_{name}:={as_yaml(value)}" for name, value in parameters.items()]
         return self.run(module, sys.executable, "-m", f"battery_uav.{module}", *words)
 
     def peer(self) -> Peer:

@@ -13,7 +13,7 @@ from typing import Any, Self
 
 import pytest
 
-from tests.processes import PATIENCE, ROOT, Data, Process, Server, environment, eventually, without_gaps
+from tests.processes import PATIENCE, ROOT, Data, Process, Server, as_yaml, environment, eventually, without_gaps
 
 rclpy = pytest.importorskip("rclpy")
 executors = pytest.importorskip("rclpy.executors")
@@ -105,7 +105,7 @@ class Scene:
 
     def node(self, module: str, **parameters: object) -> Process:
         """One of the example's nodes."""
-        words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={str(value).lower()}")]
+        words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={as_yaml(value)}")]
         return self.run(module, sys.executable, "-m", f"battery_uav.{module}", "--ros-args", *words)
 
     def peer(self) -> Peer:

@@ -10,7 +10,8 @@ from typing import Any
 
 import pytest
 
-from tests.ros2.harness import Data, Peer, Scene, Server, eventually, without_gaps
+from tests.robot import GATE, SIDES, SWITCH, settled, spec_folder
+from tests.ros2.harness import Peer, Scene, Server, eventually, without_gaps
 
 callback_groups = pytest.importorskip("rclpy.callback_groups")
 task = pytest.importorskip("rclpy.task")
@@ -23,23 +24,6 @@ pytestmark = pytest.mark.filterwarnings(
     "ignore:module 'sre_:DeprecationWarning", "ignore:Deprecated in favor of:DeprecationWarning"
 )
 
-GATE = """
-id: gate
-description: Numbers pass, but for multiples of 7
-ordering: {max_delay: 50ms}
-streams:
-  - topic: /number
-    type: std_msgs/msg/Int64
-    action: filter
-    intercept: INTERCEPT
-    on_unavailable: UNAVAILABLE
-    decide_within: WITHIN
-    signals: {seven: msg.data % 7 == 0}
-properties:
-  - id: no_sevens
-    formula: 'not {topic: "/number", seven}'
-    guards: [/number]
-"""
 LOG = """
 id: log
 description: Points with a stamp, numbers without
@@ -52,51 +36,15 @@ properties:
   - id: small
     formula: 'not {topic: "/number", data > 1000}'
 """
-SWITCH = """
-id: switch
-description: A switch that is only put on, and then says so
-streams:
-  - service: /switch
-    type: std_srvs/srv/SetBool
-    action: filter
-    decide_within: 60s
-    denied_response: {success: false, message: not now}
-    request: {signals: {on: msg.data}}
-    response: {signals: {text: msg.message}}
-properties:
-  - id: only_on
-    formula: '{service: "/switch", kind: request} -> {on}'
-    guards: [/switch]
-  - id: no_nonsense
-    formula: 'not {service: "/switch", kind: response, text: "nonsense"}'
-    guards: [/switch]
-"""
-SIDES = {"publisher": ("/number_mon", "/number"), "subscriber": ("/number", "/number_mon")}
 DENIED = (False, "not now")
 
 
-def scene_of(folder: Path, text: str, **words: str) -> Scene:
-    for word, value in words.items():
-        text = text.replace(word.upper(), value)
-    specs = folder / "specs"
-    specs.mkdir()
-    (specs / "spec.yaml").write_text(text)
-    return Scene(folder, specs)
-
-
 def gate(folder: Path, intercept: str = "publisher", unavailable: str = "deny", within: str = "60s") -> Scene:
-    return scene_of(folder, GATE, intercept=intercept, unavailable=unavailable, within=within)
+    return Scene(folder, spec_folder(folder, GATE, intercept=intercept, unavailable=unavailable, within=within))
 
 
 def values(heard: list[Any]) -> list[int]:
     return [said.data for said in heard]
-
-
-def settled(server: Server, count: int) -> list[Data]:
-    """The events, once there are so many and it is known of each what was done with it."""
-    return eventually(
-        lambda: server.events("s"), lambda found: len(found) >= count and all(e["passed"] is not None for e in found)
-    )
 
 
 @pytest.mark.parametrize("intercept", ["publisher", "subscriber"])
@@ -167,7 +115,7 @@ def test_without_an_oracle_messages_are_withheld_where_the_spec_says_so(tmp_path
 
 
 def test_a_message_without_a_stamp_is_of_the_time_it_was_published(tmp_path: Path) -> None:
-    with scene_of(tmp_path, LOG) as scene:
+    with Scene(tmp_path, spec_folder(tmp_path, LOG)) as scene:
         scene.adapter("log")
         peer = scene.peer()
         numbers = peer.publisher(msg.Int64, "/number")
@@ -213,7 +161,7 @@ def say(text: str) -> Callable[[Any, Any], Any]:
 
 
 def test_a_denied_request_reaches_nobody(tmp_path: Path) -> None:
-    with scene_of(tmp_path, SWITCH) as scene:
+    with Scene(tmp_path, spec_folder(tmp_path, SWITCH)) as scene:
         adapter, peer = scene.adapter("switch"), scene.peer()
         reached = served(peer, say("on"))
         assert [switch(peer, data) for data in (True, False, True)] == [(True, "on"), DENIED, (True, "on")]
@@ -227,7 +175,7 @@ def test_a_denied_request_reaches_nobody(tmp_path: Path) -> None:
 
 
 def test_a_denied_response_is_not_relayed(tmp_path: Path) -> None:
-    with scene_of(tmp_path, SWITCH) as scene:
+    with Scene(tmp_path, spec_folder(tmp_path, SWITCH)) as scene:
         adapter, peer = scene.adapter("switch"), scene.peer()
         reached = served(peer, say("nonsense"))
         assert switch(peer, True) == DENIED
@@ -236,7 +184,7 @@ def test_a_denied_response_is_not_relayed(tmp_path: Path) -> None:
 
 
 def test_a_service_that_is_not_there_is_answered_by_the_denied_response(tmp_path: Path) -> None:
-    with scene_of(tmp_path, SWITCH) as scene:
+    with Scene(tmp_path, spec_folder(tmp_path, SWITCH)) as scene:
         adapter, peer = scene.adapter("switch"), scene.peer()
         assert switch(peer, True) == DENIED
         adapter.said("/switch is not there: call 1")
@@ -246,7 +194,7 @@ def test_a_service_that_is_not_there_is_answered_by_the_denied_response(tmp_path
 
 def test_without_a_denied_response_a_denied_call_gets_the_defaults_and_the_log_says_so(tmp_path: Path) -> None:
     spec = SWITCH.replace("    denied_response: {success: false, message: not now}\n", "")
-    with scene_of(tmp_path, spec) as scene:
+    with Scene(tmp_path, spec_folder(tmp_path, spec)) as scene:
         adapter, peer = scene.adapter("switch"), scene.peer()
         errors = peer.record(msg.String, "/uav1/monitor_error", 100)
         peer.until(lambda: peer.node.count_publishers("/uav1/monitor_error"))
@@ -257,7 +205,7 @@ def test_without_a_denied_response_a_denied_call_gets_the_defaults_and_the_log_s
 
 
 def test_a_call_that_is_never_answered_holds_up_no_other(tmp_path: Path) -> None:
-    with scene_of(tmp_path, SWITCH) as scene:
+    with Scene(tmp_path, spec_folder(tmp_path, SWITCH)) as scene:
         adapter, peer = scene.adapter("switch"), scene.peer()
         unanswered = iter([task.Future()])
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import signal
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from tests.robot import FAST, GATE_AND_LOG, spec_folder
 from tests.ros2.harness import Process, Scene, eventually, without_gaps
 
 msg = pytest.importorskip("std_msgs.msg")
@@ -21,34 +23,13 @@ pytestmark = pytest.mark.filterwarnings(
     "ignore:module 'sre_:DeprecationWarning", "ignore:Deprecated in favor of:DeprecationWarning"
 )
 
-SPEC = """
-id: gate
-description: Numbers pass, but for multiples of 7
-ordering: {max_delay: 100ms}
-streams:
-  - topic: /number
-    type: std_msgs/msg/Int64
-    action: filter
-    intercept: publisher
-    on_unavailable: UNAVAILABLE
-    decide_within: WITHIN
-    signals: {seven: msg.data % 7 == 0}
-  - topic: /logged
-    type: std_msgs/msg/Int64
-properties:
-  - id: no_sevens
-    formula: 'not {topic: "/number", seven}'
-    guards: [/number]
-"""
 FROZEN = 5.0
 """Seconds without the oracle."""
 
 
 @contextmanager
 def gate(folder: Path, unavailable: str, within: str) -> Iterator[tuple[Scene, Process]]:
-    specs = folder / "specs"
-    specs.mkdir()
-    (specs / "gate.yaml").write_text(SPEC.replace("UNAVAILABLE", unavailable).replace("WITHIN", within))
+    specs = spec_folder(folder, GATE_AND_LOG, intercept="publisher", unavailable=unavailable, within=within)
     with Scene(folder, specs) as scene:
         yield scene, scene.adapter("gate")
 
@@ -114,7 +95,7 @@ def test_a_session_that_is_made_anew_by_a_changed_spec_is_observed_as_that_says(
         peer = scene.peer()
         scene.server.kill()
         shutil.rmtree(tmp_path / "data")
-        spec = tmp_path / "specs" / "gate.yaml"
+        spec = tmp_path / "specs" / "spec.yaml"
         more = "  - topic: /new\n    type: std_msgs/msg/Int64\nproperties:"
         spec.write_text(
             spec.read_text().replace("properties:", more).replace("intercept: publisher", "intercept: subscriber")
@@ -141,14 +122,42 @@ def test_a_filtered_topic_at_1_khz_keeps_all_in_order(tmp_path: Path) -> None:
         heard = peer.record(msg.Int64, "/number")
         publisher = peer.publisher(msg.Int64, "/number_mon")
         peer.until(lambda: peer.node.count_publishers("/number") == 1)
-        count = 2000
-        sent = iter(range(1, count + 1))
-        timer = peer.node.create_timer(0.001, lambda: publisher.publish(msg.Int64(data=next(sent, 0))))
-        peer.until(lambda: len(heard) >= count - count // 7)
-        peer.node.destroy_timer(timer)
-        assert values(heard)[: count - count // 7] == [n for n in range(1, count + 1) if n % 7]
-        events = eventually(lambda: scene.server.events("s"), lambda found: len(found) >= count)
+
+        def publish() -> None:
+            due = time.monotonic()
+            for number in range(1, FAST + 1):
+                publisher.publish(msg.Int64(data=number))
+                due += 0.001
+                time.sleep(max(0.0, due - time.monotonic()))
+
+        allowed = [number for number in range(1, FAST + 1) if number % 7]
+        publishing = threading.Thread(target=publish)
+        publishing.start()
+        peer.until(lambda: len(heard) >= len(allowed), "not all has come")
+        publishing.join()
+        assert values(heard) == allowed
+        events = eventually(lambda: scene.server.events("s"), lambda found: len(found) >= FAST)
         assert without_gaps([event["seq"] for event in events])
         counters = scene.server.session("s")["counters"]
         assert (counters["lost"], counters["late"]) == (0, 0)
+        adapter.ends_well()
+
+
+def test_what_was_lost_on_the_way_is_counted_and_what_comes_after_is_degraded(tmp_path: Path) -> None:
+    with gate(tmp_path, "deny", "60s") as (scene, adapter):
+        peer = scene.peer()
+        publisher = peer.publisher(msg.Int64, "/logged", qos=10)  # it keeps ten for those who are slow
+        publisher.publish(msg.Int64(data=0))
+        [before] = eventually(lambda: scene.server.events("s"), lambda found: found)
+        adapter.send(signal.SIGSTOP)
+        for number in range(1, FAST + 1):
+            publisher.publish(msg.Int64(data=number))
+        adapter.send(signal.SIGCONT)
+        lost = eventually(
+            lambda: scene.server.session("s")["counters"]["lost"],
+            lambda lost: lost + len(scene.server.events("s")) == FAST + 1,
+        )
+        assert lost
+        last = scene.server.events("s")[-1]
+        assert (before["degraded"], last["degraded"]) == (False, True)
         adapter.ends_well()
