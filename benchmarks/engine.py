@@ -1,12 +1,13 @@
 """What a step of each engine costs, and what a property takes: native beside reelay, in turns, in one run.
 
-    python benchmarks/engine.py [--json] [--quick]
+    python benchmarks/engine.py [--json] [--quick] [--large] [--growth]
 
 Each formula is stepped through events that meet its atoms in turn, one atom at an event, every value fresh until there
 are as many as the line says, and then the same ones again. *µs* is the mean of a step, the best of three turns; *ratio*
 native by reelay. *ms* is the making of a fresh engine, *kB* what idle ones take of the process's memory, each.
-With `--large` up to 10^6 distinct values, for which reelay takes a gigabyte, and what 10^5 and 10^6 steps of bounded
-formulas with fresh values all along have added to the process in the native engine.
+Times are the processor's, so that other programs do not count. With `--large` up to 10^6 distinct values, for which
+reelay takes a gigabyte. `--growth` tells instead what 10^5 and 10^6 steps of bounded formulas with fresh values all
+along have added to the process, in the native engine.
 """
 
 from __future__ import annotations
@@ -81,7 +82,11 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON document")
     parser.add_argument("--quick", action="store_true", help="measure little: to see that it runs")
     parser.add_argument("--large", action="store_true", help="measure 10^6 distinct values too")
+    parser.add_argument("--growth", action="store_true", help="measure what 10^6 steps add to the process")
     args = parser.parse_args()
+    if args.growth:
+        show_growth()
+        return
     idle = {name: (taken(NativeEngine, f), taken(ReelayEngine, f)) for name, f in formulas()}
     steps = 2_000 if args.quick else 30_000
     lines = [measure(name, formula, 100, steps) for name, formula in formulas()]
@@ -99,22 +104,25 @@ def main() -> None:
         kb = "{:.0f} / {:.0f}".format(*idle[line.what])
         told = f"{line.what:32} {line.values:8} {line.steps:8} {line.native:10.2f} {line.reelay:10.2f}"
         print(f"{told} {line.ratio:6.2f} {making:>14} {kb:>14}")
-    if args.large:
-        print(f"\n{'formula':32} {'kB at 10^5':>12} {'kB at 10^6':>12} {'native µs':>10}")
-        for name, (clock, text) in BOUNDED.items():
-            early, late, cost = growth(parse_formula(text, clock), clock)
-            print(f"{name:32} {early:12.0f} {late:12.0f} {cost:10.2f}", flush=True)
+
+
+def show_growth() -> None:
+    """Step each bounded formula a million times."""
+    print(f"{'formula':32} {'kB at 10^5':>12} {'kB at 10^6':>12} {'native µs':>10}")
+    for name, (clock, text) in BOUNDED.items():
+        early, late, cost = growth(parse_formula(text, clock), clock)
+        print(f"{name:32} {early:12.0f} {late:12.0f} {cost:10.2f}", flush=True)
 
 
 def growth(formula: Formula, clock: Time) -> tuple[float, float, float]:
     """Kilobytes that 10^5 and 10^6 steps, a millisecond apart, have added to the process, and microseconds a step."""
     engine, before, early = NativeEngine(formula, clock), resident(), 0
-    begun = time.perf_counter()
+    begun = time.process_time()
     for n, found in enumerate(stream(formula, 10**6, 10**6)):
         engine.step(n * 10**6, found)
         if n == 10**5:
             early = resident()
-    cost = (time.perf_counter() - begun) / 10**6 * 1e6
+    cost = (time.process_time() - begun) / 10**6 * 1e6
     return (early - before) / 1e3, (resident() - before) / 1e3, cost
 
 
@@ -147,12 +155,12 @@ def stream(formula: Formula, values: int, steps: int) -> Iterator[list[Match]]:
 
 def timed(make: Callable[[Formula], Engine], formula: Formula, events: list[list[Match]]) -> tuple[float, float]:
     """Milliseconds to make an engine, and microseconds a step."""
-    begun = time.perf_counter()
+    begun = time.process_time()
     engine = make(formula)
-    made = time.perf_counter()
+    made = time.process_time()
     for n, found in enumerate(events):
         engine.step(n, found)
-    return (made - begun) * 1e3, (time.perf_counter() - made) / len(events) * 1e6
+    return (made - begun) * 1e3, (time.process_time() - made) / len(events) * 1e6
 
 
 def taken(make: Callable[[Formula], Engine], formula: Formula) -> float:

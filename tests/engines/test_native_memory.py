@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from oracle_server.core.formula import tree
-from oracle_server.core.formula.parse import Time
+from oracle_server.core.formula.parse import Time, parse_formula
 from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import Bound, Formula
 from oracle_server.engines.native import NativeEngine
@@ -57,3 +57,15 @@ def _kept(engine: NativeEngine) -> int:
     """How many keys an engine tells apart, as its snapshot shows them; times of steps are kept in blocks."""
     data = engine.snapshot()
     return json.dumps(data["nodes"]).count('"') // 2
+
+
+def test_two_values_in_windows_leave_nothing_behind() -> None:
+    """What is told apart along one variable is told apart for the values of the other too, and forgotten with them."""
+    text = "forall[i]. forall[j]. {r: *i, s: *j} -> once[:20] ({q: *i} since[:10] {p: *j})"
+    formula, sizes = parse_formula(text), list[int]()
+    engine = NativeEngine(formula)
+    for turn in range(4):
+        steps: list[TimedSignals] = [(n, {"rqps"[n % 4]: n, "s": n}) for n in range(turn * 60, turn * 60 + 60)]
+        outcomes(engine, formula, steps)
+        sizes.append(_kept(engine))
+    assert sizes[-1] <= sizes[0] + 5, sizes

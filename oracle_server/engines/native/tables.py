@@ -10,6 +10,7 @@ from oracle_server.engines.native.clock import FEW, Clock
 from oracle_server.engines.native.keys import ALL, Key, Region, fresh_key
 
 S = TypeVar("S")
+_NO_TEXTS: frozenset[str] = frozenset()
 
 
 class Index:
@@ -179,18 +180,15 @@ class Tree(Generic[S]):
         return self.states[key]
 
     def drop(self, key: Key, same: Callable[[S, S], bool]) -> None:
-        """Tell a key apart no more where its state is the same as that of the branch beside it."""
+        """Tell a key apart no more where its branch is the same as that of the fresh value beside it."""
         for length in range(self._size, 0, -1):
             path = key[:length]
             if path[-1] is None:
                 continue
-            rest = (None,) * (self._size - length)
-            beside = (*path[:-1], None)
-            mine, other = self.states.get((*path, *rest)), self.states.get((*beside, *rest))
-            if mine is None or other is None or not same(mine, other) or self._bushy(path) or self._bushy(beside):
+            if not self._alike(path, (*path[:-1], None), same):
                 return
             self._note()
-            del self.states[(*path, *rest)]
+            self._prune(path)
             self._branches[path[:-1]].discard(path[-1])
 
     def known(self, key: Key) -> S | None:
@@ -253,13 +251,23 @@ class Tree(Generic[S]):
         for text in (None, *texts):
             self._grow((*source, text), (*target, text))
 
-    def _bushy(self, path: Key) -> bool:
-        """Whether something is told apart on a branch."""
-        while len(path) < self._size:
-            if self._branches.get(path):
-                return True
-            path = (*path, None)
-        return False
+    def _alike(self, path: Key, other: Key, same: Callable[[S, S], bool]) -> bool:
+        """Whether the same is told apart on two branches, and all states on them are the same."""
+        if len(path) == self._size:
+            mine, others = self.states.get(path), self.states.get(other)
+            return mine is not None and others is not None and same(mine, others)
+        texts = self._branches.get(path, _NO_TEXTS)
+        if texts != self._branches.get(other, _NO_TEXTS):
+            return False
+        return all(self._alike((*path, text), (*other, text), same) for text in (None, *texts))
+
+    def _prune(self, path: Key) -> None:
+        """Forget all that grows on a branch."""
+        if len(path) == self._size:
+            del self.states[path]
+            return
+        for text in (None, *self._branches.pop(path, _NO_TEXTS)):
+            self._prune((*path, text))
 
 
 def table(size: int, fresh: S, copy: Callable[[S], S], clock: Clock, *, flat: bool) -> Flat[S] | Tree[S]:
