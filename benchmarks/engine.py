@@ -53,9 +53,9 @@ BOUNDED: dict[str, tuple[Time, str]] = {
         "steps",
         "historically[:50] (exists[i]. {r: *i} and not once[5:20] ({q: *i} since[:30] {p: *i}))",
     ),
-    "two values": ("steps", "forall[i]. forall[j]. {r: *i, s: *j} -> once[:100] ({q: *i} since[:50] {p: *j})"),
     "a window of time": ("seconds", "forall[i]. {r: *i} -> once[:100ms] {q: *i}"),
     "a delayed one of time": ("seconds", "forall[i]. {r: *i} -> ({a} since[20ms:100ms] {q: *i})"),
+    "two values": ("steps", "forall[i]. forall[j]. {r: *i, s: *j} -> once[:100] ({q: *i} since[:50] {p: *j})"),
 }
 
 
