@@ -55,7 +55,6 @@ BOUNDED: dict[str, tuple[Time, str]] = {
     ),
     "a window of time": ("seconds", "forall[i]. {r: *i} -> once[:100ms] {q: *i}"),
     "a delayed one of time": ("seconds", "forall[i]. {r: *i} -> ({a} since[20ms:100ms] {q: *i})"),
-    "two values": ("steps", "forall[i]. forall[j]. {r: *i, s: *j} -> once[:100] ({q: *i} since[:50] {p: *j})"),
 }
 
 
