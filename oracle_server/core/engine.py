@@ -12,7 +12,7 @@ from oracle_server.core.past import NO_PAST, Past
 from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import Outcome
 
-MAX_WORK = 100_000
+MAX_WORK = 50_000
 """Values, or combinations of them, that an engine of ours may look at for one step, or for the ticks between two."""
 MAX_WORK_ON_AVERAGE = 5_000
 """The same for a step, over many of them."""
