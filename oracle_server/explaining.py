@@ -104,14 +104,18 @@ class _Again:
     def _begin(self, target: int) -> tuple[Session, int]:
         """A session, fresh or out of the snapshot, and the position of its last step."""
         core = self._fresh()
-        if target > _LONG:
-            sql = "SELECT position, data FROM snapshots WHERE session = ? AND position < ?"
-            for position, data in self._store.read(sql, (self._session, target)):
+        ((first,),) = self._store.read("SELECT min(position) FROM steps WHERE session = ?", (self._session,))
+        if target > _LONG or first > 1:
+            sql = "SELECT position, data FROM snapshots WHERE session = ? AND position BETWEEN ? AND ?"
+            for position, data in self._store.read(sql, (self._session, first - 1, target - 1)):
                 try:
                     core.restore(msgspec.json.decode(data), position * len(self._plan.spec.properties) + 1)
                 except (EngineError, KeyError, TypeError, ValueError):
-                    return self._fresh(), 0
-                return core, position
+                    core = self._fresh()
+                else:
+                    return core, position
+        if first > 1:
+            raise NoExplanationError("what came before it is not kept any more, so that it can't be judged again")
         return core, 0
 
     def _fresh(self) -> Session:

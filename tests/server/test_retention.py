@@ -11,7 +11,7 @@ import pytest
 
 from tests.server.client import attached, make_event, make_events, stable
 from tests.server.conftest import Starts
-from tests.server.harness import Server
+from tests.server.harness import Server, problem
 from tests.server.stories import play, tell
 from tests.server.test_stream import stream, take
 
@@ -68,7 +68,13 @@ async def test_an_open_session_is_saved_and_keeps_what_came_since(start: Starts,
         assert monitor.attached["next"] == 41
         await monitor.send(*(make_event(i, at=i, data={"v": 1}) for i in (39, 40, 41)))
         await monitor.acked(41)
-    assert kept(server) == {"open": [40, 41]}
+        await monitor.send(make_event(42, at=42, data={"v": 50}))
+        await monitor.acked(42)
+    assert kept(server) == {"open": [40, 41, 42]}
+    explanation = "/api/v1/sessions/open/verdicts/{}/explanation"
+    assert "not kept" in problem(server.http.get(explanation.format(40)), 409)["detail"]
+    told = server.http.get(explanation.format(42)).json()
+    assert (told["outcome"], told["explanation"]["event"]["seq"]) == ("currently_false", 42)
 
 
 async def test_what_can_not_be_saved_is_kept_whole(start: Starts) -> None:
