@@ -18,6 +18,7 @@ task = pytest.importorskip("rclpy.task")
 msg = pytest.importorskip("std_msgs.msg")
 geometry = pytest.importorskip("geometry_msgs.msg")
 srv = pytest.importorskip("std_srvs.srv")
+diagnostic = pytest.importorskip("diagnostic_msgs.msg")
 
 # rclpy imports an old lark with its first node, and warns by a function of its own that is deprecated.
 pytestmark = pytest.mark.filterwarnings(
@@ -219,4 +220,32 @@ def test_a_call_that_is_never_answered_holds_up_no_other(tmp_path: Path) -> None
         peer.until(lambda: reached)
         assert switch(peer, True) == (True, "on")
         assert not waiting.done()
+        adapter.ends_well()
+
+
+def test_who_can_call_past_the_monitor_is_told(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, SWITCH)) as scene:
+        adapter, peer = scene.adapter("switch"), scene.peer()
+        served(peer, say("on"))
+        proxied = peer.node.create_client(srv.SetBool, "/switch_mon")
+        errors = peer.record(msg.String, "/uav1/monitor_error", 100)
+        shown = peer.record(diagnostic.DiagnosticArray, "/diagnostics")
+        peer.until(lambda: peer.node.count_publishers("/uav1/monitor_error"))
+
+        def troubles() -> dict[str, str]:
+            streams = scene.server.session("s")["monitors"][0]["streams"]
+            return {stream["kind"]: stream["trouble"] for stream in streams}
+
+        past = peer.node.create_client(srv.SetBool, "/switch")
+        text = "/peer can call /switch past the monitor"
+        peer.until(lambda: f"/switch: {text}" in [error.data for error in errors])
+        peer.until(lambda: text in [status.message for array in shown for status in array.status])
+        eventually(troubles, lambda found: found == {"request": text, "response": ""})
+        peer.node.destroy_client(past)
+        adapter.said("/switch: well again")
+        beside = peer.node.create_service(srv.SetBool, "/switch_mon", say("on"))
+        adapter.said("/switch: /peer serves /switch_mon beside the monitor")
+        peer.node.destroy_service(beside)
+        eventually(troubles, lambda found: found == {"request": "", "response": ""})
+        peer.until(proxied.service_is_ready)
         adapter.ends_well()

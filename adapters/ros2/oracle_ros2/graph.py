@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Any, Callable
+from typing import TYPE_CHECKING, Any, Callable, Iterator
 
 from rclpy.executors import SingleThreadedExecutor
 
@@ -34,27 +34,58 @@ def dump_graph(node: Node) -> dict[str, Any]:
     return graph
 
 
+def past_proxy(node: Node, service: str, proxy: str) -> str:
+    """Who can call a service without its proxy, and who serves the proxy's name besides `node`; else an empty text.
+
+    That a node has a client is on the graph, and not whether it calls.
+    """
+    troubles = []
+    if node.count_clients(service) > 1:  # one is the node's own; only then all others are asked
+        read = node.get_client_names_and_types_by_node
+        troubles += [f"{other} can call {service} past the monitor" for other in _users(node, read, service)]
+    if node.count_services(proxy) > 1:
+        read = node.get_service_names_and_types_by_node
+        troubles += [f"{other} serves {proxy} beside the monitor" for other in _users(node, read, proxy)]
+    return "; ".join(troubles)
+
+
+def _users(node: Node, read: Named, wanted: str) -> Iterator[str]:
+    """The other nodes of which `read` tells that they have what is wanted."""
+    for name, space in _others(node):
+        if wanted in dict(_read(read, name, space)):
+            yield _full(name, space)
+
+
 def _look(node: Node) -> dict[str, Any]:
+    return {"nodes": [_describe(node, name, space) for name, space in _others(node)]}
+
+
+def _others(node: Node) -> list[tuple[str, str]]:
     own = (node.get_name(), node.get_namespace())
-    found = sorted(set(node.get_node_names_and_namespaces()) - {own})
-    return {"nodes": [_describe(node, name, space) for name, space in found]}
+    return sorted(set(node.get_node_names_and_namespaces()) - {own})
+
+
+def _full(name: str, space: str) -> str:
+    return f"{space.rstrip('/')}/{name}"
+
+
+def _read(read: Named, name: str, space: str) -> list[tuple[str, list[str]]]:
+    try:
+        return read(name, space)
+    except Exception:  # noqa: BLE001 - the node has gone meanwhile
+        return []
 
 
 def _describe(node: Node, name: str, space: str) -> dict[str, Any]:
-    full = f"{space.rstrip('/')}/{name}"
     reads: dict[str, Named] = {
         "publishes": node.get_publisher_names_and_types_by_node,
         "subscribes": node.get_subscriber_names_and_types_by_node,
         "serves": node.get_service_names_and_types_by_node,
         "calls": node.get_client_names_and_types_by_node,
     }
-    found: dict[str, Any] = {"name": full}
+    found: dict[str, Any] = {"name": _full(name, space)}
     for key, read in reads.items():
-        try:
-            named = read(name, space)
-        except Exception:  # noqa: BLE001 - the node has gone meanwhile
-            named = []
-        found[key] = {n: sorted(types) for n, types in sorted(named) if not _is_noise(n)}
+        found[key] = {n: sorted(types) for n, types in sorted(_read(read, name, space)) if not _is_noise(n)}
     return found
 
 

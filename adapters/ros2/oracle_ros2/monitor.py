@@ -9,6 +9,7 @@ from oracle_adapter import Attention
 from oracle_adapter.command import unknown_remap
 from rclpy.clock import Clock, ClockType
 
+from oracle_ros2.graph import past_proxy
 from oracle_ros2.services import ProxiedService
 from oracle_ros2.stamps import on_back, simulated, time_of
 from oracle_ros2.topics import FilteredTopic, LoggedTopic
@@ -54,6 +55,7 @@ class Monitor:
             for s in streams
             if s["kind"] == "request"
         ]
+        self._proxies = {s["name"]: (names[s["name"]], names[s["proxy"]]) for s in streams if s["kind"] == "request"}
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
         self._timers = [
             node.create_timer(LOOK_PERIOD, self._look, clock=steady),
@@ -81,9 +83,13 @@ class Monitor:
 
     def _look(self) -> None:
         for topic in self._topics:
-            trouble = topic.look()
-            self._board.trouble(topic.name, trouble)
-            self._link.report(topic.name, "topic", trouble=trouble)
+            self._tell_trouble(topic.name, "topic", topic.look())
+        for name, (service, proxy) in self._proxies.items():
+            self._tell_trouble(name, "request", past_proxy(self._node, service, proxy))
+
+    def _tell_trouble(self, name: str, kind: str, trouble: str) -> None:
+        self._board.trouble(name, trouble)
+        self._link.report(name, kind, trouble=trouble)
 
     def _report(self) -> None:
         """Tell where the streams' times come from."""
