@@ -1,13 +1,27 @@
-"""What must be true of the battery UAV's countdowns, on whichever ROS they were flown: each fault has its verdicts."""
+"""The battery UAV's countdowns on either ROS, and what must be true of them: each fault has its verdicts."""
 
 from __future__ import annotations
 
+import signal
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, Protocol
+
+import pytest
 
 from tests.processes import Data, Process, Server, without_gaps
+
+TOPICS = {
+    "/battery_percentage": "BatteryPercentage",
+    "/input_accepted": "InputAccepted",
+    "/battery_status": "BatteryStatus",
+    "/status_accepted": "StatusAccepted",
+    "/LED_panel": "LedPanel",
+}
+"""What is heard, and the type in `battery_uav_msgs`."""
 
 CAUSES = ["status_matches_percentage", "request_has_a_cause", "response_has_a_request"]
 NEGATIVE = ["false", "currently_false"]
@@ -21,6 +35,94 @@ ATTEMPTS = 5
 WARNING = 2
 LATENCY = 20_000_000  # ns, as in the spec
 ALLOWED = [("request", "allow", True), ("response", "allow", True)]
+
+
+class Scene(Protocol):
+    """A ROS graph with a server, to which a test adds processes."""
+
+    server: Server
+
+    def adapter(self, spec: str) -> Process: ...
+
+    def node(self, module: str, **parameters: object) -> Process: ...
+
+
+@dataclass(frozen=True)
+class Ears:
+    """A node that hears the countdown's topics: what it has heard, waiting for more, and a message's stamp (ns)."""
+
+    heard: Callable[[str], Sequence[Any]]
+    until: Callable[[Callable[[], object], str], None]
+    stamp: Callable[[Any], int]
+
+
+class Flight:
+    """The three nodes in a scene, and a node that hears them."""
+
+    def __init__(self, scene: Scene, ears: Ears, fault: str = "none", speed: float = SPEED, **supervisor: object):
+        self.server, self.ears, self._scene, self._speed = scene.server, ears, scene, speed
+        self.adapter = scene.adapter("battery_uav")
+        self.nodes: dict[str, Process] = {}
+        self._start("led_panel", wait_for=2, fault=fault)
+        self._start("supervisor", wait_for=2, fault=fault, **supervisor)
+        self.nodes["led_panel"].said("ready")
+        self._start("battery", wait_for=3)
+
+    def _start(self, module: str, **parameters: object) -> None:
+        self.nodes[module] = self._scene.node(module, rate=RATES[module] * self._speed, **parameters)
+
+    def passes(self, cause: int) -> None:
+        """Wait until the supervisor has reported on this percentage or a later one."""
+        self.ears.until(
+            lambda: any(said.id >= cause for said in self.ears.heard("/battery_status")), f"no status of {cause}"
+        )
+
+    def land(self) -> Flown:
+        """Wait for the end of the countdown, and end everything in order."""
+        heard, until, stamp = self.ears.heard, self.ears.until, self.ears.stamp
+        self.passes(LAST)
+        last = stamp(heard("/battery_status")[-1])
+        for topic in ("/battery_percentage", "/input_accepted"):
+            until(lambda topic=topic: heard(topic)[-1].id == LAST, f"{topic} does not end")  # type: ignore[misc]
+        until(lambda: stamp(heard("/LED_panel")[-1]) > last, "no light after the last status")
+        until(lambda: not self.nodes["battery"].running, "the battery does not end")
+        for node in self.nodes.values():
+            node.ends_well(signal.SIGINT)
+        self.adapter.ends_well()
+        return Flown(self.server, self.adapter, self.nodes["supervisor"], {t: heard(t) for t in TOPICS}, stamp)
+
+
+@contextmanager
+def landed(
+    make_scene: Callable[[Path], AbstractContextManager[Scene]],
+    listen: Callable[[Any], Ears],
+    folder: Path,
+    fault: str = "none",
+    act: Callable[[Flight], None] = lambda _: None,
+    **how: Any,
+) -> Iterator[Flown]:
+    """A countdown that is over. One on a starved machine tells nothing of causes, and is flown again."""
+    for attempt in range(ATTEMPTS):
+        with make_scene(folder / str(attempt)) as scene:
+            flight = Flight(scene, listen(scene), fault, **how)
+            act(flight)
+            flown = flight.land()
+            flown.recorded_as_published()
+            if not flown.starved():
+                yield flown
+                return
+    pytest.fail("the machine is too busy")
+
+
+def kill_twice(flight: Flight) -> None:
+    """Kill the server in the midst of a countdown, and start it again once something was said without it; twice."""
+    for times, cause in enumerate((10, 50), start=1):
+        flight.passes(cause)
+        flight.server.kill()
+        flight.passes(cause + 5)
+        flight.adapter.said(f"(?s)(oracle: disconnected.*){{{times}}}")
+        flight.server.restart()
+        flight.adapter.said(f"(?s)(oracle: attached.*){{{times + 1}}}")
 
 
 @dataclass(frozen=True)
