@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from std_msgs.msg import Int64
+from diagnostic_msgs.msg import DiagnosticArray
+from std_msgs.msg import Int64, String
 from std_srvs.srv import SetBool, SetBoolResponse
 
 from tests.processes import Data, Server, eventually, without_gaps
-from tests.robot import GATE, SIDES, SWITCH, settled, spec_folder
+from tests.robot import FAST, GATE, GATE_AND_LOG, SIDES, SWITCH, settled, spec_folder
 from tests.ros1.harness import Peer, Scene
 
 
@@ -44,7 +45,7 @@ def test_a_fast_stream_passes_in_order_but_for_what_is_denied(intercept: str, tm
     with gate(tmp_path, intercept) as scene:
         adapter = scene.adapter("gate")
         speaker, hearer, source, target = opened(scene, intercept)
-        every = range(1, 3001)
+        every = range(1, FAST + 1)
         speaker.publish(source, *numbers(*every), rate=1000)
         allowed = [number for number in every if number % 7]
         assert values(hearer.heard(target, len(allowed))) == allowed
@@ -76,23 +77,30 @@ def test_without_an_oracle_messages_pass_where_the_spec_says_so(away: Callable[[
         assert time.monotonic() - began >= 0.4
 
 
-def test_a_frozen_oracle_denies_and_catches_up(tmp_path: Path) -> None:
-    with gate(tmp_path, unavailable="deny", within="400ms") as scene:
+@pytest.mark.parametrize("unavailable", ["deny", "pass"])
+def test_a_frozen_oracle_is_done_without_as_the_spec_says_and_catches_up(unavailable: str, tmp_path: Path) -> None:
+    words = {"intercept": "publisher", "unavailable": unavailable, "within": "400ms"}
+    with Scene(tmp_path, spec_folder(tmp_path, GATE_AND_LOG, **words)) as scene:
         adapter = scene.adapter("gate")
         speaker, hearer, source, target = opened(scene)
+        speaker.advertise(Int64, "/logged")
         scene.server.process.send(signal.SIGSTOP)
         thawed = time.monotonic() + 5
-        speaker.publish(source, *numbers(*range(1, 51)), rate=20)
+        for topic in (source, "/logged"):
+            speaker.publish(topic, *numbers(*range(1, 51)), rate=25)
         adapter.said("disconnected")
         time.sleep(max(0, thawed - time.monotonic()))
         scene.server.process.send(signal.SIGCONT)
         eventually(lambda: adapter.log.count("oracle: attached"), lambda count: count == 2)
         speaker.publish(source, *numbers(100))
-        assert values(hearer.heard(target, 1)) == [100]
-        events = settled(scene.server, 51)
+        passed = [*range(1, 51)] if unavailable == "pass" else []
+        assert values(hearer.heard(target, len(passed) + 1)) == [*passed, 100]
+        events = eventually(lambda: scene.server.events("s"), lambda found: len(found) == 101)
         assert without_gaps([event["seq"] for event in events])
-        assert [event["passed"] for event in events] == [False] * 50 + [True]
-        assert [event["decision"] for event in events] == [("allow", "deny")[n % 7 == 0] for n in (*range(1, 51), 100)]
+        eventually(lambda: scene.server.events("s", stream="/number")[-1]["passed"], lambda last: last is not None)
+        asked = scene.server.events("s", stream="/number")
+        assert [event["passed"] for event in asked] == [unavailable == "pass"] * 50 + [True]
+        assert [event["decision"] for event in asked] == [("allow", "deny")[n % 7 == 0] for n in (*range(1, 51), 100)]
         adapter.ends_well()
 
 
@@ -234,4 +242,26 @@ def test_a_call_that_is_never_answered_holds_up_no_other(tmp_path: Path) -> None
         others = [caller.begin(SetBool, "/switch_mon", True) for _ in range(3)]
         assert [caller.answer(number)[0].message for number in others] == ["on"] * 3
         assert caller.answer(waiting, wait=False) is None
+        adapter.ends_well()
+
+
+def test_another_server_in_the_place_of_the_proxy_is_told(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, SWITCH)) as scene:
+        adapter, sneak = scene.adapter("switch"), scene.peer()
+        sneak.record(String, "/uav1/monitor_error", speakers=1)
+        sneak.record(DiagnosticArray, "/diagnostics", speakers=1)
+        sneak.serve(SetBool, "/switch_mon", say_on)
+        text = "/peer0 serves /switch_mon in the monitor's place"
+        adapter.said(f"/switch: {text}")
+        sneak.until(
+            lambda: (
+                f"/switch: {text}" in [error.data for error in sneak.heard("/uav1/monitor_error")]
+                and text in [s.message for array in sneak.heard("/diagnostics") for s in array.status]
+            ),
+            lambda: "it is not shown",
+        )
+        eventually(
+            lambda: [s["trouble"] for s in scene.server.session("s")["monitors"][0]["streams"]],
+            lambda told: sorted(told) == ["", text],
+        )
         adapter.ends_well()

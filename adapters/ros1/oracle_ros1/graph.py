@@ -1,9 +1,9 @@
-"""Who publishes what, as the master tells."""
+"""Who publishes and serves what, as the master tells."""
 
 from __future__ import annotations
 
 import threading
-from typing import Any, Dict, List
+from typing import Any, Dict, List, Optional
 
 import rospy
 
@@ -41,6 +41,7 @@ class Graph:
 
     def __init__(self) -> None:
         self._publishers: Dict[str, List[str]] = {}
+        self._servers: Optional[Dict[str, List[str]]] = None
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._ask, name="oracle-graph", daemon=True)
 
@@ -56,11 +57,25 @@ class Graph:
         """The nodes but this one that published a topic when the master was last asked."""
         return sorted(set(self._publishers.get(topic, ())) - {rospy.get_name()})
 
+    def not_serving(self, service: str) -> str:
+        """Why calls of a service of this node's do not reach it, as of the master's last word; empty where they do.
+
+        The name of a service is its last server's. Who calls a service is not known to the master.
+        """
+        if self._servers is None:
+            return ""
+        servers = self._servers.get(service, [])
+        others = [
+            f"{server} serves {service} in the monitor's place" for server in servers if server != rospy.get_name()
+        ]
+        return "; ".join(others) if servers else f"the master does not know {service} any more; start the monitor again"
+
     def _ask(self) -> None:
         master = rospy.get_master()
         while not self._stopping.wait(PERIOD):
             try:
-                _, _, (publishers, _, _) = master.getSystemState()
+                _, _, (publishers, _, servers) = master.getSystemState()
             except (OSError, ValueError, TypeError):  # no master, or none that makes sense
                 continue
             self._publishers = {str(topic): list(nodes) for topic, nodes in publishers}
+            self._servers = {str(service): list(nodes) for service, nodes in servers}

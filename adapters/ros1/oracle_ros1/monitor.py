@@ -87,6 +87,10 @@ class Monitor:
             trouble, name = topic.look(), topic.observed.name
             self._board.trouble(name, trouble)
             self._link.report(name, "topic", time_source=topic.observed.time_source, trouble=trouble)
+        for service in self._services:
+            trouble = self._graph.not_serving(service.proxy)
+            self._board.trouble(service.name, trouble)
+            self._link.report(service.name, "request", trouble=trouble)
         for side in self._sides:
             self._link.report(side.name, side.kind, time_source="field" if side.stamp else "arrival")
         self._board.tick(self._link.stats())

@@ -30,8 +30,8 @@ class ProxiedService:
         self._request = _Side(link, board, request, self._type._request_class)  # noqa: SLF001 - genpy's own interface
         self._response = _Side(link, board, response, self._type._response_class)  # noqa: SLF001
         self._calls = itertools.count(1)
-        self._served = names[self.name]
-        self._service = rospy.Service(names[request["proxy"]], self._type, self._serve)
+        self._served, self.proxy = names[self.name], names[request["proxy"]]
+        self._service = rospy.Service(self.proxy, self._type, self._serve)
 
     @property
     def sides(self) -> "List[_Side]":
