@@ -33,7 +33,7 @@ def attached_frame(session: LiveSession, monitor: Monitor) -> dict[str, Any]:
 
 def described(plan: Plan, key: StreamKey) -> dict[str, Any]:
     """One stream, as an adapter is told of it."""
-    stream, fields = plan.spec.by_key[key], plan.streams[key].project.fields
+    stream, fields = plan.spec.by_key[key], plan.streams[key].fields
     told: dict[str, Any] = {
         "name": stream.name,
         "kind": stream.kind,

@@ -51,6 +51,8 @@ def explained(store: Store, session: int, n: int) -> dict[str, Any] | None:
     if not rows:
         return None
     record = records_of(rows[0], [p.id for p in properties])[index]
+    if properties[index].external is not None and record["explanation"] is not None:
+        return record
     _demand_explicable(record, properties[index], rows[0])
     target = _decided(store, session, record, properties[index], before + 1, index)
     return {**record, "explanation": _Again(store, session, ready, index).explain(record["order"], target)}

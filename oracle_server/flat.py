@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from oracle_server.core.events import Kind, StreamKey
+from oracle_server.core.events import Kind, Step, StreamKey
 from oracle_server.core.stamps import nanoseconds
 
 
@@ -47,6 +47,19 @@ def flat_event(value: Mapping[str, Any]) -> FlatEvent:
     if kind in value and isinstance(service, str):
         return FlatEvent(service, kind, value[kind], time, nanoseconds(value.get("stamp")))
     raise ValueError("it has neither `stream`, nor `topic`, nor `service` with a `request` or `response`")
+
+
+def as_flat(step: Step, name: str, time: int) -> dict[str, Any]:
+    """The flat event of a step at a time (ns), under the name that its stream is to have.
+
+    Raises TypeError where the message is not there, but only what was made of it. A topic's own fields `topic` and
+    `time` have no place in a flat event.
+    """
+    data, kind = step.event.data, step.event.stream.kind
+    if not isinstance(data, dict):
+        raise TypeError("the message was not kept")
+    head = {"topic" if kind == "topic" else "service": name, "time": time / 10**9}
+    return {**head, **{k: v for k, v in data.items() if k not in head}} if kind == "topic" else head | {kind: data}
 
 
 def find_stream(name: str, kind: Kind, streams: Container[StreamKey]) -> StreamKey | None:

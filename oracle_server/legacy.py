@@ -121,7 +121,7 @@ class LegacyConnection:
                 message = await self._socket.receive()
                 if message["type"] == "websocket.disconnect":
                     return
-                reply = self._reply(monitor, message.get("text"))
+                reply = await self._reply(monitor, message.get("text"))
                 async with asyncio.timeout(_STALLED):
                     await self._socket.send_text(reply)
                 self._throttle.count()
@@ -133,12 +133,15 @@ class LegacyConnection:
             log.exception("a connection failed")
             await self._socket.close(1011)
 
-    def _reply(self, monitor: Monitor, text: str | None) -> str:
+    async def _reply(self, monitor: Monitor, text: str | None) -> str:
         self._seq += 1
         value: dict[str, Any] = {}
         try:
             value = decode_object(text or "")
             judged = self._session.ingest(monitor, self._event(text or "", value))
+            if self._session.oracles is not None:
+                waiting = self._session.oracles.judgement(monitor.name, self._seq)
+                judged = judged if waiting is None else [await waiting]
         except (ValueError, TypeError, RecursionError) as error:
             reason = "nested too deep" if isinstance(error, RecursionError) else str(error)
             self._session.refuse(monitor, WireError("bad_event", reason, seq=self._seq))

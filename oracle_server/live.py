@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import structlog
 
@@ -14,9 +14,11 @@ from oracle_server.core.events import Event, StreamKey
 from oracle_server.core.session import Session
 from oracle_server.core.simulated import ClockReading, SimulatedTime
 from oracle_server.core.verdicts import Judged, decision_frame, record
+from oracle_server.identity import Identity
 from oracle_server.monitors import Monitor, Outbox, check_time, claimed
 from oracle_server.news import News
 from oracle_server.numbering import JUDGED, Numbering
+from oracle_server.oracles import Oracles
 from oracle_server.protocol import (
     AnyClock,
     AnyEvent,
@@ -38,15 +40,6 @@ _WRITE_AFTER = 0.01
 """Seconds after a decision in which others go before the history, and what the adapter did is heard of most."""
 
 log = structlog.get_logger()
-
-
-class Identity(NamedTuple):
-    """A session's name, its number in the history, whether it ends with its last monitor, and since when it is (ns)."""
-
-    id: str
-    number: int
-    private: bool
-    opened: int
 
 
 class LiveSession:
@@ -73,6 +66,7 @@ class LiveSession:
         self._gaps: dict[tuple[str, int], int] = {}
         self._unwritten: list[Judged] = []
         self._standing = Standing(next(iter(core.judges.values())))
+        self.oracles = None if core.asking is None else Oracles(core, self._enter, self._deliver)
         self._timer: asyncio.TimerHandle | None = None
         self._armed: int | None = None
 
@@ -212,6 +206,12 @@ class LiveSession:
             if monitor.expiry:
                 monitor.expiry.cancel()
 
+    async def settle(self) -> None:
+        """Once closed, wait a while for what oracles elsewhere say of what was held."""
+        if self.oracles is not None:
+            await self.oracles.settle()
+            self._write()
+
     def resume(self, restored: Restored) -> None:
         """Go on where a session stood: give its monitors their time to come back, and put back what was held."""
         self.position, self.refused = restored.position, restored.refused
@@ -307,6 +307,8 @@ class LiveSession:
                 if monitor.outbox:
                     monitor.outbox.send(answer)
                 self._tally.decisions.add(self._clock.now() - item.step.event.arrived)
+        if self.oracles is not None:
+            self.oracles.ask()
         if judged:
             if not self._unwritten:
                 asyncio.get_running_loop().call_later(_WRITE_AFTER, self._write)

@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple, Protocol
 
 from msgspec import Struct
 
+from oracle_server.core.engine import Answer
 from oracle_server.core.events import Event
 from oracle_server.core.formula.tree import Scalar
 
@@ -23,7 +24,8 @@ class Projected(NamedTuple):
 class Place(Struct, frozen=True, gc=False):
     """Where a session judged an event in one of its orders, and when (ns).
 
-    `position` counts what it judged, over both orders; `degraded`: something before was known to be lost.
+    `position` counts what it judged, over both orders; `degraded`: something before was known to be lost; `said` is
+    what oracles elsewhere said, by the properties that they judge.
     """
 
     position: int
@@ -34,6 +36,7 @@ class Place(Struct, frozen=True, gc=False):
     forced: bool = False
     skipped: bool = False
     degraded: bool = False
+    said: dict[str, Answer] = {}
 
 
 class Recorded(NamedTuple):

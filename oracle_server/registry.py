@@ -18,8 +18,9 @@ from oracle_server.core.plan import judged_by, plan
 from oracle_server.core.session import Session
 from oracle_server.core.spec import By
 from oracle_server.engines.choice import make_engines
+from oracle_server.identity import Identity
 from oracle_server.library import Entry, Library, UnknownSpecError
-from oracle_server.live import Identity, LiveSession
+from oracle_server.live import LiveSession
 from oracle_server.monitors import Monitor, Outbox, claimed
 from oracle_server.protocol import Attach, WireError
 from oracle_server.restore import restore
@@ -123,6 +124,7 @@ class Registry:
         if session.closing:
             return
         session.close()
+        await session.settle()
         now = self._clock.now()
         successor = self._successor(session) if session.clock_went_back else None
         state = session_state(session, now) | {"status": "closed", "closed": now, "continued_by": successor}
@@ -156,6 +158,8 @@ class Registry:
         """Judge what all sessions hold, commit it, and tell the monitors; the sessions stay open in the history."""
         for session in self.open.values():
             session.close()
+        await asyncio.gather(*(session.settle() for session in self.open.values()))
+        for session in self.open.values():
             session.save()
         try:
             async with asyncio.timeout(_FLUSH_WITHIN):
@@ -212,6 +216,8 @@ class Registry:
         restored = await asyncio.to_thread(restore, self._store, number, ready)
         live = self._live(Identity(session_id, number, bool(private), opened), restored.core)
         live.resume(restored)
+        if live.oracles is not None and restored.position:
+            live.oracles.resume()
         self.tally.restored(live)
         log.info("session restored", session=session_id, steps=restored.position)
 

@@ -9,23 +9,27 @@ from dataclasses import replace
 from typing import Any
 
 from oracle_server.comparison import Comparison
+from oracle_server.consultation import Consultation
+from oracle_server.core.engine import Answer
 from oracle_server.core.errors import TraceError
 from oracle_server.core.events import Event, Step
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.plan import Plan, Projects, plan
 from oracle_server.core.session import Session, orders
 from oracle_server.core.spec import By, Spec
-from oracle_server.core.verdicts import Judged
+from oracle_server.core.verdicts import Judged, Outcome
 from oracle_server.engines.choice import make_engines
 from oracle_server.recorded import Place, Projected, Recorded, Recording
 
 _FOR_EVER = 2**63
+_NOT_KEPT = Answer(Outcome.UNKNOWN, "was not asked: a session's trace has what was made of the messages, and not them")
 
 
 class Replay:
     """Judges a recording against a spec; iterate it for what was judged, then ask for the summary.
 
-    A session's own trace is judged again in the order in which it was judged, unless another one is asked for.
+    A session's own trace is judged again in the order in which it was judged, unless another one is asked for. What
+    oracles elsewhere said then is taken as they said it.
     """
 
     def __init__(self, spec: Spec, recording: Recording, by: By | None = None) -> None:
@@ -39,6 +43,7 @@ class Replay:
         self._recording = recording
         self._anew = by is not None
         self._session: Session | None = None
+        self._consultation: Consultation | None = None
 
     def __iter__(self) -> Iterator[Judged]:
         """What is judged, in order. Raises `TraceError` where the recording can't be used."""
@@ -47,12 +52,18 @@ class Replay:
         if first is None:
             return
         judge = self._again if first.places and not self._anew else self._as_new
-        for item in judge(first, recorded):
-            self.comparison.judged(item)
-            yield item
+        try:
+            for item in judge(first, recorded):
+                self.comparison.judged(item)
+                yield item
+        finally:
+            if self._consultation is not None:
+                self._consultation.close()
 
     def _as_new(self, first: Recorded, rest: Iterator[Recorded]) -> Iterator[Judged]:
         session = self._session = self._open()
+        if session.asking is not None:
+            self._consultation = Consultation(session)
         monitors: set[str] = set()
         for recorded in itertools.chain((first,), rest):
             event = self._take(recorded)
@@ -60,9 +71,12 @@ class Replay:
                 continue  # what the deadlines of this session are is its own matter
             if event.monitor not in monitors:
                 monitors.add(event.monitor)
-                yield from session.attach(event.monitor, self.spec.by_key, event.arrived)
-            yield from session.ingest(event)
-        yield from session.finish(session.now)
+                yield from self._settled(session.attach(event.monitor, self.spec.by_key, event.arrived))
+            yield from self._settled(session.ingest(event))
+        yield from self._settled(session.finish(session.now))
+
+    def _settled(self, judged: list[Judged]) -> list[Judged]:
+        return judged if self._consultation is None else judged + self._consultation.settle()
 
     def _again(self, first: Recorded, rest: Iterator[Recorded]) -> Iterator[Judged]:
         """Judge in the recorded order: what was judged before an event arrived comes before what it brought about."""
@@ -155,6 +169,8 @@ def _rejudge(session: Session, upcoming: int, position: int, place: Place, step:
         )
     if place.degraded:
         session.judges[place.order].degrade()
+    for index in session.plan.external:
+        session.tell(place.order, {index: place.said.get(session.plan.spec.properties[index].id, _NOT_KEPT)})
     placed = Step(
         step.event, step.signals, step.failed, step.stamp, place.skewed, place.late, place.forced, place.skipped
     )

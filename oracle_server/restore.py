@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import msgspec
 import structlog
 
+from oracle_server.core.engine import Answer
 from oracle_server.core.errors import EngineError
 from oracle_server.core.events import Step, StreamKey
 from oracle_server.core.plan import Plan
@@ -18,10 +19,11 @@ from oracle_server.core.session import Session, orders
 from oracle_server.engines.choice import make_engines
 from oracle_server.numbering import JUDGED, Numbering
 from oracle_server.protocol import TimeBase
-from oracle_server.schema import LETTERS, STEP_COLUMNS, Row, step_of
+from oracle_server.schema import LETTERS, OUTCOMES, STEP_COLUMNS, Row, step_of
 from oracle_server.store import Store
 
 _PAGE = 5_000
+_ONCE = "was asked before the server was restarted"
 
 log = structlog.get_logger()
 
@@ -83,6 +85,8 @@ def restore(store: Store, number: int, plan: Plan) -> Restored:
             order, step, judged_at = step_of(row)
             if "0" not in row[degraded]:  # by a loss that was known before its event was judged
                 core.judges[order].degrade()
+            if step.event.stream.kind != "tick":
+                core.tell(order, {i: Answer(OUTCOMES[row[outcomes][i]], _ONCE) for i in plan.external})
             judged = core.rejudge(order, step, judged_at)
             verdicts = judged.verdicts if judged else ()
             differing += "".join(LETTERS[v.outcome] for v in verdicts) != row[outcomes]

@@ -1,6 +1,7 @@
 """A session's trace from its history: a line an event or tick, in order of arrival, with its places as it was judged.
 
-The history keeps what formulas saw of a message, and not the message: a line has `signals` in place of `data`.
+The history keeps what formulas saw of a message, and not the message: a line has `signals` in place of `data`, and what
+oracles elsewhere said of it.
 """
 
 from __future__ import annotations
@@ -10,7 +11,8 @@ from typing import Any
 
 import msgspec
 
-from oracle_server.schema import STEP_COLUMNS
+from oracle_server.schema import OUTCOMES, STEP_COLUMNS
+from oracle_server.specfile import parse_spec
 from oracle_server.store import Store
 
 _COLUMNS = (
@@ -21,6 +23,7 @@ _COLUMNS = (
 def trace_lines(store: Store, session: int) -> Iterator[dict[str, Any]]:
     """The lines of what a session has judged and committed; memory does not grow with their number."""
     select = f"SELECT {','.join(STEP_COLUMNS)} FROM steps WHERE session = ? "  # noqa: S608
+    external = _external(store, session)
     line: dict[str, Any] | None = None
     for row in store.each(select + "ORDER BY arrived, monitor, seq, position", (session,)):
         r = dict(zip(STEP_COLUMNS, row, strict=True))
@@ -29,7 +32,7 @@ def trace_lines(store: Store, session: int) -> Iterator[dict[str, Any]]:
             if line is not None:
                 yield line
             line = _line(r)
-        line["places"].append(_place(r))
+        line["places"].append(_place(r) | ({"said": _said(r, external)} if external else {}))
         if r["ord"] == "publication":
             line |= {"passed": _truth(r["passed"]), "why": r["why"]}
     if line is not None:
@@ -60,6 +63,26 @@ def _place(row: dict[str, Any]) -> dict[str, Any]:
         "forced": bool(row["forced"]),
         "skipped": row["number"] is None,
         "degraded": "0" not in row["degraded"],
+    }
+
+
+def _external(store: Store, session: int) -> dict[int, str]:
+    """The properties of a session that oracles elsewhere judge, by their places."""
+    ((text,),) = store.read("SELECT text FROM sessions WHERE number = ?", (session,))
+    properties = parse_spec(text, "").spec.properties if "external" in text else ()
+    return {i: p.id for i, p in enumerate(properties) if p.external is not None}
+
+
+def _said(row: dict[str, Any], external: dict[int, str]) -> dict[str, tuple[str, str, bool]]:
+    """What oracles elsewhere said of a step, and whether something before it was not known to them."""
+    why = msgspec.json.decode(row["explanations"]) if row["explanations"] else {}
+    return {
+        name: (
+            OUTCOMES[row["outcomes"][i]].value,
+            why[str(i)]["reasons"][0]["text"] if why.get(str(i), {}).get("reasons") else "said so",
+            row["degraded"][i] == "1",
+        )
+        for i, name in external.items()
     }
 
 

@@ -59,6 +59,8 @@ class Snapshots:
 
         The monitors' numbers are as of the last commit: steps up to there are needed no more.
         """
+        if self._core.asking:
+            return  # the order is ahead of what was judged
         self._next = position + max(_SAVE_AFTER, position // 4)
         begin = time.monotonic()
         data = self._core.snapshot()

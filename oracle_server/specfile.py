@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 from pydantic import ValidationError
 
 from oracle_server.core.dependencies import GraphNode
 from oracle_server.core.errors import Finding, FormulaError, Problem, SpecError
 from oracle_server.core.formula.parse import parse_formula
+from oracle_server.core.formula.tree import Formula
 from oracle_server.core.hazards import inspect
 from oracle_server.core.ros import Ros, ros_hazards
-from oracle_server.core.spec import Ordering, Property, Retention, Spec, StreamSpec
+from oracle_server.core.spec import SILENT, External, Ordering, Property, Retention, Spec, StreamSpec
 from oracle_server.engines.choice import goes_back, refusal
 from oracle_server.specmodel import PropertyModel, ServiceModel, SpecModel, TopicModel
 from oracle_server.yamltext import MAX_TEXT, Document, read_yaml
@@ -65,24 +68,81 @@ def parse_spec(text: str, file: str, ros: Ros | None = None, graph: Sequence[Gra
     return SpecFile(spec, text, tuple(findings))
 
 
+_ONLY_EXTERNAL = ("url", "timeout", "streams", "names")
+
+
 def _property(document: Document, index: int, model: PropertyModel, findings: list[Finding]) -> Property | None:
+    place: tuple[str | int, ...] = ("properties", index)
+    external = model.engine == "external"
+    if external:
+        problems = list(_external_problems(model))
+    else:
+        given = [key for key in _ONLY_EXTERNAL if key in model.model_fields_set]
+        problems = [(key, f"`{key}` is for `engine: external`") for key in given]
+    if problems:
+        findings += [
+            Finding(document.file, *document.place((*place, k)), f"property '{model.id}': {m}") for k, m in problems
+        ]
+        return None
+    if external:
+        assert model.url is not None  # noqa: S101 -- its lack is a problem
+        heard = None if model.streams is None else frozenset(model.streams)
+        oracle = External(model.url, model.timeout, heard, model.names == "bare")
+        return _made(model, SILENT, f"the oracle at {model.url}", oracle)
+    if model.formula is None:
+        findings.append(Finding(document.file, *document.place(place), "the key 'formula' is missing"))
+        return None
     try:
         formula = parse_formula(model.formula, model.time)
     except FormulaError as error:
-        place = document.place(("properties", index, "formula"), (error.line, error.column))
-        findings.append(Finding(document.file, *place, f"formula of '{model.id}': {error.message}"))
+        at = document.place((*place, "formula"), (error.line, error.column))
+        findings.append(Finding(document.file, *at, f"formula of '{model.id}': {error.message}"))
         return None
+    return _made(model, formula, " ".join(model.formula.split()))
+
+
+def _external_problems(model: PropertyModel) -> Iterator[tuple[str, str]]:
+    """What is wrong with a property that an oracle elsewhere judges: the key, and why."""
+    if model.url is None:
+        yield "engine", "`engine: external` needs the oracle's address, `url: ws://host:port`"
+    else:
+        reason = _unusable(model.url)
+        if reason:
+            yield "url", f"the address {model.url} {reason}"
+    if model.formula is not None:
+        yield "formula", "the oracle at `url` has a property of its own; leave `formula` out"
+    if model.time != "steps":
+        yield "time", "the oracle at `url` has a time of its own; leave `time` out"
+
+
+def _unusable(url: str) -> str | None:
+    """Why no WebSocket can be opened at an address, None where one can."""
+    try:
+        parts = urlsplit(url)
+        port = parts.port
+    except ValueError as error:
+        return f"can't be read: {error}"
+    if not parts.hostname or re.search(r"[\s\x00-\x1f]", url):
+        return "names no host"
+    if port == 0:
+        return "has port 0, which nothing listens on"
+    if parts.username is not None or parts.password is not None:
+        return "holds a name or password; specs can be read by everyone who may read verdicts"
+    return "has a part after #, which no server is told" if parts.fragment else None
+
+
+def _made(model: PropertyModel, formula: Formula, text: str, external: External | None = None) -> Property:
     return Property(
         id=model.id,
         formula=formula,
-        text=" ".join(model.formula.split()),
+        text=text,
         description=model.description,
         time=model.time,
         guards=frozenset(model.guards),
         blame=model.blame,
         latch=model.latch,
         engine=model.engine,
-        url=model.url,
+        external=external,
     )
 
 

@@ -122,13 +122,16 @@ class PropertyModel(_Model):
 
     id: Identifier
     description: StrictStr = ""
-    formula: StrictStr
+    formula: StrictStr | None = None
     time: Literal["steps", "seconds"] = "steps"
     guards: list[RosName] = []
     blame: Literal["any", "caused"] = "any"
     latch: StrictBool = False
     engine: Literal["auto", "native", "reelay", "both", "rtamt", "external"] = "auto"
     url: Annotated[str, Field(pattern=r"^wss?://")] | None = None
+    timeout: Annotated[Duration, Field(gt=0)] = 10**9
+    streams: list[RosName] | None = None
+    names: Literal["full", "bare"] = "full"
 
 
 class RetentionModel(_Model):

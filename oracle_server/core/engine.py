@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from oracle_server.core.atoms import Matches
 from oracle_server.core.explanation import Why
@@ -70,6 +70,26 @@ class Explaining(Engine, Protocol):
 
     def explain(self, past: Past = NO_PAST) -> Why:
         """Why the formula holds, or does not, at the last step, as deep as the remembered steps tell."""
+        ...
+
+
+class Answer(NamedTuple):
+    """What an oracle elsewhere says of a step: an outcome, and in what words, or why there are none.
+
+    `anew`: it was asked on a new connection, and may have begun anew.
+    """
+
+    outcome: Outcome
+    said: str
+    anew: bool = False
+
+
+@runtime_checkable
+class Told(Engine, Protocol):
+    """An engine that is told what an oracle elsewhere says of the next step."""
+
+    def tell(self, answer: Answer) -> None:
+        """Take in what is said of the next step."""
         ...
 
 

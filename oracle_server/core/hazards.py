@@ -10,7 +10,7 @@ from oracle_server.core.errors import ExpressionError, Problem
 from oracle_server.core.events import StreamKey
 from oracle_server.core.expressions import parse_expression
 from oracle_server.core.formula.render import render_atom
-from oracle_server.core.formula.tree import Atom, atoms
+from oracle_server.core.formula.tree import Atom
 from oracle_server.core.plan import can_meet, has_reserved
 from oracle_server.core.signals import RESERVED
 from oracle_server.core.spec import Spec, StreamSpec
@@ -24,6 +24,7 @@ def inspect(spec: Spec, graph: Sequence[GraphNode] | None = None) -> list[Proble
         *_signals(spec),
         *_filters(spec),
         *_guards(spec),
+        *_external(spec),
         *_atoms(spec),
         *_causes(spec),
         *deadlocks(spec, graph),
@@ -101,7 +102,7 @@ def _guards(spec: Spec) -> Iterator[Problem]:
                 yield Problem(path, f"property '{prop.id}' guards '{name}', which is no stream of this spec")
             elif stream.action != "filter":
                 yield Problem(path, f"property '{prop.id}' guards {name}, whose action is `log`: it could deny nothing")
-            elif prop.blame == "any" and not mendable(spec, prop, name):
+            elif prop.blame == "any" and prop.external is None and not mendable(spec, prop, name):
                 yield Problem(
                     path,
                     f"property '{prop.id}' can be negative at an event of {name} that withholding would not mend: "
@@ -110,10 +111,33 @@ def _guards(spec: Spec) -> Iterator[Problem]:
                 )
 
 
+def _external(spec: Spec) -> Iterator[Problem]:
+    for i, prop in enumerate(spec.properties):
+        if prop.external is None:
+            continue
+        heard = prop.external.streams
+        for name in sorted(heard or ()):
+            if name not in spec.names:
+                yield Problem(("properties", i, "streams"), f"'{name}' is no stream of this spec")
+        for name in sorted(prop.guards & spec.names):
+            if heard is not None and name not in heard:
+                message = f"'{prop.id}' guards {name}, of which its oracle is not told; name it under `streams`"
+                yield Problem(("properties", i, "streams"), message)
+        for j, stream in enumerate(spec.streams):
+            ordered = stream.ordered and spec.ordering.by != "arrival"
+            waits = prop.external.timeout + ((spec.ordering.max_delay or 0) if ordered else 0)
+            if stream.action == "filter" and stream.kind != "response" and stream.decide_within <= waits:
+                message = (
+                    f"decide_within of {stream.name} must exceed {'max_delay and ' if ordered else ''}the timeout of "
+                    f"'{prop.id}', for whose oracle every decision waits that comes after an event that it hears"
+                )
+                yield Problem(("streams", j, "decide_within"), message)
+
+
 def _atoms(spec: Spec) -> Iterator[Problem]:
     held = frozenset[str]().union(*(s.hold for s in spec.streams))
     for i, prop in enumerate(spec.properties):
-        for atom in atoms(prop.formula):
+        for atom in prop.atoms:
             reason = _why_never(atom, spec, held)
             if reason:
                 yield Problem(("properties", i, "formula"), f"formula of '{prop.id}': {reason}", atom.at)

@@ -220,7 +220,7 @@ class Judge:
             self.present = max(self.present, min(step.time, step.event.arrived))
 
     def _is_degraded(self, state: PropertyState) -> bool:
-        return self._degraded or state.failures > 0
+        return self._degraded or state.failures > 0 or state.renewed
 
     def _conclude(
         self,

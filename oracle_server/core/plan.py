@@ -11,7 +11,7 @@ from typing import Protocol
 
 from oracle_server.core.atoms import AtomTest, Match, specialise
 from oracle_server.core.events import StreamKey
-from oracle_server.core.formula.tree import Atom, Scalar, atoms
+from oracle_server.core.formula.tree import Atom, Scalar
 from oracle_server.core.signals import RESERVED, DefaultProjection, Projection
 from oracle_server.core.spec import By, Spec, StreamSpec
 
@@ -33,12 +33,14 @@ class Projects(Protocol):
 class View:
     """What one property sees of one stream: the atoms to test, and the signals whose failure makes it unknown.
 
-    `size` is the number of the formula's atoms, most of which can't hold on any one stream.
+    `size` is the number of the formula's atoms, most of which can't hold on any one stream; `heard`: the property
+    judges the stream's events at all, which an external oracle need not do.
     """
 
     size: int
     tests: tuple[AtomTest, ...]
     reads: frozenset[str]
+    heard: bool = True
 
     def matches(self, signals: Mapping[str, Scalar]) -> list[Match]:
         """What each of the formula's atoms makes of a step."""
@@ -52,7 +54,8 @@ class View:
 class StreamPlan:
     """One stream made ready; `views` has an entry for each property, `guards` the indexes of those that guard it.
 
-    `blames` are those of the guards with `blame: caused`; `undoes` tells whether a denied event is taken back.
+    `blames` are those of the guards with `blame: caused`; `undoes` tells whether a denied event is taken back;
+    `asked` are the indexes of the properties whose external oracles hear it.
     """
 
     spec: StreamSpec
@@ -62,6 +65,12 @@ class StreamPlan:
     guards: tuple[int, ...]
     blames: tuple[int, ...]
     undoes: bool
+    asked: tuple[int, ...] = ()
+
+    @property
+    def fields(self) -> frozenset[str] | None:
+        """The dotted paths of the fields that are needed of a message, None for all of them."""
+        return None if self.asked else self.project.fields
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,22 +78,24 @@ class Plan:
     """A spec made ready, stream by stream.
 
     `silent` are the properties' views of a step that has no signals but held ones; `timed` tells whether some property
-    has `time: seconds`.
+    has `time: seconds`; `external` are the indexes of the properties that oracles elsewhere judge.
     """
 
     spec: Spec
     streams: Mapping[StreamKey, StreamPlan]
     silent: tuple[View, ...]
     timed: bool
+    external: tuple[int, ...] = ()
 
 
 def plan(spec: Spec) -> Plan:
     """Make a spec ready. Raises `ExpressionError` where an expression of its signals can't be read."""
-    formulas = tuple(atoms(p.formula) for p in spec.properties)
+    formulas = tuple(p.atoms for p in spec.properties)
     held = frozenset[str]().union(*(s.hold for s in spec.streams))
     silent = tuple(_view(formula, {}, held.__contains__) for formula in formulas)
     timed = any(p.time == "seconds" for p in spec.properties)
-    return Plan(spec, {s.key: _plan_stream(spec, s, formulas) for s in spec.streams}, silent, timed)
+    external = tuple(i for i, p in enumerate(spec.properties) if p.external is not None)
+    return Plan(spec, {s.key: _plan_stream(spec, s, formulas) for s in spec.streams}, silent, timed, external)
 
 
 def judged_by(ready: Plan, by: By | None) -> Plan:
@@ -128,10 +139,16 @@ def _plan_stream(spec: Spec, stream: StreamSpec, formulas: tuple[tuple[Atom, ...
     known = constants(stream)
     possible = names | held | {key for key in RESERVED if has_reserved(stream, key)}
     views = [_view(formula_atoms, known, possible.__contains__) for formula_atoms in formulas]
+    asked = []
+    for i, prop in enumerate(spec.properties):
+        if prop.external is not None and prop.external.hears(stream):
+            asked.append(i)
+        elif prop.external is not None:
+            views[i] = replace(views[i], heard=False)
     guards = tuple(i for i, p in enumerate(spec.properties) if stream.name in p.guards)
     blames = tuple(i for i in guards if spec.properties[i].blame == "caused")
     undoes = stream.on_deny == "undo" and stream.kind != "response"
-    return StreamPlan(stream, project, known, tuple(views), guards, blames, undoes)
+    return StreamPlan(stream, project, known, tuple(views), guards, blames, undoes, tuple(asked))
 
 
 def _view(formula_atoms: tuple[Atom, ...], known: Mapping[str, Scalar], possible: Callable[[str], bool]) -> View:

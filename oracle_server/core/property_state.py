@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from oracle_server.core.atoms import Matches
-from oracle_server.core.engine import MAX_WORK, Engine, Explaining, Revisable, Savable
+from oracle_server.core.engine import MAX_WORK, Answer, Engine, Explaining, Revisable, Savable, Told
 from oracle_server.core.errors import EngineError
 from oracle_server.core.explanation import Why
 from oracle_server.core.formula.tree import Scalar
@@ -66,6 +66,8 @@ class PropertyState:
     asked: bool = False
     idle_work: int = 0
     """What ticks since the last step have cost: they are taken back, so that each may cost as much as the last one."""
+    renewed: bool = False
+    """Whether it is judged elsewhere, and what was known there may have been lost."""
 
     def step(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names) -> Outcome:
         """The outcome at the next step."""
@@ -74,12 +76,18 @@ class PropertyState:
             return self.outcome
         outcome = self._ask_engine(view, time, signals)
         if outcome is Outcome.UNKNOWN or not view.reads.isdisjoint(failed):
-            self.failures += 1
+            self.failures += view.heard
             return Outcome.UNKNOWN
         self._explain(outcome)
         if self.property.latch and outcome in NEGATIVE:
             return Outcome.FALSE
         return outcome
+
+    def tell(self, answer: Answer) -> None:
+        """Take in what an oracle elsewhere says of the next step."""
+        self.renewed = self.renewed or answer.anew
+        if isinstance(self.engine, Told):
+            self.engine.tell(answer)
 
     def next_deadline(self, after: int) -> int | None:
         """When, after `after` (ns), time alone may change the outcome; None for never."""

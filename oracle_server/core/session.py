@@ -9,7 +9,8 @@ from typing import Any
 
 import msgspec
 
-from oracle_server.core.engine import Engine
+from oracle_server.core.asking import Ask, Asking, Waiting
+from oracle_server.core.engine import Answer, Engine
 from oracle_server.core.events import Event, Order, Step, StreamKey
 from oracle_server.core.judge import Judge
 from oracle_server.core.plan import Plan
@@ -18,7 +19,7 @@ from oracle_server.core.simulated import ClockReading, SimulatedTime
 from oracle_server.core.spec import Spec
 from oracle_server.core.stamps import stamp_in
 from oracle_server.core.tally import HoldTimes, StreamCounts
-from oracle_server.core.verdicts import Judged
+from oracle_server.core.verdicts import FINAL, Judged
 
 
 class Session:
@@ -47,6 +48,8 @@ class Session:
         self._ticking = ticking and plan.timed
         self.simulated: SimulatedTime | None = None
         """The time of the simulation that the session runs in; None where its time is the server's."""
+        self.asking = Asking() if plan.external else None
+        """What waits for oracles elsewhere; None where the spec has none."""
         self.suspended = False
         """Whether events are skipped, since their verdicts could not be kept."""
 
@@ -54,7 +57,7 @@ class Session:
     def next_deadline(self) -> int | None:
         """When `advance` should be called next, None while nothing waits for time to pass."""
         deadline = self.buffer.next_deadline
-        if not self._ticking or self.simulated is not None:
+        if not self._ticking or self.simulated is not None or self.asking:
             return deadline
         waits = {order: self._longest_wait(order) for order in self.judges}
         ticks = [
@@ -80,7 +83,7 @@ class Session:
             self._note_loss(event)
         step = self._step(event)
         if "arrival" in self.judges:
-            judged.append(self._judge_one("arrival", step))
+            judged += [self._judge_one("arrival", step)] if self.asking is None else self._ask("arrival", step)
         if "publication" in self.judges:
             judged += self._order(step)
         return judged + self._run_out() if self._ticking else judged
@@ -104,6 +107,30 @@ class Session:
     def finish(self, now: int) -> list[Judged]:
         """Judge all that is held, in order."""
         return self.advance(now) + self._judge(self.buffer.flush())
+
+    def take_asks(self) -> list[Ask]:
+        """The questions to oracles elsewhere that were not taken yet; each is to be answered by `resolve`."""
+        return [] if self.asking is None else self.asking.take()
+
+    def resolve(self, ask: Ask, answer: Answer, now: int) -> list[Judged]:
+        """Take in what an oracle elsewhere says: judge what waited for it, and what waited behind that."""
+        assert self.asking is not None  # noqa: S101 -- there was a question
+        self.now = max(self.now, now)
+        self.asking.answer(ask.number, ask.property, answer)
+        return self._leave() + self._run_out()
+
+    def abandon(self, reason: str, now: int) -> list[Judged]:
+        """Wait for no oracle elsewhere any more: what none has said is unknown."""
+        if self.asking is None:
+            return []
+        self.now = max(self.now, now)
+        self.asking.give_up(reason)
+        return self._leave() + self._run_out()
+
+    def tell(self, order: Order, answers: Mapping[int, Answer]) -> None:
+        """Say beforehand what oracles elsewhere say of the next step in an order, by the properties' indexes."""
+        for index, answer in answers.items():
+            self.judges[order].properties[index].tell(answer)
 
     def rejudge(self, order: Order, step: Step, judged: int) -> Judged | None:
         """Judge again what was judged before, in the same sequence, to come back to where a session stood.
@@ -160,7 +187,7 @@ class Session:
     def _order(self, step: Step) -> list[Judged]:
         event = step.event
         if not self.plan.spec.by_key[event.stream].ordered:
-            return [self._judge_one("publication", step)]
+            return [self._judge_one("publication", step)] if self.asking is None else self._ask("publication", step)
         source = (event.monitor, event.stream)
         return self._judge(self.buffer.push(step, source, event.source, step.time, self.now))
 
@@ -170,6 +197,8 @@ class Session:
             self.holds.add(self.now - (event.arrived if event.received is None else event.received))
             if r.late:
                 self.counts[event.monitor, event.stream].late += 1
+        if self.asking is not None:
+            return [judged for r in released for judged in self._ask_released(r)]
         if not self._ticking:
             return [self._judge_one("publication", r.item, late=r.late, forced=r.forced) for r in released]
         judged: list[Judged] = []
@@ -197,6 +226,12 @@ class Session:
         return 0 if order == "arrival" else self.plan.spec.ordering.max_delay
 
     def _ticks(self, order: Order, until: int) -> list[Judged]:
+        if self.asking:
+            self.asking.add_ticks(order, until)
+            return []
+        return self._tick_until(order, until)
+
+    def _tick_until(self, order: Order, until: int) -> list[Judged]:
         judge, judged = self.judges[order], []
         while not self.suspended and (deadline := judge.next_deadline) is not None and deadline <= until:
             tick = judge.tick(deadline, self.now)
@@ -211,10 +246,44 @@ class Session:
             judge.degrade()
 
     def _judge_one(self, order: Order, step: Step, *, late: bool = False, forced: bool = False) -> Judged:
-        skipped = self.suspended or (late and self.plan.spec.ordering.late == "skip")
-        if late or forced or skipped:
-            step = msgspec.structs.replace(step, late=late, forced=forced, skipped=skipped)
+        if late or forced or self.suspended:
+            step = self._marked(step, late=late, forced=forced)
         return self.judges[order].judge(step, self.now)
+
+    def _marked(self, step: Step, *, late: bool, forced: bool) -> Step:
+        skipped = self.suspended or (late and self.plan.spec.ordering.late == "skip")
+        return msgspec.structs.replace(step, late=late, forced=forced, skipped=skipped)
+
+    def _ask_released(self, released: Released[Step]) -> list[Judged]:
+        step, late = released.item, released.late
+        ticks = self._ticks("publication", step.time - 1) if self._ticking and not late else []
+        return ticks + self._ask("publication", self._marked(step, late=late, forced=released.forced))
+
+    def _ask(self, order: Order, step: Step) -> list[Judged]:
+        """Ask oracles elsewhere about a step whose turn has come, and judge it where it waits for none."""
+        assert self.asking is not None  # noqa: S101 -- only called where some are asked
+        judge, stream = self.judges[order], self.plan.streams[step.event.stream]
+        if self.suspended:
+            step = msgspec.structs.replace(step, skipped=True)
+        asked = () if step.skipped else stream.asked
+        earliest = max(judge.present, self.asking.told.get(order, 0)) or min(step.time, step.event.arrived)
+        own = step.event.arrived if order == "arrival" else step.time if stream.spec.ordered else earliest
+        open_ones = [i for i in asked if judge.properties[i].outcome not in FINAL]
+        self.asking.add(order, step, open_ones, max(earliest, own))
+        return self._leave()
+
+    def _leave(self) -> list[Judged]:
+        """Do what waits for no answer any more, in its order."""
+        assert self.asking is not None  # noqa: S101 -- only called where some are asked
+        judged: list[Judged] = []
+        for item in self.asking.leaving():
+            if not isinstance(item, Waiting):
+                judged += self._tick_until(item.order, item.until)
+                continue
+            self.tell(item.order, item.answers)
+            step = msgspec.structs.replace(item.step, skipped=True) if self.suspended else item.step
+            judged.append(self.judges[item.order].judge(step, self.now))
+        return judged
 
     def _step(self, event: Event) -> Step:
         stream = self.plan.streams[event.stream]

@@ -9,10 +9,12 @@ from typing import Any, Literal
 
 from oracle_server.core.events import Kind, StreamKey
 from oracle_server.core.formula.parse import Time
-from oracle_server.core.formula.tree import Formula
+from oracle_server.core.formula.tree import Atom, Formula, atoms
 
 SECOND = 10**9
 By = Literal["publication", "arrival", "both"]
+SILENT = Atom(())
+"""The formula of a property that is judged elsewhere; nothing reads it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +61,25 @@ class StreamSpec:
 
 
 @dataclass(frozen=True, slots=True)
+class External:
+    """An oracle elsewhere, in place of a formula; `timeout` (ns) is how long an answer may take.
+
+    `streams` names those that it hears, None for all; `bare`: it is told their names without the leading slash.
+    """
+
+    url: str
+    timeout: int = SECOND
+    streams: frozenset[str] | None = None
+    bare: bool = False
+
+    def hears(self, stream: StreamSpec) -> bool:
+        """Whether the oracle is told of a stream's events."""
+        return self.streams is None or stream.name in self.streams
+
+
+@dataclass(frozen=True, slots=True)
 class Property:
-    """A named formula; `text` is the formula as its author wrote it."""
+    """A named formula; `text` is the formula as its author wrote it. What is `external` has `SILENT` there."""
 
     id: str
     formula: Formula
@@ -71,7 +90,12 @@ class Property:
     blame: Literal["any", "caused"] = "any"
     latch: bool = False
     engine: Literal["auto", "native", "reelay", "both", "rtamt", "external"] = "auto"
-    url: str | None = None
+    external: External | None = None
+
+    @property
+    def atoms(self) -> tuple[Atom, ...]:
+        """The different atoms of the formula."""
+        return () if self.external else atoms(self.formula)
 
 
 @dataclass(frozen=True)

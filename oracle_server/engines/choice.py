@@ -8,19 +8,20 @@ from oracle_server.core.plan import Plan
 from oracle_server.core.session import orders
 from oracle_server.core.spec import Property
 from oracle_server.engines.both import BothEngine
+from oracle_server.engines.external import ExternalEngine
 from oracle_server.engines.native import NativeEngine
 from oracle_server.engines.reelay import ReelayEngine
 from oracle_server.engines.reelay import refusal as reelay_refusal
 
 _UNSHARED = 10
 """Properties of which each may cost what an engine may; more of them share that of so many."""
-_BUILT = ("auto", "native", "reelay", "both")
+_BUILT = ("auto", "native", "reelay", "both", "external")
 
 
 def refusal(prop: Property) -> str | None:
     """Why no engine of this version can judge a property as its spec asks, None where one can."""
     if prop.engine not in _BUILT:
-        return f"`engine: {prop.engine}` is not in this version yet; `auto`, `native`, `reelay` and `both` are"
+        return f"`engine: {prop.engine}` is not in this version yet; {', '.join(_BUILT)} are"
     return reelay_refusal(prop.formula, prop.time) if prop.engine == "reelay" else None
 
 
@@ -37,6 +38,8 @@ def make_engine(prop: Property, share: float = 1) -> Engine:
     reason = refusal(prop)
     if reason:
         raise EngineError(reason)
+    if prop.external is not None:
+        return ExternalEngine(prop.text)
     if prop.engine == "reelay":
         return ReelayEngine(prop.formula)
     native = NativeEngine(prop.formula, prop.time, share)

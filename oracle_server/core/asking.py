@@ -1,0 +1,110 @@
+"""Steps that wait for what oracles elsewhere say of them: asked in their order, judged in their order."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from oracle_server.core.engine import Answer
+from oracle_server.core.events import Order, Step
+from oracle_server.core.verdicts import Outcome
+
+
+class Ask(NamedTuple):
+    """A question to the oracle of one property, by its index: how it stands at a step and a time (ns).
+
+    `number` tells the waiting step; times never go back within an order.
+    """
+
+    number: int
+    order: Order
+    property: int
+    step: Step
+    time: int
+
+
+@dataclass(slots=True)
+class Waiting:
+    """A step whose turn has come, and what was said of it so far; `missing` are the properties still to answer."""
+
+    order: Order
+    step: Step
+    missing: set[int]
+    answers: dict[int, Answer] = field(default_factory=dict)
+
+
+class Ticks(NamedTuple):
+    """Deadlines up to a time (ns) that have run out, and wait behind a step."""
+
+    order: Order
+    until: int
+
+
+class Asking:
+    """What waits for answers, and behind what does. Nothing leaves before what came before it."""
+
+    def __init__(self) -> None:
+        self._asks: list[Ask] = []
+        self._queue: deque[Waiting | Ticks] = deque()
+        self._unanswered: dict[int, Waiting] = {}
+        self._count = 0
+        self.told: dict[Order, int] = {}
+        """The time (ns) that the last step had in each order."""
+
+    def __len__(self) -> int:
+        return len(self._queue)
+
+    @property
+    def last(self) -> Step | None:
+        """The step that came last, None where none waits."""
+        return next((item.step for item in reversed(self._queue) if isinstance(item, Waiting)), None)
+
+    def add(self, order: Order, step: Step, properties: Iterable[int], time: int) -> None:
+        """Let a step wait for the oracles of some properties, of which there may be none."""
+        self._count += 1
+        self.told[order] = time
+        waiting = Waiting(order, step, set(properties))
+        self._queue.append(waiting)
+        if waiting.missing:
+            self._unanswered[self._count] = waiting
+        self._asks += [Ask(self._count, order, index, step, time) for index in sorted(waiting.missing)]
+
+    def add_ticks(self, order: Order, until: int) -> None:
+        """Let deadlines that have run out wait behind the last step."""
+        last = self._queue[-1] if self._queue else None
+        if isinstance(last, Ticks) and last.order == order:
+            self._queue.pop()
+            until = max(until, last.until)
+        self._queue.append(Ticks(order, until))
+
+    def take(self) -> list[Ask]:
+        """The questions that were not taken yet, in their order."""
+        asks, self._asks = self._asks, []
+        return asks
+
+    def answer(self, number: int, index: int, answer: Answer) -> None:
+        """Take an answer in; one that is not waited for is passed over."""
+        waiting = self._unanswered.get(number)
+        if waiting is not None and index in waiting.missing:
+            waiting.missing.remove(index)
+            waiting.answers[index] = answer
+            if not waiting.missing:
+                del self._unanswered[number]
+
+    def give_up(self, reason: str) -> None:
+        """Wait for no answer any more: what is not known is unknown."""
+        self._asks.clear()
+        for waiting in self._unanswered.values():
+            waiting.answers |= dict.fromkeys(waiting.missing, Answer(Outcome.UNKNOWN, reason))
+            waiting.missing.clear()
+        self._unanswered.clear()
+
+    def leaving(self) -> Iterator[Waiting | Ticks]:
+        """What waits no longer, in its order."""
+        while self._queue:
+            first = self._queue[0]
+            if isinstance(first, Waiting) and first.missing:
+                return
+            yield self._queue.popleft()
