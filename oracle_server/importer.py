@@ -61,8 +61,9 @@ def spec_text(config: Config, modules: Sequence[PropertyModule], source: str) ->
     lines += [f"# TODO: `{name}` kept its value over several streams' messages there; here one stream only holds a name"
               for name in shared]  # fmt: skip
     lines += [f"id: {re.sub(r'[^A-Za-z0-9_.-]', '_', config.name)[:64]}", *_ordering(config), "streams:"]
+    wait = 0 if modules else _milliseconds(config.timeout)
     for interface in config.interfaces:
-        lines += _interface(config, interface, signals)
+        lines += _interface(config, interface, signals, wait)
     lines += ["properties:", *_properties(config, modules, signals)]
     return "\n".join(lines) + "\n"
 
@@ -122,7 +123,8 @@ def _ordering(config: Config) -> list[str]:
     return ["ordering:", "  by: publication", "  max_delay: 200ms   # there it waited for ever, for the rarest stream"]
 
 
-def _interface(config: Config, interface: Interface, signals: dict[tuple[str, str], _Signals]) -> list[str]:
+def _interface(config: Config, interface: Interface, signals: dict[tuple[str, str], _Signals], wait: int) -> list[str]:
+    """The lines of one interface; `wait` is how long (ms) decisions wait for an oracle elsewhere."""
     lines = [f"  - {interface.kind}: {interface.name}"]
     if interface.type:
         lines.append(f"    type: {interface.type}")
@@ -131,7 +133,8 @@ def _interface(config: Config, interface: Interface, signals: dict[tuple[str, st
         lines.append("    ordered: false")
     if interface.filtered:
         least = max([i.delay or 200 for i in config.interfaces if i.reordered], default=0)
-        lines += ["    action: filter", f"    decide_within: {max(round(config.timeout * 1000), least + 100)}ms"]
+        within = max(_milliseconds(config.timeout), least + wait + 100)
+        lines += ["    action: filter", f"    decide_within: {within}ms"]
         lines.append("    on_unavailable: deny   # there a filter let everything pass while its oracle was away")
         if interface.kind == "topic":
             lines.append(f"    intercept: {'subscriber' if interface.subscribers else 'publisher'}")
@@ -141,6 +144,10 @@ def _interface(config: Config, interface: Interface, signals: dict[tuple[str, st
         inside = _channel(interface, signals[interface.name, kind], "      ")
         lines += [f"    {kind}:", *inside] if inside else []
     return lines
+
+
+def _milliseconds(seconds: float) -> int:
+    return max(1, round(seconds * 1000))
 
 
 def _channel(interface: Interface, signals: _Signals, indent: str) -> list[str]:
@@ -165,11 +172,13 @@ def _properties(
     lines: list[str] = []
     if not modules:
         lines += [
-            "  # TODO: no property module was given (--properties), and the configuration holds no property.",
-            f"  # The oracle was at {config.url}.",
-            "  - id: todo",
-            "    formula: '{todo}'",
+            "  # No property module was given (--properties), so that the oracle stays who judges.",
+            "  - id: oracle",
+            "    engine: external",
+            f"    url: {config.url}",
+            f"    timeout: {_milliseconds(config.timeout)}ms",
         ]
+        lines += ["    names: bare   # as it was told them"] if all(i.bare for i in config.interfaces) else []
         lines += [guards] if any(i.filtered for i in config.interfaces) else []
         return lines
     known = {name for stream in signals.values() for name in (*stream.cel, *stream.unread)}

@@ -23,7 +23,10 @@ class ConfigError(OracleError):
 
 @dataclass(slots=True)
 class Interface:
-    """A topic or service; `delay` is its `max_delay_ms`, `stamp` the field that it is ordered by."""
+    """A topic or service; `delay` is its `max_delay_ms`, `stamp` the field that it is ordered by.
+
+    `bare`: its name stands without the leading slash, and its oracle is told it so.
+    """
 
     name: str
     kind: Literal["topic", "service"]
@@ -33,6 +36,7 @@ class Interface:
     reordered: bool = False
     delay: int | None = None
     stamp: str | None = None
+    bare: bool = False
     lost: list[str] = field(default_factory=list)
     """What has no counterpart, in words."""
 
@@ -139,6 +143,7 @@ def _interface(item: Mapping[str, Any], kind: Literal["topic", "service"], monit
         reordered=bool(ordering.get("enabled", bool(ordering))),
         delay=ordering.get("max_delay_ms") if isinstance(ordering.get("max_delay_ms"), int) else None,
         stamp=by if isinstance(by, str) and re.fullmatch(r"\w+(\.\w+)+", by) else None,
+        bare=_slashed(name) != name,
     )
     if item.get("ordered") and not found.reordered:
         found.lost.append("`ordered: true` alone put nothing in order there")

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from oracle_server.core.spec import External
 from oracle_server.specfile import parse_spec
 from tests.server.harness import failed, run
 
@@ -112,8 +113,19 @@ def test_version_two_orders_what_it_ordered(tmp_path: Path) -> None:
         ("/battery", "topic"), ("/SetLED", "request"), ("/SetLED", "response"),
     }  # fmt: skip
     assert by_name["/status", "topic"].intercept == "subscriber"
-    assert by_name["/SetLED", "request"].decide_within == 3 * 10**9
+    assert by_name["/SetLED", "request"].decide_within == 3_300 * 10**6
     assert by_name["/SetLED", "request"].proxy == "/SetLED_mon"
+
+
+def test_without_a_module_the_oracle_stays_who_judges(tmp_path: Path) -> None:
+    text, spec = imported(tmp_path, SECOND)
+    (prop,) = spec.properties
+    assert prop.external == External("ws://10.0.0.1:8081", 3 * 10**9)
+    assert prop.guards == {"/status", "/SetLED"}
+    assert {s.decide_within for s in spec.streams if s.action == "filter"} == {3_300 * 10**6}
+    assert "TODO" not in text.partition("properties:")[2]
+    _, spec = imported(tmp_path, FIRST)
+    assert spec.properties[0].external == External("ws://127.0.0.1:8080", 2 * 10**9, bare=True)
 
 
 def test_the_rewrite_keeps_its_delays_and_stamps(tmp_path: Path) -> None:
