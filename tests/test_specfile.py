@@ -103,7 +103,7 @@ def test_durations(text: str, nanoseconds: int | None) -> None:
     assert sound(f"ordering: {{max_delay: {text}}}\n{SMALL}").ordering.max_delay == nanoseconds
 
 
-@pytest.mark.parametrize(("text", "type_"), [("p/msg/T", "p/msg/T"), ("p.msg.T", "p/msg/T"), ("p/T", "p/T")])
+@pytest.mark.parametrize(("text", "type_"), [("p/msg/T", "p/msg/T"), ("p.msg.T", "p/msg/T"), ("p/T", "p/msg/T")])
 def test_ros_types(text: str, type_: str) -> None:
     assert sound(SMALL.replace("topic: /a\n", f"topic: /a\n    type: {text}\n", 1)).streams[0].type == type_
 

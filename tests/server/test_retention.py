@@ -80,13 +80,13 @@ async def test_an_open_session_is_saved_and_keeps_what_came_since(start: Starts,
 async def test_what_can_not_be_saved_is_kept_whole(start: Starts) -> None:
     server = start(**OFTEN, ORACLE_RETAIN_EVENTS="1")
     text = (server.specs / "single.yaml").read_text()
-    for name, changed in {"reelay": text + "    engine: reelay\n", "twice": text + "ordering: {by: both}\n"}.items():
+    for name, changed in {"by_reelay": text + "    engine: reelay\n", "twice": text + "ordering: {by: both}\n"}.items():
         content = changed.replace("id: single", f"id: {name}")
         assert server.http.put(f"/api/v1/specs/{name}", content=content).status_code == 201
         await fill(server, name, 10, closed=False, spec=name)
     await fill(server, "closed", 5)
     found = await server.until(lambda: kept(server), lambda found: "closed" not in found)
-    assert (found["reelay"][0], found["twice"][0]) == (1, 1)
+    assert (found["by_reelay"][0], found["twice"][0]) == (1, 1)
 
 
 async def until_cut(server: Server, n: int) -> None:
