@@ -103,6 +103,15 @@ def _check(constraint: Constraint) -> Check | None:
     wanted = constraint.value
     if isinstance(wanted, Any | Ref):
         return None
-    if constraint.op == "==" and isinstance(wanted, str):  # as most are
-        return lambda value: value == wanted
+    if constraint.op == "==":  # as most are
+        return _equals(wanted)
     return partial(meets, constraint)
+
+
+def _equals(wanted: Scalar) -> Check:
+    """What `same` is with one value known."""
+    if isinstance(wanted, str):
+        return lambda value: value == wanted
+    if isinstance(wanted, bool):
+        return lambda value: value is wanted
+    return lambda value: value == wanted and value is not True and value is not False
