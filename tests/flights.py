@@ -176,7 +176,7 @@ class Flown:
         counters = self.server.session("s")["counters"]
         assert {name: counters[name] for name in ("held", "refused", "skipped", "lost")} == {
             "held": 0, "refused": 0, "skipped": 0, "lost": 0,
-        }  # fmt: skip
+        }, counters  # fmt: skip
 
 
 def cause(violation: Data) -> str:
