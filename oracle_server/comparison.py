@@ -45,6 +45,11 @@ class Comparison:
         self._order = order
         self._waiting: dict[tuple[str, int], str] = {}
 
+    @property
+    def compares(self) -> bool:
+        """Whether something was said of an event that is not judged yet."""
+        return bool(self._waiting)
+
     def told(self, event: Event, verdict: str) -> None:
         """Keep what was said of an event until it is judged."""
         self._waiting[event.monitor, event.seq] = verdict
@@ -52,7 +57,7 @@ class Comparison:
     def judged(self, judged: Judged) -> None:
         """Compare an event's old verdict, where there is one, with what is said now."""
         event = judged.step.event
-        if not self._waiting or judged.order != self._order:
+        if judged.order != self._order:
             return
         was = self._waiting.pop((event.monitor, event.seq), None)
         if was is None:
@@ -66,7 +71,9 @@ class Comparison:
 
     def take(self) -> list[Difference]:
         """The differences that were found since the last call."""
-        found, self.found = self.found, []
+        found = self.found
+        if found:
+            self.found = []
         return found
 
     def summary(self) -> dict[str, int]:

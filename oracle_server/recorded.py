@@ -39,7 +39,7 @@ class Place(Struct, frozen=True, gc=False):
     said: dict[str, Answer] = {}
 
 
-class Recorded(NamedTuple):
+class Recorded(Struct, frozen=True, gc=False):
     """A recorded event; a session's own trace also has its places, what its adapter did with it and why, and ticks.
 
     `verdict` is what ROSMonitoring's oracle said of it.

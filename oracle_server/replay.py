@@ -54,7 +54,8 @@ class Replay:
         judge = self._again if first.places and not self._anew else self._as_new
         try:
             for item in judge(first, recorded):
-                self.comparison.judged(item)
+                if self.comparison.compares:
+                    self.comparison.judged(item)
                 yield item
         finally:
             if self._consultation is not None:

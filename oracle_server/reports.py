@@ -57,16 +57,15 @@ class TextReport:
 
     def judged(self, replay: Replay, judged: Judged) -> None:
         """Tell of violations, and of what differs from old verdicts."""
-        prefix = f"{replay.spec.id}: " if self._several else ""
-        order = " by arrival" if judged.order == "arrival" else ""
         for verdict in judged.verdicts:
-            why = explain(judged, verdict)
-            if why:
-                self._out.write(f"{prefix}violation {verdict.n}{order}: {why['text']}\n")
+            if verdict.explanation is not None:
+                order = " by arrival" if judged.order == "arrival" else ""
+                text = (explain(judged, verdict) or {})["text"]
+                self._write(replay, f"violation {verdict.n}{order}: {text}")
         for found in replay.comparison.take():
             broken = f" ({', '.join(found.properties)})" if found.properties else ""
             event = f"{found.event.stream} {found.event.seq}"
-            self._out.write(f"{prefix}difference: {event} was '{one_line(found.was)}', is {found.now}{broken}\n")
+            self._write(replay, f"difference: {event} was '{one_line(found.was)}', is {found.now}{broken}")
 
     def ended(self, replay: Replay) -> None:
         """Print a table of the properties, and the counts."""
@@ -86,6 +85,9 @@ class TextReport:
 
     def finish(self) -> None:
         """Print nothing more."""
+
+    def _write(self, replay: Replay, line: str) -> None:
+        self._out.write(f"{replay.spec.id}: {line}\n" if self._several else f"{line}\n")
 
 
 class JsonReport:

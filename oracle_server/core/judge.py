@@ -18,6 +18,7 @@ from oracle_server.core.property_state import Names, PropertyState
 from oracle_server.core.recent import Recent
 from oracle_server.core.verdicts import DENYING, NEGATIVE, Decision, Explanation, Judged, Outcome, Verdict
 
+_NO_ONE = frozenset[int]()
 TICK = StreamKey("", "tick")
 """The stream of ticks, which no monitor observes."""
 
@@ -115,14 +116,12 @@ class Judge:
 
     def judge(self, step: Step, now: int) -> Judged:
         """Judge one step, or skip it; `now` becomes its time of judgement."""
-        self.counters.late += step.late
-        self.counters.skewed += step.skewed
-        self.counters.lost += step.event.lost
-        if step.event.lost or step.forced:
-            self._degraded = True
+        event = step.event
+        if step.late or step.skewed or step.forced or event.lost:
+            self._count(step)
         if step.skipped:
             return self._skip(step, now)
-        if self._decides and step.event.ask and self._plan.streams[step.event.stream].undoes:
+        if event.ask and self._decides and self._plan.streams[event.stream].undoes:
             return self._try(step, now)
         return self._judge(step, now)
 
@@ -140,6 +139,13 @@ class Judge:
         verdicts = tuple(self._verdict(s, outcome, signals) for s, outcome in zip(self.properties, found, strict=True))
         event = Event(TICK, "", self.counters.ticks, time, now, None)
         return self._conclude(Step(event, signals, frozenset(failed), time), None, verdicts, now)
+
+    def _count(self, step: Step) -> None:
+        self.counters.late += step.late
+        self.counters.skewed += step.skewed
+        self.counters.lost += step.event.lost
+        if step.event.lost or step.forced:
+            self._degraded = True
 
     def _try(self, step: Step, now: int) -> Judged:
         """Judge a step, and take it back where it is denied: it never happened."""
@@ -176,20 +182,22 @@ class Judge:
         stream = self._plan.streams[step.event.stream]
         self.counters.steps += 1
         self._move_on(step, stream)
-        blameless = self._blameless(step, stream)
+        blameless = self._blameless(step, stream) if stream.blames else _NO_ONE
         signals, failed = self._signals(step, stream)
         self._recent.add(self.counters.steps, self.present, step, signals)
-        verdicts = []
+        verdicts, time, degraded = [], self.present, self._degraded
         for state, view in zip(self.properties, stream.views, strict=True):
-            degraded = self._is_degraded(state)
-            outcome = state.step(view, self.present, signals, failed)
-            verdicts.append(self._verdict(state, outcome, signals, degraded=degraded))
+            worse = degraded or state.failures > 0
+            outcome = state.step(view, time, signals, failed)
+            n = next(self._numbers)
+            why = self._explain(state, signals) if state.remember(n, outcome) or state.asked else None
+            verdicts.append(Verdict(n, state.property.id, outcome, worse, why))
         return self._conclude(step, self.counters.steps, tuple(verdicts), now, blameless)
 
     def _blameless(self, step: Step, stream: StreamPlan) -> frozenset[int]:
         """The guards with `blame: caused` that would be negative without the event too."""
-        if not (self._decides and step.event.ask and stream.blames):
-            return frozenset()
+        if not (self._decides and step.event.ask):
+            return _NO_ONE
         held = self._held.get(step.event.monitor, _Held())
         return frozenset(
             i
@@ -197,14 +205,10 @@ class Judge:
             if self.properties[i].silent(self._plan.silent[i], self.present, held.values, held.failed) in NEGATIVE
         )
 
-    def _verdict(
-        self, state: PropertyState, outcome: Outcome, signals: Mapping[str, Scalar], *, degraded: bool | None = None
-    ) -> Verdict:
+    def _verdict(self, state: PropertyState, outcome: Outcome, signals: Mapping[str, Scalar]) -> Verdict:
         n = next(self._numbers)
-        became_negative = state.remember(n, outcome)
-        why = self._explain(state, signals) if became_negative or state.asked else None
-        degraded = self._is_degraded(state) if degraded is None else degraded
-        return Verdict(n, state.property.id, outcome, degraded, why)
+        why = self._explain(state, signals) if state.remember(n, outcome) or state.asked else None
+        return Verdict(n, state.property.id, outcome, self._is_degraded(state), why)
 
     def _move_on(self, step: Step, stream: StreamPlan) -> None:
         """Time never goes back, and an unordered event is judged at the present.
@@ -228,7 +232,7 @@ class Judge:
         number: int | None,
         verdicts: tuple[Verdict, ...],
         now: int,
-        blameless: frozenset[int] = frozenset(),
+        blameless: frozenset[int] = _NO_ONE,
     ) -> Judged:
         decision = None
         if step.event.ask and self._decides:
@@ -244,6 +248,8 @@ class Judge:
         signals: dict[str, Scalar] = {**step.signals, **stream.constants, "monitor": event.monitor}
         if event.call is not None:
             signals["call"] = event.call
+        if not stream.spec.hold and not self._held:
+            return signals, step.failed
         if stream.spec.hold:
             held = self._held[event.monitor] = self._held.pop(event.monitor, _Held())  # it spoke last
             held.take(stream.spec.hold, step)

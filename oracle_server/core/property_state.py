@@ -75,10 +75,11 @@ class PropertyState:
         if self.outcome in FINAL:
             return self.outcome
         outcome = self._ask_engine(view, time, signals)
-        if outcome is Outcome.UNKNOWN or not view.reads.isdisjoint(failed):
+        if outcome is Outcome.UNKNOWN or (failed and not view.reads.isdisjoint(failed)):
             self.failures += view.heard
             return Outcome.UNKNOWN
-        self._explain(outcome)
+        if self.asked or outcome in NEGATIVE:
+            self._explain(outcome)
         if self.property.latch and outcome in NEGATIVE:
             return Outcome.FALSE
         return outcome
@@ -204,6 +205,8 @@ class PropertyState:
 
     def remember(self, verdict: int, outcome: Outcome) -> bool:
         """Take in the outcome of verdict number `verdict`; true where the property became negative with it."""
+        if outcome is self.outcome:
+            return False
         self.outcome = outcome
         if outcome is Outcome.UNKNOWN:
             return False

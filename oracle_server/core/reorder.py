@@ -37,14 +37,20 @@ class _Frontier:
 
     clock: int | None = None
     publishers: dict[str, int] = field(default_factory=dict)
+    reached: int | None = None
+    """The time before which nothing can come from here any more; None while nothing is known."""
 
-    @property
-    def reached(self) -> int | None:
-        """The time before which nothing can come from here any more; None while nothing is known."""
-        least = min(self.publishers.values(), default=None)
-        if least is None or self.clock is None:
-            return self.clock if least is None else least
-        return max(least, self.clock)
+    def hear(self, publisher: str, stamp: int) -> None:
+        """Take in a publisher's newest stamp."""
+        self.publishers[publisher] = stamp
+        least = stamp if len(self.publishers) == 1 else min(self.publishers.values())
+        self.reached = least if self.clock is None or least > self.clock else self.clock
+
+    def tell(self, clock: int) -> None:
+        """Take in a newer clock."""
+        self.clock = clock
+        if self.reached is None or clock > self.reached:
+            self.reached = clock
 
 
 class ReorderBuffer(Generic[T]):
@@ -122,7 +128,7 @@ class ReorderBuffer(Generic[T]):
             self._find_slowest()
         known = frontier.publishers.get(publisher)
         if known is None or stamp > known:
-            frontier.publishers[publisher] = stamp
+            frontier.hear(publisher, stamp)
             self._moved(source, new=known is None)
         if self.present is not None and stamp < self.present:
             return [Released(item, late=True), *self._release()]
@@ -144,7 +150,7 @@ class ReorderBuffer(Generic[T]):
         frontier = self._frontiers.get(source)
         if frontier is None or (frontier.clock is not None and stamp <= frontier.clock):
             return []
-        frontier.clock = stamp
+        frontier.tell(stamp)
         self._moved(source)
         return self._release()
 

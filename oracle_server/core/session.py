@@ -101,7 +101,8 @@ class Session:
     def advance(self, now: int) -> list[Judged]:
         """Let time pass: judge what has waited its longest."""
         self.now = max(self.now, now)
-        judged = self._judge(self.buffer.advance(self.now))
+        released = self.buffer.advance(self.now)
+        judged = self._judge(released) if released else []
         return judged + self._run_out() if self._ticking else judged
 
     def finish(self, now: int) -> list[Judged]:
