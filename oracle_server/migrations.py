@@ -14,6 +14,7 @@ _STEPS = {
     "(session INTEGER PRIMARY KEY, position INTEGER NOT NULL, data TEXT NOT NULL);"
     "ALTER TABLE snapshots ADD COLUMN settled INTEGER NOT NULL DEFAULT 0;"
     "ALTER TABLE snapshots ADD COLUMN numbers TEXT;",
+    4: "ALTER TABLE steps ADD COLUMN robustness TEXT;",
 }
 """By the version that they start from: statements that lead to the next one."""
 

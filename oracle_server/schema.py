@@ -7,9 +7,9 @@ from typing import Any
 import msgspec
 
 from oracle_server.core.events import Event, Order, Step, StreamKey
-from oracle_server.core.verdicts import Judged, Outcome, explain
+from oracle_server.core.verdicts import Judged, Outcome, explain, json_number
 
-VERSION = 4
+VERSION = 5
 
 DDL = """
 CREATE TABLE IF NOT EXISTS sessions (
@@ -54,6 +54,7 @@ CREATE TABLE IF NOT EXISTS steps (
     outcomes TEXT NOT NULL,      -- a character a property: T t f F u
     degraded TEXT NOT NULL,      -- a character a property: 0 1
     explanations TEXT,           -- JSON, by the property's place; NULL where none became negative
+    robustness TEXT,             -- JSON: a number, "Infinity", "-Infinity" or null a property; NULL where there is none
     PRIMARY KEY (session, position)
 ) WITHOUT ROWID;
 CREATE UNIQUE INDEX IF NOT EXISTS steps_by_seq ON steps (session, monitor, seq, ord);
@@ -89,7 +90,7 @@ CREATE TABLE IF NOT EXISTS refused (
 STEP_COLUMNS = (
     "session", "position", "ord", "number", "stream", "kind", "monitor", "seq", "gap", "stamp", "arrived", "judged",
     "late", "skewed", "forced", "lost", "source", "call", "ask", "decision", "denied_by", "passed", "why", "signals",
-    "failed", "outcomes", "degraded", "explanations",
+    "failed", "outcomes", "degraded", "explanations", "robustness",
 )  # fmt: skip
 REFUSED_COLUMNS = ("session", "monitor", "seq", "gap", "at", "code", "message")
 
@@ -121,12 +122,19 @@ def step_row(session: int, position: int, gap: int, judged: Judged, outcome: tup
         _encode(step.signals).decode(), "[]" if not step.failed else _encode(sorted(step.failed)).decode(),
         "".join([LETTERS[v.outcome] for v in judged.verdicts]),
         "".join(["1" if v.degraded else "0" for v in judged.verdicts]), _explanations(judged),
+        _robustness(judged),
     )  # fmt: skip
 
 
 def _explanations(judged: Judged) -> str | None:
     found = {str(i): explain(judged, v) for i, v in enumerate(judged.verdicts) if v.explanation is not None}
     return _encode(found).decode() if found else None
+
+
+def _robustness(judged: Judged) -> str | None:
+    if all(v.robustness is None for v in judged.verdicts):
+        return None
+    return _encode([json_number(v.robustness) for v in judged.verdicts]).decode()
 
 
 def step_of(row: Row) -> tuple[Order, Step, int]:
@@ -147,6 +155,7 @@ def records_of(row: Row, properties: list[str]) -> list[dict[str, Any]]:
     """The verdict records of a stored step, one a property."""
     r = dict(zip(STEP_COLUMNS, row, strict=True))
     explanations = msgspec.json.decode(r["explanations"]) if r["explanations"] else {}
+    robustness = msgspec.json.decode(r["robustness"]) if r["robustness"] else [None] * len(properties)
     first = (r["position"] - 1) * len(properties) + 1
     return [
         {
@@ -167,6 +176,7 @@ def records_of(row: Row, properties: list[str]) -> list[dict[str, Any]]:
             "degraded": r["degraded"][i] == "1",
             "decision": r["decision"],
             "passed": None if r["passed"] is None else bool(r["passed"]),
+            "robustness": robustness[i],
             "violation": str(i) in explanations,
             "explanation": explanations.get(str(i)),
         }

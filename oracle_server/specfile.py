@@ -14,13 +14,12 @@ from urllib.parse import urlsplit
 from pydantic import ValidationError
 
 from oracle_server.core.dependencies import GraphNode
-from oracle_server.core.errors import Finding, FormulaError, Problem, SpecError
-from oracle_server.core.formula.parse import parse_formula
+from oracle_server.core.errors import EngineError, Finding, FormulaError, Problem, SpecError
 from oracle_server.core.formula.tree import Formula
 from oracle_server.core.hazards import inspect
 from oracle_server.core.ros import Ros, ros_hazards
 from oracle_server.core.spec import SILENT, External, Ordering, Property, Retention, Spec, StreamSpec
-from oracle_server.engines.choice import goes_back, refusal
+from oracle_server.engines.choice import goes_back, read_formula, refusal
 from oracle_server.specmodel import PropertyModel, ServiceModel, SpecModel, TopicModel
 from oracle_server.yamltext import MAX_TEXT, Document, read_yaml
 
@@ -93,7 +92,10 @@ def _property(document: Document, index: int, model: PropertyModel, findings: li
         findings.append(Finding(document.file, *document.place(place), "the key 'formula' is missing"))
         return None
     try:
-        formula = parse_formula(model.formula, model.time)
+        formula = read_formula(model.formula, model.time, model.engine)
+    except EngineError as error:
+        findings.append(Finding(document.file, *document.place((*place, "engine")), f"property '{model.id}': {error}"))
+        return None
     except FormulaError as error:
         at = document.place((*place, "formula"), (error.line, error.column))
         findings.append(Finding(document.file, *at, f"formula of '{model.id}': {error.message}"))

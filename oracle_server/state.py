@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from oracle_server.core.reorder import Source
 from oracle_server.core.session import Session
 from oracle_server.core.tally import BOUNDS, HoldTimes, StreamCounts
+from oracle_server.core.verdicts import json_number
 
 if TYPE_CHECKING:
     from oracle_server.live import LiveSession
@@ -55,6 +56,7 @@ def session_state(session: LiveSession, now: int) -> dict[str, Any]:
                 "unknown": state.failures,
                 "broken": state.broken,
                 "complaint": state.complaint,
+                "robustness": json_number(state.robustness),
             }
             for order, judge in core.judges.items()
             for state in judge.properties

@@ -94,6 +94,7 @@ class ViolationFrame(_Frame):
     degraded: bool
     decision: Literal["allow", "deny"] | None
     passed: bool | None
+    robustness: float | Literal["Infinity", "-Infinity"] | None
     violation: bool
     explanation: dict[str, Any]
 

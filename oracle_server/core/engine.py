@@ -93,6 +93,16 @@ class Told(Engine, Protocol):
         ...
 
 
+@runtime_checkable
+class Measuring(Engine, Protocol):
+    """An engine that can say how far its formula is from changing its truth."""
+
+    @property
+    def robustness(self) -> float | None:
+        """Above 0 where the formula held at the last step, below where it did not, None where that is not known."""
+        ...
+
+
 EngineFactory = Callable[[Property], Engine]
 """Makes a fresh engine for a property; may take tens of milliseconds."""
 

@@ -26,6 +26,7 @@ def inspect(spec: Spec, graph: Sequence[GraphNode] | None = None) -> list[Proble
         *_guards(spec),
         *_external(spec),
         *_atoms(spec),
+        *_gaps(spec),
         *_causes(spec),
         *deadlocks(spec, graph),
         *(starvation(spec, graph) if graph is not None else ()),
@@ -102,7 +103,7 @@ def _guards(spec: Spec) -> Iterator[Problem]:
                 yield Problem(path, f"property '{prop.id}' guards '{name}', which is no stream of this spec")
             elif stream.action != "filter":
                 yield Problem(path, f"property '{prop.id}' guards {name}, whose action is `log`: it could deny nothing")
-            elif prop.blame == "any" and prop.external is None and not mendable(spec, prop, name):
+            elif prop.blame == "any" and prop.engine not in ("rtamt", "external") and not mendable(spec, prop, name):
                 yield Problem(
                     path,
                     f"property '{prop.id}' can be negative at an event of {name} that withholding would not mend: "
@@ -141,6 +142,21 @@ def _atoms(spec: Spec) -> Iterator[Problem]:
             reason = _why_never(atom, spec, held)
             if reason:
                 yield Problem(("properties", i, "formula"), f"formula of '{prop.id}': {reason}", atom.at)
+
+
+def _gaps(spec: Spec) -> Iterator[Problem]:
+    """The streams at whose events a formula over numbers lacks some."""
+    held = frozenset[str]().union(*(s.hold for s in spec.streams))
+    for i, prop in enumerate(spec.properties):
+        if prop.engine != "rtamt":
+            continue
+        named = [c.key for atom in prop.atoms for c in atom.constraints]
+        read = [key for key in named if any(_has(s, key, held) for s in spec.streams)]
+        lacking = {str(s.key): [key for key in read if not _has(s, key, held)] for s in spec.streams}
+        where = ", ".join(f"{stream} ({', '.join(keys)})" for stream, keys in lacking.items() if keys)
+        if where:
+            message = f"property '{prop.id}' is unknown where a signal is missing: {where}; `hold` keeps the last value"
+            yield Problem(("properties", i, "formula"), message, severity="warning")
 
 
 def _why_never(atom: Atom, spec: Spec, held: frozenset[str]) -> str | None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import msgspec
 
-from oracle_server.core.engine import Engine
+from oracle_server.core.engine import Engine, Measuring
 from oracle_server.core.events import Event, Order, Step, StreamKey
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.past import Past
@@ -53,6 +53,7 @@ class Judge:
         self._order = order
         self._numbers = numbers
         self._decides = decides
+        self._measures = any(isinstance(engine, Measuring) for engine in engines)
         self._held: dict[str, _Held] = {}
         self._degraded = False
         self._unordered = not any(stream.ordered for stream in plan.spec.streams)
@@ -189,9 +190,10 @@ class Judge:
         for state, view in zip(self.properties, stream.views, strict=True):
             worse = degraded or state.failures > 0
             outcome = state.step(view, time, signals, failed)
+            robustness = state.robustness if self._measures else None
             n = next(self._numbers)
             why = self._explain(state, signals) if state.remember(n, outcome) or state.asked else None
-            verdicts.append(Verdict(n, state.property.id, outcome, worse, why))
+            verdicts.append(Verdict(n, state.property.id, outcome, worse, why, robustness))
         return self._conclude(step, self.counters.steps, tuple(verdicts), now, blameless)
 
     def _blameless(self, step: Step, stream: StreamPlan) -> frozenset[int]:

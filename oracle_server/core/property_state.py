@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from oracle_server.core.atoms import Matches
-from oracle_server.core.engine import MAX_WORK, Answer, Engine, Explaining, Revisable, Savable, Told
+from oracle_server.core.engine import MAX_WORK, Answer, Engine, Explaining, Measuring, Revisable, Savable, Told
 from oracle_server.core.errors import EngineError
 from oracle_server.core.explanation import Why
 from oracle_server.core.formula.tree import Scalar
@@ -163,6 +163,13 @@ class PropertyState:
             if not isinstance(self.engine, Savable):
                 raise EngineError("a snapshot of another engine")
             self.engine.restore(data["engine"])
+
+    @builtin_property
+    def robustness(self) -> float | None:
+        """The engine's at the last step; None where it was not asked, or has none."""
+        if self.outcome in FINAL or self.broken is not None or not isinstance(self.engine, Measuring):
+            return None
+        return self.engine.robustness
 
     @builtin_property
     def complaint(self) -> str | None:

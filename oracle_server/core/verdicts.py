@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from enum import StrEnum
 from typing import Any, Literal
@@ -61,7 +62,7 @@ class Verdict(msgspec.Struct, frozen=True, gc=False):
     """What one property says about one step; `n` counts a session's verdicts from 1 without gaps.
 
     `degraded`: something before it is known to be lost, skipped or failed. An explanation is there where the
-    property became negative, and makes the verdict a violation.
+    property became negative, and makes the verdict a violation. `robustness` is there where the engine measures it.
     """
 
     n: int
@@ -69,6 +70,7 @@ class Verdict(msgspec.Struct, frozen=True, gc=False):
     outcome: Outcome
     degraded: bool
     explanation: Explanation | None = None
+    robustness: float | None = None
 
 
 class Decision(msgspec.Struct, frozen=True, gc=False):
@@ -114,9 +116,17 @@ def record(judged: Judged, verdict: Verdict) -> dict[str, Any]:
         "degraded": verdict.degraded,
         "decision": judged.decision.choice if judged.decision else None,
         "passed": None,
+        "robustness": json_number(verdict.robustness),
         "violation": verdict.explanation is not None,
         "explanation": explain(judged, verdict),
     }
+
+
+def json_number(value: float | None) -> float | str | None:
+    """A number as JSON carries it: the infinities as the wire's texts for them."""
+    if value is None or math.isfinite(value):
+        return value
+    return "Infinity" if value > 0 else "-Infinity"
 
 
 def explain(judged: Judged, verdict: Verdict) -> dict[str, Any] | None:

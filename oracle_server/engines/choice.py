@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from oracle_server.core.engine import Engine
 from oracle_server.core.errors import EngineError
+from oracle_server.core.formula.parse import Time, parse_formula
+from oracle_server.core.formula.tree import Formula
 from oracle_server.core.plan import Plan
 from oracle_server.core.session import orders
 from oracle_server.core.spec import Property
+from oracle_server.engines import stl
 from oracle_server.engines.both import BothEngine
 from oracle_server.engines.external import ExternalEngine
 from oracle_server.engines.native import NativeEngine
@@ -15,13 +18,23 @@ from oracle_server.engines.reelay import refusal as reelay_refusal
 
 _UNSHARED = 10
 """Properties of which each may cost what an engine may; more of them share that of so many."""
-_BUILT = ("auto", "native", "reelay", "both", "external")
+
+
+def read_formula(text: str, time: Time, engine: str) -> Formula:
+    """A property's formula, in the language of its engine; of one in rtamt's, the signals that it reads.
+
+    Raises `FormulaError`, and `EngineError` where rtamt is not installed.
+    """
+    if engine != "rtamt":
+        return parse_formula(text, time)
+    stl.demand()
+    from oracle_server.engines.stl.parse import read_stl
+
+    return read_stl(text, time).formula
 
 
 def refusal(prop: Property) -> str | None:
     """Why no engine of this version can judge a property as its spec asks, None where one can."""
-    if prop.engine not in _BUILT:
-        return f"`engine: {prop.engine}` is not in this version yet; {', '.join(_BUILT)} are"
     return reelay_refusal(prop.formula, prop.time) if prop.engine == "reelay" else None
 
 
@@ -42,6 +55,10 @@ def make_engine(prop: Property, share: float = 1) -> Engine:
         return ExternalEngine(prop.text)
     if prop.engine == "reelay":
         return ReelayEngine(prop.formula)
+    if prop.engine == "rtamt":
+        from oracle_server.engines.stl.engine import StlEngine
+
+        return StlEngine(prop.text, prop.time)
     native = NativeEngine(prop.formula, prop.time, share)
     return BothEngine(native, ReelayEngine(prop.formula)) if _compares(prop) else native
 
