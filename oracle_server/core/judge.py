@@ -188,7 +188,7 @@ class Judge:
         self._recent.add(self.counters.steps, self.present, step, signals)
         verdicts, time, degraded = [], self.present, self._degraded
         for state, view in zip(self.properties, stream.views, strict=True):
-            worse = degraded or state.failures > 0
+            worse = degraded or state.failures > 0 or state.renewed
             outcome = state.step(view, time, signals, failed)
             robustness = state.robustness if self._measures else None
             n = next(self._numbers)

@@ -215,7 +215,7 @@ def test_the_throttle_lets_a_burst_through_and_then_the_rate() -> None:
 async def test_a_formula_that_explodes_is_told_and_costs_the_others_nothing(server: Server, session: str) -> None:
     """Two sessions side by side: one is judged no more where it would cost too much, the other as if it were alone."""
     spec = f"greedy-{session}"
-    formula = 'exists[x, y, z]. ({topic: "/a", k: *x} or {l: *y}) since ({k: *y} or {l: *z})'
+    formula = 'exists[w, x, y, z]. ({topic: "/a", k: *x} or {l: *y} or {k: *w}) since ({k: *y} or {l: *z} or {l: *w})'
     properties = f"  - {{id: greedy, formula: '{formula}'}}\n  - {{id: small, formula: '{{v > 0}}', guards: [/a]}}\n"
     text = f"id: {spec}\nstreams:\n  - {{topic: /a, action: filter}}\nproperties:\n{properties}"
     assert server.http.put(f"/api/v1/specs/{spec}", content=text).status_code == 201
