@@ -19,6 +19,10 @@ PATIENCE = 30.0
 _MAIN = "from oracle_server.cli import main; main()"
 
 
+_OFTEN = "from oracle_server import store; store._PERIOD = 0"
+"""Commits as they come and not gathered: there are the more moments to strike at."""
+
+
 class Served:
     """One server and its data directory, over all the processes that serve it; they share a port."""
 
@@ -27,7 +31,7 @@ class Served:
 
         `prelude` is Python that each process runs before it becomes a server.
         """
-        self._command = (sys.executable, "-c", f"{prelude}\n{_MAIN}", "serve")
+        self._command = (sys.executable, "-c", f"{_OFTEN}\n{prelude}\n{_MAIN}", "serve")
         self.up = asyncio.Event()
         self.starts = 0
         self.log: list[dict[str, Any]] = []

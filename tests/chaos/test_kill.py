@@ -46,7 +46,7 @@ async def test_ten_kills_in_a_row(
     known: dict[str, list[Frame]],
 ) -> None:
     first = len(trace) // 20  # by then each monitor has something in the history
-    points = sorted(chance.sample(range(first, told(trace) * 9 // 10), KILLS))
+    points = sorted(chance.sample(range(first, told(trace) * 2 // 3), KILLS))
     async with Served(specs(layout, tmp_path), tmp_path / "data", durability=durability) as served:
         async with reviving(served):
             links = await stream_through(served, layout, trace, chance, points, lambda _: served.kill())
@@ -65,7 +65,7 @@ async def test_ten_kills_in_a_row(
 async def test_frozen_and_thawed(
     layout: Layout, trace: list[Frame], tmp_path: Path, chance: random.Random, known: dict[str, list[Frame]]
 ) -> None:
-    points = sorted(chance.sample(range(told(trace) * 9 // 10), 5))
+    points = sorted(chance.sample(range(told(trace) * 2 // 3), 5))
     async with Served(specs(layout, tmp_path), tmp_path / "data") as served, asyncio.TaskGroup() as freezes:
 
         async def freeze() -> None:
@@ -87,7 +87,7 @@ async def test_frozen_and_thawed(
 async def test_connections_cut(
     layout: Layout, trace: list[Frame], tmp_path: Path, chance: random.Random, known: dict[str, list[Frame]]
 ) -> None:
-    points = sorted(chance.sample(range(told(trace) * 9 // 10), 30))
+    points = sorted(chance.sample(range(told(trace) * 2 // 3), 30))
     async with Served(specs(layout, tmp_path), tmp_path / "data") as served, asyncio.TaskGroup() as overtakings:
 
         async def overtake(link: Link) -> None:

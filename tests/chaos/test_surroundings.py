@@ -51,7 +51,7 @@ async def test_connections_half_open(
     layout: Layout, trace: list[Frame], tmp_path: Path, chance: random.Random, known: dict[str, list[Frame]]
 ) -> None:
     """The monitors notice, and come back; to the server their old connections still stand."""
-    points = sorted(chance.sample(range(told(trace) * 9 // 10), 10))
+    points = sorted(chance.sample(range(told(trace) * 2 // 3), 10))
     async with Served(specs(layout, tmp_path), tmp_path / "data") as served, Tunnel(served) as tunnel:
 
         def strike(links: list[Link]) -> None:
@@ -70,7 +70,7 @@ async def test_connections_half_open(
 async def test_a_clock_that_jumps(
     trace: list[Frame], tmp_path: Path, chance: random.Random, known: dict[str, list[Frame]]
 ) -> None:
-    points = sorted(chance.sample(range(told(trace) * 9 // 10), 12))
+    points = sorted(chance.sample(range(told(trace) * 2 // 3), 12))
     async with Served(specs(PAIR, tmp_path), tmp_path / "data", prelude=TURNED_BY_SIGNALS) as served:
         turns = iter([signal.SIGUSR1, signal.SIGUSR2, signal.SIGUSR2, signal.SIGUSR1] * 3)
         links = await stream_through(served, PAIR, trace, chance, points, lambda _: served.signal(next(turns)))
