@@ -143,7 +143,7 @@ class Conversation:
             if self._over.done():
                 self._over.result()
             elif closed.done():
-                raise socket.close_exc
+                raise socket.protocol.close_exc
             else:
                 watching.result()
             with suppress(asyncio.TimeoutError):
