@@ -1,10 +1,12 @@
-"""Subscribes to /battery_percentage, so that the battery begins once this is there.
+"""Subscribes to /battery_percentage once told so by a line, so that the battery begins then, with all else in place.
 
-A publisher that has found its subscriptions may not have been found by them yet, and its first messages then come
-hundreds of ms late; this gives them time.
+A process that joins the graph can keep those that are there from hearing for some 100 ms, and a publisher that has
+found its subscriptions may not have been found by them yet: so this joins early, and what it adds later is little.
 """
 
 from __future__ import annotations
+
+import sys
 
 import rclpy
 from battery_uav_msgs.msg import BatteryPercentage
@@ -13,6 +15,8 @@ from battery_uav_msgs.msg import BatteryPercentage
 def main() -> None:
     rclpy.init()
     node = rclpy.create_node("gate")
+    print("ready", flush=True)
+    sys.stdin.readline()
     node.create_subscription(BatteryPercentage, "battery_percentage", lambda _: None, 1)
     rclpy.spin(node)
 

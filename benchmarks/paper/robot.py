@@ -36,7 +36,12 @@ class Process:
         self.name, self.log = name, ""
         self._said = threading.Condition()
         self._process = subprocess.Popen(
-            [str(word) for word in command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=setting
+            [str(word) for word in command],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env=setting,
         )
         threading.Thread(target=self._read, daemon=True).start()
 
@@ -47,6 +52,12 @@ class Process:
         if not found:
             raise SystemExit(f"{self.name} did not say {pattern!r} within {PATIENCE:.0f} s:\n{self.log}")
         return found
+
+    def tell(self) -> None:
+        """Send it an empty line."""
+        assert self._process.stdin is not None
+        self._process.stdin.write("\n")
+        self._process.stdin.flush()
 
     def cost(self) -> Cost:
         """As `/proc` tells it; of a live process."""
@@ -96,10 +107,12 @@ class Robot:
             self._start_node(stack, "led_panel", wait_for=monitors)
             self._start_node(stack, "supervisor", wait_for=monitors, service=service)
             self._processes["led_panel"].said("ready")
+            gate = self._start(stack, "gate", [sys.executable, "-m", "benchmarks.paper.gate"])
+            gate.said("ready")
             battery = self._start_node(stack, "battery", wait_for=monitors + 2)
             battery.said("waiting")
             time.sleep(1)  # all find each other
-            self._start(stack, "gate", [sys.executable, "-m", "benchmarks.paper.gate"])
+            gate.tell()
             battery.said("ready")
             del self._processes["gate"]
             before = {name: p.cost() for name, p in self._processes.items()}
