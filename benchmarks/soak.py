@@ -1,6 +1,6 @@
 """What a server's memory does over many sessions and reconnects, and whether a reader that stops slows the others.
 
-python benchmarks/soak.py [--sessions 1000] [--reconnects 10000] [--rounds 10] [--only sessions|reconnects|sse]
+python benchmarks/soak.py [--sessions 1000] [--reconnects 10000] [--rounds 3] [--only sessions|reconnects|sse]
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ import argparse
 import asyncio
 import json
 import socket
-import statistics
 import tempfile
 import time
 from collections.abc import Iterator
@@ -20,8 +19,10 @@ from served import Server, event, hello, percentile, talk, until
 from websockets.asyncio.client import ClientConnection
 
 AT_ONCE = 50
-ASKS = 1_000
-"""Decisions that are asked for in a round, alone and beside a reader that stopped."""
+SECONDS = 12
+"""For how long decisions are asked for in a round, alone and beside a reader that stops: longer than it is kept."""
+FIRST = 1_000
+"""Of these the first are told apart: while the reader is served what it will not read."""
 FULL = 20_000
 """Events in the history that the reader asks for and does not read: several MB."""
 
@@ -30,7 +31,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sessions", type=int, default=1_000)
     parser.add_argument("--reconnects", type=int, default=10_000)
-    parser.add_argument("--rounds", type=int, default=10)
+    parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--only", choices=("sessions", "reconnects", "sse"))
     asyncio.run(soak(**vars(parser.parse_args())))
 
@@ -89,28 +90,31 @@ async def beside_a_reader_that_stops(server: Server, rounds: int) -> None:
     """Ask for decisions in turns without and beside a reader of the stream that has stopped to read."""
     async with server.attach() as filling:
         await talk(filling, "full", FULL)
-    alone: list[float] = []
-    beside: list[float] = []
-    ratios = []
+    alone: list[list[float]] = []
+    beside: list[list[float]] = []
     async with server.attach() as asking:
         await asking.send(json.dumps(hello("asking")))
         following = (await until(asking, "attached"))["next"]
-        await asked(asking, following, ASKS)  # so that all is warm
-        following += ASKS
+        following += len(await asked(asking, following, 1))  # so that all is warm
         for number in range(1, rounds + 1):
-            first = await asked(asking, following, ASKS)
+            alone.append(await asked(asking, following, SECONDS))
+            following += len(alone[-1])
             with reader_that_stops(server):
-                second = await asked(asking, following + ASKS, ASKS)
-            following += 2 * ASKS
-            alone += first
-            beside += second
-            ratios.append(percentile(second, 99) / percentile(first, 99))
-            print(f"round {number}: 99 % {percentile(first, 99):.2f} ms alone, {percentile(second, 99):.2f} ms beside")
-    for name, times in (("alone", alone), ("beside a reader of the stream that has stopped", beside)):
-        print(f"decisions {name}: median {percentile(times, 50):.2f} ms, 99 % {percentile(times, 99):.2f} ms")
-    pooled = percentile(beside, 99) / percentile(alone, 99)
-    print(
-        f"99 %: {pooled:.2f} times as long beside it, {statistics.median(ratios):.2f} times in the median of the rounds"
+                beside.append(await asked(asking, following, SECONDS))
+            following += len(beside[-1])
+            print(f"round {number}: {compared(alone[-1], beside[-1])}")
+    for what, part in (("all decisions, alone and beside it", None), (f"the first {FIRST} since it came", FIRST)):
+        kinds = [[time for times in kind for time in times[:part]] for kind in (alone, beside)]
+        print(f"{what}: {compared(*kinds)}")
+
+
+def compared(alone: list[float], beside: list[float]) -> str:
+    """The times of decisions alone and beside the reader, in words."""
+    medians = [percentile(times, 50) for times in (alone, beside)]
+    worst = [percentile(times, 99) for times in (alone, beside)]
+    return (
+        f"median {medians[0]:.2f} and {medians[1]:.2f} ms, 99 % {worst[0]:.2f} and {worst[1]:.2f} ms, "
+        f"{worst[1] / worst[0]:.2f} times as long"
     )
 
 
@@ -124,13 +128,12 @@ def reader_that_stops(server: Server) -> Iterator[None]:
         yield
 
 
-async def asked(socket_: ClientConnection, first: int, count: int) -> list[float]:
+async def asked(socket_: ClientConnection, first: int, seconds: float) -> list[float]:
     """The times from an ask to its decision, in ms."""
-    times = []
-    for seq in range(first, first + count):
-        text = json.dumps(event(seq) | {"ask": True})
-        begin = time.perf_counter()
-        await socket_.send(text)
+    times: list[float] = []
+    end = time.perf_counter() + seconds
+    while (begin := time.perf_counter()) < end:
+        await socket_.send(json.dumps(event(first + len(times)) | {"ask": True}))
         await until(socket_, "decision")
         times.append((time.perf_counter() - begin) * 1000)
     return times

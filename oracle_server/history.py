@@ -100,7 +100,7 @@ def _steps(store: Store, session: int, query: Query, position: int) -> list[Row]
     direction = "ASC" if ascending else "DESC"
     where = " AND ".join(conditions)
     sql = f"SELECT {_COLUMNS} FROM steps WHERE {where} ORDER BY position {direction} LIMIT ?"  # noqa: S608
-    return store.read(sql, (*values, min(_PAGE, max(query.limit, 50))))
+    return store.read(sql, (*values, min(_PAGE, max(query.limit, 50) + 1)))  # one more tells whether there are more
 
 
 def _add(conditions: list[str], values: list[Any], condition: str, value: object) -> None:

@@ -41,7 +41,7 @@ from oracle_server.watchdog import Watchdog
 
 _LOOPBACK = ("127.0.0.1", "::1", "localhost")
 _STOP_WITHIN = 10
-_UNSENT = 2**17
+_UNSENT = 2**14
 """Bytes that the system takes for a client that reads nothing, beyond what the client has room for."""
 _TURN = 0.001
 """Seconds after which a thread that computes gives way to the event loop, whose decisions wait for no reader."""
