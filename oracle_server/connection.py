@@ -25,6 +25,8 @@ from oracle_server.protocol import (
     OutcomeMessage,
     OutcomesMessage,
     QuickClock,
+    QuickEvent,
+    QuickEvents,
     QuickOutcomes,
     ReportMessage,
     WireError,
@@ -295,7 +297,7 @@ class Connection:
         self._throttle.count()
         try:
             frame = decode(text)
-            if not batches and isinstance(frame.message, Events):
+            if not batches and isinstance(frame.message, Events | QuickEvents):
                 return False
             self._dispatch(frame, self._session, self._monitor)
         except WireError as error:
@@ -313,7 +315,8 @@ class Connection:
         self._taking = True
         for value in self._batch:
             try:
-                self._session.ingest(self._monitor, event_of(value, suspicious=self._suspicious))
+                event = value if type(value) is QuickEvent else event_of(value, suspicious=self._suspicious)
+                self._session.ingest(self._monitor, event)
             except WireError as error:
                 self._refuse(error)
             self._throttle.count()
@@ -348,7 +351,7 @@ class Connection:
                 session.report(monitor, message)
             case Detach():
                 session.detach(monitor)
-            case Events(events=events):
+            case Events(events=events) | QuickEvents(events=events):
                 self._batch, self._suspicious = iter(events), frame.suspicious
                 self._take_some()
             case message:

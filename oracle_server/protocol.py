@@ -83,6 +83,12 @@ class Events(_Message):
     events: Annotated[list[Any], Field(max_length=MAX_BATCH)]
 
 
+class QuickEvents(msgspec.Struct, frozen=True, gc=False, tag_field="type", tag="events"):
+    """The same as `Events` where all are as they should be, as mostly."""
+
+    events: Annotated[list[QuickEvent], msgspec.Meta(max_length=MAX_BATCH)]
+
+
 Why = Literal["decision", "timeout", "unavailable"]
 
 
@@ -198,11 +204,11 @@ class WireError(Exception):
 
 AnyEvent = EventMessage | QuickEvent
 AnyClock = ClockMessage | QuickClock
-Quick = QuickEvent | QuickOutcomes | QuickClock
+Quick = QuickEvent | QuickEvents | QuickOutcomes | QuickClock
 _quick: msgspec.json.Decoder[Quick] = msgspec.json.Decoder(Quick)
 _incoming: TypeAdapter[Message] = TypeAdapter(Incoming)
 _event = TypeAdapter(EventMessage)
-_OFTEN = ('{"type":"event",', '{"type":"outcomes",', '{"type":"clock",')
+_OFTEN = ('{"type":"event",', '{"type":"events",', '{"type":"outcomes",', '{"type":"clock",')
 """How these begin where their writer puts the type first and no blanks, as most do; others are read all the same."""
 _LOWEST, _HIGHEST = -(2**63), 2**64 - 1
 _INTEGERS = range(_LOWEST, _HIGHEST + 1)
@@ -217,7 +223,7 @@ class Frame(NamedTuple):
 
 
 def decode(text: str) -> Frame:
-    """A frame as a message; the events of a batch are left unchecked. Raises `WireError`."""
+    """A frame as a message; the events of a batch are left unchecked where one may be bad. Raises `WireError`."""
     odd = suspicious(text)
     if not odd and text.startswith(_OFTEN):
         try:
@@ -225,7 +231,7 @@ def decode(text: str) -> Frame:
         except (msgspec.MsgspecError, ValueError, RecursionError):
             pass  # to be said in words
         else:
-            if type(message) is not QuickEvent or _fits(message.data, MAX_DEPTH):
+            if _holds_no_misfit(message):
                 return Frame(message, odd)
     try:
         value = msgspec.json.decode(text)
@@ -263,6 +269,12 @@ def event_of(value: Any, *, suspicious: bool) -> AnyEvent:
     if reason:
         raise WireError("bad_event", reason, seq=event.seq)
     return event
+
+
+def _holds_no_misfit(message: Quick) -> bool:
+    if type(message) is QuickEvent:
+        return _fits(message.data, MAX_DEPTH)
+    return type(message) is not QuickEvents or all(_fits(event.data, MAX_DEPTH) for event in message.events)
 
 
 def _fits(data: dict[str, Any] | list[Any], depth: int) -> bool:
