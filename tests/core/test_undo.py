@@ -63,6 +63,20 @@ def test_an_attempt_leaves_no_latch_and_holds_nothing() -> None:
     assert [s.violations for s in states] == [2, 2], "each attempt is one"
 
 
+def test_who_spoke_last_is_not_who_attempted_last() -> None:
+    """Of what two monitors hold, a tick sees the latest; an attempt says nothing."""
+    rule = 'not {v: 9} and (not {v: 1} or once[:5ns] {topic: "/b"})'
+    session = session_of(prop("p", rule, time="seconds", **GUARD), hold=frozenset({"v"}))
+    session.attach("n", [A], 0)
+    feed = Feed(session)
+    feed(B, 1)
+    feed(A, 2, {"v": 1})
+    feed(A, 3, {"v": 2}, monitor="n")
+    assert decisions(feed(A, 4, {"v": 9}, ask=True)) == ["deny"]
+    ticks = [j for j in session.advance(20) if j.step.signals.get("v") == 1]
+    assert ticks == [], "n spoke last"
+
+
 def test_events_that_were_not_asked_about_are_kept() -> None:
     session = session_of(prop("p", 'historically not {topic: "/a", v > 5}', **GUARD))
     assert outcomes(Feed(session)(A, 1, {"v": 9})) == ["false"]
