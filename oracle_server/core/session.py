@@ -217,14 +217,15 @@ class Session:
             wait = self._longest_wait(order)
             reached = [] if wait is None or now is None else [now - wait]
             if order == "publication" and self.buffer.limit is not None:
-                reached.append(self.buffer.limit)
+                reached.append(self.buffer.limit - 1)  # what is as old as that may still come
             if reached:
                 judged += self._ticks(order, max(reached))
         return judged
 
     def _longest_wait(self, order: Order) -> int | None:
-        """How long a deadline that has run out waits for older events, in nanoseconds; None for as long as it takes."""
-        return 0 if order == "arrival" else self.plan.spec.ordering.max_delay
+        """How long a deadline that has run out waits for events that are no younger, in nanoseconds; None for ever."""
+        wait = 0 if order == "arrival" else self.plan.spec.ordering.max_delay
+        return None if wait is None else max(1, wait)
 
     def _ticks(self, order: Order, until: int) -> list[Judged]:
         if self.asking:
