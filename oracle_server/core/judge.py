@@ -151,10 +151,8 @@ class Judge:
     def _try(self, step: Step, now: int) -> Judged:
         """Judge a step, and take it back where it is denied: it never happened."""
         marks = [state.mark() for state in self.properties]
-        monitor, present, steps = step.event.monitor, self.present, self.counters.steps
-        held = self._held.get(monitor)
-        if held is not None:
-            self._held[monitor] = _Held(dict(held.values), set(held.failed))
+        present, steps, held = self.present, self.counters.steps, self._held
+        self._held = {m: h.copy() if m == step.event.monitor else h for m, h in held.items()}
         judged = self._judge(step, now)
         if judged.decision is None or judged.decision.choice == "allow":
             for state in self.properties:
@@ -162,11 +160,8 @@ class Judge:
             return judged
         for state, mark in zip(self.properties, marks, strict=True):
             state.back(mark)
-        self.present, self.counters.steps = present, steps
+        self.present, self.counters.steps, self._held = present, steps, held
         self._recent.remove()
-        self._held.pop(monitor, None)
-        if held is not None:
-            self._held[monitor] = held
         verdicts = tuple(msgspec.structs.replace(v, outcome=v.outcome.current) for v in judged.verdicts)
         return msgspec.structs.replace(judged, verdicts=verdicts)
 
@@ -294,6 +289,9 @@ class _Held:
 
     values: dict[str, Scalar] = field(default_factory=dict)
     failed: set[str] = field(default_factory=set)
+
+    def copy(self) -> _Held:
+        return _Held(dict(self.values), set(self.failed))
 
     def take(self, names: frozenset[str], step: Step) -> None:
         self.failed = (self.failed - names) | (names & step.failed)
