@@ -16,10 +16,13 @@ from oracle_server.core.judge import Judge
 from oracle_server.core.plan import Plan
 from oracle_server.core.reorder import Released, ReorderBuffer, Source
 from oracle_server.core.simulated import ClockReading, SimulatedTime
-from oracle_server.core.spec import Spec
+from oracle_server.core.spec import SECOND, Spec
 from oracle_server.core.stamps import stamp_in
 from oracle_server.core.tally import HoldTimes, StreamCounts
 from oracle_server.core.verdicts import FINAL, Judged
+
+_LOOK_AGAIN = SECOND
+"""How long deadlines wait while nothing can be judged, in nanoseconds."""
 
 
 class Session:
@@ -65,6 +68,8 @@ class Session:
             for order, judge in self.judges.items()
             if (wait := waits[order]) is not None and (tick := judge.next_deadline) is not None
         ]
+        if self.suspended:  # no deadline is judged now, however long ago it ran out
+            ticks = [max(tick, self.now + _LOOK_AGAIN) for tick in ticks]
         return min((d for d in (deadline, *ticks) if d is not None), default=None)
 
     def attach(self, monitor: str, streams: Iterable[StreamKey], now: int) -> list[Judged]:

@@ -132,6 +132,17 @@ def test_what_comes_at_the_very_time_of_a_deadline_comes_before_its_tick(
     assert judged == [("topic", 10, "currently_true"), ("topic", 15, "true"), ("topic", 30, "true")]
 
 
+def test_while_nothing_is_judged_deadlines_wait() -> None:
+    """And who sleeps until the next one is not woken again and again."""
+    session = session_of(timed(ANSWERED))
+    Feed(session)(A, 10)
+    session.suspended = True
+    assert session.advance(100) == []
+    assert session.next_deadline == 100 + SECOND
+    session.suspended = False
+    assert told(session.advance(100 + SECOND)) == [("tick", 15, "currently_false")]
+
+
 def test_a_tick_sees_what_is_held() -> None:
     session = session_of(timed('once[:5ns] {topic: "/a"} or {mode: 1}'))
     feed = Feed(session)
