@@ -151,8 +151,8 @@ class Judge:
     def _try(self, step: Step, now: int) -> Judged:
         """Judge a step, and take it back where it is denied: it never happened."""
         marks = [state.mark() for state in self.properties]
-        before, present, steps = self._held, self.present, self.counters.steps
-        self._held = {monitor: held.copy() for monitor, held in before.items()}
+        present, steps, held = self.present, self.counters.steps, self._held
+        self._held = {m: h.copy() if m == step.event.monitor else h for m, h in held.items()}
         judged = self._judge(step, now)
         if judged.decision is None or judged.decision.choice == "allow":
             for state in self.properties:
@@ -160,9 +160,8 @@ class Judge:
             return judged
         for state, mark in zip(self.properties, marks, strict=True):
             state.back(mark)
-        self.present, self.counters.steps = present, steps
+        self.present, self.counters.steps, self._held = present, steps, held
         self._recent.remove()
-        self._held = before
         verdicts = tuple(msgspec.structs.replace(v, outcome=v.outcome.current) for v in judged.verdicts)
         return msgspec.structs.replace(judged, verdicts=verdicts)
 

@@ -137,7 +137,7 @@ class PropertyState:
             engine.back()
         self.outcome, self.negative, self.failures = mark
         if self.broken is not None:
-            self.failures = failures
+            self.outcome, self.failures = Outcome.UNKNOWN, failures
 
     def keep(self) -> None:
         """Let the step stand."""

@@ -16,10 +16,13 @@ from oracle_server.core.judge import Judge
 from oracle_server.core.plan import Plan
 from oracle_server.core.reorder import Released, ReorderBuffer, Source
 from oracle_server.core.simulated import ClockReading, SimulatedTime
-from oracle_server.core.spec import Spec
+from oracle_server.core.spec import SECOND, Spec
 from oracle_server.core.stamps import stamp_in
 from oracle_server.core.tally import HoldTimes, StreamCounts
 from oracle_server.core.verdicts import FINAL, Judged
+
+_LOOK_AGAIN = SECOND
+"""How long deadlines wait while nothing can be judged, in nanoseconds."""
 
 
 class Session:
@@ -65,6 +68,8 @@ class Session:
             for order, judge in self.judges.items()
             if (wait := waits[order]) is not None and (tick := judge.next_deadline) is not None
         ]
+        if self.suspended:  # no deadline is judged now, however long ago it ran out
+            ticks = [max(tick, self.now + _LOOK_AGAIN) for tick in ticks]
         return min((d for d in (deadline, *ticks) if d is not None), default=None)
 
     def attach(self, monitor: str, streams: Iterable[StreamKey], now: int) -> list[Judged]:
@@ -217,14 +222,15 @@ class Session:
             wait = self._longest_wait(order)
             reached = [] if wait is None or now is None else [now - wait]
             if order == "publication" and self.buffer.limit is not None:
-                reached.append(self.buffer.limit)
+                reached.append(self.buffer.limit - 1)  # what is as old as that may still come
             if reached:
                 judged += self._ticks(order, max(reached))
         return judged
 
     def _longest_wait(self, order: Order) -> int | None:
-        """How long a deadline that has run out waits for older events, in nanoseconds; None for as long as it takes."""
-        return 0 if order == "arrival" else self.plan.spec.ordering.max_delay
+        """How long a deadline that has run out waits for events that are no younger, in nanoseconds; None for ever."""
+        wait = 0 if order == "arrival" else self.plan.spec.ordering.max_delay
+        return None if wait is None else max(1, wait)
 
     def _ticks(self, order: Order, until: int) -> list[Judged]:
         if self.asking:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import Bound, Formula, Historically, Once, Since
 from oracle_server.core.session import Session
+from oracle_server.core.simulated import SimulatedTime
 from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import NEGATIVE, Judged, record
 from oracle_server.engines.native import NativeEngine
@@ -44,8 +46,8 @@ def test_a_deadline_is_judged_when_it_runs_out_and_recorded_once() -> None:
     session = session_of(timed(ANSWERED))
     feed = Feed(session)
     assert told(feed(A, 10)) == [("topic", 10, "currently_true")]
-    assert session.next_deadline == 15
-    assert session.advance(14) == []
+    assert session.next_deadline == 16
+    assert session.advance(15) == []
     (tick,) = session.advance(40)
     assert told([tick]) == [("tick", 15, "currently_false")]
     row = record(tick, tick.verdicts[0])
@@ -73,7 +75,7 @@ def test_only_a_latch_keeps_a_tick(latch: bool, then: str) -> None:
     session = session_of(timed('historically[:9ns] once[:5ns] {topic: "/a"}', latch=latch))
     feed = Feed(session)
     feed(A, 10)
-    (tick,) = session.advance(16)
+    (tick,) = session.advance(17)
     assert tick.verdicts[0].outcome.value == ("false" if latch else "currently_false")
     assert told(feed(A, 17)) == [("topic", 17, then)]
 
@@ -88,7 +90,9 @@ def test_by_publication_a_tick_waits_for_the_frontiers() -> None:
     assert session.advance(64) == [], "/b may have spoken before 15, and be under way"
     assert session.next_deadline == 65
     for stream in (A, B, MODE):
-        found = feed.clock(stream, 15, 64)
+        assert feed.clock(stream, 15, 64) == [], "nor has all of 15 passed"
+    for stream in (A, B, MODE):
+        found = feed.clock(stream, 16, 64)
     assert told(found) == [("tick", 15, "currently_false")]
 
 
@@ -108,6 +112,35 @@ def test_a_tick_comes_before_the_event_that_tells_of_its_time() -> None:
     feed(B, 30)
     assert told(feed(MODE, 31)) == [("topic", 10, "currently_true")]
     assert told(feed.clock(A, 30, 40)) == [("tick", 15, "currently_false"), ("topic", 30, "true")]
+
+
+@pytest.mark.parametrize("ordering", [{"by": "arrival"}, {"max_delay": 0}, {"max_delay": None}, {"max_delay": 50}])
+@pytest.mark.parametrize("simulated", [False, True])
+def test_what_comes_at_the_very_time_of_a_deadline_comes_before_its_tick(
+    ordering: dict[str, Any], simulated: bool
+) -> None:
+    """A latch would keep the tick for good; where time goes by in steps, as in a simulation, many events come so."""
+    session = session_of(timed(ANSWERED, latch=True), **{"by": "publication", **ordering})
+    if simulated:
+        session.simulated = SimulatedTime({s.key: replace(s, latency=0) for s in STREAMS})
+    feed, found = Feed(session), []
+    for now, stream in ((10, A), (15, B), (30, A)):
+        for each in (A, B, MODE):
+            found += feed.clock(each, now, now)
+        found += feed(stream, now)
+    judged = told(found + session.finish(30))
+    assert judged == [("topic", 10, "currently_true"), ("topic", 15, "true"), ("topic", 30, "true")]
+
+
+def test_while_nothing_is_judged_deadlines_wait() -> None:
+    """And who sleeps until the next one is not woken again and again."""
+    session = session_of(timed(ANSWERED))
+    Feed(session)(A, 10)
+    session.suspended = True
+    assert session.advance(100) == []
+    assert session.next_deadline == 100 + SECOND
+    session.suspended = False
+    assert told(session.advance(100 + SECOND)) == [("tick", 15, "currently_false")]
 
 
 def test_a_tick_sees_what_is_held() -> None:
@@ -142,7 +175,7 @@ def test_ticks_tell_what_the_table_says_whenever_time_changes_it() -> None:
             steps.append((now, signals))
             gap, before = rng.choice((0, 1, 3, 6)), None
             for later in range(now + 1, now + gap):
-                session.advance(later)
+                session.advance(later + 1)
                 holds = truths(formula, [*steps, (later, {})], "seconds")[-1]
                 state = session.judges["arrival"].properties[0]
                 if before is not None and holds is not before and state.outcome.value not in ("true", "false"):

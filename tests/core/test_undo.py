@@ -7,11 +7,13 @@ from typing import Any
 
 import pytest
 
+from oracle_server.core.atoms import Matches
+from oracle_server.core.errors import EngineError
 from oracle_server.core.events import Event
 from oracle_server.core.formula.render import render
 from oracle_server.core.session import Session
 from oracle_server.core.spec import Property, StreamSpec
-from oracle_server.core.verdicts import NEGATIVE, Judged
+from oracle_server.core.verdicts import NEGATIVE, Judged, Outcome
 from oracle_server.engines.native import NativeEngine
 from tests import generate
 from tests.brute import truths
@@ -61,20 +63,6 @@ def test_an_attempt_leaves_no_latch_and_holds_nothing() -> None:
     assert [[v.outcome.value for v in j.verdicts] for j in judged][-1] == ["currently_true", "currently_true"]
     states = session.judges["arrival"].properties
     assert [s.violations for s in states] == [2, 2], "each attempt is one"
-
-
-def test_who_spoke_last_is_not_who_attempted_last() -> None:
-    """Of what two monitors hold, a tick sees the latest; an attempt says nothing."""
-    rule = 'not {v: 9} and (not {v: 1} or once[:5ns] {topic: "/b"})'
-    session = session_of(prop("p", rule, time="seconds", **GUARD), hold=frozenset({"v"}))
-    session.attach("n", [A], 0)
-    feed = Feed(session)
-    feed(B, 1)
-    feed(A, 2, {"v": 1})
-    feed(A, 3, {"v": 2}, monitor="n")
-    assert decisions(feed(A, 4, {"v": 9}, ask=True)) == ["deny"]
-    ticks = [j for j in session.advance(20) if j.step.signals.get("v") == 1]
-    assert ticks == [], "n spoke last"
 
 
 def test_events_that_were_not_asked_about_are_kept() -> None:
@@ -131,3 +119,42 @@ def test_what_is_held_counts_where_an_event_is_imagined_away() -> None:
     feed = Feed(session)
     feed(MODE, 1, {"mode": 1})
     assert decisions(feed(A, 2, {}, ask=True)) == ["allow"]
+
+
+def test_who_attempted_in_vain_did_not_speak_last() -> None:
+    """Of two monitors that hold one signal, a tick sees what the one that spoke last holds."""
+    streams = [
+        StreamSpec("/a", action="filter", on_deny="undo", hold=frozenset({"v"})),
+        StreamSpec("/b"),
+        StreamSpec("/mode", hold=frozenset({"mode"})),
+    ]
+    overdue = prop("t", 'not (once[5ns:] {topic: "/b"} and {mode: 1})', time="seconds")
+    for attempts in (0, 1):
+        session = open_session(
+            [overdue, prop("p", "not {v: 9}", **GUARD)], attach={}, streams=streams, maker=native, by="arrival"
+        )
+        feed = Feed(session)
+        feed(MODE, 1, {"mode": 1})
+        feed(MODE, 2, {"mode": 2}, monitor="n")
+        feed(B, 3, monitor="n")
+        for n in range(attempts):
+            assert decisions(feed(A, 4 + n, {"v": 9}, ask=True)) == ["deny"]
+        assert session.advance(20) == [], "mode is 2"
+
+
+def test_a_property_whose_engine_fails_at_an_attempt_does_not_stand_as_before() -> None:
+    class Failing(NativeEngine):
+        def step(self, time: int, matches: Matches) -> Outcome:
+            if time == 2:
+                raise EngineError("it had enough")
+            return super().step(time, matches)
+
+    guard = prop("p", "not {v: 9}", **GUARD)
+    streams = [StreamSpec("/a", action="filter", on_deny="undo")]
+    session = open_session(
+        [guard], attach={}, streams=streams, maker=lambda p: Failing(p.formula, p.time), by="arrival"
+    )
+    feed = Feed(session)
+    assert decisions(feed(A, 1, ask=True) + feed(A, 2, ask=True)) == ["allow", "deny"]
+    state = session.judges["arrival"].properties[0]
+    assert (state.outcome.value, state.failures) == ("unknown", 1)
