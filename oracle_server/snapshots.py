@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import time
 from collections.abc import Mapping
 
@@ -63,17 +64,23 @@ class Snapshots:
             return  # the order is ahead of what was judged
         self._next = position + max(_SAVE_AFTER, position // 4)
         begin = time.monotonic()
-        data = self._core.snapshot()
-        if data is not None:
-            numbers = {name: monitor.numbering.saved() for name, monitor in monitors.items()}
-            values = (self._number, position, encode(data), self._committed, encode(numbers))
-            self._store.execute(
-                "INSERT OR REPLACE INTO snapshots (session, position, data, settled, numbers) VALUES (?,?,?,?,?)",
-                values,
-            )
-
+        gc.disable()  # as many objects are made as values are known, and are gone soon: each search would see them all
+        try:
+            self._save(position, monitors)
+        finally:
+            gc.enable()
         now = time.monotonic()
         self._rested = now + (now - begin) * _REST
+
+    def _save(self, position: int, monitors: Mapping[str, Monitor]) -> None:
+        data = self._core.snapshot()
+        if data is None:
+            return
+        numbers = {name: monitor.numbering.saved() for name, monitor in monitors.items()}
+        self._store.execute(
+            "INSERT OR REPLACE INTO snapshots (session, position, data, settled, numbers) VALUES (?,?,?,?,?)",
+            (self._number, position, encode(data), self._committed, encode(numbers)),
+        )
 
     @property
     def rested(self) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
 from functools import partial
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from oracle_server.engines.native.clock import FEW, Clock
 from oracle_server.engines.native.keys import ALL, Key, Region, fresh_key
@@ -20,31 +20,42 @@ class Index:
 
     def __init__(self, size: int, clock: Clock) -> None:
         self._clock = clock
-        self._by: list[dict[str, set[Key]]] = [{} for _ in range(size)]
+        self._by: list[dict[str, Key | set[Key]]] = [{} for _ in range(size)]
+        """A key by itself where it is the only one with a text, as most are: a set for each would take 200 bytes."""
 
     def add(self, key: Key) -> None:
         """Take in a key."""
         for by, text in zip(self._by, key, strict=True):
-            by.setdefault(text, set()).add(key)
+            found = by.setdefault(text, key)
+            if type(found) is set:
+                found.add(key)
+            elif found != key:
+                by[text] = {found, key}
 
     def remove(self, key: Key) -> None:
         """Forget a key."""
         for by, text in zip(self._by, key, strict=True):
-            keys = by.get(text)
-            if keys is not None:
-                keys.discard(key)
-                if not keys:
-                    del by[text]
+            found = by.get(text)
+            if type(found) is set:
+                found.discard(key)
+                if len(found) == 1:
+                    by[text] = found.pop()
+            elif found == key:
+                del by[text]
 
     def spread(self, region: Region, place: int) -> Collection[str]:
         """The texts at a place of the keys in a region."""
         fixed = [(i, text) for i, text in enumerate(region) if text is not ALL and i != place]
         if not fixed:
             return self._by[place]
-        fewest: Collection[Key] = min((self._by[i].get(t, ()) if t is not None else () for i, t in fixed), key=len)
+        fewest = min((self._keys(i, text) if text is not None else () for i, text in fixed), key=len)
         if len(fewest) > FEW:
             self._clock.spend(len(fewest))
         return {key[place] for key in fewest if all(key[i] == text for i, text in fixed)}
+
+    def _keys(self, place: int, text: Any) -> Collection[Key]:
+        found = self._by[place].get(text, ())
+        return found if type(found) is set or not found else (found,)
 
 
 class Flat(Generic[S]):
