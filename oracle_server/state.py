@@ -65,7 +65,7 @@ def session_state(session: LiveSession, now: int) -> dict[str, Any]:
         "counters": {
             "steps": max(judge.counters.steps for judge in core.judges.values()),
             "held": len(core.buffer),
-            "refused": session.refused,
+            "refused": session.ledger.refused,
             **{name: counters[name] for name in ("late", "skewed", "skipped", "lost", "denied")},
         },
     }
