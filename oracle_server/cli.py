@@ -181,7 +181,8 @@ _DEFAULT_URL = "http://127.0.0.1:8642"
 @app.command("specs")
 def list_specs(url: Url = _DEFAULT_URL, token: Token = None, as_json: AsJson = False) -> None:
     """List the specs that a running server has on hand."""
-    from oracle_server.client import Client, show_specs
+    from oracle_server.client import Client
+    from oracle_server.tables import show_specs
 
     show_specs(Client(url, token), as_json=as_json)
 
@@ -189,7 +190,8 @@ def list_specs(url: Url = _DEFAULT_URL, token: Token = None, as_json: AsJson = F
 @app.command()
 def sessions(url: Url = _DEFAULT_URL, token: Token = None, as_json: AsJson = False) -> None:
     """List the sessions of a running server."""
-    from oracle_server.client import Client, show_sessions
+    from oracle_server.client import Client
+    from oracle_server.tables import show_sessions
 
     show_sessions(Client(url, token), as_json=as_json)
 
@@ -208,7 +210,8 @@ def verdicts(
     as_json: AsJson = False,
 ) -> None:
     """Print a session's verdicts: a summary and its violations, or the records that are asked for."""
-    from oracle_server.client import Client, follow_verdicts, show_explanation, show_verdicts
+    from oracle_server.client import Client
+    from oracle_server.tables import follow_verdicts, show_explanation, show_verdicts
 
     if explain is not None:
         show_explanation(Client(url, token), session, explain, as_json=as_json)
@@ -298,8 +301,8 @@ def token_remove(name: Annotated[str, typer.Argument(metavar="NAME")], data_dir:
 @tokens.command("list")
 def token_list(data_dir: DataDir = None, as_json: AsJson = False) -> None:
     """List the tokens: whose they are and what they are good for."""
-    from oracle_server.client import show_tokens
     from oracle_server.settings import load_settings
+    from oracle_server.tables import show_tokens
     from oracle_server.tokens import listed
 
     show_tokens(listed(load_settings(data_dir=data_dir).token_file), as_json=as_json)

@@ -1,25 +1,19 @@
-"""What the command line reads from a running server."""
+"""Reads a running server over HTTP."""
 
 from __future__ import annotations
 
 import json
 import os
 import ssl
-import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import httpx
-from rich.console import Console
-from rich.table import Table
 
 from oracle_server.core.errors import OracleError
-from oracle_server.reasons import told
-from oracle_server.tokens import Token
 
 _WITHIN = 10.0
-_EXPLAINED_WITHIN = 600.0
 _SILENT = 60.0
 """Seconds without a sign of life, of which there is one every 15, after which a stream is opened anew."""
 _RECONNECT_AFTER = 1.0
@@ -125,91 +119,3 @@ def _tls() -> ssl.SSLContext:
         files = ", ".join(file for file in (authority, cert, key) if file)
         raise ServerUnreachableError(f"{files}: can't be used for TLS: {error.strerror or error}") from None
     return context
-
-
-def show_specs(client: Client, *, as_json: bool) -> None:
-    """Print the specs on hand."""
-    document = client.get("specs")
-    rows = [(s["id"], str(len(s["streams"])), str(len(s["properties"])), s["description"]) for s in document["items"]]
-    _show(document, ("spec", "streams", "properties", "description"), rows, as_json=as_json)
-
-
-def show_sessions(client: Client, *, as_json: bool) -> None:
-    """Print all sessions."""
-    document = client.get("sessions")
-    rows = [_session_row(state) for state in document["items"]]
-    _show(document, ("session", "spec", "status", "monitors", "steps", "violations"), rows, as_json=as_json)
-
-
-def show_verdicts(client: Client, session: str, properties: list[str], outcomes: list[str], *, as_json: bool) -> None:
-    """Print a session's verdict records, or a summary of its properties and all violations as tables."""
-    if as_json or properties or outcomes:
-        items = client.pages(f"sessions/{session}/verdicts", property=properties, outcome=outcomes)
-        _show({"items": items}, _RECORD, [_record_row(r) for r in items], as_json=as_json)
-        return
-    state = client.get(f"sessions/{session}")
-    rows = [
-        (p["id"], p["outcome"], str(p["violations"]), str(p["first_violation"] or "-"), str(p["unknown"]))
-        for p in state["properties"]
-    ]
-    _show(state, ("property", "outcome", "violations", "first at", "unknown"), rows, as_json=False)
-    violations = client.pages(f"sessions/{session}/violations")
-    if violations:
-        sys.stdout.write("\n")
-        _show({}, _RECORD, [_record_row(r) for r in violations], as_json=False)
-        sys.stdout.write("\n" + "".join(f"{r['n']}: {r['explanation']['text']}\n" for r in violations))
-
-
-def follow_verdicts(client: Client, session: str, properties: list[str], outcomes: list[str], *, as_json: bool) -> None:
-    """Print a session's verdict records, a line each, as they come."""
-    for record in client.events(f"sessions/{session}/stream", property=properties, outcome=outcomes):
-        line = json.dumps(record) if as_json else "  ".join(_record_row(record)).rstrip()
-        sys.stdout.write(line + "\n")
-        sys.stdout.flush()
-
-
-def show_explanation(client: Client, session: str, n: int, *, as_json: bool) -> None:
-    """Print why a verdict is as it is."""
-    record = client.get(f"sessions/{session}/verdicts/{n}/explanation", _EXPLAINED_WITHIN)
-    sys.stdout.write(json.dumps(record) + "\n" if as_json else told(record))
-
-
-def show_tokens(tokens: Sequence[Token], *, as_json: bool) -> None:
-    """Print what tokens are good for."""
-    items = [t.model_dump(mode="json", exclude={"sha256"}) for t in tokens]
-    cells = [[", ".join(sorted(item[key])) if item[key] else "all" for key in _BOUND] for item in items]
-    rows = [(item["name"], *cell) for item, cell in zip(items, cells, strict=True)]
-    _show({"items": items}, ("token", *_BOUND), rows, as_json=as_json)
-
-
-_BOUND = ("scopes", "specs", "sessions")
-_RECORD = ("n", "step", "property", "outcome", "stream", "kind", "decision", "")
-
-
-def _record_row(record: dict[str, Any]) -> tuple[str, ...]:
-    marks = " ".join(mark for mark in ("late", "skewed", "degraded") if record[mark])
-    cells = (record[key] for key in _RECORD[:-1])
-    return (*("-" if cell is None else str(cell) for cell in cells), marks)
-
-
-def _session_row(state: dict[str, Any]) -> tuple[str, ...]:
-    attached = sum(m["connected"] for m in state["monitors"])
-    violations = sum(p["violations"] for p in state["properties"])
-    return (
-        state["id"],
-        state["spec"],
-        state["status"],
-        str(attached),
-        str(state["counters"]["steps"]),
-        str(violations),
-    )
-
-
-def _show(document: dict[str, Any], head: tuple[str, ...], rows: Sequence[tuple[str, ...]], *, as_json: bool) -> None:
-    if as_json:
-        sys.stdout.write(json.dumps(document) + "\n")
-        return
-    table = Table(*head, box=None, pad_edge=False)
-    for row in rows:
-        table.add_row(*row)
-    Console(highlight=False, width=None if sys.stdout.isatty() else 160).print(table)

@@ -1,10 +1,9 @@
-"""A session as the server runs it: its monitors, its timer and its history around the core's `Session`."""
+"""A session as the server runs it: its monitors, its timer and its ledger around the core's `Session`."""
 
 from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from typing import Any
 
 import structlog
 
@@ -13,11 +12,11 @@ from oracle_server.core.credit import Credit
 from oracle_server.core.events import Event, StreamKey
 from oracle_server.core.session import Session
 from oracle_server.core.simulated import ClockReading, SimulatedTime
-from oracle_server.core.verdicts import Judged, decision_frame, record
+from oracle_server.core.verdicts import Judged, decision_frame
 from oracle_server.identity import Identity
+from oracle_server.ledger import Ledger, let_go
 from oracle_server.monitors import Monitor, Outbox, check_time, claimed
-from oracle_server.news import News
-from oracle_server.numbering import JUDGED, Numbering
+from oracle_server.numbering import Numbering
 from oracle_server.oracles import Oracles
 from oracle_server.protocol import (
     AnyClock,
@@ -30,14 +29,8 @@ from oracle_server.protocol import (
     encode,
 )
 from oracle_server.restore import Restored
-from oracle_server.schema import step_row
-from oracle_server.snapshots import Snapshots
-from oracle_server.standing import Frame, Standing
 from oracle_server.store import Store
 from oracle_server.tally import Tally
-
-_WRITE_AFTER = 0.01
-"""Seconds after a decision in which others go before the history, and what the adapter did is heard of most."""
 
 log = structlog.get_logger()
 
@@ -54,18 +47,12 @@ class LiveSession:
         self.core, self.spec = core, core.plan.spec
         self.monitors: dict[str, Monitor] = {}
         self.credit = Credit(self.spec.ordering.capacity)
-        self.position = 0
-        self.refused = 0
+        self.ledger = Ledger(identity, core, store, clock, tally, self.monitors)
         self.closing = False
-        self.news = News()  # told at each commit
         self.clock_went_back = False
         """Whether its simulation began anew, so that it takes nothing more."""
         self._store, self._clock, self._tally = store, clock, tally
-        self.snapshots = Snapshots(self.id, self.number, core, store)
         self._resume_within, self._on_over = resume_within, on_over
-        self._gaps: dict[tuple[str, int], int] = {}
-        self._unwritten: list[Judged] = []
-        self._standing = Standing(next(iter(core.judges.values())))
         self.oracles = None if core.asking is None else Oracles(core, self._enter, self._deliver)
         self._timer: asyncio.TimerHandle | None = None
         self._armed: int | None = None
@@ -92,8 +79,7 @@ class LiveSession:
         monitor.clock = wanted.clock
         monitor.verdicts = wanted.verdicts
         if wanted.verdicts:
-            self._write()
-            self._standing.follow(self._last_verdict)
+            self.ledger.follow_verdicts()
         self._set_attached(monitor, attached=True)
         self.credit.open(monitor.name)
         self._deliver(self.core.attach(monitor.name, streams, self._enter()))
@@ -101,8 +87,7 @@ class LiveSession:
 
     def tell_verdicts(self, monitor: Monitor) -> None:
         """Tell a monitor that wants to know how the properties stand; to be called once its past is committed."""
-        if monitor.verdicts and monitor.outbox and self._standing.committed:
-            monitor.outbox.send(self._standing.committed)
+        self.ledger.tell_verdicts(monitor)
 
     def ingest(self, monitor: Monitor, message: AnyEvent) -> list[Judged]:
         """Take an event, and tell what was judged by it: once; it is answered again where it is sent again.
@@ -115,14 +100,13 @@ class LiveSession:
         gap = monitor.numbering.take(message.seq)
         if gap is None:
             self._count_again(monitor, StreamKey(message.stream, message.kind))
-            self._answer_again(monitor, message)
+            self.ledger.answer_again(monitor, message)
             return []
         key = StreamKey(message.stream, message.kind)
-        if key not in self.spec.by_key:
-            raise self._refuse(monitor, message.seq, gap, "unknown_stream", f"{key} is no stream of {self.spec.id}")
         if key not in monitor.streams:
-            raise self._refuse(monitor, message.seq, gap, "unknown_stream", f"{key} was not claimed at attach")
-        self._gaps[(monitor.name, message.seq)] = gap
+            why = "was not claimed at attach" if key in self.spec.by_key else f"is no stream of {self.spec.id}"
+            raise self.ledger.refuse(monitor, message.seq, gap, "unknown_stream", f"{key} {why}")
+        monitor.gaps[message.seq] = gap
         monitor.unsettled += 1
         event = Event(
             key, monitor.name, message.seq, message.stamp or None, self._enter(), message.data, message.source,
@@ -139,7 +123,7 @@ class LiveSession:
         if error.seq is not None and not self._takes_no_more:
             gap = monitor.numbering.take(error.seq)
             if gap is not None:
-                self._refuse(monitor, error.seq, gap, error.code, error.message)
+                self.ledger.refuse(monitor, error.seq, gap, error.code, error.message)
 
     def clock(self, monitor: Monitor, message: AnyClock) -> None:
         """Learn how far a monitor's streams have come."""
@@ -166,25 +150,16 @@ class LiveSession:
 
     def outcome(self, monitor: Monitor, message: Outcome | QuickOutcome) -> None:
         """Keep what the adapter did about an event that it asked about."""
-        if (monitor.name, message.seq) in self._gaps:
+        if message.seq in monitor.gaps:
             monitor.outcomes[message.seq] = (message.passed, message.why)
-            return
-        monitor.unsettled += 1
-        self._store.execute(
-            "UPDATE steps SET passed = ?, why = ? WHERE session = ? AND monitor = ? AND seq = ?",
-            (message.passed, message.why, self.number, monitor.name, message.seq),
-            lambda: self._outcome_committed(monitor),
-        )
-
-    def _outcome_committed(self, monitor: Monitor) -> None:
-        monitor.unsettled -= 1
-        self._settle(monitor)
+        else:
+            self.ledger.amend(monitor, message)
 
     def detach(self, monitor: Monitor) -> None:
         """Let a monitor go: it is told once all that it sent is committed."""
         monitor.detaching = True
         self._leave(monitor)
-        self._settle(monitor)
+        let_go(monitor)
 
     def disconnected(self, monitor: Monitor, outbox: Outbox) -> None:
         """Keep the place of a monitor whose connection is lost, for a while."""
@@ -199,7 +174,7 @@ class LiveSession:
         """Judge all that is held, in order, and stop the timers."""
         self.closing = True
         self._deliver(self.core.finish(self._enter()))
-        self._write()
+        self.ledger.write()
         if self._timer:
             self._timer.cancel()
         for monitor in self.monitors.values():
@@ -210,12 +185,11 @@ class LiveSession:
         """Once closed, wait a while for what oracles elsewhere say of what was held."""
         if self.oracles is not None:
             await self.oracles.settle()
-            self._write()
+            self.ledger.write()
 
     def resume(self, restored: Restored) -> None:
         """Go on where a session stood: give its monitors their time to come back, and put back what was held."""
-        self.position, self.refused = restored.position, restored.refused
-        self.snapshots.resume(self.position)
+        self.ledger.resume(restored.position, restored.refused)
         loop = asyncio.get_running_loop()
         if any(known.clock == "sim" for known in restored.monitors.values()):
             self.core.simulated = SimulatedTime(self.spec.by_key)
@@ -231,7 +205,7 @@ class LiveSession:
             monitor = self.monitors[step.event.monitor]
             monitor.numbering.hold(step.event.seq)
             monitor.unsettled += 1
-            self._gaps[(monitor.name, step.event.seq)] = gap
+            monitor.gaps[step.event.seq] = gap
             self._deliver(self.core.hold(step))
 
     @property
@@ -271,35 +245,12 @@ class LiveSession:
         if self.private and not self.closing and not any(m.attached for m in self.monitors.values()):
             self._on_over(self)
 
-    def _refuse(self, monitor: Monitor, seq: int, gap: int, code: str, message: str) -> WireError:
-        self.refused += 1
-        monitor.unsettled += 1
-        lost = gap + (code == "bad_event")
-        monitor.lost += lost
-        row = (self.number, monitor.name, seq, gap, self._clock.now(), code, message)
-        self._store.append("refused", [row], lambda: self._settled([(monitor, seq, gap, lost)]))
-        return WireError(code, message, seq=seq)
-
     def _count_again(self, monitor: Monitor, key: StreamKey) -> None:
         if key in self.spec.by_key:
             self.core.counts[monitor.name, key].duplicates += 1
 
-    def _answer_again(self, monitor: Monitor, message: AnyEvent) -> None:
-        if message.ask and monitor.outbox:
-            answer = monitor.answers.get(message.seq)
-            if answer is None and (monitor.name, message.seq) not in self._gaps:
-                answer = self._recorded_answer(monitor, message.seq)
-            if answer is not None:
-                monitor.outbox.send(answer)
-        self._acknowledge(monitor)
-
-    def _recorded_answer(self, monitor: Monitor, seq: int) -> dict[str, Any] | None:
-        from oracle_server.history import recorded_answer
-
-        return recorded_answer(self._store, self.number, [p.id for p in self.spec.properties], monitor.name, seq)
-
     def _deliver(self, judged: list[Judged]) -> None:
-        """Send the decisions at once; the history is told a little later, of many events in one go."""
+        """Send the decisions at once; the history is told a little later."""
         for item in judged:
             if item.decision:
                 monitor = self.monitors[item.step.event.monitor]
@@ -310,79 +261,12 @@ class LiveSession:
         if self.oracles is not None:
             self.oracles.ask()
         if judged:
-            if not self._unwritten:
-                asyncio.get_running_loop().call_later(_WRITE_AFTER, self._write)
-            self._unwritten += judged
+            self.ledger.add(judged)
         for name, events in self.credit.grant(self.core.buffer):
             outbox = self.monitors[name].outbox
             if outbox:
                 outbox.send({"type": "credit", "events": events})
         self._arm()
-
-    def _write(self) -> None:
-        """Give what was judged to the history."""
-        judged, self._unwritten = self._unwritten, []
-        rows, settled, violations = [], [], []
-        deciding = next(iter(self.core.judges))
-        for item in judged:
-            self.position += 1
-            event, gap, outcome = item.step.event, 0, None
-            if item.order == deciding and event.monitor:
-                monitor = self.monitors[event.monitor]
-                gap = self._gaps.pop((event.monitor, event.seq), 0)
-                outcome = monitor.outcomes.pop(event.seq, None)
-                settled.append((monitor, event.seq, gap, JUDGED))
-            rows.append(step_row(self.number, self.position, gap, item, outcome))
-            violations += [{"type": "violation", **record(item, v)} for v in item.verdicts if v.explanation]
-        if rows:
-            self._tally.judged(rows)
-            standing, position = self._standing.changed(self._last_verdict), self.position
-            self._store.append("steps", rows, lambda: self._committed(settled, position, violations, standing))
-            if self.snapshots.is_due(self.position):
-                self.save()
-
-    def save(self) -> None:
-        """Keep how all stands, so that a restart need not judge it all again."""
-        self._write()
-        self.snapshots.save(self.position, self.monitors)
-
-    @property
-    def _last_verdict(self) -> int:
-        return self.position * len(self.spec.properties)
-
-    def _settled(self, settled: list[tuple[Monitor, int, int, int]]) -> None:
-        touched = {}
-        for monitor, seq, gap, lost in settled:
-            monitor.numbering.commit(seq, gap, lost)
-            monitor.unsettled -= 1
-            monitor.answers.pop(seq, None)
-            touched[monitor.name] = monitor
-        for monitor in touched.values():
-            self._acknowledge(monitor)
-            self._settle(monitor)
-
-    def _committed(
-        self, settled: list[tuple[Monitor, int, int, int]], position: int, told: list[Frame], standing: Frame | None
-    ) -> None:
-        self.snapshots.committed(position)
-        self.news.tell()
-        self._settled(settled)
-        for frame in told:
-            for monitor in self.monitors.values():
-                if monitor.outbox:
-                    monitor.outbox.send(frame)
-        if standing:
-            self._standing.committed = standing
-            for monitor in self.monitors.values():
-                self.tell_verdicts(monitor)
-
-    def _acknowledge(self, monitor: Monitor) -> None:
-        if monitor.outbox:
-            monitor.outbox.send({"type": "ack", "upto": monitor.numbering.upto})
-
-    def _settle(self, monitor: Monitor) -> None:
-        if monitor.detaching and monitor.unsettled == 0 and monitor.outbox:
-            monitor.outbox.finish({"type": "detached"})
 
     def _arm(self) -> None:
         """One timer a session, set to the earliest moment at which time alone makes something judged."""

@@ -50,10 +50,12 @@ class Monitor:
     """Events that never came or could not be read, to be told with the next one that does."""
     unsettled: int = 0
     """Events taken and not committed yet."""
+    gaps: dict[int, int] = field(default_factory=dict)
+    """Events that are not on their way to the history yet, by number: how many numbers before each never came."""
     answers: dict[int, dict[str, Any]] = field(default_factory=dict)
     """Decisions on events that are not committed yet, by number."""
     outcomes: dict[int, tuple[bool, str]] = field(default_factory=dict)
-    """What the adapter did about events that are not judged yet."""
+    """What the adapter did about events that are not on their way to the history yet, by number."""
     reports: dict[StreamKey, StreamReport] = field(default_factory=dict)
     """What it says of its streams."""
     expiry: asyncio.TimerHandle | None = None

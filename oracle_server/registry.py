@@ -134,7 +134,7 @@ class Registry:
         await self._store.flush()
         self.open.pop(session.id, None)
         self.tally.closed(session)
-        session.news.end()
+        session.ledger.news.end()
         if session.clock_went_back:
             reason = _ended(session.id, successor)
         else:
@@ -146,8 +146,8 @@ class Registry:
     def save(self, number: int) -> None:
         """Save an open session, so that less of its history is needed to restore it."""
         for session in self.open.values():
-            if session.number == number and not session.closing and session.snapshots.rested:
-                session.save()
+            if session.number == number and not session.closing and session.ledger.snapshots.rested:
+                session.ledger.save()
 
     async def closed_within(self, session: LiveSession, patience: float) -> bool:
         """Close a session; whether that is done after `patience` seconds. It is gone on with in any case."""
@@ -160,14 +160,14 @@ class Registry:
             session.close()
         await asyncio.gather(*(session.settle() for session in self.open.values()))
         for session in self.open.values():
-            session.save()
+            session.ledger.save()
         try:
             async with asyncio.timeout(_FLUSH_WITHIN):
                 await self._store.flush()
         except TimeoutError:
             log.error("the server stops without its last events in the history; their monitors send them again")
         for session in self.open.values():
-            session.news.end()
+            session.ledger.news.end()
         outboxes = [m.outbox for session in self.open.values() for m in session.monitors.values() if m.outbox]
         for outbox in outboxes:
             outbox.drop(WireError("shutting_down", "the server stops; attach again later", fatal=True))

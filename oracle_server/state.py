@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
+from oracle_server.core.events import Step
 from oracle_server.core.reorder import Source
 from oracle_server.core.session import Session
 from oracle_server.core.tally import BOUNDS, HoldTimes, StreamCounts
@@ -65,7 +66,7 @@ def session_state(session: LiveSession, now: int) -> dict[str, Any]:
         "counters": {
             "steps": max(judge.counters.steps for judge in core.judges.values()),
             "held": len(core.buffer),
-            "refused": session.refused,
+            "refused": session.ledger.refused,
             **{name: counters[name] for name in ("late", "skewed", "skipped", "lost", "denied")},
         },
     }
@@ -98,13 +99,32 @@ def _awaited(source: Source | None) -> dict[str, str] | None:
 
 
 def _waiting(core: Session, now: int) -> str | None:
-    """What the order waits for and since when, in words; None where nothing is held."""
+    """What is waited for and since when, in words; None where nothing is."""
+    return "; ".join((*_asked(core, now), *_ordered(core, now))) or None
+
+
+def _asked(core: Session, now: int) -> Iterator[str]:
+    """What the oldest step whose turn has come waits for: oracles elsewhere."""
+    first = core.asking.first if core.asking else None
+    if first is None:
+        return
+    for index in sorted(first.missing):
+        prop = core.plan.spec.properties[index]
+        assert prop.external is not None  # noqa: S101 -- it was asked
+        yield f"held {_age(first.step, now)} ms for the oracle at {prop.external.url} of property {prop.id}"
+
+
+def _ordered(core: Session, now: int) -> Iterator[str]:
+    """What the oldest event in the order waits for: a stream."""
     source, oldest = core.buffer.awaited, next(iter(core.buffer.held), None)
-    if source is None or oldest is None:
-        return None
-    event = oldest.event
-    since = event.arrived if event.received is None else event.received
-    return f"held {max(0, now - since) // 10**6} ms for {source[1]} of {source[0]}"
+    if source is not None and oldest is not None:
+        yield f"held {_age(oldest, now)} ms for {source[1]} of {source[0]}"
+
+
+def _age(step: Step, now: int) -> int:
+    """How long ago an event came, in ms."""
+    event = step.event
+    return max(0, now - (event.arrived if event.received is None else event.received)) // 10**6
 
 
 def _hold(holds: HoldTimes) -> dict[str, Any]:

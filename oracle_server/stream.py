@@ -67,7 +67,7 @@ async def _events(
     yield ": the verdicts of a session\n\n"
     while True:
         live = registry.open.get(session_id)
-        upcoming = live.news.next() if live else None
+        upcoming = live.ledger.news.next() if live else None
         text, seen, more = await asyncio.to_thread(_page, store, known, wanted)
         if text:
             yield text
@@ -77,7 +77,7 @@ async def _events(
         if upcoming is None:
             yield "event: closed\ndata: {}\n\n"
             return
-        if live and live.news.over and registry.open.get(session_id) is live:
+        if live and live.ledger.news.over and registry.open.get(session_id) is live:
             return  # the server stops, and the session goes on with the next one
         while not (await asyncio.wait((upcoming,), timeout=_KEEPALIVE))[0]:
             yield ":\n\n"

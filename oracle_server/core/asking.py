@@ -57,6 +57,11 @@ class Asking:
         return len(self._queue)
 
     @property
+    def first(self) -> Waiting | None:
+        """The step that has waited longest, None where none waits."""
+        return next((item for item in self._queue if isinstance(item, Waiting)), None)
+
+    @property
     def last(self) -> Step | None:
         """The step that came last, None where none waits."""
         return next((item.step for item in reversed(self._queue) if isinstance(item, Waiting)), None)

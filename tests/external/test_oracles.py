@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 import signal
 from collections.abc import Iterator
+from itertools import count
 
 import pytest
 from websockets.asyncio.client import connect
 
 from tests.external.conftest import Director, Oracles, Start, put, said, spec
-from tests.server.client import BASE, attached, make_event
+from tests.server.client import BASE, attached, make_clock, make_event
 from tests.server.harness import PATIENCE, Server
 
 YES, NO, NOTHING = "currently_true", "currently_false", "unknown"
@@ -164,6 +166,29 @@ async def test_an_oracle_that_hangs_denies_and_holds_up_no_other_session(
     assert "did not answer within 1 s" in theirs["complaint"]
 
 
+async def test_the_state_tells_which_oracle_is_waited_for(server: Server, director: Director, name: str) -> None:
+    by_publication = spec(name, director.url).replace("by: arrival", "by: publication, max_delay: 800s")
+    assert server.http.put(f"/api/v1/specs/{name}", content=by_publication).is_success
+    asked = f"for the oracle at {director.url} of property theirs"
+    async with attached(server, session=name, spec=name) as monitor:
+        await monitor.send(make_clock("/go", at=15), make_event(1, at=10, data={"v": 1}))
+        connection, _ = await director.asked()
+        assert re.sub(r"\d+", "N", server.get(f"sessions/{name}")["waiting"], count=1) == f"held N ms {asked}"
+        await monitor.send(make_event(2, at=20, data={"v": 1}))
+        await server.holds(name, 1)
+        first, second = server.get(f"sessions/{name}")["waiting"].split("; ")
+        assert first.endswith(asked)
+        assert re.fullmatch(r"held \d+ ms for /go of m1", second), "and what the order waits for"
+        await director.say(connection, "true")
+        await monitor.acked(1)
+        assert ";" not in server.get(f"sessions/{name}")["waiting"]
+        await monitor.send(make_clock("/go", at=25))
+        await director.asked()
+        await director.say(connection, "true")
+        await monitor.acked(2)
+    assert server.get(f"sessions/{name}")["waiting"] is None
+
+
 async def test_a_dropped_connection_is_made_anew(server: Server, director: Director, name: str) -> None:
     put(server, name, director.url)
     async with attached(server, session=name, spec=name) as monitor:
@@ -200,11 +225,10 @@ async def test_an_oracle_that_is_away_stops_nothing_and_is_asked_once_it_is_ther
         oracles = Oracles(port)
         request.addfinalizer(oracles.stop)
         async with asyncio.timeout(PATIENCE):
-            for seq in range(3, 10_000):
+            for seq in count(3):  # the server looks for it about once a second
                 decision = await monitor.ask(seq, stream="/go", data={"v": 1})
                 if decision["decision"] == "allow":
                     break
-                await asyncio.sleep(0.01)
     assert (await said(server, name, seq))[-1] == (YES, True)
     assert server.log.count("an oracle fails") >= 1
 

@@ -20,6 +20,22 @@ def measured(records: list[dict[str, Any]], name: str) -> list[tuple[str, Any]]:
     return [(r["outcome"], r["robustness"]) for r in records if r["property"] == name]
 
 
+def assert_shown(url: str) -> None:
+    """The tables have a column for it where there is any."""
+    summary = run("verdicts", "s", "--url", url).stdout.splitlines()
+    assert [line.split()[:3] for line in summary[:4]] == [
+        ["property", "outcome", "robustness"],
+        ["small", "unknown", "0"],
+        ["recent", "currently_true", "2"],
+        ["told", "true", "-"],
+    ]
+    assert summary[5].split()[-2:] == ["decision", "robustness"]
+    assert "-1" in summary[6].split()
+    head, first, *_ = run("verdicts", "s", "--property", "recent", "--url", url).stdout.splitlines()
+    assert (head.split()[-1], first.split()[-1]) == ("robustness", "0.5")
+    assert "robustness" not in run("verdicts", "s", "--property", "told", "--url", url).stdout
+
+
 async def test_robustness_is_recorded_told_and_the_same_after_a_restart_and_in_a_replay(
     start: Starts, tmp_path: Path
 ) -> None:
@@ -45,6 +61,7 @@ async def test_robustness_is_recorded_told_and_the_same_after_a_restart_and_in_a
     assert (violation["property"], violation["robustness"]) == ("small", -1)
     assert violation["explanation"]["values"] == {"v": 4}
     assert server.get("sessions/s")["properties"][1]["robustness"] == 2
+    assert_shown(server.url)
     assert server.stop() == 0
 
     server = start()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from concurrent.futures import Future
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Callable, Dict, Literal, Optional, Union
+from typing import TYPE_CHECKING, Any, Callable, Dict, Literal, Optional, TypedDict, Union
 from uuid import uuid4
 
 from oracle_adapter.connection import Address, Timing, attach_url
@@ -20,12 +20,25 @@ if TYPE_CHECKING:
     from types import TracebackType
     from typing import Iterable, Mapping, Type
 
+    from typing_extensions import Unpack
+
     from oracle_adapter.decision import Answer, Why
     from oracle_adapter.errors import LinkError
     from oracle_adapter.exchange import Stamp, State, Then
     from oracle_adapter.marks import ClockStamp
     from oracle_adapter.protocol import Attached, TimeSource
     from oracle_adapter.stats import Stats
+
+
+class Details(TypedDict, total=False):
+    """What may be known of an event besides."""
+
+    source: Optional[str]
+    """Its publisher."""
+    call: Optional[int]
+    """Pairs a request with its response."""
+    lost: Optional[int]
+    """Counts messages known to be missed just before it."""
 
 
 class Link:
@@ -86,25 +99,15 @@ class Link:
         return self._exchange.attached
 
     def send(
-        self,
-        stream: str,
-        kind: str,
-        stamp: Stamp,
-        data: Any,
-        *,
-        source: Optional[str] = None,
-        call: Optional[int] = None,
-        lost: Optional[int] = None,
+        self, stream: str, kind: str, stamp: Stamp, data: Any, **more: Unpack[Details]
     ) -> bool:
         """Queue an event, never waiting; False where it was not queued and is counted as lost.
 
         `stamp` is the publication time in ns, None where there is none, or a function that tells it
-        and is called under the lock, where it must not use the link. `source` is the publisher,
-        `call` pairs a request with its response, `lost` counts messages known to be missed just
-        before this one.
+        and is called under the lock, where it must not use the link.
         """
-        body = _body(stream, kind, data, source, call, ask=False)
-        return self._exchange.send(stamp, body, lost or 0)
+        body = _body(stream, kind, data, more, ask=False)
+        return self._exchange.send(stamp, body, more.get("lost") or 0)
 
     def ask(
         self,
@@ -114,9 +117,7 @@ class Link:
         data: Any,
         *,
         decide_within: float,
-        source: Optional[str] = None,
-        call: Optional[int] = None,
-        lost: Optional[int] = None,
+        **more: Unpack[Details],
     ) -> Future[Answer]:
         """Queue an event that wants a decision, never waiting.
 
@@ -125,17 +126,8 @@ class Link:
         """
         answered: Future[Answer] = Future()
         answered.set_running_or_notify_cancel()  # it can't be cancelled any more
-        self.ask_then(
-            stream,
-            kind,
-            stamp,
-            data,
-            answered.set_result,
-            decide_within=decide_within,
-            source=source,
-            call=call,
-            lost=lost,
-        )
+        then = answered.set_result
+        self.ask_then(stream, kind, stamp, data, then, decide_within=decide_within, **more)
         return answered
 
     def ask_then(
@@ -147,16 +139,14 @@ class Link:
         then: Then,
         *,
         decide_within: float,
-        source: Optional[str] = None,
-        call: Optional[int] = None,
-        lost: Optional[int] = None,
+        **more: Unpack[Details],
     ) -> None:
         """Do the same without a future: `then` is called with the answer.
 
         That happens in the link's thread; in the caller's where the answer is known at once.
         """
-        body = _body(stream, kind, data, source, call, ask=True)
-        self._exchange.ask(stamp, body, lost or 0, decide_within, then)
+        body = _body(stream, kind, data, more, ask=True)
+        self._exchange.ask(stamp, body, more.get("lost") or 0, decide_within, then)
 
     def outcome(self, answer: Answer, passed: bool, why: Why) -> None:
         """Report what was done with an ask; nothing where its event was never queued."""
@@ -227,11 +217,10 @@ def _instance(pid: int) -> str:  # noqa: ARG001 - what forks is another instance
     return uuid4().hex
 
 
-def _body(
-    stream: str, kind: str, data: Any, source: Optional[str], call: Optional[int], *, ask: bool
-) -> str:
+def _body(stream: str, kind: str, data: Any, more: Details, *, ask: bool) -> str:
     """An event's JSON behind its number, stamp and losses, which are only known later."""
     event: Dict[str, Any] = {"stream": stream, "kind": kind, "ask": ask}
+    source, call = more.get("source"), more.get("call")
     if source is not None:
         event["source"] = source
     if call is not None:

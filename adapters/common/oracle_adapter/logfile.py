@@ -14,7 +14,10 @@ from oracle_adapter.protocol import Attached
 from oracle_adapter.stats import Stats
 
 if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
     from oracle_adapter.exchange import Stamp, State
+    from oracle_adapter.link import Details
 
 
 class LogFile:
@@ -60,20 +63,11 @@ class LogFile:
         return self.attached
 
     def send(
-        self,
-        stream: str,
-        kind: str,
-        stamp: Stamp,
-        data: Any,
-        *,
-        source: Optional[str] = None,
-        call: Optional[int] = None,
-        lost: Optional[int] = None,
+        self, stream: str, kind: str, stamp: Stamp, data: Any, **more: Unpack[Details]
     ) -> bool:
         """Write an event as a line, at once; False where it could not be, which is told."""
         line: Dict[str, Any] = {"stream": stream, "kind": kind, "monitor": self._monitor}
-        given = {"source": source, "call": call, "lost": lost}
-        line.update((name, value) for name, value in given.items() if value is not None)
+        line.update((name, value) for name, value in more.items() if value is not None)
         with self._lock:
             published = stamp() if callable(stamp) else stamp
             self._arrived = max(self._arrived, time.time_ns())
