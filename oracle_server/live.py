@@ -314,8 +314,7 @@ class LiveSession:
                 asyncio.get_running_loop().call_later(_WRITE_AFTER, self._write)
             self._unwritten += judged
         for name, events in self.credit.grant(self.core.buffer):
-            outbox = self.monitors[name].outbox
-            if outbox:
+            if outbox := self.monitors[name].outbox:
                 outbox.send({"type": "credit", "events": events})
         self._arm()
 
@@ -326,10 +325,11 @@ class LiveSession:
         deciding = next(iter(self.core.judges))
         for item in judged:
             self.position += 1
-            event, gap, outcome = item.step.event, 0, None
+            event, outcome = item.step.event, None
+            gap = self._gaps.get((event.monitor, event.seq), 0)
             if item.order == deciding and event.monitor:
                 monitor = self.monitors[event.monitor]
-                gap = self._gaps.pop((event.monitor, event.seq), 0)
+                self._gaps.pop((event.monitor, event.seq), None)
                 outcome = monitor.outcomes.pop(event.seq, None)
                 settled.append((monitor, event.seq, gap, JUDGED))
             rows.append(step_row(self.number, self.position, gap, item, outcome))
