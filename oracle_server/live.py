@@ -263,8 +263,7 @@ class LiveSession:
         if judged:
             self.ledger.add(judged)
         for name, events in self.credit.grant(self.core.buffer):
-            outbox = self.monitors[name].outbox
-            if outbox:
+            if outbox := self.monitors[name].outbox:
                 outbox.send({"type": "credit", "events": events})
         self._arm()
 
