@@ -135,7 +135,7 @@ class PropertyModel(_Model):
 
 
 class RetentionModel(_Model):
-    """How much history of closed sessions of this spec is kept."""
+    """How much history of this spec's sessions is kept."""
 
     age: Duration | None = None
     events: Annotated[StrictInt, Field(ge=1)] | None = None

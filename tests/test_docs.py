@@ -7,6 +7,7 @@ import pytest
 
 from oracle_server.settings import Settings
 from oracle_server.specfile import parse_spec
+from oracle_server.specmodel import OrderingModel, PropertyModel, RetentionModel, ServiceModel, SpecModel, TopicModel
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted(ROOT.glob("examples/*/README.md"))]
@@ -36,6 +37,13 @@ def test_files_named_in_the_documents_are_there(path: Path) -> None:
 def test_every_setting_is_told() -> None:
     text = (ROOT / "docs" / "operations.md").read_text()
     assert [name for name in Settings.model_fields if f"`ORACLE_{name.upper()}`" not in text] == []
+
+
+def test_every_key_of_a_spec_is_told() -> None:
+    text = (ROOT / "docs" / "spec.md").read_text()
+    models = (OrderingModel, TopicModel, ServiceModel, PropertyModel, RetentionModel, SpecModel)
+    keys = {name for model in models for name in model.model_fields}
+    assert {key for key in keys if not re.search(rf"`{key}`|\b{key}:", text)} == set()
 
 
 def test_the_architecture_has_every_module_and_no_other() -> None:
