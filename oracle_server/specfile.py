@@ -20,7 +20,7 @@ from oracle_server.core.hazards import inspect
 from oracle_server.core.ros import Ros, ros_hazards
 from oracle_server.core.spec import SILENT, External, Ordering, Property, Retention, Spec, StreamSpec
 from oracle_server.engines.choice import goes_back, read_formula, refusal
-from oracle_server.specmodel import PropertyModel, ServiceModel, SpecModel, TopicModel
+from oracle_server.specmodel import ChannelModel, PropertyModel, ServiceModel, SpecModel, TopicModel
 from oracle_server.yamltext import MAX_TEXT, Document, read_yaml
 
 
@@ -173,32 +173,15 @@ def _streams(model: TopicModel | ServiceModel) -> Iterator[StreamSpec]:
         "on_deny": model.on_deny,
     }
     if isinstance(model, TopicModel):
-        yield StreamSpec(
-            name=model.topic,
-            stamp=model.stamp,
-            hold=frozenset(model.hold),
-            signals=model.signals,
-            intercept=model.intercept,
-            **common,
-        )
+        yield StreamSpec(model.topic, intercept=model.intercept, **_channel(model), **common)
         return
     common |= {"proxy": model.proxy or f"{model.service}_mon", "denied_response": model.denied_response}
-    yield StreamSpec(
-        model.service,
-        "request",
-        stamp=model.request.stamp,
-        hold=frozenset(model.request.hold),
-        signals=model.request.signals,
-        **common,
-    )
-    yield StreamSpec(
-        model.service,
-        "response",
-        stamp=model.response.stamp,
-        hold=frozenset(model.response.hold),
-        signals=model.response.signals,
-        **common,
-    )
+    yield StreamSpec(model.service, "request", **_channel(model.request), **common)
+    yield StreamSpec(model.service, "response", **_channel(model.response), **common)
+
+
+def _channel(model: ChannelModel) -> dict[str, Any]:
+    return {"stamp": model.stamp, "hold": frozenset(model.hold), "signals": model.signals}
 
 
 def _engines(spec: Spec) -> Iterator[Problem]:

@@ -73,7 +73,9 @@ class OrderingModel(_Model):
     capacity: Annotated[int, Field(strict=True, ge=1, le=1_000_000)] = 10_000
 
 
-class _Channel(_Model):
+class ChannelModel(_Model):
+    """What a topic, or either side of a service, has of its own."""
+
     stamp: FieldPath | None = None
     hold: list[SignalName] = []
     signals: dict[SignalName, StrictStr] | None = None
@@ -89,7 +91,7 @@ class _Interface(_Model):
     on_deny: Literal["keep", "undo"] = "keep"
 
 
-class TopicModel(_Channel, _Interface):
+class TopicModel(ChannelModel, _Interface):
     """A stream that is a topic."""
 
     topic: RosName
@@ -104,8 +106,8 @@ class ServiceModel(_Interface):
     type: ServiceType = ""
     proxy: RosName | None = None
     denied_response: dict[str, Any] | None = None
-    request: _Channel = _Channel()
-    response: _Channel = _Channel()
+    request: ChannelModel = ChannelModel()
+    response: ChannelModel = ChannelModel()
 
 
 def _stream_kind(value: object) -> str:
@@ -135,7 +137,7 @@ class PropertyModel(_Model):
 
 
 class RetentionModel(_Model):
-    """How much history of closed sessions of this spec is kept."""
+    """How much history of this spec's sessions is kept."""
 
     age: Duration | None = None
     events: Annotated[StrictInt, Field(ge=1)] | None = None

@@ -29,7 +29,7 @@ MAX_PENDING = 20_000
 _RETRY_AFTER = 1.0
 _GATHER = 0.01
 """Seconds for which rows are gathered before the writer is woken."""
-_PERIOD = 0.04
+PERIOD = 0.04
 """Seconds between two commits at least: the writer competes with the event loop for Python."""
 _COLUMNS = {"steps": STEP_COLUMNS, "refused": REFUSED_COLUMNS}
 _CHUNK = 512
@@ -148,7 +148,7 @@ class Store:
 
     def _schedule(self) -> None:
         if self._batch.work and self._handing_over is None and self._loop is not None:
-            delay = max(_GATHER, self._handed_over + _PERIOD - self._loop.time())
+            delay = max(_GATHER, self._handed_over + PERIOD - self._loop.time())
             self._handing_over = self._loop.call_later(delay, self._hand_over)
 
     def _hand_over(self) -> None:
@@ -180,10 +180,9 @@ class Store:
             try:
                 self._write(batch)
             except Exception as error:  # noqa: BLE001 -- without its thread, nothing would ever be written, or told of
-                reason = _told(error)
-                if self.failure is None:
-                    log.error("the history can't be written", reason=reason, path=str(self.path))
-                self.failure = reason
+                known, self.failure = self.failure, _told(error)
+                if known is None:
+                    log.error("the history can't be written", reason=self.failure, path=str(self.path))
                 with self._wake:
                     if self._stopping:
                         return
@@ -191,8 +190,8 @@ class Store:
             else:
                 break
         if self.failure is not None:
-            log.info("the history can be written again")
             self.failure = None
+            log.info("the history can be written again")
         assert self._loop is not None  # noqa: S101 -- the thread starts with the loop
         with contextlib.suppress(RuntimeError):  # the loop is closed: nobody is left to be told
             self._loop.call_soon_threadsafe(self._committed, batch)

@@ -13,7 +13,6 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, TypeVar
-from urllib.error import URLError
 from urllib.parse import urlencode
 from urllib.request import urlopen
 
@@ -162,13 +161,6 @@ class Server:
             if record["kind"] != "tick":
                 steps.setdefault(record["step"], record)
         return list(steps.values())
-
-    def reachable(self) -> bool:
-        try:
-            self.get("sessions")
-        except URLError:
-            return False
-        return True
 
 
 def all_pages(get: Callable[..., Any], path: str, query: Data) -> list[Data]:

@@ -1,11 +1,13 @@
-"""What the documents show is true: whole specs in them are sound, files that they name are there."""
+"""What the documents show is true: whole specs are sound, files that they name are there, and nothing is left out."""
 
 import re
 from pathlib import Path
 
 import pytest
 
+from oracle_server.settings import Settings
 from oracle_server.specfile import parse_spec
+from oracle_server.specmodel import OrderingModel, PropertyModel, RetentionModel, ServiceModel, SpecModel, TopicModel
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted(ROOT.glob("examples/*/README.md"))]
@@ -30,3 +32,27 @@ def test_files_named_in_the_documents_are_there(path: Path) -> None:
     missing = [name for name in links if not (path.parent / name).exists()]
     missing += [name for name in scripts if not (ROOT / name).exists()]
     assert missing == []
+
+
+def test_every_setting_is_told() -> None:
+    text = (ROOT / "docs" / "operations.md").read_text()
+    assert [name for name in Settings.model_fields if f"`ORACLE_{name.upper()}`" not in text] == []
+
+
+def test_every_key_of_a_spec_is_told() -> None:
+    text = (ROOT / "docs" / "spec.md").read_text()
+    models = (OrderingModel, TopicModel, ServiceModel, PropertyModel, RetentionModel, SpecModel)
+    keys = {name for model in models for name in model.model_fields}
+    assert {key for key in keys if not re.search(rf"`{key}`|\b{key}:", text)} == set()
+
+
+def test_the_architecture_has_every_module_and_no_other() -> None:
+    told = set(re.findall(r"`(?:[\w/]+/)?(\w+\.py)`", (ROOT / "docs" / "architecture.md").read_text()))
+    packages = (
+        "oracle_server",
+        "adapters/common/oracle_adapter",
+        "adapters/ros1/oracle_ros1",
+        "adapters/ros2/oracle_ros2",
+    )
+    there = {path.name for package in packages for path in (ROOT / package).rglob("*.py")}
+    assert told == {name for name in there if not name.startswith("__")}

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from oracle_server.core.atoms import Matches
 from oracle_server.core.explanation import Why
 from oracle_server.core.formula.tree import Exists, Forall, Formula, Historically, Once
 from oracle_server.core.past import NO_PAST, Past
-from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import Outcome
 
 MAX_WORK = 50_000
@@ -101,10 +100,6 @@ class Measuring(Engine, Protocol):
     def robustness(self) -> float | None:
         """Above 0 where the formula held at the last step, below where it did not, None where that is not known."""
         ...
-
-
-EngineFactory = Callable[[Property], Engine]
-"""Makes a fresh engine for a property; may take tens of milliseconds."""
 
 
 def outcome(formula: Formula, holds: bool) -> Outcome:

@@ -17,9 +17,7 @@ import httpx
 PATIENCE = 30.0
 """Seconds that any one thing may take before a test fails."""
 _MAIN = "from oracle_server.cli import main; main()"
-
-
-_OFTEN = "from oracle_server import store; store._PERIOD = 0"
+_OFTEN = "from oracle_server import store; store.PERIOD = 0"
 """Commits as they come and not gathered: there are the more moments to strike at."""
 
 
@@ -35,6 +33,7 @@ class Served:
         self.up = asyncio.Event()
         self.starts = 0
         self.log: list[dict[str, Any]] = []
+        self._said = asyncio.Condition()
         self._arguments = ("--specs", str(specs), "--data-dir", str(data))
         outer = {name: value for name, value in os.environ.items() if not name.startswith("ORACLE_")}
         self._environment = outer | {"ORACLE_LOG": "json"} | {f"ORACLE_{k.upper()}": v for k, v in settings.items()}
@@ -95,6 +94,11 @@ class Served:
         """Let a frozen process go on."""
         self._process.send_signal(signal.SIGCONT)
 
+    async def said(self, event: str) -> None:
+        """Wait until the log has a line of this event."""
+        async with asyncio.timeout(PATIENCE), self._said:
+            await self._said.wait_for(lambda: any(line["event"] == event for line in self.log))
+
     async def stop(self) -> int:
         """Stop cleanly, and return the exit status."""
         self.up.clear()
@@ -145,7 +149,9 @@ class Served:
                 line = json.loads(text)
             except ValueError:
                 line = {"event": text.decode(errors="replace").rstrip()}
-            self.log.append(line)
+            async with self._said:
+                self.log.append(line)
+                self._said.notify_all()
             if line["event"] == "accepting work":
                 self._port = int(line["url"].rpartition(":")[2])
                 accepts.set()

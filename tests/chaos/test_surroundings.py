@@ -33,6 +33,8 @@ from tests.chaos.runs import (
 from tests.chaos.served import PATIENCE, Served
 from tests.chaos.tunnel import Tunnel
 
+FAILED = "the history can't be written"
+"""What the log says of it."""
 TURNED_BY_SIGNALS = """
 import signal, time
 real, offset = time.time_ns, 0
@@ -124,15 +126,17 @@ async def test_a_disk_that_is_full_for_a_while(
 
         async def be_full() -> None:
             disk.fill()
-            refused.append(await until_ready(served, 503))
+            await served.said(FAILED)
+            refused.append(await readiness(served, 503))
             disk.free()
-            await until_ready(served, 200)
+            await served.said("the history can be written again")
+            await readiness(served, 200)
 
         links = await stream_through(
             served, ALONE, trace, chance, [point], lambda _: void(tasks.create_task(be_full()))
         )
         records = await served.records(SESSION)
-        assert [line["event"] for line in served.complaints] == ["the history can't be written"]
+        assert [line["event"] for line in served.complaints] == [FAILED]
         assert await served.stop() == 0
         await served.start()
         assert await served.records(SESSION) == records
@@ -195,7 +199,8 @@ async def test_a_disk_that_turns_read_only(failing_disk: FailingDisk, tmp_path: 
             await until_acked(socket, 50)
             failing_disk.fail()
             await say(socket, half[50:], at_once=50)
-            assert "read-only" in await until_ready(served, 503)
+            await served.said(FAILED)
+            assert "read-only" in await readiness(served, 503)
             await say(socket, [event(101, {"id": 1, "status": 1}) | request])
             frames = [json.loads(await socket.recv())]
             while frames[-1]["type"] != "decision":
@@ -216,14 +221,12 @@ async def test_a_disk_that_turns_read_only(failing_disk: FailingDisk, tmp_path: 
         assert sorted(record["seq"] for record in records[::6]) == list(range(1, 101))
 
 
-async def until_ready(served: Served, status: int) -> str:
-    """Wait until `/readyz` answers so; what it says."""
+async def readiness(served: Served, status: int) -> str:
+    """What `/readyz` says, with this status."""
     async with asyncio.timeout(PATIENCE), httpx.AsyncClient(base_url=served.url, trust_env=False) as http:
-        while True:
-            response = await http.get("/readyz")
-            if response.status_code == status:
-                return response.text
-            await asyncio.sleep(0.01)
+        response = await http.get("/readyz")
+    assert response.status_code == status
+    return response.text
 
 
 async def test_a_server_with_a_full_disk_can_be_stopped(disk: Disk, tmp_path: Path) -> None:
@@ -234,7 +237,7 @@ async def test_a_server_with_a_full_disk_can_be_stopped(disk: Disk, tmp_path: Pa
             for seq in range(1, 20):
                 data = {"id": text, "percentage": 1.0}
                 await say(socket, [event(seq, data) | {"stream": "/battery_percentage"}])
-            await until_ready(served, 503)
+            await served.said(FAILED)
             assert await served.stop() == 0
         disk.free()
         await served.start()
