@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, List
 
 import pytest
 from oracle_adapter import Link, LinkError
+from oracle_adapter.command import close
 from oracle_adapter.protocol import Protocol
 from tests.adapters.common.links import PATIENCE, answer_of, ask
 
@@ -92,6 +93,22 @@ class TestEnding:
             assert not link.close(timeout=0.3 if values else PATIENCE)
             assert time.monotonic() - started < 2
             assert link.stats().lost == len(values)
+
+    def test_what_the_oracle_has_not_confirmed_at_the_end_is_told(
+        self, oracle: Oracle, links: List[Link]
+    ) -> None:
+        link = Link(oracle.url, "uav1", on_error=lambda error: None)
+        told: List[str] = []
+        links.append(link)
+        link.start()
+        peer = oracle.accept()
+        peer.attach()
+        link.wait_attached(PATIENCE)
+        oracle.stop()
+        link.send("/a", "topic", 1, {})
+        link.send("/a", "topic", 2, {})
+        close(link, told.append)
+        assert told == ["the oracle has not confirmed the last 2 events: they may be lost"]
 
     def test_close_before_the_start(self, oracle: Oracle) -> None:
         link = Link(oracle.url, "uav1")
