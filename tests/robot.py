@@ -44,6 +44,17 @@ properties:
     formula: 'not {service: "/switch", kind: response, text: "nonsense"}'
     guards: [/switch]
 """
+SILENCE = "  - {topic: /silent, type: geometry_msgs/PointStamped, latency: 100s}\nproperties:"
+HELD = (
+    GATE.replace("50ms", "30s")
+    .replace("INTERCEPT", "publisher")
+    .replace("UNAVAILABLE", "deny")
+    .replace("WITHIN", "60s")
+    .replace("properties:", SILENCE)
+)
+"""Numbers wait for a topic that nobody speaks on, longer than any test does."""
+ENDLESS = SWITCH.replace("streams:", "ordering: {max_delay: 30s}\nstreams:").replace("properties:", SILENCE)
+"""So do calls."""
 SIDES = {"publisher": ("/number_mon", "/number"), "subscriber": ("/number", "/number_mon")}
 """Where messages come from and where they go, by `intercept`."""
 

@@ -88,6 +88,8 @@ def test_what_lasts_is_forwarded_to_those_who_come_later(scene: Scene) -> None:
     adapter.said("matching the publishers of /number_mon: reliable, transient_local")
     peer.until(lambda: offers(peer, "/number") == [(RELIABLE, LASTING)])
     events = eventually(lambda: scene.server.events("s"), lambda found: found)
+    early = peer.record(msg.Int64, "/number", profile(durability=LASTING))
+    peer.until(lambda: 2 in values(early), "what was kept is heard by nobody")
     publisher.publish(msg.Int64(data=3))
     publisher.publish(msg.Int64(data=7))
     more = eventually(lambda: scene.server.events("s"), lambda found: len(found) == len(events) + 2)
@@ -95,6 +97,19 @@ def test_what_lasts_is_forwarded_to_those_who_come_later(scene: Scene) -> None:
     late = peer.record(msg.Int64, "/number", profile(durability=LASTING))
     peer.until(lambda: late)
     assert values(late) == [3]
+
+
+def test_what_is_said_once_before_anything_is_matched_is_heard_once_by_all(scene: Scene) -> None:
+    adapter, peer = scene.adapter("gate"), scene.peer()
+    volatile = peer.record(msg.Int64, "/number")
+    peer.until(lambda: offers(peer, "/number") == [(RELIABLE, VOLATILE)])
+    lasting = peer.record(msg.Int64, "/number", profile(durability=LASTING))
+    publisher = peer.publisher(msg.Int64, "/number_mon", qos=profile(durability=LASTING, depth=1))
+    publisher.publish(msg.Int64(data=1))
+    peer.until(lambda: volatile and lasting, "what was said once is not heard")
+    peer.until(lambda: offers(peer, "/number") == [(RELIABLE, LASTING)])
+    assert (values(volatile), values(lasting)) == ([1], [1])
+    adapter.ends_well()
 
 
 def test_a_reliable_publisher_beside_a_best_effort_one_loses_nothing_while_they_are_matched(scene: Scene) -> None:

@@ -133,7 +133,7 @@ class Board:
         if over:
             self._screen.info(over)
         if not passed:
-            self._screen.error(f"denied {event}: {', '.join(answer.denied_by)}")
+            self._screen.error(f"denied {event}: {', '.join(answer.denied_by) or answer.reason}")
         return passed, why
 
     def error(self, text: str) -> None:

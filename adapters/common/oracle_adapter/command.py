@@ -87,6 +87,14 @@ def _attached(link: Link, timeout: float) -> Union[Attached, LinkError]:
         return error
 
 
+def close(link: Link, tell: Callable[[str], None]) -> None:
+    """Close a link; `tell` hears of it where the oracle did not confirm all that was queued."""
+    if not link.close():
+        left = link.stats().queued
+        if left:
+            tell(f"the oracle has not confirmed the last {left} events: they may be lost")
+
+
 def unknown_remap(names: Names, attached: Attached) -> Optional[str]:
     """A remapped name that is none of a stream or a proxy of the spec; None where there is none."""
     known = (n for s in attached.streams for n in (s["name"], s.get("proxy") or s["name"]))

@@ -16,7 +16,8 @@ Policy = Literal["deny", "pass"]
 class Answer:
     """What came of an ask: the server's decision, or why there is none.
 
-    `decision` is there where `why` is `decision`; `reason` says in words why there is none.
+    `decision` is there where `why` is `decision`; `reason` says in words why there is none, or why
+    it is `deny` where no property says so: what can't be judged is denied.
     `denied_by` names properties, `verdicts` gives properties' outcomes at the event.
     """
 

@@ -137,7 +137,11 @@ class Exchange:
             return self._protocol.stats()
 
     def detach(self) -> None:
-        """Take nothing more, and detach when all is written."""
+        """Take nothing more, answer what was asked, and detach when all is written."""
+        with self._lock:
+            self._protocol.close()
+            notices = self._protocol.take_notices()
+        self._deliver(notices)
         with self._lock:
             self._put_outcomes()
             self._protocol.detach()

@@ -195,7 +195,8 @@ class Link:
         """Write what is queued, detach, and end the thread; after `timeout` seconds end it without.
 
         True where the server has confirmed, after judging all. What is asked or sent from now on is
-        lost.
+        lost; asks without an answer get theirs here and now, as unavailable, so that the server is
+        told what was done with them.
         """
         return self._keeper.stop(timeout)
 

@@ -105,6 +105,12 @@ class Marks:
         self._outcomes.extendleft(reversed(self._reported))
         self._reported.clear()
 
+    def of_later(self, last: int) -> Marks:
+        """Those of the next session: outcomes of events behind the `last` one of this."""
+        marks = Marks(self._capacity)
+        marks._outcomes.extend(item for item in self._outcomes if item.event.number > last)
+        return marks
+
     def forget_numbered(self) -> None:
         """Drop outcomes of events whose numbers now mean other events."""
         self._reported.clear()

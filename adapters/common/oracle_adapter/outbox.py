@@ -101,6 +101,10 @@ class Outbox:
             self._urgent = event.number
         return event
 
+    def is_too_large(self, body: str) -> bool:
+        """Whether an event is more than a frame may be."""
+        return HEAD + len(body) > self._max_frame
+
     def clock(self, stamps: Iterable[ClockStamp]) -> None:
         """Queue clocks behind every event queued so far."""
         if self._last_here is None:
@@ -125,7 +129,7 @@ class Outbox:
         self._sent.clear()
         self._unsent = deque(event for event in events if event.number > last)
         self.asked.clear()
-        self.marks = Marks(self._capacity)
+        self.marks = self.marks.of_later(last)
         self._missed = self._acked = 0
         self._next = self._last_here = None
         return gone

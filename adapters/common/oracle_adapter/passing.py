@@ -28,13 +28,23 @@ class Passing:
             self._name, self._kind, stamp, data, then, decide_within=self._within, **more
         )
 
-    def settle(self, answer: Answer, call: Optional[int] = None) -> Tuple[bool, str]:
-        """Whether it passes, and why not, in words; the server is told what was done."""
+    def settle(
+        self, answer: Answer, give: Callable[[Any], bool], what: Any, call: Optional[int] = None
+    ) -> Tuple[bool, str]:
+        """Whether it passed, and why not, in words; the server is told what was done.
+
+        What may pass is given to `give`, which says whether it went on: an adapter that ends, or
+        makes room for another, forwards nothing more, and history must not say that it did.
+        """
         word = "message" if self._kind == "topic" else self._kind
         event = f"a {word} of {self._name}" + (f", call {call}" if call else "")
-        passed, why = self._board.settle(answer, self._policy, event)
-        self._link.outcome(answer, passed, why)
-        return passed, ", ".join(answer.denied_by) or answer.reason
+        may, why = self._board.settle(answer, self._policy, event)
+        passed = False
+        try:
+            passed = may and give(what)
+        finally:
+            self._link.outcome(answer, passed, why)
+        return passed, ", ".join(answer.denied_by) or answer.reason or "the monitor ends"
 
 
 class _Waiting:
@@ -48,8 +58,11 @@ class _Waiting:
 class Gate:
     """Forwards what may pass of a topic, in its order; nobody waits for a decision."""
 
-    def __init__(self, passing: Passing, forward: Callable[[Any], None]) -> None:
-        """Call `forward` with each message that passes, mostly in the link's thread."""
+    def __init__(self, passing: Passing, forward: Callable[[Any], bool]) -> None:
+        """Call `forward` with each message that may pass, mostly in the link's thread.
+
+        It says whether the message went on.
+        """
         self._passing, self._forward = passing, forward
         self._waiting: Deque[_Waiting] = deque()
         self._entering, self._leaving = threading.Lock(), threading.Lock()
@@ -75,7 +88,4 @@ class Gate:
                 answer = self._waiting[0].answer
                 if answer is None:
                     break
-                message = self._waiting.popleft().message
-                passed, _reason = self._passing.settle(answer)
-                if passed:
-                    self._forward(message)
+                self._passing.settle(answer, self._forward, self._waiting.popleft().message)

@@ -25,7 +25,8 @@ from typing import (
 from oracle_adapter.decision import Answer
 from oracle_adapter.errors import ENDING, LinkError
 from oracle_adapter.jsonvalues import dumps
-from oracle_adapter.outbox import MAX_FRAME, Outbox, Queued
+from oracle_adapter.losses import Losses, too_large
+from oracle_adapter.outbox import FULL, MAX_FRAME, Outbox, Queued
 from oracle_adapter.stats import Stats
 
 if TYPE_CHECKING:
@@ -102,7 +103,7 @@ class Protocol:
         self.detached = False
         self.ended: Optional[LinkError] = None
         self._hello, self._private = hello, hello.session is None
-        self._stats = Stats()
+        self._stats, self._capacity = Stats(), capacity
         self._outbox = Outbox(capacity, self._stats)
         self._open: Set[Queued] = set()  # asks without an answer
         self._notices: List[Notice] = []
@@ -118,7 +119,8 @@ class Protocol:
             "error": self._on_error,
             "detached": self._on_detached,
         }
-        self._met = self._detaching = self._detach_sent = self._over = False
+        self._losses = Losses()
+        self._met = self._closing = self._detaching = self._detach_sent = self._over = False
 
     # From the adapter
 
@@ -133,6 +135,8 @@ class Protocol:
             self._open.add(event)
             return event
         self._stats.unavailable += 1
+        if not self._closed_reason and self._outbox.is_too_large(body):
+            return _denied(too_large(body))
         return Answer("unavailable", reason=self._closed_reason or "the queue is full")
 
     def expire(self, event: Queued) -> None:
@@ -169,6 +173,12 @@ class Protocol:
         self._reports[key] = report
         self._unreported.add(key)
         return True
+
+    def close(self) -> None:
+        """Take nothing more, and answer the asks: how they end must be told before the end."""
+        self._closing = True
+        for event in sorted(self._open, key=lambda event: event.number):
+            self._unavailable(event, self._closed_reason)
 
     def detach(self) -> None:
         """Take nothing more, and detach when all is written, with credit for it or without."""
@@ -244,7 +254,7 @@ class Protocol:
     def _closed_reason(self) -> str:
         if self.ended is not None:
             return str(self.ended)
-        return "the link is closing" if self._detaching else ""
+        return "the link is closing" if self._closing or self._detaching else ""
 
     @property
     def _may_move(self) -> bool:
@@ -263,7 +273,14 @@ class Protocol:
         if self._closed_reason:
             self._stats.lost += 1
             return None
-        return self._outbox.put(stamp, body, lost=lost, ask=ask)
+        event = self._outbox.put(stamp, body, lost=lost, ask=ask)
+        if event is None:
+            large = self._outbox.is_too_large(body)
+            loss = self._losses.large(body) if large else self._losses.full(self._capacity)
+            self._notices += [] if loss is None else [loss]
+        elif self._losses.is_full and len(self._outbox) < FULL * self._capacity:
+            self._losses.is_full = False
+        return event
 
     def _on_attached(self, frame: Mapping[str, Any]) -> None:
         limits = frame.get("limits") or {}
@@ -335,7 +352,8 @@ class Protocol:
             self._stats.refused += 1
             event = self._outbox.asked.get(seq)
             if event is not None:
-                self._unavailable(event, str(error))
+                self._stats.unavailable += 1
+                self._answer(event, _denied(str(error), event))
 
     def _start_over(self, session: Optional[str], reason: str) -> None:
         """Attach to another session next, one without a name where none is given."""
@@ -356,6 +374,11 @@ class Protocol:
         self._outbox.answered(event)
         self._open.discard(event)
         self._notices.append(Answered(event, answer))
+
+
+def _denied(reason: str, event: Optional[Queued] = None) -> Answer:
+    """What the oracle is there for and can't judge is `unknown`, and denied: that is no outage."""
+    return Answer("decision", "deny", reason=reason, event=event)
 
 
 def _without_type(frame: Mapping[str, Any]) -> Mapping[str, Any]:

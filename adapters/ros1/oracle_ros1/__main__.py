@@ -17,7 +17,7 @@ from typing import Any, List, Optional, Sequence, Tuple
 
 import rospy
 from oracle_adapter import Board, Link, LinkError, Names, open_log
-from oracle_adapter.command import default, parser, wait_attached
+from oracle_adapter.command import close, default, parser, wait_attached
 
 from oracle_ros1.codec import CodecError
 from oracle_ros1.graph import dump_graph
@@ -29,6 +29,8 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     """Run until SIGINT or SIGTERM; 0 after a clean stop, 2 where it can't start or the server refused."""
     own, for_ros = _split(sys.argv if arguments is None else arguments)
     options = _parse(own[1:])
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: sys.exit(0))  # there may be no master yet, and there is nothing to end
     name = re.sub(r"\W", "_", (options.monitor or "monitor").strip("/")) or "monitor"
     rospy.init_node(name, argv=for_ros, disable_signals=True)  # waits for the master
     stopping = threading.Event()
@@ -96,7 +98,7 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
     try:
         _observe(link, board, names, stopping, simulated=simulated)
     finally:
-        link.close()
+        close(link, rospy.logerr)
     return 2 if failed else 0
 
 
@@ -111,7 +113,6 @@ def _observe(link: Link, board: Board, names: Names, stopping: threading.Event, 
         monitor.stop()
         if stopping.is_set():
             return
-        monitor.retire()
         attached = wait_attached(link, stopping, rospy.logwarn)
 
 

@@ -6,13 +6,11 @@ import threading
 from dataclasses import dataclass
 from typing import Any, Mapping, Optional
 
-import genmsg
 import genpy.dynamic
 import roslib.message
 
 from oracle_ros1.codec import CodecError, Lookup
 
-_UNREADABLE = (genmsg.MsgGenerationException, genmsg.InvalidMsgSpec, genmsg.MsgNotFound, KeyError, ValueError)
 _generating = threading.Lock()  # genpy writes modules and changes the path where they are looked for
 
 
@@ -64,7 +62,7 @@ def sent_definition(header: Mapping[str, str]) -> Definition:
     try:
         with _generating:
             classes = genpy.dynamic.generate_dynamic(name, text)
-    except _UNREADABLE as error:
+    except Exception as error:  # genpy imports what it makes of a text that another node sends
         raise CodecError(f"{name} as {header.get('callerid')} defines it can't be read: {error}") from error
     made = classes[name]
     if made._md5sum != header.get("md5sum"):  # noqa: SLF001 - genpy's own interface

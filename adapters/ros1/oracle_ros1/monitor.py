@@ -67,7 +67,7 @@ class Monitor:
         self._link.clock(self._stamps)
 
     def stop(self) -> None:
-        """Take nothing more; what is decided yet is still forwarded."""
+        """Take nothing more, and forward nothing more: what waits is not passed, and history is told so."""
         self._graph.stop()
         if self._jumps is not None:
             self._jumps.unregister()
@@ -75,11 +75,6 @@ class Monitor:
             service.stop()
         for topic in self._topics:
             topic.stop()
-
-    def retire(self) -> None:
-        """Forward nothing any more, to make room for another monitor."""
-        for topic in self._topics:
-            topic.retire()
 
     def _look(self) -> None:
         """Tell how the streams are."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple, Union
+from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Tuple, Union
 
 import rospy
 from oracle_adapter import TimeSource
@@ -41,7 +41,11 @@ class Observed:
         self.latency: int = stream["latency"]
         self._type = ros1_name(stream["type"]) if stream["type"] else ""
         self._fields, self._path, self._now = stream["fields"], stream["stamp"], now
-        self._decoders: Dict[str, Union[Decoder, str]] = {}  # by their md5sum; a text says why there is none
+        # by type and md5sum, as types of one definition have one md5sum; a text says why there is none
+        self._decoders: Dict[Tuple[str, str], Union[Decoder, str]] = {}
+        self._unread = 0  # messages since the last event, under the lock
+        self.unreadable: Dict[str, str] = {}
+        """Why messages of a node can't be read."""
         self._deciding = threading.Lock()
         found = installed_message(self._type)
         self.installed = self._decoder(found) if found else None
@@ -49,27 +53,52 @@ class Observed:
     @property
     def time_source(self) -> Optional[TimeSource]:
         """Where its publication time comes from; None while no publisher has told the type."""
-        known = self.installed or next((d for d in self._decoders.values() if isinstance(d, Decoder)), None)
+        # a copy: another publisher may just come
+        known = self.installed or next((d for d in list(self._decoders.values()) if isinstance(d, Decoder)), None)
         return None if known is None else "field" if known.stamp else "arrival"
 
     def decoder(self, header: Header) -> Union[Decoder, str]:
         """What decodes the messages of a publisher with this connection header, or why nothing can."""
-        digest = header["md5sum"]
+        key = header["type"], header["md5sum"]
         with self._deciding:
-            if digest not in self._decoders:
+            if key not in self._decoders:
                 try:
-                    self._decoders[digest] = self._found(header)
+                    self._decoders[key] = self._found(header)
                 except CodecError as error:
-                    self._decoders[digest] = f"nothing of {header.get('callerid')} can be read: {error}"
-            return self._decoders[digest]
+                    self._decoders[key] = str(error)
+            found = self._decoders[key]
+        return f"nothing of {header.get('callerid')} can be read: {found}" if isinstance(found, str) else found
 
-    def event(self, message: rospy.AnyMsg, decoder: Decoder) -> Tuple[Stamp, Any]:
-        """The stamp and the data of a message's event."""
+    def event(self, message: rospy.AnyMsg, decoder: Decoder) -> Optional[Tuple[Stamp, Any, int]]:
+        """The stamp and the data of a message's event, and how many were lost before it.
+
+        None where it can't be read: then it is one of those, and in `unreadable`.
+        """
         if decoder.idle:
-            return self._now, {}
-        decoded = decoder.definition.type().deserialize(message._buff)  # noqa: SLF001 - rospy's own interface
-        stamp = decoder.stamp(decoded) if decoder.stamp else None
-        return stamp or self._now, decoder.read(decoded)
+            return self._now, {}, 0
+        try:
+            decoded = decoder.definition.type().deserialize(message._buff)  # noqa: SLF001 - rospy's own interface
+            stamp = decoder.stamp(decoded) if decoder.stamp else None
+            data = decoder.read(decoded)
+        except Exception as error:  # noqa: BLE001 - whatever another node sends
+            node = header_of(message).get("callerid", "somebody")
+            with self._deciding:
+                self._unread += 1
+                self.unreadable[node] = f"{node} publishes what can't be read: {error}"
+            return None
+        return stamp or self._now, data, self._take_unread() if self._unread else 0
+
+    def troubles(self, publishers: Iterable[Header]) -> List[str]:
+        """What is wrong with what these publish, as they say of themselves or as was found."""
+        nodes = {header.get("callerid", "somebody"): self.decoder(header) for header in publishers}
+        with self._deciding:
+            self.unreadable = {node: why for node, why in self.unreadable.items() if node in nodes}
+            return [why for why in (*nodes.values(), *self.unreadable.values()) if isinstance(why, str)]
+
+    def _take_unread(self) -> int:
+        with self._deciding:
+            taken, self._unread = self._unread, 0
+        return taken
 
     def _found(self, header: Header) -> Decoder:
         if self._type and header["type"] != self._type:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Sequence
+from contextlib import suppress
+from typing import Any, Sequence
 
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -23,12 +24,12 @@ class Screen:
 
     def verdict(self, outcome: str) -> None:
         """Publish the worst outcome over the properties."""
-        self._verdict.publish(outcome)
+        _publish(self._verdict, outcome)
 
     def error(self, text: str) -> None:
         """Log an error, and publish it."""
         rospy.logerr(text)
-        self._error.publish(text)
+        _publish(self._error, text)
 
     def info(self, text: str) -> None:
         """Log a text."""
@@ -38,8 +39,13 @@ class Screen:
         """Publish the statuses."""
         array = DiagnosticArray(status=[self._status(status) for status in statuses])
         array.header.stamp = rospy.Time.now()
-        self._diagnostics.publish(array)
+        _publish(self._diagnostics, array)
 
     def _status(self, status: Status) -> DiagnosticStatus:
         values = [KeyValue(key, value) for key, value in status.values]
         return DiagnosticStatus(status.level, status.name, status.message, self._monitor, values)
+
+
+def _publish(publisher: rospy.Publisher, message: Any) -> None:
+    with suppress(rospy.ROSException):  # ROS is shut down, as by `rosnode kill`: nobody hears it
+        publisher.publish(message)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from queue import SimpleQueue
-from typing import Any, List, Mapping
+from typing import Any, List, Mapping, Tuple
 
 import rospy
 from oracle_adapter import Answer, Board, ClockStamp, Link, Names
@@ -57,10 +57,14 @@ class ProxiedService:
         if not side.filtered:
             self._link.send(self.name, side.kind, stamp, data, call=call)
             return
-        answered: SimpleQueue[Answer] = SimpleQueue()
-        side.passing.ask(stamp, data, answered.put, call=call)
+        settled: SimpleQueue[Tuple[bool, str]] = SimpleQueue()
+
+        def settle(answer: Answer) -> None:  # in the link's thread, which may end before this one goes on
+            settled.put(side.passing.settle(answer, lambda _: True, message, call))
+
+        side.passing.ask(stamp, data, settle, call=call)
         self._link.clock(self._stamps)  # or the decision would wait for the monitor's next one
-        passed, reason = side.passing.settle(answered.get(), call)
+        passed, reason = settled.get()
         if not passed:
             raise rospy.ServiceException(f"the oracle denied the {side.kind} of {self.name}: {reason}")
 

@@ -28,23 +28,22 @@ class LoggedTopic:
 
     def look(self) -> str:
         """Learn what its publishers say of themselves, and tell what is wrong."""
-        found = [self.observed.decoder(header) for header in headers(self._subscriber)]
-        return "; ".join(why for why in found if isinstance(why, str))
+        return "; ".join(self.observed.troubles(headers(self._subscriber)))
 
     def stop(self) -> None:
         """Take no more."""
         self._subscriber.unregister()
-
-    def retire(self) -> None:
-        """There is nothing that it forwards."""
 
     def _take(self, message: rospy.AnyMsg) -> None:
         decoder = self.observed.decoder(header_of(message))
         if isinstance(decoder, str):
             self._board.trouble(self.observed.name, decoder)
             return
-        stamp, data = self.observed.event(message, decoder)
-        self._link.send(self.observed.name, "topic", stamp, data, source=header_of(message).get("callerid"))
+        event = self.observed.event(message, decoder)
+        if event is not None:
+            stamp, data, lost = event
+            source = header_of(message).get("callerid")
+            self._link.send(self.observed.name, "topic", stamp, data, source=source, lost=lost)
 
 
 class FilteredTopic:
@@ -63,7 +62,7 @@ class FilteredTopic:
         self._gate = Gate(Passing(link, board, stream), self._forward)
         self._making = threading.Lock()
         self._publishers: List[rospy.Publisher] = []
-        self._latched = self._retired = False
+        self._latched = self._stopped = False
         self._ready: Dict[int, Tuple[Header, Decoder]] = {}  # by the header's id: that of one connection
         if self.observed.installed:
             self._publish(self.observed.installed, latched=False)
@@ -74,19 +73,18 @@ class FilteredTopic:
 
         What it gives is published from here on, so that there are subscribers before the first message.
         """
-        found = [self._prepared(header) for header in headers(self._subscriber)]
+        publishers = headers(self._subscriber)
+        found = [self._prepared(header) for header in publishers]
         troubles = [why for why in found if isinstance(why, str)]
+        troubles += [why for why in self.observed.troubles(publishers) if why not in troubles]
         troubles += [f"{node} publishes {self._given} past the monitor" for node in self._graph.others(self._given)]
         return "; ".join(troubles)
 
     def stop(self) -> None:
-        """Take no more; what is decided yet is still forwarded."""
+        """Take and forward no more."""
         self._subscriber.unregister()
-
-    def retire(self) -> None:
-        """Forward no more."""
         with self._making:
-            self._retired = True
+            self._stopped = True
             for publisher in self._publishers:
                 publisher.unregister()
 
@@ -96,8 +94,10 @@ class FilteredTopic:
         if isinstance(decoder, str):
             self._board.trouble(self.observed.name, decoder)
             return
-        stamp, data = self.observed.event(message, decoder)
-        self._gate.take(message, stamp, data, source=header.get("callerid"))
+        event = self.observed.event(message, decoder)
+        if event is not None:
+            stamp, data, lost = event
+            self._gate.take(message, stamp, data, source=header.get("callerid"), lost=lost)
 
     def _prepared(self, header: Header) -> Union[Decoder, str]:
         """What decodes the messages of a publisher, now that they can be given, or why they can't."""
@@ -129,7 +129,12 @@ class FilteredTopic:
                 self._latched |= latched
             return self._publishers[0]
 
-    def _forward(self, message: rospy.AnyMsg) -> None:
+    def _forward(self, message: rospy.AnyMsg) -> bool:
         with self._making:
-            if not self._retired:
+            if self._stopped:
+                return False
+            try:
                 self._publishers[0].publish(message)
+            except rospy.ROSException:  # ROS is shut down, as by `rosnode kill`
+                return False
+            return True

@@ -7,12 +7,11 @@ import json
 import signal
 import sys
 import threading
-from contextlib import closing
 from typing import Any, Sequence
 
 import rclpy
 from oracle_adapter import Board, Link, LinkError, Names, open_log
-from oracle_adapter.command import default, parser, wait_attached
+from oracle_adapter.command import close, default, parser, wait_attached
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -94,9 +93,12 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
         )  # fmt: skip
 
     try:
-        with closing(make_link()) as link:
-            link.start()
+        link = make_link()
+        link.start()
+        try:
             _observe(node, link, board, options.names, stopping)
+        finally:
+            close(link, log.error)
     except (CodecError, ValueError) as error:
         log.fatal(str(error))
         return 2

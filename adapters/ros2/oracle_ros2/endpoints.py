@@ -6,11 +6,12 @@ One that fits better is used beside the old one until it has met the others: wha
 from __future__ import annotations
 
 import threading
+import time
 from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping, Sequence
 
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 
-from oracle_ros2.qos import DEPTH, misfit, same, to_forward, to_hear
+from oracle_ros2.qos import DEPTH, lasts, misfit, same, to_forward, to_hear
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -20,11 +21,14 @@ if TYPE_CHECKING:
 UNHEARD = PublisherEventCallbacks(use_default_callbacks=False)
 UNHEARD_SUBSCRIPTION = SubscriptionEventCallbacks(use_default_callbacks=False)
 
-Take = Callable[[Any, Mapping[str, Any]], None]
+Take = Callable[[bytes, Mapping[str, Any]], None]
+
+MEETING = 0.4
+"""Seconds that a new publisher has to meet the subscribers before the old one goes."""
 
 
 class Heard:
-    """A topic that every publisher is heard on, whatever quality of service it offers.
+    """A topic that every publisher is heard on, whatever quality of service it offers; messages come serialized.
 
     `look` is to be called from time to time, where callbacks run; a message that comes twice has its number twice.
     """
@@ -56,10 +60,19 @@ class Heard:
             handle = subscription.handle
             with handle:
                 for _ in range(DEPTH):
-                    taken = handle.take_message(self._type, False)
+                    taken = handle.take_message(self._type, True)
                     if taken is None:
                         break
                     self._take(*taken)
+
+    def look_around(self) -> None:
+        """See what the publishers offer now, where that can't wait for `look`."""
+        self._publishers = self._look_around()
+
+    def publisher(self, source: str) -> str | None:
+        """The node that has the publisher of a `source`; None where it has gone."""
+        nodes = (full_name(info) for info in self._publishers if bytes(info.endpoint_gid).hex().startswith(source))
+        return next(nodes, None)
 
     def stop(self) -> None:
         """Hear no more."""
@@ -87,13 +100,17 @@ class Heard:
 
         self._profile = profile
         subscription = self._node.create_subscription(
-            self._type, self._topic, callback, profile, event_callbacks=UNHEARD_SUBSCRIPTION
+            self._type, self._topic, callback, profile, event_callbacks=UNHEARD_SUBSCRIPTION, raw=True
         )
         self._subscriptions.append(subscription)
 
 
 class Forwarded:
-    """A topic that messages are passed on to, with the quality of service of their own publishers."""
+    """A topic that messages are passed on to, with the quality of service of their own publishers.
+
+    Where these begin to keep messages for those who come later, what passes waits until it is offered so: else those
+    who want what is kept would not hear it, and what is said once would be lost.
+    """
 
     def __init__(self, node: Node, message_type: Any, topic: str) -> None:
         """Offer what is usual until `look` tells what the originals offer."""
@@ -101,16 +118,22 @@ class Forwarded:
         self._giving = threading.Lock()
         self._publisher = self._next = self._make(to_forward([]))
         self._retired: Any = None
+        self._made = 0.0  # when the next one was made (s)
+        self._held: list[Any] | None = None  # what waits for the next one
 
-    def publish(self, message: Any) -> None:
-        """Pass a message on, from any thread."""
+    def publish(self, message: Any) -> bool:
+        """Pass a message on, from any thread; false once that is over."""
         with self._giving:
-            if self._publisher is not None:
+            if self._held is not None:
+                self._held.append(message)
+            elif self._publisher is not None:
                 self._publisher.publish(message)
+            return self._publisher is not None
 
     def stop(self) -> None:
         """Pass nothing on any more."""
         with self._giving:
+            self._release()
             for publisher in {self._publisher, self._next, self._retired} - {None}:
                 self._node.destroy_publisher(publisher)
             self._publisher = self._next = self._retired = None
@@ -120,13 +143,30 @@ class Forwarded:
         if self._retired is not None:
             self._node.destroy_publisher(self._retired)
             self._retired = None
-        if self._next is not self._publisher:  # it has had the time from look to look to meet the subscribers
-            self._retired, self._publisher = self._publisher, self._next
+        if self._next is not self._publisher:
+            if time.monotonic() - self._made < MEETING:
+                return ""
+            with self._giving:
+                self._retired, self._publisher = self._publisher, self._next
+                self._release()
+        self.match(originals)
+        return "" if self._retired or self._next is not self._publisher else "; ".join(self._troubles())
+
+    def match(self, originals: Sequence[QoSProfile]) -> None:
+        """Begin to offer what the originals do, unless that is going on."""
         wanted = to_forward(originals)
-        if originals and not same(wanted, self._next.qos_profile):
-            self._next = self._make(wanted)
-            return ""
-        return "" if self._retired else "; ".join(self._troubles())
+        if self._next is not self._publisher or not originals or same(wanted, self._next.qos_profile):
+            return
+        with self._giving:
+            if all(lasts(profile) for profile in originals) and not lasts(self._next.qos_profile):
+                self._held = []
+            self._next, self._made = self._make(wanted), time.monotonic()
+
+    def _release(self) -> None:
+        """Pass on what was held, by the next one."""
+        held, self._held = self._held or [], None
+        for message in held:
+            self._next.publish(message)
 
     def _make(self, profile: QoSProfile) -> Any:
         return self._node.create_publisher(self._type, self._topic, profile, event_callbacks=UNHEARD)

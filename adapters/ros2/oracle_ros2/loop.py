@@ -56,9 +56,9 @@ class Loop:
         if not node.context.ok():
             raise ExternalShutdownException
         for entity, place in zip(self._entities, places, strict=True):
-            if waiting.is_ready(entity.kind, place):
-                with suppress(InvalidHandle):  # destroyed by one that had its turn before
-                    entity.take()
+            # asked before, not caught behind: an error of a callback must not be taken for this
+            if waiting.is_ready(entity.kind, place) and _is_there(entity.handle):
+                entity.take()
 
     def _prepare(self, known: list[Any]) -> None:
         node = self._node
@@ -72,6 +72,15 @@ class Loop:
             for one in of_kind
         ]
         self._known, self._waiting = known, waiting
+
+
+def _is_there(handle: Any) -> bool:
+    """Whether something was not destroyed by what had its turn before."""
+    try:
+        with handle:
+            return True
+    except InvalidHandle:
+        return False
 
 
 class _Entity(NamedTuple):
@@ -97,12 +106,12 @@ def _timer(timer: Any) -> Callable[[], None]:
 def _subscription(subscription: Any) -> Callable[[], None]:
     handle, message_type, callback = subscription.handle, subscription.msg_type, subscription.callback
     wants_info = subscription._callback_type is Subscription.CallbackType.WithMessageInfo  # noqa: SLF001 -- no other way
-    parts = 2 if wants_info else 1
+    parts, raw = 2 if wants_info else 1, subscription.raw
 
     def take() -> None:
         with handle:
             for _ in range(BURST):
-                taken = handle.take_message(message_type, False)
+                taken = handle.take_message(message_type, raw)
                 if taken is None:
                     return
                 callback(*taken[:parts])
@@ -116,9 +125,13 @@ def _client(client: Any) -> Callable[[], None]:
     def take() -> None:
         with handle:
             header, response = handle.take_response(response_type)
-        if header is not None:
-            with suppress(KeyError):  # nobody waits for it any more
-                client.get_pending_request(header.request_id.sequence_number).set_result(response)
+        if header is None:
+            return
+        try:
+            waiting = client.get_pending_request(header.request_id.sequence_number)
+        except KeyError:  # nobody waits for it any more
+            return
+        waiting.set_result(response)
 
     return take
 

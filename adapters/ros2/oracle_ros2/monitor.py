@@ -38,6 +38,7 @@ class Monitor:
         self._attached, self._streams = attached, attached.streams
         streams = attached.streams
         self._now, self._attention = time_of(node), Attention()
+        self._watch = None
         if simulated(node):
             self._watch = on_back(node, lambda: link.renew(lambda: self._readings(self._now())))
         # None: stamped here
@@ -76,6 +77,8 @@ class Monitor:
 
     def stop(self) -> None:
         """Take nothing more, and tell no more clocks; what is decided yet is not forwarded any more."""
+        if self._watch is not None:
+            self._watch.unregister()
         for timer in self._timers:
             self._node.destroy_timer(timer)
         for part in (*self._topics, *self._services):

@@ -20,7 +20,7 @@ FOREVER = 2**62  # ns; the graph tells of no end as a number that is larger
 def to_hear(offered: Sequence[QoSProfile]) -> QoSProfile:
     """The strictest profile that every publisher offers; reliable and volatile where there is none yet."""
     reliable = all(profile.reliability != ReliabilityPolicy.BEST_EFFORT for profile in offered)
-    lasting = offered and all(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for profile in offered)
+    lasting = offered and all(lasts(profile) for profile in offered)
     return _profile(DEPTH, reliable=reliable, lasting=bool(lasting))
 
 
@@ -30,10 +30,15 @@ def to_forward(offered: Sequence[QoSProfile]) -> QoSProfile:
     How many messages a publisher keeps is not told on the graph: of those that last, one is kept for each of them.
     """
     reliable = not offered or any(profile.reliability != ReliabilityPolicy.BEST_EFFORT for profile in offered)
-    lasting = sum(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for profile in offered)
+    lasting = sum(lasts(profile) for profile in offered)
     times = [_times(profile) for profile in offered]
     common = times[0] if times and all(other == times[0] for other in times) else {}
     return _profile(lasting or DEPTH, reliable=reliable, lasting=bool(lasting), **common)
+
+
+def lasts(profile: QoSProfile) -> bool:
+    """Whether a publisher keeps messages for those who come later."""
+    return bool(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def same(one: QoSProfile, other: QoSProfile) -> bool:

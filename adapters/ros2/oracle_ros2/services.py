@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import threading
 import time
 from collections import deque
-from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Callable, Mapping
+from typing import TYPE_CHECKING, Any, Callable, Mapping, Sequence
 
 from oracle_adapter import Board, Link
 from oracle_adapter.passing import Passing
-from rclpy.exceptions import InvalidHandle
 
 from oracle_ros2.codec import load_type, reader, write
 from oracle_ros2.loop import Later
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
 
     from oracle_ros2.loop import Reply
 
-DISCOVERY = 2.0  # seconds that a service may take to be discovered
+DISCOVERY = 2.0  # seconds that a service may take to be discovered, or to come back
 
 
 class ProxiedService:
@@ -52,64 +51,100 @@ class ProxiedService:
         self._request = _Side(link, board, request, self._type.Request)
         self._response = _Side(link, board, response, self._type.Response)
         self._calls = itertools.count(1)
-        self._early: deque[tuple[float, _Call]] = deque()  # when each gives up (s), and the call
+        self._lock = threading.Lock()  # over what follows: decisions come in the link's thread
+        self._open: dict[int, _Call] = {}  # without an answer
+        self._early: deque[_Call] = deque()  # that wait for the service to be discovered
+        self._away: float | None = None  # since when the service has not been there (s)
         self._client = node.create_client(self._type, names[self.name])
         self._service = node.create_service(self._type, names[request["proxy"]], Later(self._serve))
 
     def stop(self) -> None:
-        """Serve no more."""
+        """Serve no more; calls without an answer get `denied_response`, whatever is decided on them later."""
+        with self._lock:
+            left = list(self._open.values())
+        self._give_up(left, f"the monitor of {self.name} ends")
         self._node.destroy_service(self._service)
         self._node.destroy_client(self._client)
 
     def tend(self) -> None:
-        """Go on with calls that wait for the service to be discovered; to be called often, where callbacks run."""
-        for _ in range(len(self._early)):
-            patience, call = self._early.popleft()
-            if self._client.service_is_ready():
-                self._forward(call)
-            elif time.monotonic() < patience:
-                self._early.append((patience, call))
-            else:
-                self._board.error(f"{self.name} is not there: call {call.number} is answered by denied_response")
-                self._deny(call)
+        """Go on with calls that wait for the service; to be called often, where callbacks run."""
+        if not self._open:
+            self._away = None
+            return
+        now = time.monotonic()
+        if self._client.service_is_ready():
+            self._away = None
+            self._forward_early()
+            return
+        self._away = since = self._away or now
+        with self._lock:  # those that came while it was away have their time too
+            allowed = [call for call in self._open.values() if call.allowed]
+        left = [call for call in allowed if now - max(call.allowed, since) > DISCOVERY]
+        self._give_up(left, f"{self.name} is not there")
 
     # The steps of a call, in the thread of the callbacks; in the link's after a decision.
 
     def _serve(self, request: Any, reply: Reply) -> None:
         call = _Call(next(self._calls), request, reply)
-        self._judge(self._request, request, call, lambda: self._forward_when_there(call))
+        with self._lock:
+            self._open[call.number] = call
+        self._judge(self._request, request, call, self._forward_when_there)
 
-    def _forward_when_there(self, call: _Call) -> None:
-        if self._client.service_is_ready():
+    def _forward_when_there(self, call: _Call) -> bool:
+        with self._lock:
+            if call.number not in self._open:
+                return False
+            call.allowed = time.monotonic()
+            ready = self._client.service_is_ready()
+            if not ready:
+                self._early.append(call)
+        if ready:
             self._forward(call)
-        else:
-            self._early.append((time.monotonic() + DISCOVERY, call))
+        return True
+
+    def _forward_early(self) -> None:
+        while self._early:
+            self._forward(self._early.popleft())
 
     def _forward(self, call: _Call) -> None:
-        with suppress(InvalidHandle):  # stopped meanwhile
-            self._client.call_async(call.request).add_done_callback(lambda done: self._answer(call, done.result()))
+        with self._lock:
+            if call.number not in self._open:
+                return
+            answered = self._client.call_async(call.request)
+        answered.add_done_callback(lambda done: self._answer(call, done.result()))
 
     def _answer(self, call: _Call, response: Any) -> None:
-        self._judge(self._response, response, call, lambda: call.reply(response))
+        self._judge(self._response, response, call, lambda _: self._reply(call, response))
 
-    def _deny(self, call: _Call) -> None:
-        call.reply(write(self._type.Response(), self._denied))
+    def _reply(self, call: _Call, response: Any) -> bool:
+        """Answer a call, unless it was answered."""
+        with self._lock:
+            found = self._open.pop(call.number, None)
+            if found is not None:
+                call.reply(response)
+        return found is not None
 
-    def _judge(self, side: _Side, message: Any, call: _Call, then: Callable[[], None]) -> None:
+    def _deny(self, call: _Call) -> bool:
+        return self._reply(call, write(self._type.Response(), self._denied))
+
+    def _give_up(self, calls: Sequence[_Call], why: str) -> None:
+        for call in calls:
+            if self._deny(call):
+                self._board.error(f"{why}: call {call.number} is answered by denied_response")
+
+    def _judge(self, side: _Side, message: Any, call: _Call, give: Callable[[_Call], bool]) -> None:
         # stamped under the link's lock, so that no clock can say that nothing older will come
         stamp = side.stamp(message) or self._time
         data = side.read(message)
         passing = side.passing
         if passing is None:
             self._link.send(self.name, side.kind, stamp, data, call=call.number)
-            then()
+            give(call)
             return
 
         def settle(answer: Answer) -> None:
-            passed, _reason = passing.settle(answer, call.number)
-            if passed:
-                then()
-            else:
+            passed, _reason = passing.settle(answer, give, call, call.number)
+            if not passed:
                 self._deny(call)
 
         passing.ask(stamp, data, settle, call=call.number)
@@ -120,11 +155,13 @@ class ProxiedService:
         return [(self.name, side.kind, now) for side in (self._request, self._response) if side.stamped_here]
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class _Call:
     number: int
     request: Any
     reply: Reply
+    allowed: float = 0.0
+    """When it might go to the service (s); 0 while that is not decided."""
 
 
 class _Side:

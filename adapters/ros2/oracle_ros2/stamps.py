@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any, Callable
 
-from rclpy.clock import JumpThreshold
+from rclpy.clock import JumpHandle, JumpThreshold
 from rclpy.duration import Duration
 
 if TYPE_CHECKING:
@@ -27,8 +27,8 @@ def time_of(node: Node) -> Callable[[], int]:
     return lambda: int(clock.now().nanoseconds)
 
 
-def on_back(node: Node, call: Callable[[], None]) -> object:
-    """Call something whenever simulated time goes back, as long as what is returned is kept."""
+def on_back(node: Node, call: Callable[[], None]) -> JumpHandle:
+    """Call something whenever simulated time goes back, until what is returned is unregistered."""
     threshold = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=False)
     return node.get_clock().create_jump_callback(threshold, post_callback=lambda _: call())
 

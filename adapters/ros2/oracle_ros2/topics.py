@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Mapping
+from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping
 
 from oracle_adapter import PROXY, Board, Link
 from oracle_adapter.passing import Gate, Passing
+from rclpy.serialization import deserialize_message
 
 from oracle_ros2.codec import load_type, reader
 from oracle_ros2.endpoints import Forwarded, Heard
@@ -20,7 +21,9 @@ if TYPE_CHECKING:
 class Observed:
     """A topic as its messages arrive: their stamp, their publisher, what was missed, and the fields that are read."""
 
-    def __init__(self, node: Node, stream: Mapping[str, Any]) -> None:
+    def __init__(self, node: Node, stream: Mapping[str, Any], on_new: Callable[[], None] = lambda: None) -> None:
+        """`on_new` is called before the first message of each publisher is an event."""
+        self._on_new = on_new
         # the middleware's time is the wall's: in a simulation the time of arrival comes nearer
         self._now = time_of(node) if simulated(node) else None
         self.name: str = stream["name"]
@@ -29,17 +32,31 @@ class Observed:
         self.time_source: TimeSource = "field" if self._stamp else "arrival" if self._now else "middleware"
         self._read = reader(self.type, stream["fields"])
         self._numbers: dict[str, int] = {}
+        self._unread = 0  # messages since the last event
+        self.unreadable: dict[str, str] = {}
+        """Why messages of a publisher can't be read, by its source."""
         self.count = 0
         """How many messages have come."""
 
-    def event(self, message: Any, info: Mapping[str, Any]) -> tuple[int | None, Any, dict[str, Any]] | None:
-        """The stamp (ns), the data and the rest of a message's event; None where it came before."""
+    def event(self, serialized: bytes, info: Mapping[str, Any]) -> tuple[int | None, Any, dict[str, Any]] | None:
+        """The stamp (ns), the data and the rest of a message's event.
+
+        None where it came before, or can't be read: then it is counted as lost, and in `unreadable`.
+        """
         self.count += 1
         publisher = info.get("publisher_gid")
         source = publisher["data"].hex() if publisher else ""
         missed = self._missed(source, info)
         if missed < 0:
             return None
+        missed += self._unread
+        try:
+            message = deserialize_message(serialized, self.type)
+        except Exception as error:  # noqa: BLE001 - whatever another node sends
+            self._unread = missed + 1
+            self.unreadable[source] = str(error) or type(error).__name__
+            return None
+        self._unread = 0
         stamp = (
             (self._stamp and self._stamp(message)) or (self._now() if self._now else info["source_timestamp"]) or None
         )
@@ -50,7 +67,10 @@ class Observed:
         number = info.get("publication_sequence_number")
         if number is None:
             return 0
-        before = self._numbers.get(source, number - 1)
+        before = self._numbers.get(source)
+        if before is None:
+            self._on_new()
+            before = number - 1
         self._numbers[source] = max(number, before)
         return max(-1, number - before - 1)
 
@@ -66,13 +86,13 @@ class LoggedTopic:
 
     def look(self) -> str:
         """Look at the other nodes again, and tell what is wrong."""
-        return self.heard.look()
+        return "; ".join(told for told in (self.heard.look(), *unreadable(self)) if told)
 
     def stop(self) -> None:
         """Take no more."""
         self.heard.stop()
 
-    def _take(self, message: Any, info: Mapping[str, Any]) -> None:
+    def _take(self, message: bytes, info: Mapping[str, Any]) -> None:
         event = self.observed.event(message, info)
         if event is not None:
             stamp, data, more = event
@@ -86,7 +106,7 @@ class FilteredTopic:
     """
 
     def __init__(self, node: Node, link: Link, board: Board, names: Names, stream: Mapping[str, Any]) -> None:
-        self.observed = Observed(node, stream)
+        self.observed = Observed(node, stream, self._match)
         self.name, self.time_source = self.observed.name, self.observed.time_source
         plain, beside = names[self.name], names[self.name + PROXY]
         source, target = (beside, plain) if stream["intercept"] == "publisher" else (plain, beside)
@@ -96,7 +116,7 @@ class FilteredTopic:
 
     def look(self) -> str:
         """Look at the other nodes again, and tell what is wrong."""
-        troubles = (self.heard.look(), self._forwarded.look(self.heard.offered))
+        troubles = (self.heard.look(), self._forwarded.look(self.heard.offered), *unreadable(self))
         return "; ".join(trouble for trouble in troubles if trouble)
 
     def stop(self) -> None:
@@ -104,8 +124,23 @@ class FilteredTopic:
         self.heard.stop()
         self._forwarded.stop()
 
-    def _take(self, message: Any, info: Mapping[str, Any]) -> None:
+    def _match(self) -> None:
+        """Do not wait for the next look: what a new publisher says may be all that it will ever say."""
+        self.heard.look_around()
+        self._forwarded.match(self.heard.offered)
+
+    def _take(self, message: bytes, info: Mapping[str, Any]) -> None:
         event = self.observed.event(message, info)
         if event is not None:
             stamp, data, more = event
             self._gate.take(message, stamp, data, **more)
+
+
+def unreadable(topic: LoggedTopic | FilteredTopic) -> Iterator[str]:
+    """Whose messages can't be read, and why."""
+    for source, why in list(topic.observed.unreadable.items()):
+        node = topic.heard.publisher(source)
+        if node is None:
+            del topic.observed.unreadable[source]  # it has gone
+        else:
+            yield f"{node} publishes what can't be read: {why}"

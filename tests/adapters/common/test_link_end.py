@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, List
 
 import pytest
 from oracle_adapter import Link, LinkError, Timing
+from oracle_adapter.command import close
 from oracle_adapter.protocol import Protocol
 from tests.adapters.common.links import PATIENCE, answer_of, ask
 
@@ -98,6 +99,22 @@ class TestEnding:
                 link.send("/a", "topic", value, {})
             assert not closed(link, timeout=0.3 if values else 100 * PATIENCE)
             assert link.stats().lost == len(values)
+
+    def test_what_the_oracle_has_not_confirmed_at_the_end_is_told(
+        self, oracle: Oracle, links: List[Link]
+    ) -> None:
+        link = Link(oracle.url, "uav1", on_error=lambda error: None)
+        told: List[str] = []
+        links.append(link)
+        link.start()
+        peer = oracle.accept()
+        peer.attach()
+        link.wait_attached(PATIENCE)
+        oracle.stop()
+        link.send("/a", "topic", 1, {})
+        link.send("/a", "topic", 2, {})
+        close(link, told.append)
+        assert told == ["the oracle has not confirmed the last 2 events: they may be lost"]
 
     def test_close_before_the_start(self, oracle: Oracle) -> None:
         link = Link(oracle.url, "uav1")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, List
 
 import pytest
-from oracle_adapter import Answer, LinkError
+from oracle_adapter import Answer, LinkError, should_pass
 from oracle_adapter.protocol import Answered
 from tests.adapters.common.side import Side, answer_in
 
@@ -85,14 +85,48 @@ class TestAsks:
         side.attach()
         assert [frame["type"] for frame in side.frames()] == ["event"]
 
-    def test_a_refused_event_has_no_decision(self, side: Side) -> None:
+    def test_what_is_too_large_to_be_judged_is_denied_whatever_the_policy(self, side: Side) -> None:
+        side.attach(limits={"max_frame": 4000})
+        answer = side.ask("x" * 4000)
+        assert isinstance(answer, Answer)
+        assert should_pass(answer, "pass") == (False, "decision")
+        assert "too large for a frame" in answer.reason
+
+    def test_losses_are_told_once_of_each_kind(self) -> None:
+        side = Side(capacity=4)
+        side.attach(limits={"max_frame": 4000})
+        side.send("x" * 4000, 1, 2, 3, "x" * 4000, 4, 5, 6)
+        large, full = side.receive("ack", upto=0)
+        assert "too large for a frame" in large.message
+        assert "the queue of 4 events is full" in full.message
+        side.frames()
+        side.receive("ack", upto=4)
+        side.send("x" * 4000, *range(5))
+        (again,) = side.receive("ack", upto=4)
+        assert again.message == full.message
+
+    def test_closing_answers_all_and_tells_what_was_done(self, side: Side) -> None:
+        side.attach()
+        side.queued()
+        side.frames()
+        side.protocol.close()
+        answer = answer_in(side.protocol.take_notices())
+        assert (answer.why, answer.reason) == ("unavailable", "the link is closing")
+        assert isinstance(side.ask(), Answer)
+        side.protocol.outcome(answer, False, answer.why)
+        side.protocol.detach()
+        assert [frame["type"] for frame in side.frames()] == ["outcome", "detach"]
+
+    def test_a_refused_event_is_denied_whatever_the_policy(self, side: Side) -> None:
         side.attach()
         side.queued()
         side.frames()
         error, answered = side.receive("error", code="bad_stamp", message="in the future", seq=1)
         assert isinstance(error, LinkError)
         assert (error.code, error.seq, error.fatal) == ("bad_stamp", 1, False)
-        assert answer_in([answered]).reason == "bad_stamp: in the future"
+        answer = answer_in([answered])
+        assert answer.reason == "bad_stamp: in the future"
+        assert should_pass(answer, "pass") == (False, "decision")
         side.reconnect(upcoming=2)
         assert side.frames() == []
         stats = side.protocol.stats()

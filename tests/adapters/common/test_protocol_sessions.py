@@ -34,6 +34,20 @@ class TestGoingOnInAnotherSession:
         side.reconnect(2)
         assert [frame["type"] for frame in side.frames()] == ["clock"]
 
+    def test_what_was_done_meanwhile_is_told_in_the_next_session(self, side: Side) -> None:
+        side.attach()
+        side.protocol.renew([("/a", "topic", 5)])
+        asked = side.queued("new")
+        side.frames()
+        side.protocol.expire(asked)
+        answer = answer_in(side.protocol.take_notices())
+        side.protocol.outcome(answer, True, answer.why)
+        side.receive("error", code="session_ended", message="over", fatal=True, session="s1.run2")
+        side.reconnect(1, session="s1.run2")
+        event, outcome = side.frames()
+        assert event["data"] == "new"
+        assert outcome == {"type": "outcome", "seq": 1, "passed": True, "why": "timeout"}
+
     def test_what_was_not_taken_is_lost_and_its_asks_are_answered(self, side: Side) -> None:
         side.attach()
         side.send("taken")

@@ -1,0 +1,42 @@
+"""What is said of events that are lost here: of each kind of loss once, as there may be many."""
+
+from __future__ import annotations
+
+import re
+from typing import Optional
+
+from oracle_adapter.errors import LinkError
+
+_STREAM = re.compile(r'"stream":("[^"]*")')
+
+
+def too_large(body: str) -> str:
+    """Why an event with this JSON can't be sent."""
+    name = _STREAM.match(body)
+    stream = f" of {name[1]}" if name else ""
+    return (
+        f"an event{stream} is too large for a frame: what is read of it takes {len(body):,} bytes"
+    )
+
+
+class Losses:
+    """Which kinds were told."""
+
+    def __init__(self) -> None:
+        self._large = False
+        self.is_full = False
+        """Whether it was told that the queue is full, and not that there is room again."""
+
+    def large(self, body: str) -> Optional[LinkError]:
+        """What to say of an event that is too large."""
+        told, self._large = self._large, True
+        more = "more of this is counted and not told"
+        return None if told else LinkError("lost", f"{too_large(body)}; {more}")
+
+    def full(self, capacity: int) -> Optional[LinkError]:
+        """What to say of an event that a full queue has no room for."""
+        told, self.is_full = self.is_full, True
+        more = "what comes until there is room is counted as lost"
+        return (
+            None if told else LinkError("lost", f"the queue of {capacity} events is full; {more}")
+        )

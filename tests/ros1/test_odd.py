@@ -1,0 +1,108 @@
+"""Messages that nobody expects, on real ROS 1."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+import rospy
+from geometry_msgs.msg import Point, Vector3
+from std_msgs.msg import String
+
+from tests.processes import eventually
+from tests.robot import spec_folder
+from tests.ros1.harness import Scene
+
+SPEC = """
+id: odd
+description: Vectors and texts pass
+ordering: {max_delay: 50ms}
+streams:
+  - topic: /vector
+    type: geometry_msgs/Vector3
+    action: filter
+    intercept: publisher
+    decide_within: 60s
+    signals: {x: msg.x}
+  - topic: /text
+    type: std_msgs/String
+    signals: {text: msg.data}
+properties:
+  - id: small
+    formula: 'not {topic: "/vector", x > 100}'
+    guards: [/vector]
+  - id: polite
+    formula: 'not {topic: "/text", text: "damn"}'
+"""
+
+
+def raw(data: bytes) -> rospy.AnyMsg:
+    """A message that is sent as it is."""
+    made = rospy.AnyMsg()
+    made._buff = data
+    return made
+
+
+def numbers(heard: Sequence[Any]) -> list[float]:
+    return [said.x for said in heard]
+
+
+def test_another_type_of_the_same_definition_does_not_shut_out_the_right_one(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, SPEC)) as scene:
+        adapter = scene.adapter("odd")
+        wrong, right, hearer = scene.peer(), scene.peer(), scene.peer()
+        hearer.record(Vector3, "/vector", speakers=1)
+        wrong.advertise(Point, "/vector_mon")
+        wrong.publish("/vector_mon", Point(1, 2, 3))
+        adapter.said("it publishes geometry_msgs/Point, and the spec says geometry_msgs/Vector3")
+        right.advertise(Vector3, "/vector_mon")
+        right.publish("/vector_mon", Vector3(4, 5, 6))
+        assert numbers(hearer.heard("/vector", 1)) == [4]
+        adapter.ends_well()
+
+
+def test_a_message_that_cannot_be_read_is_told_and_lost_and_does_not_pass(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, SPEC)) as scene:
+        adapter = scene.adapter("odd")
+        speaker, hearer = scene.peer(), scene.peer()
+        hearer.record(Vector3, "/vector", speakers=1)
+        speaker.advertise(Vector3, "/vector_mon")
+        speaker.advertise(String, "/text")
+        speaker.publish("/vector_mon", Vector3(1, 0, 0), raw(b"abc"), Vector3(2, 0, 0))
+        speaker.publish("/text", String("a"), raw(b"\x10\0\0\0"), raw(b"\x04\0\0\0caf\xe9"), String("b"))
+        assert numbers(hearer.heard("/vector", 2)) == [1, 2]
+        counters = eventually(lambda: scene.server.session("s")["counters"], lambda c: c["lost"] + c["steps"] == 7)
+        assert counters["lost"]
+        adapter.said("/vector: /peer0 publishes what can't be read: ")
+        adapter.ends_well()
+
+
+class Odd(Vector3):  # type: ignore[misc]
+    """What no Python class can be made of, since its field is a word of Python's."""
+
+    _full_text = "float64 x\nint64 lambda\n"
+    _md5sum = "0123456789abcdef0123456789abcdef"
+
+
+class Odder(Vector3):  # type: ignore[misc]
+    """What is no definition at all."""
+
+    _full_text = "float64 x\n" + "=" * 80 + "\nMSG: nonsense\n\n[[["
+    _md5sum = "1123456789abcdef0123456789abcdef"
+
+
+@pytest.mark.parametrize("kind", [Odd, Odder])
+def test_a_definition_that_can_not_be_read_is_told_and_others_are_heard(kind: Any, tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, SPEC)) as scene:
+        adapter = scene.adapter("odd")
+        wrong, right, hearer = scene.peer(), scene.peer(), scene.peer()
+        wrong.advertise(kind, "/vector_mon")
+        wrong.publish("/vector_mon", kind(1, 2, 3))
+        adapter.said("nothing of /peer0 can be read: ")
+        hearer.record(Vector3, "/vector", speakers=1)
+        right.advertise(Vector3, "/vector_mon")
+        right.publish("/vector_mon", Vector3(4, 5, 6))
+        assert numbers(hearer.heard("/vector", 1)) == [4]
+        adapter.ends_well()

@@ -1,0 +1,91 @@
+"""Messages that nobody expects, on real ROS 2: what can't be read, and what is no text."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import pytest
+
+from tests.robot import spec_folder
+from tests.ros2.harness import Scene, eventually
+
+msg = pytest.importorskip("std_msgs.msg")
+test_msgs = pytest.importorskip("test_msgs.msg")
+serialization = pytest.importorskip("rclpy.serialization")
+
+# rclpy imports an old lark with its first node, and warns by a function of its own that is deprecated.
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:module 'sre_:DeprecationWarning", "ignore:Deprecated in favor of:DeprecationWarning"
+)
+
+TEXTS = """
+id: texts
+description: Texts pass, but for the forbidden one
+ordering: {max_delay: 50ms}
+streams:
+  - topic: /text
+    type: std_msgs/msg/String
+    action: filter
+    intercept: publisher
+    decide_within: 60s
+    signals: {forbidden: msg.data == 'forbidden'}
+  - topic: /wide
+    type: test_msgs/msg/WStrings
+    signals: {wide: msg.wstring_value}
+properties:
+  - id: nothing_forbidden
+    formula: 'not {topic: "/text", forbidden}'
+    guards: [/text]
+  - id: nothing_wide
+    formula: 'not {topic: "/wide", wide: "forbidden"}'
+"""
+LITTLE_ENDIAN = b"\x00\x01\x00\x00"
+
+
+def text(data: bytes) -> bytes:
+    """A serialized `std_msgs/String` with any bytes in it."""
+    return LITTLE_ENDIAN + struct.pack("<I", len(data) + 1) + data + b"\0"
+
+
+def gate(folder: Path) -> Scene:
+    return Scene(folder, spec_folder(folder, TEXTS))
+
+
+@pytest.mark.parametrize("data", [b"caf\xe9", b"before\0after"])
+def test_what_is_forwarded_is_what_came_byte_for_byte(data: bytes, tmp_path: Path) -> None:
+    with gate(tmp_path) as scene:
+        adapter, peer = scene.adapter("texts"), scene.peer()
+        heard: list[bytes] = []
+        peer.node.create_subscription(msg.String, "/text", heard.append, 10, raw=True)
+        publisher = peer.publisher(msg.String, "/text_mon")
+        peer.until(lambda: peer.node.count_publishers("/text") == 1)
+        publisher.publish(text(data))
+        peer.until(lambda: heard)
+        assert data in heard[0]
+        adapter.ends_well()
+
+
+def test_a_message_that_cannot_be_read_is_told_and_lost_and_does_not_pass(tmp_path: Path) -> None:
+    with gate(tmp_path) as scene:
+        adapter, peer = scene.adapter("texts"), scene.peer()
+        heard = peer.record(msg.String, "/text")
+        texts, wide = peer.publisher(msg.String, "/text_mon"), peer.publisher(test_msgs.WStrings, "/wide")
+        peer.until(lambda: peer.node.count_publishers("/text") == 1)
+        good = test_msgs.WStrings(wstring_value="good")
+        whole = serialization.serialize_message(test_msgs.WStrings(wstring_value="XYZ"))
+        no_text = whole.replace("Y".encode("utf-16-le"), b"\x00\xd8")  # half a surrogate pair
+        too_long = LITTLE_ENDIAN + b"\xff\xff\xff\x7fa"
+        for publisher, messages in (
+            (texts, (msg.String(data="a"), too_long, msg.String(data="b"))),
+            (wide, (good, no_text, good)),
+        ):
+            for message in messages:
+                publisher.publish(message)
+        peer.until(lambda: len(heard) == 2)
+        assert [said.data for said in heard] == ["a", "b"]
+        eventually(lambda: len(scene.server.events("s")), lambda count: count == 4)
+        assert scene.server.session("s")["counters"]["lost"] == 2
+        for stream in ("/text", "/wide"):
+            adapter.said(f"{stream}: /peer publishes what can't be read: ")
+        adapter.ends_well()
