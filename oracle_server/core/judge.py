@@ -62,6 +62,8 @@ class Judge:
         self.present = 0
         """The time of the last step, in nanoseconds."""
         self._ticked = 0
+        self._outdated = False
+        """Whether a step was judged at a present that deadlines had gone beyond: they are to be looked at again."""
         self._recent = Recent()
         self._tick: tuple[int, Mapping[str, Scalar]] | None = None
         for i, state in enumerate(self.properties):
@@ -72,6 +74,8 @@ class Judge:
         """When time alone may change an outcome next, in nanoseconds; None for never."""
         if not self._plan.timed:
             return None
+        if self._outdated:
+            return self._ticked
         after = max(self.present, self._ticked)
         deadlines = [d for state in self.properties if (d := state.next_deadline(after)) is not None]
         return min(deadlines, default=None)
@@ -88,6 +92,7 @@ class Judge:
             "degraded": self._degraded,
             "present": self.present,
             "ticked": self._ticked,
+            "outdated": self._outdated,
             "recent": self._recent.snapshot(),
         }
 
@@ -98,6 +103,7 @@ class Judge:
         self._held = {monitor: _Held(dict(values), set(failed)) for monitor, values, failed in data["held"]}
         self.counters = Counters(**data["counters"])
         self._degraded, self.present, self._ticked = data["degraded"], data["present"], data["ticked"]
+        self._outdated = data.get("outdated", False)
         self._recent.restore(data["recent"])
         self._numbers = numbers
 
@@ -128,7 +134,7 @@ class Judge:
 
     def tick(self, time: int, now: int) -> Judged | None:
         """Judge a step at `time` without signals but held ones, and forget it; None where it changes no outcome."""
-        self._ticked = time
+        self._ticked, self._outdated = time, False
         signals, failed = self._all_held()
         views = self._plan.silent
         self._tick = time, signals
@@ -152,6 +158,7 @@ class Judge:
         """Judge a step, and take it back where it is denied: it never happened."""
         marks = [state.mark() for state in self.properties]
         present, steps, held = self.present, self.counters.steps, self._held
+        ticked = self._ticked, self._outdated
         self._held = {m: h.copy() if m == step.event.monitor else h for m, h in held.items()}
         judged = self._judge(step, now)
         if judged.decision is None or judged.decision.choice == "allow":
@@ -161,6 +168,7 @@ class Judge:
         for state, mark in zip(self.properties, marks, strict=True):
             state.back(mark)
         self.present, self.counters.steps, self._held = present, steps, held
+        self._ticked, self._outdated = ticked
         self._recent.remove()
         verdicts = tuple(msgspec.structs.replace(v, outcome=v.outcome.current) for v in judged.verdicts)
         return msgspec.structs.replace(judged, verdicts=verdicts)
@@ -177,7 +185,10 @@ class Judge:
     def _judge(self, step: Step, now: int) -> Judged:
         stream = self._plan.streams[step.event.stream]
         self.counters.steps += 1
+        before = self.present
         self._move_on(step, stream)
+        if self._ticked > self.present:
+            self._outdate(before)
         blameless = self._blameless(step, stream) if stream.blames else _NO_ONE
         signals, failed = self._signals(step, stream)
         self._recent.add(self.counters.steps, self.present, step, signals)
@@ -219,6 +230,17 @@ class Judge:
             self.present = max(self.present, step.time)
         elif self._unordered or not self.present:
             self.present = max(self.present, min(step.time, step.event.arrived))
+
+    def _outdate(self, before: int) -> None:
+        """Have deadlines judged again that had run out: the outcome will be that of a time before them.
+
+        Those between this step and the last one that had; of a step that did not move the present, which may be long
+        ago, that last one, for how things stand.
+        """
+        if self.present > before:
+            self._ticked = self.present
+        else:
+            self._outdated = True
 
     def _is_degraded(self, state: PropertyState) -> bool:
         return self._degraded or state.failures > 0 or state.renewed

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from oracle_server.core.events import StreamKey
 from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import Bound, Formula, Historically, Once, Since
 from oracle_server.core.session import Session
@@ -17,7 +18,7 @@ from oracle_server.core.verdicts import NEGATIVE, Judged, record
 from oracle_server.engines.native import NativeEngine
 from tests import generate
 from tests.brute import TimedSignals, truths
-from tests.core.sessions import MODE, STREAMS, A, B, Feed, open_session, prop
+from tests.core.sessions import MODE, STREAMS, A, B, Feed, U, open_session, prop
 from tests.engines.test_against_brute import SEED
 from tests.strategies import SECOND
 
@@ -130,6 +131,38 @@ def test_what_comes_at_the_very_time_of_a_deadline_comes_before_its_tick(
         found += feed(stream, now)
     judged = told(found + session.finish(30))
     assert judged == [("topic", 10, "currently_true"), ("topic", 15, "true"), ("topic", 30, "true")]
+
+
+@pytest.mark.parametrize(("stream", "stamp"), [(U, 40), (B, 13), (B, 10)])
+def test_a_step_of_an_earlier_time_does_not_hide_a_deadline_that_has_run_out(stream: StreamKey, stamp: int) -> None:
+    """An unordered event is judged at the present, which may be long ago; others may come after `max_delay`."""
+    for undone in (False, True):
+        streams = [replace(s, action="filter", on_deny="undo") if undone else s for s in STREAMS]
+        session = open_session(
+            [timed('once[:5ns] {topic: "/a"}', guards=frozenset({"/u", "/b"}))],
+            attach={"m": [A, B]}, streams=streams, maker=native, max_delay=2,
+        )  # fmt: skip
+        feed = Feed(session)
+        feed(A, 10)
+        assert told(session.advance(30)) == [("topic", 10, "currently_true"), ("tick", 16, "currently_false")]
+        judged = feed(stream, stamp, arrived=40, ask=undone) + session.advance(50)
+        assert told(judged) == [("topic", stamp, "currently_true"), ("tick", 16, "currently_false")]
+        assert session.next_deadline is None
+
+
+def test_a_denied_attempt_of_an_earlier_time_leaves_deadlines_as_they_were() -> None:
+    streams = [replace(s, action="filter", on_deny="undo") for s in STREAMS]
+    guard = prop("g", "not {v: 9}", guards=frozenset({"/u"}))
+    session = open_session(
+        [timed('once[:5ns] {topic: "/a"}'), guard], attach={"m": [A]}, streams=streams, maker=native, max_delay=2
+    )
+    feed = Feed(session)
+    feed(A, 10)
+    session.advance(30)
+    (attempt,) = feed(U, 40, {"v": 9}, ask=True)
+    assert attempt.decision
+    assert attempt.decision.choice == "deny"
+    assert session.judges["publication"].properties[0].outcome in NEGATIVE
 
 
 def test_while_nothing_is_judged_deadlines_wait() -> None:
