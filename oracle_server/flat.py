@@ -31,6 +31,7 @@ def decode_object(text: bytes | str) -> dict[str, Any]:
         value = msgspec.json.decode(text)
     except msgspec.DecodeError:
         value = json.loads(text, parse_constant=str)
+        msgspec.json.encode(value)  # half a surrogate pair, which json reads, could not be kept
     if not isinstance(value, dict):
         raise TypeError("expected a JSON object")
     return value

@@ -150,7 +150,7 @@ class LegacyConnection:
             if error.code == "bad_event":
                 self._session.refuse(monitor, error)
             return answered(text, value, {"verdict": Outcome.UNKNOWN, "error": error.message})
-        return answered(text, value, verdict_of(judged))
+        return answered(text, value, verdict_of(judged, self._seq))
 
     def _event(self, text: str, value: dict[str, Any]) -> AnyEvent:
         flat = flat_event(value)
@@ -164,9 +164,13 @@ class LegacyConnection:
         return event_of(event | {"stamp": stamp or flat.stamp or flat.time}, suspicious=suspicious(text))
 
 
-def verdict_of(judged: list[Judged]) -> dict[str, str]:
-    """What a reply says of an event: the worst over the properties, and which ones are negative."""
-    verdicts = [verdict for item in judged for verdict in item.verdicts]
+def verdict_of(judged: list[Judged], seq: int) -> dict[str, str]:
+    """What a reply says of event number `seq`: the worst over the properties, and which ones are negative.
+
+    A deadline that ran out just before it has a verdict of its own.
+    """
+    own = [j for j in judged if (j.step.event.monitor, j.step.event.seq) == (MONITOR, seq)]
+    verdicts = [verdict for item in own for verdict in item.verdicts]
     broken = [v.property for v in verdicts if v.outcome in NEGATIVE]
     return {"verdict": worst(v.outcome for v in verdicts).value} | ({"spec": ", ".join(broken)} if broken else {})
 

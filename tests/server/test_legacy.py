@@ -16,7 +16,9 @@ from hypothesis import strategies as st
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from oracle_server.legacy import answered
+from oracle_server.engines.native import NativeEngine
+from oracle_server.legacy import MONITOR, answered, verdict_of
+from tests.core.sessions import A, B, Feed, open_session, prop
 from tests.server.conftest import Starts
 from tests.server.harness import PATIENCE, Server, failed
 
@@ -90,6 +92,31 @@ async def test_bytes_are_no_event_and_the_connection_lives(server: Server) -> No
     async with old_monitor(server, LAMP) as socket:
         assert json.loads(await answer(socket, b"\x00"))["verdict"] == "unknown"
         assert json.loads(await answer(socket, '{"topic":"light","time":1,"level":3}'))["verdict"] == "currently_true"
+
+
+async def test_half_a_surrogate_pair_is_no_event_and_takes_no_other_with_it(server: Server) -> None:
+    """It could not be kept in the history, nor could what is kept with it."""
+    before = sessions(server)
+    async with old_monitor(server, LAMP) as socket:
+        frames = ('{"topic":"light","time":1,"level":3}', '{"topic":"light","time":2,"level":"\\ud800"}')
+        for frame in frames:
+            await socket.send(frame)
+        await socket.recv()
+        assert "surrogates not allowed" in json.loads(await socket.recv())["error"]
+        await answer(socket, frames[0])
+        (session,) = sessions(server).keys() - before.keys()
+        await server.until(lambda: server.records(session), lambda found: len(found) == 4)
+    assert [r["seq"] for r in server.records(session)] == [1, 1, 3, 3]
+
+
+def test_a_deadline_that_ran_out_before_an_event_is_not_said_of_it() -> None:
+    answered_soon = prop("p", 'once[5ns:] {topic: "/a"} -> once {topic: "/b"}', time="seconds")
+    session = open_session([answered_soon], attach={}, maker=lambda p: NativeEngine(p.formula, p.time), by="arrival")
+    feed = Feed(session)
+    feed(A, 10, monitor=MONITOR)
+    judged = feed(B, 30, monitor=MONITOR)
+    assert [j.step.event.stream.kind for j in judged] == ["tick", "topic"]
+    assert verdict_of(judged, 2) == {"verdict": "true"}
 
 
 async def test_an_old_session_is_closed_after_a_restart_and_can_be_read(start: Starts) -> None:
