@@ -179,7 +179,7 @@ class Store:
         while True:
             try:
                 self._write(batch)
-            except sqlite3.Error as error:
+            except Exception as error:  # noqa: BLE001 -- without its thread, nothing would ever be written, or told of
                 reason = _told(error)
                 if self.failure is None:
                     log.error("the history can't be written", reason=reason, path=str(self.path))
@@ -221,7 +221,7 @@ class Store:
             callback()
 
 
-def _told(error: sqlite3.Error) -> str:
+def _told(error: Exception) -> str:
     if getattr(error, "sqlite_errorname", "").startswith("SQLITE_IOERR"):
         return f"{error}: the disk fails, or has turned read-only; the system's log says more"
     return str(error)

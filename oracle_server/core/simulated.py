@@ -8,6 +8,9 @@ from dataclasses import dataclass
 from oracle_server.core.events import StreamKey
 from oracle_server.core.spec import StreamSpec
 
+_LATEST = 2**63 - 1
+"""As late as a time can be."""
+
 
 @dataclass(frozen=True, slots=True)
 class ClockReading:
@@ -35,7 +38,7 @@ class SimulatedTime:
         """Take in what a monitor's clock says."""
         for reading in readings:
             self._told[monitor, reading.stream] = reading.stamp
-            told = reading.stamp + self._held_back(self._streams[reading.stream])
+            told = min(reading.stamp + self._held_back(self._streams[reading.stream]), _LATEST)
             self.now = told if self.now is None else max(self.now, told)
 
     def arrival(self, stamp: int | None) -> int:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
 from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from oracle_server.store import Durability, Store
-from tests.server.harness import failed
+from tests.server.harness import PATIENCE, failed
 
 
 @pytest.mark.parametrize(("durability", "synchronous"), [("normal", 1), ("full", 2)])
@@ -21,3 +22,14 @@ def test_the_database_waits_for_the_disk_as_is_asked(tmp_path: Path, durability:
 
 def test_a_durability_that_there_is_not_is_told(tmp_path: Path) -> None:
     assert "ORACLE_DURABILITY" in failed("serve", "--data-dir", tmp_path, "--port", "0", ORACLE_DURABILITY="off")
+
+
+async def test_what_can_not_be_written_for_whatever_reason_is_told(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    store.start(asyncio.get_running_loop())
+    store.execute("UPDATE steps SET seq = ?", (2**64,))
+    async with asyncio.timeout(PATIENCE):
+        while store.failure is None:
+            await asyncio.sleep(0.01)
+    assert "too large" in store.failure
+    await asyncio.to_thread(store.close)

@@ -122,3 +122,10 @@ async def test_wall_time_may_go_back(server: Server, session: str) -> None:
     async with attached(server, session=session, spec="pair", streams=["/a"]) as monitor:
         await monitor.send(make_clock("/a", at=10), make_clock("/a", at=5), make_event(1, at=9, data={"v": 1}))
         await monitor.acked(1)
+
+
+async def test_the_latest_time_that_there_is_can_be_kept(server: Server, session: str) -> None:
+    async with attached(server, session=session, spec="pair", streams=["/a"], clock="sim") as monitor:
+        await monitor.send(sim_clock(2**63 - 1), make_event(1, stamp=None, data={"v": 1}))
+        await monitor.acked(1)
+    assert [r["arrived"] for r in server.records(session, property="a_is_small")] == [2**63 - 1]
