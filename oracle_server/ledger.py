@@ -66,11 +66,13 @@ class Ledger:
         for item in judged:
             self._position += 1
             event, gap, outcome = item.step.event, 0, None
-            if item.order == self._deciding and event.monitor:
+            if event.monitor:
                 monitor = self._monitors[event.monitor]
-                gap = monitor.gaps.pop(event.seq, 0)
-                outcome = monitor.outcomes.pop(event.seq, None)
-                used.append((monitor, event.seq, gap, JUDGED))
+                gap = monitor.gaps.get(event.seq, 0)
+                if item.order == self._deciding:
+                    monitor.gaps.pop(event.seq, None)
+                    outcome = monitor.outcomes.pop(event.seq, None)
+                    used.append((monitor, event.seq, gap, JUDGED))
             rows.append(step_row(self._session, self._position, gap, item, outcome))
             violations += [{"type": "violation", **record(item, v)} for v in item.verdicts if v.explanation]
         if rows:

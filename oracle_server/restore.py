@@ -73,7 +73,7 @@ def restore(store: Store, number: int, plan: Plan) -> Restored:
     core, position = _begin(store, number, plan, saved)
     primary = orders(plan.spec)[0]
     used: dict[str, list[_Used]] = {}
-    waiting: dict[tuple[str, int], Step] = {}
+    waiting: dict[tuple[str, int], tuple[Step, int]] = {}
     differing = 0
     sql = "SELECT monitor, seq, gap FROM steps WHERE session = ? AND position > ? AND position <= ? AND kind != 'tick'"
     for monitor, seq, gap in store.read(sql, (number, saved.settled, position)):
@@ -97,7 +97,7 @@ def restore(store: Store, number: int, plan: Plan) -> Restored:
                 waiting.pop(key, None)
                 used.setdefault(step.event.monitor, []).append((step.event.seq, row[gaps], JUDGED))
             else:
-                waiting[key] = step
+                waiting[key] = step, row[gaps]
         position += len(rows)
     if differing:
         log.error("restored verdicts differ from the recorded ones", session=number, steps=differing)
@@ -107,7 +107,7 @@ def restore(store: Store, number: int, plan: Plan) -> Restored:
     rows = store.read("SELECT name, instance, streams, attached, clock FROM monitors WHERE session = ?", (number,))
     numbers: dict[str, Any] = msgspec.json.decode(saved.numbers) if saved.numbers else {}
     monitors = {name: _known(tuple(known), Numbering(used.get(name, []), numbers.get(name))) for name, *known in rows}
-    return Restored(core, position, len(refused), monitors, [(step, 0) for step in waiting.values()])
+    return Restored(core, position, len(refused), monitors, [*waiting.values()])
 
 
 def _saved(store: Store, number: int) -> _Saved:

@@ -145,6 +145,16 @@ class ReorderBuffer(Generic[T]):
             released.append(self._pop(forced=True))
         return released
 
+    def put_back(self, item: T, source: Source, publisher: str, stamp: int, now: int) -> list[Released[T]]:
+        """Take an item that was held before; of a stream that is not open any more nothing else is waited for."""
+        opened = source in self._frontiers
+        released = self.push(item, source, publisher, stamp, now)
+        if not opened:
+            del self._frontiers[source]
+            self._find_slowest()
+            released += self._release()
+        return released
+
     def clock(self, source: Source, stamp: int) -> list[Released[T]]:
         """Learn that nothing older than `stamp` will come from an open stream."""
         frontier = self._frontiers.get(source)

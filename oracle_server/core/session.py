@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -21,6 +21,7 @@ from oracle_server.core.stamps import stamp_in
 from oracle_server.core.tally import HoldTimes, StreamCounts
 from oracle_server.core.verdicts import FINAL, Judged
 
+Put = Callable[[Step, Source, str, int, int], list[Released[Step]]]
 _LOOK_AGAIN = SECOND
 """How long deadlines wait while nothing can be judged, in nanoseconds."""
 
@@ -149,10 +150,10 @@ class Session:
         if order == "publication" and not step.late and self.plan.spec.by_key[step.event.stream].ordered:
             self.buffer.present = step.time
         self.now = max(self.now, judged)
-        counts = self.counts[step.event.monitor, step.event.stream]
+        if step.event.lost and order == orders(self.plan.spec)[-1]:  # which was told of it first
+            self._note_loss(step.event)
         if order == orders(self.plan.spec)[0]:
-            counts.late += step.late
-            counts.lost += step.event.lost
+            self.counts[step.event.monitor, step.event.stream].late += step.late
         return self.judges[order].judge(step, judged)
 
     def snapshot(self) -> dict[str, Any] | None:
@@ -188,14 +189,14 @@ class Session:
 
     def hold(self, step: Step) -> list[Judged]:
         """Put a step into the order of publication that was there before, and not judged in it yet."""
-        return self._order(step)
+        return self._order(step, self.buffer.put_back)
 
-    def _order(self, step: Step) -> list[Judged]:
+    def _order(self, step: Step, put: Put | None = None) -> list[Judged]:
         event = step.event
         if not self.plan.spec.by_key[event.stream].ordered:
             return [self._judge_one("publication", step)] if self.asking is None else self._ask("publication", step)
         source = (event.monitor, event.stream)
-        return self._judge(self.buffer.push(step, source, event.source, step.time, self.now))
+        return self._judge((put or self.buffer.push)(step, source, event.source, step.time, self.now))
 
     def _judge(self, released: Sequence[Released[Step]]) -> list[Judged]:
         for r in released:

@@ -285,3 +285,36 @@ async def test_what_was_told_as_lost_and_comes_after_all_is_judged(start: Starts
     server = start()
     async with attached(server, session="s") as monitor:
         assert monitor.attached["next"] == 6
+
+
+async def test_what_is_held_of_a_monitor_that_had_detached_keeps_nobody_waiting(start: Starts) -> None:
+    """And what was lost before it is known, and settled with it."""
+    server = start()
+    async with (
+        attached(server, "m1", session="s", spec="both", streams=["/a"]) as first,
+        attached(server, "m2", session="s", streams=["/b"]) as second,
+    ):
+        await second.send(make_event(3, "/b", at=20), {"type": "detach"})
+        await server.until(lambda: server.records("s"), lambda records: len(records) == 1)
+        await first.send(make_event(1, "/a", at=10))
+        await server.until(lambda: server.records("s"), lambda records: len(records) == 3)
+        server.process.send(signal.SIGKILL)
+        await first.closed()
+    server.end()
+    server = start(**PATIENT)
+    (stream,) = [s for s in server.get("sessions/s")["streams"] if s["stream"] == "/b"]
+    assert (stream["lost"], stream["depth"]) == (2, 1)
+    async with attached(server, "m1", session="s", streams=["/a"]) as first:
+        await first.send(make_event(2, "/a", at=40))
+        await first.acked(2)
+    records = [(r["order"], r["seq"], r["degraded"]) for r in server.records("s")]
+    assert records == [
+        ("arrival", 3, True),
+        ("arrival", 1, True),
+        ("publication", 1, True),
+        ("arrival", 2, True),
+        ("publication", 3, True),
+        ("publication", 2, True),
+    ]
+    async with attached(server, "m2", session="s", streams=["/b"]) as second:
+        assert second.attached["next"] == 4
