@@ -24,7 +24,7 @@ builtin_property = property
 """`property`, which is a field here."""
 
 
-_SAVED = ("outcome", "negative", "first_violation", "violations", "failures", "broken")
+_SAVED = ("outcome", "negative", "first_violation", "violations", "failures", "broken", "renewed")
 
 
 class _Mark(NamedTuple):
@@ -157,7 +157,7 @@ class PropertyState:
     def restore(self, data: Mapping[str, Any]) -> None:
         """Become what a snapshot says. Raises `EngineError` where the engine can't use it."""
         for name in _SAVED:
-            setattr(self, name, data[name])
+            setattr(self, name, data.get(name, False) if name == "renewed" else data[name])
         self.outcome = Outcome(self.outcome)
         if data["engine"] is not None:
             if not isinstance(self.engine, Savable):
