@@ -85,8 +85,10 @@ def restore(store: Store, number: int, plan: Plan) -> Restored:
             order, step, judged_at = step_of(row)
             if "0" not in row[degraded]:  # by a loss that was known before its event was judged
                 core.judges[order].degrade()
-            if step.event.stream.kind != "tick":
-                core.tell(order, {i: Answer(OUTCOMES[row[outcomes][i]], _ONCE) for i in plan.external})
+            if step.event.stream.kind != "tick" and not step.skipped:
+                heard = plan.streams[step.event.stream].asked
+                anew = {i: row[degraded][i] == "1" for i in heard}
+                core.tell(order, {i: Answer(OUTCOMES[row[outcomes][i]], _ONCE, anew[i]) for i in heard})
             judged = core.rejudge(order, step, judged_at)
             verdicts = judged.verdicts if judged else ()
             differing += "".join(LETTERS[v.outcome] for v in verdicts) != row[outcomes]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -24,7 +23,7 @@ builtin_property = property
 """`property`, which is a field here."""
 
 
-_SAVED = ("outcome", "negative", "first_violation", "violations", "failures", "broken")
+_SAVED = ("outcome", "negative", "first_violation", "violations", "failures", "broken", "renewed")
 
 
 class _Mark(NamedTuple):
@@ -68,6 +67,9 @@ class PropertyState:
     """What ticks since the last step have cost: they are taken back, so that each may cost as much as the last one."""
     renewed: bool = False
     """Whether it is judged elsewhere, and what was known there may have been lost."""
+    unexplained: int = 0
+    """How often the engine failed to say why; not that it can't."""
+    _inexplicable: str = ""
 
     def step(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names) -> Outcome:
         """The outcome at the next step."""
@@ -157,7 +159,7 @@ class PropertyState:
     def restore(self, data: Mapping[str, Any]) -> None:
         """Become what a snapshot says. Raises `EngineError` where the engine can't use it."""
         for name in _SAVED:
-            setattr(self, name, data[name])
+            setattr(self, name, data.get(name, False) if name == "renewed" else data[name])
         self.outcome = Outcome(self.outcome)
         if data["engine"] is not None:
             if not isinstance(self.engine, Savable):
@@ -173,16 +175,24 @@ class PropertyState:
 
     @builtin_property
     def complaint(self) -> str | None:
-        """What the engine has to say against itself, None for nothing."""
-        return getattr(self.engine, "complaint", None)
+        """What is to be said against the engine, None for nothing."""
+        found = getattr(self.engine, "complaint", None)
+        if self.unexplained:
+            times = "once" if self.unexplained == 1 else f"{self.unexplained} times"
+            found = f"{found}; " if found else ""
+            found += f"it could not say why {times}; the last time: {self._inexplicable}"
+        return found
 
     def _explain(self, outcome: Outcome) -> None:
         if self.asked or (outcome in NEGATIVE and not self.negative):
             past = NO_PAST if self.past is None else self.past()
             self.why = None
             if isinstance(self.engine, Explaining):
-                with suppress(Exception):  # an outcome stands, whether or not it can be explained
+                try:
                     self.why = self.engine.explain(past)
+                except Exception as error:  # noqa: BLE001 -- an outcome stands, whether or not it can be explained
+                    self.unexplained += 1
+                    self._inexplicable = str(error) or type(error).__name__
 
     def _take_back(self, engine: Revisable) -> None:
         """Forget a step that changes nothing for good, but for what it cost."""

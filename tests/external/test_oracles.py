@@ -314,3 +314,30 @@ def _healthy(request: pytest.FixtureRequest) -> Iterator[None]:
         server = request.getfixturevalue("server")
         assert server.alive
         server.check_log()
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+async def test_that_an_oracle_may_have_begun_anew_is_known_after_a_restart(
+    start: Start, director: Director, number: signal.Signals
+) -> None:
+    """Also at an event that it does not hear, and so is not asked about."""
+    text = spec("x", director.url).replace("guards: [/go]", "streams: [/a]", 1)
+    server = start(text)
+    async with attached(server, session="s", spec="x") as monitor:
+        for seq in (1, 2):
+            await monitor.send(make_event(seq, data={"v": 1}))
+            connection, _ = await director.asked()
+            await director.say(connection, "true")
+            await monitor.acked(seq)
+            if seq == 1:
+                await director.say(connection, None)
+                await director.told("closed")
+        server.process.send(number)
+        await monitor.closed()
+    server.process.wait()
+    server.end()
+    server = start(text)
+    async with attached(server, session="s") as monitor:
+        await monitor.send(make_event(3, "/go", data={"v": 1}))
+        await monitor.acked(3)
+    assert await said(server, "s", 3) == [(YES, False), (YES, True), (YES, True)]
