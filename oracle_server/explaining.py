@@ -54,7 +54,8 @@ def explained(store: Store, session: int, n: int) -> dict[str, Any] | None:
     if properties[index].external is not None and record["explanation"] is not None:
         return record
     _demand_explicable(record, properties[index], rows[0])
-    target = _decided(store, session, record, properties[index], before + 1, index)
+    undoing = [key.name for key, stream in ready.streams.items() if stream.undoes]
+    target = _decided(store, session, record, properties[index], before + 1, index, undoing)
     return {**record, "explanation": _Again(store, session, ready, index).explain(record["order"], target)}
 
 
@@ -69,14 +70,21 @@ def _demand_explicable(record: dict[str, Any], prop: Property, row: Row) -> None
         raise NoExplanationError(f"verdict {record['n']} is no judgement: {reason}")
 
 
-def _decided(store: Store, session: int, record: dict[str, Any], prop: Property, position: int, index: int) -> int:
-    """The position of the step that decides a verdict: that made it final, or the last one that counts."""
+def _decided(
+    store: Store, session: int, record: dict[str, Any], prop: Property, position: int, index: int, undoing: list[str]
+) -> int:
+    """The position of the step that decides a verdict: that made it final, or the last one that counts.
+
+    Denied attempts on the streams `undoing` count for themselves alone.
+    """
     same = "session = ? AND position <= ? AND ord = ?"
     values = (session, position, record["order"])
     final = f"SELECT min(position) FROM steps WHERE {same} AND substr(outcomes, ?, 1) IN (?, ?)"  # noqa: S608
     ((found,),) = store.read(final, (*values, index + 1, *_FINAL))
-    if found is None and prop.time == "steps":  # ticks say nothing of it
-        ((found,),) = store.read(f"SELECT max(position) FROM steps WHERE {same} AND number IS NOT NULL", values)  # noqa: S608
+    if found is None and record["kind"] == "tick" and prop.time == "steps":  # ticks say nothing of it
+        undone = f"decision IS 'deny' AND kind != 'response' AND stream IN ({','.join('?' * len(undoing))})"
+        last = f"SELECT max(position) FROM steps WHERE {same} AND number IS NOT NULL AND NOT ({undone})"  # noqa: S608
+        ((found,),) = store.read(last, (*values, *undoing))
     return found or position
 
 

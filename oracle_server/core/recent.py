@@ -58,9 +58,10 @@ class Recent:
         return Past(times, matches, self._effort)
 
     def recall(self, at: int, step: int | None, *, timed: bool) -> dict[str, Any] | None:
-        """The event of a reason: of step number `step`, where that is known, else the last one at a time or number."""
+        """The event of a reason: of step number `step`, where that is known, else the only one at a time or number."""
         place, wanted = (1, at) if timed and step is None else (0, at if step is None else step)
-        return next((_told(seen) for seen in reversed(self._steps) if seen[place] == wanted), None)
+        found = [seen for seen in self._steps if seen[place] == wanted]
+        return _told(found[0]) if len(found) == 1 else None
 
 
 def _told(seen: Seen) -> dict[str, Any]:

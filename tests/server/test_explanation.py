@@ -119,3 +119,37 @@ async def test_an_explanation_survives_a_restart_and_is_printed_as_a_tree(start:
     lines = [line.strip() for line in printed.splitlines()]
     assert lines[0].startswith(f"verdict {n}: granted_in_time is false, decided by /ask (topic 5 of ")
     assert '{topic: "/grant", id: 1}: held at none of steps 1–4' in lines  # noqa: RUF001 -- a range
+
+
+UNDOING = """
+id: undoing
+ordering: {max_delay: none}
+streams:
+  - topic: /a
+  - topic: /go
+    action: filter
+    on_deny: undo
+    signals: {v: msg.v}
+properties:
+  - id: fresh
+    time: seconds
+    formula: 'once[:5ms] {topic: "/a"}'
+  - id: small
+    formula: 'not {v > 3}'
+    guards: [/go]
+"""
+
+
+async def test_a_deadline_after_an_attempt_that_was_undone_is_not_explained_by_it(start: Starts) -> None:
+    server = start()
+    assert server.http.put("/api/v1/specs/undoing", content=UNDOING).is_success
+    async with attached(server, session="s", spec="undoing") as monitor:
+        await monitor.send(make_event(1, "/a", at=0), make_clock("/go", 1))
+        await monitor.send(make_event(2, "/go", at=2, data={"v": 9}, ask=True), make_clock("/a", 10))
+        assert (await monitor.expect("decision", seq=2))["decision"] == "deny"
+        await monitor.send(make_clock("/go", 10))
+        await monitor.violated(2)
+    *_, tick = server.records("s", property="small")
+    assert (tick["kind"], tick["outcome"]) == ("tick", "currently_true")
+    found = explanation(server, tick["n"])
+    assert found["explanation"]["text"].startswith("small holds at step 1, /a")
