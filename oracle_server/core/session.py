@@ -146,7 +146,10 @@ class Session:
         """
         if step.event.stream.kind == "tick":
             self.now = max(self.now, judged)
-            return self.judges[order].tick(step.stamp, judged)
+            judge = self.judges[order]
+            again, number = judge.tick(step.stamp, judged), step.event.seq
+            judge.counters.ticks = max(judge.counters.ticks, number)  # each number stands in the history once
+            return again
         if order == "publication" and not step.late and self.plan.spec.by_key[step.event.stream].ordered:
             self.buffer.present = step.time
         self.now = max(self.now, judged)
@@ -247,11 +250,15 @@ class Session:
                 judged.append(tick)
         return judged
 
+    def note_refusal(self) -> None:
+        """Know that an event was lost that could not be read."""
+        for judge in self.judges.values():
+            judge.degrade()
+
     def _note_loss(self, event: Event) -> None:
         """What is held may be younger than what was lost: verdicts are degraded from when it is known."""
         self.counts[event.monitor, event.stream].lost += event.lost
-        for judge in self.judges.values():
-            judge.degrade()
+        self.note_refusal()
 
     def _judge_one(self, order: Order, step: Step, *, late: bool = False, forced: bool = False) -> Judged:
         if late or forced or self.suspended:

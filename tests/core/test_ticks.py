@@ -195,6 +195,16 @@ def test_judging_again_brings_ticks_back() -> None:
         assert told(Feed(session)(B, 30)) == [("topic", 30, "false")]
 
 
+def test_a_tick_that_changes_nothing_any_more_keeps_its_number() -> None:
+    """As where another version judges again: the history has each number once."""
+    there, back = session_of(timed(ANSWERED)), session_of(timed('once {topic: "/b"} or not once[5ns:] {mode: 1}'))
+    for judged in Feed(there)(A, 10) + there.advance(20):
+        back.rejudge(judged.order, judged.step, judged.judged)
+    feed = Feed(back)
+    feed(MODE, 30, {"mode": 1})
+    assert [tick.step.event.seq for tick in back.advance(50)] == [2]
+
+
 def test_ticks_tell_what_the_table_says_whenever_time_changes_it() -> None:
     """After each moment at which time alone changes what a step without signals would see, that is the outcome."""
     for number in range(SEED, SEED + 300):
