@@ -41,7 +41,7 @@ class Ledger:
         self.refused = 0
         """How many events were refused."""
         self._session, self._monitors = identity.number, monitors
-        self._store, self._clock, self._tally = store, clock, tally
+        self._core, self._store, self._clock, self._tally = core, store, clock, tally
         self._properties = [p.id for p in core.plan.spec.properties]
         self._deciding, judge = next(iter(core.judges.items()))
         self._standing = Standing(judge)
@@ -93,6 +93,8 @@ class Ledger:
         monitor.unsettled += 1
         lost = gap + (code == "bad_event")
         monitor.lost += lost
+        if lost:
+            self._core.note_refusal()
         row = (self._session, monitor.name, seq, gap, self._clock.now(), code, message)
         self._store.append("refused", [row], lambda: self._settle([(monitor, seq, gap, lost)]))
         return WireError(code, message, seq=seq)

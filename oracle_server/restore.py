@@ -105,7 +105,10 @@ def restore(store: Store, number: int, plan: Plan) -> Restored:
         log.error("restored verdicts differ from the recorded ones", session=number, steps=differing)
     refused = store.read("SELECT monitor, seq, gap, code FROM refused WHERE session = ?", (number,))
     for monitor, seq, gap, code in refused:
-        used.setdefault(monitor, []).append((seq, gap, gap + (code == "bad_event")))
+        lost = gap + (code == "bad_event")
+        used.setdefault(monitor, []).append((seq, gap, lost))
+        if lost:
+            core.note_refusal()
     rows = store.read("SELECT name, instance, streams, attached, clock FROM monitors WHERE session = ?", (number,))
     numbers: dict[str, Any] = msgspec.json.decode(saved.numbers) if saved.numbers else {}
     monitors = {name: _known(tuple(known), Numbering(used.get(name, []), numbers.get(name))) for name, *known in rows}

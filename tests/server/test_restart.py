@@ -95,6 +95,27 @@ async def test_a_refused_event_counts_as_lost_across_a_restart(start: Starts) ->
     assert server.get("sessions/cut")["counters"] == server.get("sessions/whole")["counters"]
 
 
+async def test_after_an_event_that_was_refused_all_verdicts_are_degraded(start: Starts) -> None:
+    """At once, and not from its monitor's next event on; also where nothing was judged between it and a restart."""
+    server = start()
+    async with attached(server, "m1", session="s", spec="single") as first:
+        await first.send(make_event(1, data={"v": 1}), make_event(2, at=1) | {"data": 7})
+        await first.acked(2)
+        server.process.send(signal.SIGKILL)
+        await first.closed()
+    server.end()
+    server = start()
+    async with attached(server, "m2", session="s") as second:
+        await second.send(make_event(1, at=2, data={"v": 1}))
+        await second.acked(1)
+        async with attached(server, "m3", session="s") as third:
+            await third.send(make_event(1, at=3) | {"data": 7})
+            await third.acked(1)
+        await second.send(make_event(2, at=4, data={"v": 1}))
+        await second.acked(2)
+    assert [(r["monitor"], r["degraded"]) for r in server.records("s")] == [("m1", False), ("m2", True), ("m2", True)]
+
+
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 @pytest.mark.parametrize("seed", range(2))
 async def test_a_server_that_ends_in_the_middle_of_a_flood_loses_and_doubles_nothing(
