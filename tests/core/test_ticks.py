@@ -209,7 +209,7 @@ def test_ticks_tell_what_the_table_says_whenever_time_changes_it() -> None:
     """After each moment at which time alone changes what a step without signals would see, that is the outcome."""
     for number in range(SEED, SEED + 300):
         rng = random.Random(f"ticks {number}")
-        formula = _in_nanoseconds(generate.formula(rng, "seconds", rng.randint(2, 4), 1))
+        formula = in_nanoseconds(generate.formula(rng, "seconds", rng.randint(2, 4), 1))
         session = open_session([Property("p", formula, time="seconds")], attach={"m": [A]}, maker=native, by="arrival")
         feed, steps, now = Feed(session), list[TimedSignals](), 1
         for _ in range(rng.randint(1, 5)):
@@ -227,10 +227,10 @@ def test_ticks_tell_what_the_table_says_whenever_time_changes_it() -> None:
             now += gap
 
 
-def _in_nanoseconds(formula: Formula) -> Formula:
+def in_nanoseconds(formula: Formula) -> Formula:
     """The formula with its bounds of seconds taken as nanoseconds."""
     parts: dict[str, Any] = {
-        name: _in_nanoseconds(part)
+        name: in_nanoseconds(part)
         for name in ("operand", "left", "right", "body")
         if (part := getattr(formula, name, None)) is not None
     }
