@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import multiprocessing
 import os
+import signal
 import socket
 import sys
 import time
@@ -113,16 +114,14 @@ class Scene:
         self._folder.mkdir(exist_ok=True)
         with ExitStack() as begun:  # undone where something does not start
             port = free_port()
+            self._stack = begun
             self.settings = {
                 "ROS_MASTER_URI": f"http://127.0.0.1:{port}",
                 "ROS_IP": "127.0.0.1",
                 "ROS_LOG_DIR": str(self._folder / "ros"),
                 "PYTHONUNBUFFERED": "1",
             }
-            self._stack = begun
-            core = self.run("roscore", "roscore", "-p", port)
-            begun.callback(core.end)  # or it would leave its own processes
-            core.said("started core service")
+            self._start_master()
             self.server = Server(self._specs, self._folder / "data")
             begun.callback(self.server.kill)
             self._stack = begun.pop_all()
@@ -133,6 +132,16 @@ class Scene:
             for process in (self.server.process, *self._processes):
                 print(f"== {process.name} said:\n{process.log}")
         self._stack.close()
+
+    def _start_master(self) -> None:
+        self._core = self.run("roscore", "roscore", "-p", self.settings["ROS_MASTER_URI"].rpartition(":")[2])
+        self._stack.callback(self._core.end)  # or it would leave its own processes
+        self._core.said("started core service")
+
+    def restart_master(self) -> None:
+        """Have a master that knows of nobody."""
+        self._core.end(signal.SIGINT)
+        self._start_master()
 
     def run(self, name: str, *command: object) -> Process:
         """A program on ROS, removed at the end."""

@@ -14,6 +14,7 @@ from tests.robot import GATE, SIDES, SWITCH, settled, spec_folder
 from tests.ros2.harness import Peer, Scene, Server, eventually, without_gaps
 
 callback_groups = pytest.importorskip("rclpy.callback_groups")
+qos = pytest.importorskip("rclpy.qos")
 task = pytest.importorskip("rclpy.task")
 msg = pytest.importorskip("std_msgs.msg")
 geometry = pytest.importorskip("geometry_msgs.msg")
@@ -38,6 +39,11 @@ properties:
     formula: 'not {topic: "/number", data > 1000}'
 """
 DENIED = (False, "not now")
+INSIDE = """
+  - id: inside_after_outside
+    formula: '{service: "/inner", kind: request} -> once{service: "/switch", kind: request}'
+    guards: [/inner]
+"""
 
 
 def gate(folder: Path, intercept: str = "publisher", unavailable: str = "deny", within: str = "60s") -> Scene:
@@ -248,4 +254,29 @@ def test_who_can_call_past_the_monitor_is_told(tmp_path: Path) -> None:
         peer.node.destroy_service(beside)
         eventually(troubles, lambda found: found == {"request": "", "response": ""})
         peer.until(proxied.service_is_ready)
+        adapter.ends_well()
+
+
+def test_calls_at_once_that_call_another_proxied_service_are_all_answered(tmp_path: Path) -> None:
+    inner = SWITCH.partition("streams:\n")[2].partition("properties:")[0].replace("/switch", "/inner")
+    spec = SWITCH.replace("properties:", f"{inner}properties:") + INSIDE
+    with Scene(tmp_path, spec_folder(tmp_path, spec)) as scene:
+        adapter, peer = scene.adapter("switch"), scene.peer()
+        many = qos.QoSProfile(depth=100)  # all at once, as threads of several nodes do
+        deeper = peer.node.create_client(srv.SetBool, "/inner_mon", qos_profile=many)
+
+        async def ask_inside(request: Any, _: Any) -> Any:
+            return await deeper.call_async(request)
+
+        group = callback_groups.ReentrantCallbackGroup()
+        peer.node.create_service(srv.SetBool, "/switch", ask_inside, qos_profile=many, callback_group=group)
+        peer.node.create_service(srv.SetBool, "/inner", say("inside"), qos_profile=many, callback_group=group)
+        client = peer.node.create_client(srv.SetBool, "/switch_mon", qos_profile=many)
+        peer.until(lambda: client.service_is_ready() and deeper.service_is_ready())
+        calls = [client.call_async(srv.SetBool.Request(data=number % 5 > 0)) for number in range(50)]
+        peer.until(lambda: all(call.done() for call in calls), "not all calls are answered")
+        answers = [(call.result().success, call.result().message) for call in calls]
+        assert answers == [(True, "inside") if number % 5 else DENIED for number in range(50)]
+        passed = [event["passed"] for event in settled(scene.server, 10 + 40 * 4)]
+        assert (passed.count(False), passed.count(True)) == (10, 160)
         adapter.ends_well()

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import threading
-from typing import Any, Dict, List, Optional
+from contextlib import suppress
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
+from xmlrpc.client import ServerProxy
 
 import rospy
+from rospy.impl import registration
 
 PERIOD = 1.0
 """Seconds between two questions."""
 
 
+Users = Dict[str, List[str]]
+"""The nodes by the topics or services that they use."""
+Register = Callable[[str, str, str], Any]
+"""Registers a name, of a type or at an address, for the node at an address."""
 NOISE = ("/rosout", "/rosout_agg")
 SERVICES = ("/get_loggers", "/set_logger_level")  # that every node has
 
@@ -40,8 +47,8 @@ class Graph:
     """Asks in a thread of its own, from `start` to `stop`: a master can be far away, and nothing must wait for it."""
 
     def __init__(self) -> None:
-        self._publishers: Dict[str, List[str]] = {}
-        self._servers: Optional[Dict[str, List[str]]] = None
+        self._publishers: Users = {}
+        self._servers: Optional[Users] = None
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._ask, name="oracle-graph", daemon=True)
 
@@ -50,8 +57,9 @@ class Graph:
         self._thread.start()
 
     def stop(self) -> None:
-        """Ask no more."""
+        """Ask no more, and register nothing again."""
         self._stopping.set()
+        self._thread.join(PERIOD)  # longer only where the master hangs
 
     def others(self, topic: str) -> List[str]:
         """The nodes but this one that published a topic when the master was last asked."""
@@ -68,14 +76,46 @@ class Graph:
         others = [
             f"{server} serves {service} in the monitor's place" for server in servers if server != rospy.get_name()
         ]
-        return "; ".join(others) if servers else f"the master does not know {service} any more; start the monitor again"
+        return "; ".join(others) if servers else f"the master does not know {service} any more"
 
     def _ask(self) -> None:
         master = rospy.get_master()
         while not self._stopping.wait(PERIOD):
-            try:
-                _, _, (publishers, _, servers) = master.getSystemState()
-            except (OSError, ValueError, TypeError):  # no master, or none that makes sense
-                continue
-            self._publishers = {str(topic): list(nodes) for topic, nodes in publishers}
-            self._servers = {str(service): list(nodes) for service, nodes in servers}
+            with suppress(Exception):  # no master, or none that makes sense
+                self._look(master)
+
+    def _look(self, master: Any) -> None:
+        _, _, state = master.getSystemState()
+        publishers, subscribers, servers = (dict(entries) for entries in state)
+        self._publishers, self._servers = publishers, servers
+        topics, services = registration.get_topic_manager(), registration.get_service_manager()
+        own = rospy.get_name()
+        self._register_again(
+            [
+                *(
+                    (master.registerPublisher, *p)
+                    for p in topics.get_publications()
+                    if own not in publishers.get(p[0], ())
+                ),
+                *((_subscribe, *s) for s in topics.get_subscriptions() if own not in subscribers.get(s[0], ())),
+                # a service that another node serves by now stays that one's
+                *((master.registerService, *s) for s in services.get_services() if not servers.get(s[0])),
+            ]
+        )
+
+    def _register_again(self, missing: Sequence[Tuple[Register, str, str]]) -> None:
+        """Tell the master what it does not know of this node, as after its restart: rospy never does that.
+
+        Raises what the master raises; what is missing then is found again.
+        """
+        for register, name, kind in missing:
+            if self._stopping.is_set() or rospy.core.is_shutdown_requested():
+                return
+            register(name, kind, rospy.get_node_uri())
+        if missing:
+            rospy.logwarn(f"the master did not know {len(missing)} topics and services of this node: registered again")
+
+
+def _subscribe(name: str, kind: str, uri: str) -> None:
+    _, _, publishers = rospy.get_master().registerSubscriber(name, kind, uri)
+    ServerProxy(uri).publisherUpdate("/master", name, publishers)  # as the master does for those that come later

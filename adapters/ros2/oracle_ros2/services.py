@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Callable, Mapping, Sequence
 
 from oracle_adapter import Board, Link
 from oracle_adapter.passing import Passing
+from rclpy.qos import QoSProfile
 
 from oracle_ros2.codec import load_type, reader, write
 from oracle_ros2.loop import Later
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
     from oracle_ros2.loop import Reply
 
+CALLS = QoSProfile(depth=1000)  # of more that come at once the middleware drops the oldest: the usual 10 are few
 DISCOVERY = 2.0  # seconds that a service may take to be discovered, or to come back
 
 
@@ -55,8 +57,8 @@ class ProxiedService:
         self._open: dict[int, _Call] = {}  # without an answer
         self._early: deque[_Call] = deque()  # that wait for the service to be discovered
         self._away: float | None = None  # since when the service has not been there (s)
-        self._client = node.create_client(self._type, names[self.name])
-        self._service = node.create_service(self._type, names[request["proxy"]], Later(self._serve))
+        self._client = node.create_client(self._type, names[self.name], qos_profile=CALLS)
+        self._service = node.create_service(self._type, names[request["proxy"]], Later(self._serve), qos_profile=CALLS)
 
     def stop(self) -> None:
         """Serve no more; calls without an answer get `denied_response`, whatever is decided on them later."""

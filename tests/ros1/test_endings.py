@@ -1,0 +1,97 @@
+"""What is on its way when something ends on real ROS 1: the adapter, ROS itself, the master."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from std_msgs.msg import Int64
+from std_srvs.srv import SetBool, SetBoolResponse
+
+from tests.processes import eventually
+from tests.robot import ENDLESS, GATE, HELD, SWITCH, spec_folder
+from tests.ros1.harness import Peer, Process, Scene, free_port
+
+SERVICE = SWITCH.partition("streams:\n")[2].partition("properties:")[0]
+BOTH = GATE.replace("properties:", SERVICE + "properties:") + SWITCH.partition("properties:\n")[2]
+"""The gate and the switch in one spec."""
+
+
+def say_on(_: Any) -> SetBoolResponse:
+    return SetBoolResponse(True, "on")
+
+
+def opened(scene: Scene) -> tuple[Peer, Peer]:
+    """A node that publishes and one that hears, which are connected through the adapter."""
+    speaker, hearer = scene.peer(), scene.peer()
+    hearer.record(Int64, "/number", speakers=1)
+    speaker.advertise(Int64, "/number_mon")
+    return speaker, hearer
+
+
+def ended(scene: Scene, adapter: Process, how: str) -> None:
+    if how == "rosnode kill":
+        scene.run("killer", "rosnode", "kill", "/uav1").wait()
+        adapter.wait()
+    adapter.ends_well(signal.SIGINT if how == "SIGINT" else signal.SIGTERM)
+
+
+@pytest.mark.parametrize("how", ["SIGINT", "SIGTERM", "rosnode kill"])
+def test_what_waits_when_the_adapter_ends_does_not_pass_and_history_knows(how: str, tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, HELD)) as scene:
+        adapter = scene.adapter("gate")
+        speaker, hearer = opened(scene)
+        speaker.publish("/number_mon", *[Int64(data=number) for number in range(1, 21)])
+        eventually(lambda: scene.server.session("s")["counters"]["held"], lambda held: held == 20)
+        ended(scene, adapter, how)
+        events = scene.server.events("s")
+        assert [(event["seq"], event["kind"], event["passed"]) for event in events] == [
+            (seq, "unavailable", False) for seq in range(1, 21)
+        ]
+        assert hearer.heard("/number") == []
+
+
+@pytest.mark.parametrize("how", ["SIGTERM", "rosnode kill"])
+def test_a_call_that_waits_when_the_adapter_ends_is_an_error_and_reaches_nobody(how: str, tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, ENDLESS)) as scene:
+        adapter, panel, caller = scene.adapter("switch"), scene.peer(), scene.peer()
+        panel.serve(SetBool, "/switch", say_on)
+        call = caller.begin(SetBool, "/switch_mon", True)
+        eventually(lambda: scene.server.session("s")["counters"]["held"], lambda held: held == 1)
+        ended(scene, adapter, how)
+        answer = caller.answer(call)
+        assert answer is not None
+        assert answer[0] is None
+        assert panel.reached("/switch") == []
+        [event] = scene.server.events("s")
+        assert (event["kind"], event["passed"]) == ("unavailable", False)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_adapter_that_waits_for_a_master_can_be_ended(number: signal.Signals, tmp_path: Path) -> None:
+    with Scene(tmp_path) as scene:
+        scene.settings["ROS_MASTER_URI"] = f"http://127.0.0.1:{free_port()}"
+        adapter = scene.run("adapter", sys.executable, "-m", "oracle_ros1", "--oracle", scene.server.url)
+        adapter.said("master may not be running yet")
+        adapter.ends_well(number)
+
+
+def test_a_master_that_was_started_anew_learns_of_the_adapter_again(tmp_path: Path) -> None:
+    specs = spec_folder(tmp_path, BOTH, intercept="publisher", unavailable="deny", within="60s")
+    with Scene(tmp_path, specs) as scene:
+        adapter = scene.adapter("gate")
+        speaker, hearer = opened(scene)
+        scene.restart_master()
+        speaker.publish("/number_mon", Int64(1))  # those that know each other need no master
+        assert [said.data for said in hearer.heard("/number", 1)] == [1]
+        adapter.said("the master did not know .* registered again")
+        speaker, hearer = opened(scene)
+        speaker.publish("/number_mon", Int64(2))
+        assert [said.data for said in hearer.heard("/number", 1)] == [2]
+        speaker.serve(SetBool, "/switch", say_on)
+        answer, _ = hearer.call(SetBool, "/switch_mon", True)
+        assert answer.success
+        adapter.ends_well()
