@@ -10,13 +10,12 @@ other, round by round. Latency is from before a message is published, or a servi
 from __future__ import annotations
 
 import json
-import math
 import threading
 import time
 from typing import Any
 
 import rospy
-from chains.parts import CALLS, DEPTH, PATIENCE, WARM_UP, BareLink, echo, say, told, wait
+from chains.parts import DEPTH, PATIENCE, BareLink, echo, hear_times, say, send_times, time_calls
 from chains.run import Ros, free_port, main
 from std_msgs.msg import Int64
 from std_srvs.srv import SetBool, SetBoolResponse
@@ -31,45 +30,15 @@ def start(name: str) -> None:
 
 
 def send(rate: int, seconds: float) -> None:
-    """Publish to warm up until told, and then at the rate."""
+    """The node that publishes."""
     start("sender")
-    numbers = publisher("/number")
-    lines = told()
-    while not lines:
-        numbers.publish(WARM_UP)
-        time.sleep(0.02)
-    time.sleep(0.2)
-    due = time.monotonic()
-    for _ in range(int(rate * seconds)):
-        time.sleep(max(0.0, due - time.monotonic()))
-        numbers.publish(time.monotonic_ns())
-        due += 1 / rate
-    say("sent")
-    wait(lambda: len(lines) > 1)
+    send_times(rate, seconds, publisher("/number").publish)
 
 
 def receive(topic: str, wanted: int) -> None:
-    """Tell that something came; then, when all is there or nothing more comes, the latencies."""
+    """The node that hears."""
     start("receiver")
-    latencies: list[float] = []
-    warm: list[bool] = []
-
-    def hear(message: Any) -> None:
-        now = time.monotonic_ns()
-        if message.data != WARM_UP:
-            latencies.append((now - message.data) / 1e6)
-        elif not warm:
-            warm.append(True)
-            say("heard")
-
-    rospy.Subscriber(topic, Int64, hear, tcp_nodelay=True)
-    lines = told()
-    patience = math.inf
-    while len(latencies) < wanted and time.monotonic() < patience:
-        time.sleep(0.1)
-        if lines and patience == math.inf:
-            patience = time.monotonic() + 3.0
-    say(json.dumps(latencies))
+    hear_times(wanted, lambda hear: rospy.Subscriber(topic, Int64, hear, tcp_nodelay=True), lambda: time.sleep(0.1))
 
 
 def serve() -> None:
@@ -81,17 +50,11 @@ def serve() -> None:
 
 
 def call(service: str) -> None:
-    """Call one after the other, and tell the latencies."""
+    """The service's client."""
     start("caller")
     rospy.wait_for_service(service, PATIENCE)
     proxy = rospy.ServiceProxy(service, SetBool)
-    latencies = []
-    for number in range(CALLS + 20):
-        began = time.monotonic_ns()
-        proxy(True)
-        if number >= 20:
-            latencies.append((time.monotonic_ns() - began) / 1e6)
-    say(json.dumps(latencies))
+    time_calls(lambda: proxy(True))
 
 
 def bare(port: int) -> None:

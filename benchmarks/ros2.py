@@ -11,12 +11,10 @@ from __future__ import annotations
 
 import importlib
 import json
-import math
 import os
-import time
 from typing import Any
 
-from chains.parts import CALLS, DEPTH, PATIENCE, WARM_UP, BareLink, echo, say, told, wait
+from chains.parts import DEPTH, PATIENCE, BareLink, echo, hear_times, say, send_times, time_calls
 from chains.run import Ros, main
 
 
@@ -39,45 +37,20 @@ def switch_type() -> Any:
 
 
 def send(rate: int, seconds: float) -> None:
-    """Publish to warm up until told, and then at the rate."""
+    """The node that publishes."""
     node, _ = node_of("sender")
     publisher = node.create_publisher(number_type(), "/number", DEPTH)
-    lines = told()
-    while not lines:
-        publisher.publish(number_type()(data=WARM_UP))
-        time.sleep(0.02)
-    time.sleep(0.2)
-    due = time.monotonic()
-    for _ in range(int(rate * seconds)):
-        time.sleep(max(0.0, due - time.monotonic()))
-        publisher.publish(number_type()(data=time.monotonic_ns()))
-        due += 1 / rate
-    say("sent")
-    wait(lambda: len(lines) > 1)
+    send_times(rate, seconds, lambda number: publisher.publish(number_type()(data=number)))
 
 
 def receive(topic: str, wanted: int) -> None:
-    """Tell that something came; then, when all is there or nothing more comes, the latencies."""
+    """The node that hears."""
     node, executor = node_of("receiver")
-    latencies: list[float] = []
-    warm: list[bool] = []
-
-    def hear(message: Any) -> None:
-        now = time.monotonic_ns()
-        if message.data != WARM_UP:
-            latencies.append((now - message.data) / 1e6)
-        elif not warm:
-            warm.append(True)
-            say("heard")
-
-    node.create_subscription(number_type(), topic, hear, DEPTH)
-    lines = told()
-    patience = math.inf
-    while len(latencies) < wanted and time.monotonic() < patience:
-        executor.spin_once(timeout_sec=0.1)
-        if lines and patience == math.inf:
-            patience = time.monotonic() + 3.0
-    say(json.dumps(latencies))
+    hear_times(
+        wanted,
+        lambda hear: node.create_subscription(number_type(), topic, hear, DEPTH),
+        lambda: executor.spin_once(timeout_sec=0.1),
+    )
 
 
 def serve() -> None:
@@ -89,19 +62,17 @@ def serve() -> None:
 
 
 def call(service: str) -> None:
-    """Call one after the other, and tell the latencies."""
+    """The service's client."""
     node, executor = node_of("caller")
     client = node.create_client(switch_type(), service)
     assert client.wait_for_service(PATIENCE)
-    latencies = []
-    for number in range(CALLS + 20):
-        began = time.monotonic_ns()
+
+    def once() -> None:
         answer = client.call_async(switch_type().Request(data=True))
         executor.spin_until_future_complete(answer, PATIENCE)
         assert answer.done()
-        if number >= 20:
-            latencies.append((time.monotonic_ns() - began) / 1e6)
-    say(json.dumps(latencies))
+
+    time_calls(once)
 
 
 def bare(port: int) -> None:

@@ -20,10 +20,6 @@ if TYPE_CHECKING:
 def session_state(session: LiveSession, now: int) -> dict[str, Any]:
     """An open session's state; times in nanoseconds since the epoch, durations in nanoseconds."""
     core = session.core
-    counters: Counter[str] = Counter()
-    for judge in core.judges.values():
-        for name in ("late", "skewed", "skipped", "lost", "denied"):
-            counters[name] += getattr(judge.counters, name)
     return {
         "id": session.id,
         "spec": session.spec.id,
@@ -32,23 +28,34 @@ def session_state(session: LiveSession, now: int) -> dict[str, Any]:
         "clock": "wall" if core.simulated is None else "sim",
         "opened": session.opened,
         "closed": None,
-        "monitors": [
-            {
-                "name": monitor.name,
-                "attached": monitor.attached,
-                "connected": monitor.outbox is not None,
-                "next": monitor.numbering.next,
-                "credit": session.credit.left.get(monitor.name),
-                "streams": [said.model_dump() for said in monitor.reports.values()],
-            }
-            for monitor in session.monitors.values()
-        ],
+        "monitors": list(_monitors(session)),
         "streams": list(_streams(core, now)),
         "awaited": _awaited(core.buffer.awaited),
         "waiting": _waiting(core, now),
         "hold": _hold(core.holds),
-        "properties": [
-            {
+        "properties": list(_properties(core)),
+        "disagree": _disagree(core),
+        "counters": _counters(session),
+    }
+
+
+def _monitors(session: LiveSession) -> Iterator[dict[str, Any]]:
+    for monitor in session.monitors.values():
+        yield {
+            "name": monitor.name,
+            "attached": monitor.attached,
+            "connected": monitor.outbox is not None,
+            "next": monitor.numbering.next,
+            "credit": session.credit.left.get(monitor.name),
+            "streams": [said.model_dump() for said in monitor.reports.values()],
+        }
+
+
+def _properties(core: Session) -> Iterator[dict[str, Any]]:
+    """Each property, in each order."""
+    for order, judge in core.judges.items():
+        for state in judge.properties:
+            yield {
                 "id": state.property.id,
                 "order": order,
                 "outcome": state.outcome.value,
@@ -59,15 +66,19 @@ def session_state(session: LiveSession, now: int) -> dict[str, Any]:
                 "complaint": state.complaint,
                 "robustness": json_number(state.robustness),
             }
-            for order, judge in core.judges.items()
-            for state in judge.properties
-        ],
-        "disagree": _disagree(core),
-        "counters": {
-            "steps": max(judge.counters.steps for judge in core.judges.values()),
-            "held": len(core.buffer),
-            "refused": session.ledger.refused,
-            **{name: counters[name] for name in ("late", "skewed", "skipped", "lost", "denied")},
+
+
+def _counters(session: LiveSession) -> dict[str, int]:
+    """What was counted, over both orders where there are two."""
+    core = session.core
+    counted = [judge.counters for judge in core.judges.values()]
+    return {
+        "steps": max(counters.steps for counters in counted),
+        "held": len(core.buffer),
+        "refused": session.ledger.refused,
+        **{
+            name: sum(getattr(counters, name) for counters in counted)
+            for name in ("late", "skewed", "skipped", "lost", "denied")
         },
     }
 

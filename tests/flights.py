@@ -13,6 +13,7 @@ from typing import Any, Protocol
 import pytest
 
 from tests.processes import Data, Process, Server, without_gaps
+from tests.robot import ALLOWED, done
 
 TOPICS = {
     "/battery_percentage": "BatteryPercentage",
@@ -34,7 +35,6 @@ ATTEMPTS = 5
 """Flights until one is on a machine that is not starved."""
 WARNING = 2
 LATENCY = 20_000_000  # ns, as in the spec
-ALLOWED = [("request", "allow", True), ("response", "allow", True)]
 
 
 class Scene(Protocol):
@@ -158,7 +158,7 @@ class Flown:
 
     def calls(self) -> list[tuple[str, str, bool]]:
         """Kind, decision and whether it passed, of each request and response."""
-        return [(c["kind"], c["decision"], c["passed"]) for c in self.server.events("s", stream="/SetLED")]
+        return done(self.server.events("s", stream="/SetLED"))
 
     def recorded_as_published(self) -> None:
         """Everything that was published until the last report is in the history, once, and nothing was lost or late."""
@@ -218,6 +218,17 @@ def silent_panel(flown: Flown) -> None:
     [violation] = flown.server.records("s", "violations", property="request_is_followed_by_response")
     ignored = [call for call in flown.server.events("s", stream="/SetLED") if call["kind"] == "request"][1]
     assert violation["step"] == ignored["step"] + 100
+    assert flown.negative(*CAUSES) == []
+
+
+def called_inside(flown: Flown) -> None:
+    """A supervisor that waits for an answer inside its own callback, or round, is not held up for ever."""
+    clean(flown)
+    assert flown.supervisor.log.count(": done") == 3
+
+
+def killed_twice(flown: Flown) -> None:
+    assert flown.adapter.log.count("oracle: attached") == 3
     assert flown.negative(*CAUSES) == []
 
 

@@ -1,13 +1,16 @@
-"""A bag judged twice: by the session that it was played to, and by `oracle-server replay`."""
+"""A countdown in a bag, judged twice on either ROS: by the session that it is played to, and by `replay`."""
 
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from tests.processes import PATIENCE, ROOT, ROS_ONLY, SERVER, Data, Server, environment
+from tests.flights import RATES, SPEED, Scene
+from tests.processes import PATIENCE, ROOT, ROS_ONLY, SERVER, Data, Process, Server, environment
 
 PATIENT = {
     "max_delay: 200ms": "max_delay: 5s",
@@ -29,6 +32,27 @@ def patient_spec(folder: Path) -> Path:
     specs.mkdir()
     (specs / "battery_uav.yaml").write_text(text)
     return specs
+
+
+def fly(scene: Scene, recorder: Process) -> int:
+    """Fly a countdown with a wrong status while it is recorded; the recorder's exit status."""
+
+    def start(module: str, **parameters: object) -> Process:
+        return scene.node(module, rate=RATES[module] * SPEED, **parameters)
+
+    panel = start("led_panel", wait_for=1)
+    start("supervisor", wait_for=1, fault="wrong_status", service="/SetLED")
+    panel.said("ready")
+    start("battery", wait_for=2).wait()
+    return recorder.end(signal.SIGINT)
+
+
+def play_twice(adapter: Process, play: Callable[[], Process]) -> None:
+    """Play a bag to an adapter, and again from its beginning, so that time goes back."""
+    for _ in range(2):
+        assert play().wait() == 0
+    adapter.said(r"attached s\.run2")
+    adapter.ends_well()
 
 
 def lived(server: Server, session: str) -> list[Said]:

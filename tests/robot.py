@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import shutil
+import signal
 from pathlib import Path
 
-from tests.processes import Data, Server, eventually
+from tests.processes import Data, Server, eventually, without_gaps
 
 GATE = """
 id: gate
@@ -70,6 +72,43 @@ def spec_folder(folder: Path, text: str, **words: str) -> Path:
     specs.mkdir()
     (specs / "spec.yaml").write_text(text)
     return specs
+
+
+def changed(folder: Path) -> None:
+    """Let a gate's spec say something else, and the session that was judged by it be gone."""
+    shutil.rmtree(folder / "data")
+    path = folder / "specs" / "spec.yaml"
+    text = path.read_text().replace("properties:", "  - {topic: /new, type: std_msgs/Int64}\nproperties:")
+    path.write_text(text.replace("intercept: publisher", "intercept: subscriber"))
+
+
+def leave(server: Server) -> None:
+    server.process.end(signal.SIGTERM)
+
+
+def hang(server: Server) -> None:
+    server.process.send(signal.SIGSTOP)
+
+
+AWAY = [Server.kill, leave, hang]
+"""Ways in which an oracle goes away."""
+
+
+def all_but_sevens(server: Server, count: int) -> None:
+    """The history has the numbers up to `count`, multiples of 7 were denied, and nothing was lost."""
+    events = settled(server, count)
+    assert without_gaps([event["seq"] for event in events])
+    verdicts = [("allow", True) if number % 7 else ("deny", False) for number in range(1, count + 1)]
+    assert [(event["decision"], event["passed"]) for event in events] == verdicts
+    assert server.session("s")["counters"]["lost"] == 0
+
+
+ALLOWED = [("request", "allow", True), ("response", "allow", True)]
+
+
+def done(events: list[Data]) -> list[tuple[str, str, bool]]:
+    """Of each event its kind, what was decided, and whether it passed."""
+    return [(event["kind"], event["decision"], event["passed"]) for event in events]
 
 
 def settled(server: Server, count: int) -> list[Data]:

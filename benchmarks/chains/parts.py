@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import importlib
 import inspect
+import json
+import math
 import sys
 import threading
 import time
@@ -37,6 +39,56 @@ def wait(condition: Callable[[], object]) -> None:
     end = time.monotonic() + PATIENCE
     while not condition() and time.monotonic() < end:
         time.sleep(0.01)
+
+
+def send_times(rate: int, seconds: float, publish: Callable[[int], None]) -> None:
+    """Publish to warm up until told, and then the time (ns) at the rate."""
+    lines = told()
+    while not lines:
+        publish(WARM_UP)
+        time.sleep(0.02)
+    time.sleep(0.2)
+    due = time.monotonic()
+    for _ in range(int(rate * seconds)):
+        time.sleep(max(0.0, due - time.monotonic()))
+        publish(time.monotonic_ns())
+        due += 1 / rate
+    say("sent")
+    wait(lambda: len(lines) > 1)
+
+
+def hear_times(wanted: int, subscribe: Callable[[Callable[[Any], None]], object], rest: Callable[[], object]) -> None:
+    """Tell that something came; then, when all is there or nothing more comes, the latencies (ms)."""
+    latencies: list[float] = []
+    warm: list[bool] = []
+
+    def hear(message: Any) -> None:
+        now = time.monotonic_ns()
+        if message.data != WARM_UP:
+            latencies.append((now - message.data) / 1e6)
+        elif not warm:
+            warm.append(True)
+            say("heard")
+
+    subscribe(hear)
+    lines = told()
+    patience = math.inf
+    while len(latencies) < wanted and time.monotonic() < patience:
+        rest()
+        if lines and patience == math.inf:
+            patience = time.monotonic() + 3.0
+    say(json.dumps(latencies))
+
+
+def time_calls(call: Callable[[], object]) -> None:
+    """Call one after the other, and tell the latencies (ms)."""
+    latencies = []
+    for number in range(CALLS + 20):
+        began = time.monotonic_ns()
+        call()
+        if number >= 20:
+            latencies.append((time.monotonic_ns() - began) / 1e6)
+    say(json.dumps(latencies))
 
 
 def echo() -> None:

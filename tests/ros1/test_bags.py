@@ -9,34 +9,20 @@ import rosbag
 import rospy
 from geometry_msgs.msg import PointStamped
 
-from tests.flights import ATTEMPTS, RATES, SPEED, TOPICS
-from tests.playback import judged_alike, patient_spec
-from tests.processes import eventually
+from tests.flights import ATTEMPTS, TOPICS
+from tests.playback import fly, judged_alike, patient_spec, play_twice
 from tests.robot import spec_folder
 from tests.ros1.harness import Scene
 
+PLAY = ("rosbag", "play", "--clock", "--hz", 100, "--wait-for-subscribers")
+
 
 def recorded(folder: Path) -> Path:
-    """A countdown with a wrong status, as rosbag recorded it."""
+    """A countdown, as rosbag recorded it."""
     bag = folder / "flight.bag"
-    rates = {module: {"rate": rate * SPEED} for module, rate in RATES.items()}
     with Scene(folder / "recording") as scene:
-        recorder = scene.run("recorder", "rosbag", "record", "-O", bag, *TOPICS)
-        panel = scene.node("led_panel", wait_for=1, **rates["led_panel"])
-        faulty = {"fault": "wrong_status", "service": "/SetLED"}
-        scene.node("supervisor", wait_for=1, **faulty, **rates["supervisor"])
-        panel.said("ready")
-        battery = scene.node("battery", wait_for=2, **rates["battery"])
-        eventually(lambda: battery.running, lambda running: not running)
-        recorder.end(signal.SIGINT)
+        fly(scene, scene.run("recorder", "rosbag", "record", "-O", bag, *TOPICS))
     return bag
-
-
-def play(scene: Scene, bag: Path) -> None:
-    words = ("--clock", "--hz", 100, "--wait-for-subscribers")
-    player = scene.run("player", "rosbag", "play", *words, bag)
-    eventually(lambda: player.running, lambda running: not running)
-    assert player.end() == 0
 
 
 def played(folder: Path) -> bool:
@@ -45,11 +31,7 @@ def played(folder: Path) -> bool:
     specs, bag = patient_spec(folder), recorded(folder)
     with Scene(folder / "playing", specs) as scene:
         scene.peer().parameter("/use_sim_time", True)
-        adapter = scene.adapter("battery_uav")
-        play(scene, bag)
-        play(scene, bag)  # from the beginning: time goes back
-        adapter.said(r"attached s\.run2")
-        adapter.ends_well()
+        play_twice(scene.adapter("battery_uav"), lambda: scene.run("player", *PLAY, bag))
         return judged_alike(scene.server, specs, bag)
 
 
@@ -84,8 +66,7 @@ def test_each_loop_of_a_bag_is_a_session_and_every_message_is_in_one(tmp_path: P
     with Scene(tmp_path, spec_folder(tmp_path, POINTS)) as scene:
         scene.peer().parameter("/use_sim_time", True)
         adapter = scene.adapter("points")
-        words = ("--clock", "--hz", 100, "--wait-for-subscribers", "--loop")
-        player = scene.run("player", "rosbag", "play", *words, bag)
+        player = scene.run("player", *PLAY, "--loop", bag)
         adapter.said(r"attached s\.run4")
         player.end(signal.SIGINT)
         sessions = ["s", "s.run2", "s.run3"]

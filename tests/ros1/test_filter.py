@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import signal
 import time
 from collections.abc import Callable, Sequence
@@ -14,8 +13,21 @@ from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import Int64, String
 from std_srvs.srv import SetBool, SetBoolResponse
 
-from tests.processes import Data, Server, eventually, without_gaps
-from tests.robot import FAST, GATE, GATE_AND_LOG, SIDES, SWITCH, settled, spec_folder
+from tests.processes import Server, eventually, without_gaps
+from tests.robot import (
+    ALLOWED,
+    AWAY,
+    FAST,
+    GATE,
+    GATE_AND_LOG,
+    SIDES,
+    SWITCH,
+    all_but_sevens,
+    changed,
+    done,
+    settled,
+    spec_folder,
+)
 from tests.ros1.harness import Peer, Scene
 
 
@@ -49,23 +61,11 @@ def test_a_fast_stream_passes_in_order_but_for_what_is_denied(intercept: str, tm
         speaker.publish(source, *numbers(*every), rate=1000)
         allowed = [number for number in every if number % 7]
         assert values(hearer.heard(target, len(allowed))) == allowed
-        events = settled(scene.server, len(every))
-        assert without_gaps([event["seq"] for event in events])
-        verdicts = [("allow", True) if number % 7 else ("deny", False) for number in every]
-        assert [(event["decision"], event["passed"]) for event in events] == verdicts
-        assert scene.server.session("s")["counters"]["lost"] == 0
+        all_but_sevens(scene.server, FAST)
         adapter.ends_well()
 
 
-def leave(server: Server) -> None:
-    server.process.end(signal.SIGTERM)
-
-
-def hang(server: Server) -> None:
-    server.process.send(signal.SIGSTOP)
-
-
-@pytest.mark.parametrize("away", [Server.kill, leave, hang])
+@pytest.mark.parametrize("away", AWAY)
 def test_without_an_oracle_messages_pass_where_the_spec_says_so(away: Callable[[Server], None], tmp_path: Path) -> None:
     with gate(tmp_path, unavailable="pass", within="400ms") as scene:
         scene.adapter("gate")
@@ -144,12 +144,7 @@ def test_a_session_made_anew_is_observed_by_the_spec_of_today(tmp_path: Path) ->
     with gate(tmp_path) as scene:
         adapter, speaker, hearer = scene.adapter("gate"), scene.peer(), scene.peer()
         scene.server.kill()
-        shutil.rmtree(tmp_path / "data")
-        spec = tmp_path / "specs" / "spec.yaml"
-        more = "  - topic: /new\n    type: std_msgs/Int64\nproperties:"
-        spec.write_text(
-            spec.read_text().replace("properties:", more).replace("intercept: publisher", "intercept: subscriber")
-        )
+        changed(tmp_path)
         scene.server.restart()
         adapter.said("observing 2 streams")
         hearer.record(Int64, "/number_mon", speakers=1)
@@ -195,14 +190,9 @@ def test_a_denied_request_is_an_error_with_the_propertys_name_and_reaches_nobody
             (True, "on"),
         ]
         assert [request.data for request in panel.reached("/switch")] == [True, True]
-        allowed = [("request", "allow", True), ("response", "allow", True)]
-        assert parts(settled(scene.server, 5)) == [*allowed, ("request", "deny", False), *allowed]
+        assert done(settled(scene.server, 5)) == [*ALLOWED, ("request", "deny", False), *ALLOWED]
         adapter.said("denied a request of /switch.*: only_on")
         adapter.ends_well()
-
-
-def parts(events: list[Data]) -> list[tuple[str, str, bool]]:
-    return [(event["kind"], event["decision"], event["passed"]) for event in events]
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import signal
 import threading
 import time
@@ -13,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from tests.robot import FAST, GATE_AND_LOG, spec_folder
+from tests.robot import FAST, GATE_AND_LOG, changed, spec_folder
 from tests.ros2.harness import Process, Scene, eventually, without_gaps
 
 msg = pytest.importorskip("std_msgs.msg")
@@ -94,12 +93,7 @@ def test_a_session_that_is_made_anew_by_a_changed_spec_is_observed_as_that_says(
         adapter.said("observing 2 streams")
         peer = scene.peer()
         scene.server.kill()
-        shutil.rmtree(tmp_path / "data")
-        spec = tmp_path / "specs" / "spec.yaml"
-        more = "  - topic: /new\n    type: std_msgs/msg/Int64\nproperties:"
-        spec.write_text(
-            spec.read_text().replace("properties:", more).replace("intercept: publisher", "intercept: subscriber")
-        )
+        changed(tmp_path)
         scene.server.restart()
         adapter.said("observing 3 streams")
         heard = peer.record(msg.Int64, "/number_mon")

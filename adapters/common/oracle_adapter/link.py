@@ -106,7 +106,7 @@ class Link:
         `stamp` is the publication time in ns, None where there is none, or a function that tells it
         and is called under the lock, where it must not use the link.
         """
-        body = _body(stream, kind, data, more, ask=False)
+        body = _body(stream, kind, data, ask=False, **more)
         return self._exchange.send(stamp, body, more.get("lost") or 0)
 
     def ask(
@@ -145,7 +145,7 @@ class Link:
 
         That happens in the link's thread; in the caller's where the answer is known at once.
         """
-        body = _body(stream, kind, data, more, ask=True)
+        body = _body(stream, kind, data, ask=True, **more)
         self._exchange.ask(stamp, body, more.get("lost") or 0, decide_within, then)
 
     def outcome(self, answer: Answer, passed: bool, why: Why) -> None:
@@ -218,10 +218,18 @@ def _instance(pid: int) -> str:  # noqa: ARG001 - what forks is another instance
     return uuid4().hex
 
 
-def _body(stream: str, kind: str, data: Any, more: Details, *, ask: bool) -> str:
+def _body(
+    stream: str,
+    kind: str,
+    data: Any,
+    *,
+    ask: bool,
+    source: Optional[str] = None,
+    call: Optional[int] = None,
+    lost: Optional[int] = None,  # noqa: ARG001 - told beside
+) -> str:
     """An event's JSON behind its number, stamp and losses, which are only known later."""
     event: Dict[str, Any] = {"stream": stream, "kind": kind, "ask": ask}
-    source, call = more.get("source"), more.get("call")
     if source is not None:
         event["source"] = source
     if call is not None:

@@ -67,7 +67,7 @@ class LogFile:
     ) -> bool:
         """Write an event as a line, at once; False where it could not be, which is told."""
         line: Dict[str, Any] = {"stream": stream, "kind": kind, "monitor": self._monitor}
-        line.update((name, value) for name, value in more.items() if value is not None)
+        line.update(_given(**more))
         with self._lock:
             published = stamp() if callable(stamp) else stamp
             self._arrived = max(self._arrived, time.time_ns())
@@ -105,6 +105,13 @@ class LogFile:
         with self._lock, contextlib.suppress(OSError):  # what can't be written was told of
             self._file.close()
         return True
+
+
+def _given(
+    source: Optional[str] = None, call: Optional[int] = None, lost: Optional[int] = None
+) -> Dict[str, Any]:
+    known = {"source": source, "call": call, "lost": lost}
+    return {name: value for name, value in known.items() if value is not None}
 
 
 def open_log(

@@ -14,6 +14,7 @@ from functools import lru_cache
 from typing import Any, Callable, Iterable, Mapping
 
 import numpy
+from oracle_adapter.fields import grouped
 
 Read = Callable[[Any], Any]
 
@@ -43,16 +44,8 @@ def reader(message_type: Any, fields: Iterable[str] | None) -> Read:
     """
     if fields is None:
         return _whole(message_type)
-    wanted: dict[str, list[str] | None] = {}
-    for path in fields:
-        name, _, rest = path.partition(".")
-        inner = wanted.setdefault(name, [])
-        if rest and inner is not None:
-            inner.append(rest)
-        else:
-            wanted[name] = None
     types = message_type.get_fields_and_field_types()
-    parts = [(name, _value_reader(types[name], inner)) for name, inner in wanted.items() if name in types]
+    parts = [(name, _value_reader(types[name], inner)) for name, inner in grouped(fields).items() if name in types]
     return lambda message: {name: read(getattr(message, name)) for name, read in parts}
 
 

@@ -36,6 +36,16 @@ class TestSending:
             assert numbers == list(range(500))
         assert events[0].keys() >= {"source", "call", "kind", "data", "ask"}
 
+    def test_what_is_no_detail_is_refused(self, links: List[Link]) -> None:
+        link = Link("ws://127.0.0.1:9", "uav1")
+        links.append(link)
+        misspelt: Any = {"sourc": "/node"}
+        with pytest.raises(TypeError, match="sourc"):
+            link.send("/a", "topic", 1, {}, **misspelt)
+        with pytest.raises(TypeError, match="sourc"):
+            link.ask("/a", "topic", 1, {}, decide_within=1.0, **misspelt)
+        assert link.stats().queued == 0
+
     def test_it_never_waits(self, oracle: Oracle, news: News, links: List[Link]) -> None:
         held, sent, in_time = threading.Event(), threading.Event(), []
 
