@@ -5,6 +5,7 @@ Steps that the snapshot makes needless may be gone. Where it can't be used, and 
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -13,7 +14,7 @@ import structlog
 
 from oracle_server.core.engine import Answer
 from oracle_server.core.errors import EngineError
-from oracle_server.core.events import Step, StreamKey
+from oracle_server.core.events import Order, Step, StreamKey
 from oracle_server.core.plan import Plan
 from oracle_server.core.session import Session, orders
 from oracle_server.engines.choice import make_engines
@@ -63,6 +64,8 @@ class _Saved(NamedTuple):
     numbers: str | None = None
 
 
+_OUTCOMES, _GAP, _DEGRADED = (STEP_COLUMNS.index(name) for name in ("outcomes", "gap", "degraded"))
+
 _Used = tuple[int, int, int]
 """A number that is used up, the gap before it, and what was lost with it where it was refused, else `JUDGED`."""
 
@@ -71,48 +74,66 @@ def restore(store: Store, number: int, plan: Plan) -> Restored:
     """Go on from a session's last snapshot, and judge the steps after it again: call it off the event loop."""
     saved = _saved(store, number)
     core, position = _begin(store, number, plan, saved)
-    primary = orders(plan.spec)[0]
-    used: dict[str, list[_Used]] = {}
-    waiting: dict[tuple[str, int], tuple[Step, int]] = {}
-    differing = 0
+    again = _Again(core, plan)
     sql = "SELECT monitor, seq, gap FROM steps WHERE session = ? AND position > ? AND position <= ? AND kind != 'tick'"
     for monitor, seq, gap in store.read(sql, (number, saved.settled, position)):
-        used.setdefault(monitor, []).append((seq, gap, JUDGED))
-    outcomes, gaps, degraded = (STEP_COLUMNS.index(name) for name in ("outcomes", "gap", "degraded"))
+        again.used[monitor].append((seq, gap, JUDGED))
     select = f"SELECT {','.join(STEP_COLUMNS)} FROM steps WHERE session = ? AND position > ? ORDER BY position LIMIT ?"  # noqa: S608
     while rows := store.read(select, (number, position, _PAGE)):
         for row in rows:
-            order, step, judged_at = step_of(row)
-            if "0" not in row[degraded]:  # by a loss that was known before its event was judged
-                core.judges[order].degrade()
-            if step.event.stream.kind != "tick" and not step.skipped:
-                heard = plan.streams[step.event.stream].asked
-                anew = {i: row[degraded][i] == "1" for i in heard}
-                core.tell(order, {i: Answer(OUTCOMES[row[outcomes][i]], _ONCE, anew[i]) for i in heard})
-            judged = core.rejudge(order, step, judged_at)
-            verdicts = judged.verdicts if judged else ()
-            differing += "".join(LETTERS[v.outcome] for v in verdicts) != row[outcomes]
-            if step.event.stream.kind == "tick":
-                continue
-            key = (step.event.monitor, step.event.seq)
-            if order == primary:
-                waiting.pop(key, None)
-                used.setdefault(step.event.monitor, []).append((step.event.seq, row[gaps], JUDGED))
-            else:
-                waiting[key] = step, row[gaps]
+            again.judge(row)
         position += len(rows)
-    if differing:
-        log.error("restored verdicts differ from the recorded ones", session=number, steps=differing)
+    if again.differing:
+        log.error("restored verdicts differ from the recorded ones", session=number, steps=again.differing)
     refused = store.read("SELECT monitor, seq, gap, code FROM refused WHERE session = ?", (number,))
     for monitor, seq, gap, code in refused:
-        lost = gap + (code == "bad_event")
-        used.setdefault(monitor, []).append((seq, gap, lost))
-        if lost:
-            core.note_refusal()
+        again.refuse(monitor, seq, gap, code)
     rows = store.read("SELECT name, instance, streams, attached, clock FROM monitors WHERE session = ?", (number,))
     numbers: dict[str, Any] = msgspec.json.decode(saved.numbers) if saved.numbers else {}
-    monitors = {name: _known(tuple(known), Numbering(used.get(name, []), numbers.get(name))) for name, *known in rows}
-    return Restored(core, position, len(refused), monitors, [*waiting.values()])
+    monitors = {name: _known(tuple(it), Numbering(again.used[name], numbers.get(name))) for name, *it in rows}
+    return Restored(core, position, len(refused), monitors, [*again.waiting.values()])
+
+
+class _Again:
+    """Judges a session's steps again, in their sequence, and finds which numbers are used up and what was held."""
+
+    def __init__(self, core: Session, plan: Plan) -> None:
+        self.used: defaultdict[str, list[_Used]] = defaultdict(list)
+        self.waiting: dict[tuple[str, int], tuple[Step, int]] = {}
+        self.differing = 0
+        """Steps of which other verdicts are recorded."""
+        self._core, self._plan, self._deciding = core, plan, orders(plan.spec)[0]
+
+    def judge(self, row: Row) -> None:
+        """Judge a recorded step again."""
+        order, step, judged_at = step_of(row)
+        outcomes, degraded = row[_OUTCOMES], row[_DEGRADED]
+        if "0" not in degraded:  # by a loss that was known before its event was judged
+            self._core.judges[order].degrade()
+        tick = step.event.stream.kind == "tick"
+        if not tick and not step.skipped:
+            heard = self._plan.streams[step.event.stream].asked
+            self._core.tell(order, {i: Answer(OUTCOMES[outcomes[i]], _ONCE, degraded[i] == "1") for i in heard})
+        judged = self._core.rejudge(order, step, judged_at)
+        verdicts = judged.verdicts if judged else ()
+        self.differing += "".join(LETTERS[v.outcome] for v in verdicts) != outcomes
+        if not tick:
+            self._settle(order, step, row[_GAP])
+
+    def refuse(self, monitor: str, seq: int, gap: int, code: str) -> None:
+        """Take in a refusal."""
+        lost = gap + (code == "bad_event")
+        self.used[monitor].append((seq, gap, lost))
+        if lost:
+            self._core.note_refusal()
+
+    def _settle(self, order: Order, step: Step, gap: int) -> None:
+        monitor, seq = step.event.monitor, step.event.seq
+        if order == self._deciding:
+            self.waiting.pop((monitor, seq), None)
+            self.used[monitor].append((seq, gap, JUDGED))
+        else:
+            self.waiting[monitor, seq] = step, gap
 
 
 def _saved(store: Store, number: int) -> _Saved:
