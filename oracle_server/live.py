@@ -257,7 +257,7 @@ class LiveSession:
                 answer = monitor.answers[item.step.event.seq] = decision_frame(item)
                 if monitor.outbox:
                     monitor.outbox.send(answer)
-                self._tally.decisions.add(self._clock.now() - item.step.event.arrived)
+                self._tally.decisions.add(self._clock.now() - item.step.event.came)
         if self.oracles is not None:
             self.oracles.ask()
         if judged:

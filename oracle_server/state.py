@@ -135,7 +135,7 @@ def _ordered(core: Session, now: int) -> Iterator[str]:
 def _age(step: Step, now: int) -> int:
     """How long ago an event came, in ms."""
     event = step.event
-    return max(0, now - (event.arrived if event.received is None else event.received)) // 10**6
+    return max(0, now - event.came) // 10**6
 
 
 def _hold(holds: HoldTimes) -> dict[str, Any]:

@@ -47,6 +47,11 @@ class Event(msgspec.Struct, frozen=True, gc=False):
     ask: bool = False
     received: int | None = None
 
+    @property
+    def came(self) -> int:
+        """When it came to the server, in the server's time."""
+        return self.arrived if self.received is None else self.received
+
 
 class Step(msgspec.Struct, frozen=True, gc=False):
     """An event with what is needed to judge it, once or again: its signals and its place in the order.

@@ -204,7 +204,7 @@ class Session:
     def _judge(self, released: Sequence[Released[Step]]) -> list[Judged]:
         for r in released:
             event = r.item.event
-            self.holds.add(self.now - (event.arrived if event.received is None else event.received))
+            self.holds.add(self.now - event.came)
             if r.late:
                 self.counts[event.monitor, event.stream].late += 1
         if self.asking is not None:

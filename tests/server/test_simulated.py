@@ -129,3 +129,15 @@ async def test_the_latest_time_that_there_is_can_be_kept(server: Server, session
         await monitor.send(sim_clock(2**63 - 1), make_event(1, stamp=None, data={"v": 1}))
         await monitor.acked(1)
     assert [r["arrived"] for r in server.records(session, property="a_is_small")] == [2**63 - 1]
+
+
+async def test_how_long_a_decision_takes_is_told_in_the_server_s_time(start: Starts) -> None:
+    server = start()
+    async with attached(server, session="s", spec="lamp", streams=["/switch"], clock="sim") as monitor:
+        request = {"stream": "/switch", "kind": "request", "data": {"switch_on": True}, "call": 1}
+        await monitor.send(make_clock("/switch", 0, "response"))
+        await monitor.ask(1, stamp=10**9, **request)
+    (told,) = [
+        line for line in server.http.get("/metrics").text.splitlines() if line.startswith("oracle_decision_seconds_sum")
+    ]
+    assert float(told.split()[1]) < 10**6, "not the years between the two times"
