@@ -22,6 +22,7 @@ def inspect(spec: Spec, graph: Sequence[GraphNode] | None = None) -> list[Proble
     return [
         *_duplicates(spec),
         *_signals(spec),
+        *_held_elsewhere(spec),
         *_filters(spec),
         *_guards(spec),
         *_external(spec),
@@ -69,6 +70,18 @@ def _signals(spec: Spec) -> Iterator[Problem]:
                 yield Problem(("streams", i, "hold"), f"the signal '{name}' is reserved and can't be held")
             if holders.setdefault(name, str(stream.key)) != str(stream.key):
                 yield Problem(("streams", i, "hold"), f"'{name}' is held by {holders[name]} already")
+
+
+def _held_elsewhere(spec: Spec) -> Iterator[Problem]:
+    """Signals that another stream holds: no error, since histories may have sessions with such specs."""
+    holders = {name: stream.key for stream in spec.streams for name in stream.hold}
+    for i, stream in enumerate(spec.streams):
+        for name in sorted((stream.signals or {}).keys() & (holders.keys() - stream.hold)):
+            message = (
+                f"'{name}' is a signal of {stream.key}, and held by {holders[name]}: formulas see what is held "
+                f"at every event of {stream.key} that lacks its own; give one of them another name"
+            )
+            yield Problem(("streams", i, "signals", name), message, severity="warning")
 
 
 def _filters(spec: Spec) -> Iterator[Problem]:
