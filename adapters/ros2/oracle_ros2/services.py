@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from oracle_ros2.loop import Reply
 
 CALLS = QoSProfile(depth=1000)  # of more that come at once the middleware drops the oldest: the usual 10 are few
+UNDERWAY = 0.2  # seconds that an answer may take to its client
 DISCOVERY = 2.0  # seconds that a service may take to be discovered, or to come back
 
 
@@ -65,6 +66,8 @@ class ProxiedService:
         with self._lock:
             left = list(self._open.values())
         self._give_up(left, f"the monitor of {self.name} ends")
+        if left:
+            time.sleep(UNDERWAY)  # answers that have not arrived yet go with the service
         self._node.destroy_service(self._service)
         self._node.destroy_client(self._client)
 
