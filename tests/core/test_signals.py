@@ -16,7 +16,6 @@ from oracle_server.core.expressions import MAX_ELEMENTS, MAX_NESTING, MAX_TEXT, 
 from oracle_server.core.signals import DefaultProjection, Projection
 
 ABSENT, FAILED = "is absent", "has failed"
-NAN = math.nan
 
 often = settings(max_examples=300, deadline=None)
 integers = st.integers(-(2**63), 2**64 - 1)
