@@ -133,9 +133,17 @@ class Oracle:
 
     def end(self) -> None:
         self.stop()
+        self._run(self._cancel_the_rest())
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
         self._loop.close()
+
+    async def _cancel_the_rest(self) -> None:
+        """A connection may have come just as the server closed."""
+        rest = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in rest:
+            task.cancel()
+        await asyncio.gather(*rest, return_exceptions=True)
 
     def accept(self) -> Peer:
         """The next connection."""
