@@ -81,6 +81,7 @@ class LiveSession:
         if wanted.verdicts:
             self.ledger.follow_verdicts()
         self._set_attached(monitor, attached=True)
+        self._look_who_is_back()
         self.credit.open(monitor.name)
         self._deliver(self.core.attach(monitor.name, streams, self._enter()))
         return monitor
@@ -193,6 +194,8 @@ class LiveSession:
         loop = asyncio.get_running_loop()
         if any(known.clock == "sim" for known in restored.monitors.values()):
             self.core.simulated = SimulatedTime(self.spec.by_key)
+        if self.core.simulated is None and any(known.attached for known in restored.monitors.values()):
+            self.core.heard_since = None
         for name, known in restored.monitors.items():
             monitor = self.monitors[name] = Monitor(name, known.instance, known.numbering, lost=known.lost)
             if known.attached:
@@ -229,6 +232,11 @@ class LiveSession:
         values = (self.number, monitor.name, monitor.instance, streams, attached, monitor.clock)
         self._store.execute("INSERT OR REPLACE INTO monitors VALUES (?, ?, ?, ?, ?, ?)", values)
 
+    def _look_who_is_back(self) -> None:
+        """After a restart: hear all of whom a place was kept, once they are back or their time is over."""
+        if self.core.heard_since is None and not any(m.attached and m.outbox is None for m in self.monitors.values()):
+            self.core.heard_since = self._clock.now()
+
     def _expire(self, monitor: Monitor) -> None:
         monitor.expiry = None
         log.info("monitor did not come back", session=self.id, monitor=monitor.name)
@@ -237,6 +245,7 @@ class LiveSession:
     def _leave(self, monitor: Monitor) -> None:
         if monitor.attached:
             self._set_attached(monitor, attached=False)
+            self._look_who_is_back()
             self.credit.close(monitor.name)
             self._deliver(self.core.detach(monitor.name, self._enter()))
         self._leave_empty()

@@ -56,6 +56,8 @@ class Session:
         """What waits for oracles elsewhere; None where the spec has none."""
         self.suspended = False
         """Whether events are skipped, since their verdicts could not be kept."""
+        self.heard_since: int | None = 0
+        """Since when all that is waited for could be heard, in nanoseconds; None while it can't, after a restart."""
 
     @property
     def next_deadline(self) -> int | None:
@@ -65,7 +67,7 @@ class Session:
             return deadline
         waits = {order: self._longest_wait(order) for order in self.judges}
         ticks = [
-            tick + wait
+            max(tick, self._heard_since(order)) + wait
             for order, judge in self.judges.items()
             if (wait := waits[order]) is not None and (tick := judge.next_deadline) is not None
         ]
@@ -224,7 +226,9 @@ class Session:
         now = self.now if self.simulated is None else self.simulated.now
         for order in self.judges if self._ticking else ():
             wait = self._longest_wait(order)
-            reached = [] if wait is None or now is None else [now - wait]
+            reached = []
+            if wait is not None and now is not None and now - wait >= self._heard_since(order):
+                reached.append(now - wait)
             if order == "publication" and self.buffer.limit is not None:
                 reached.append(self.buffer.limit - 1)  # what is as old as that may still come
             if reached:
@@ -233,8 +237,14 @@ class Session:
 
     def _longest_wait(self, order: Order) -> int | None:
         """How long a deadline that has run out waits for events that are no younger, in nanoseconds; None for ever."""
-        wait = 0 if order == "arrival" else self.plan.spec.ordering.max_delay
-        return None if wait is None else max(1, wait)
+        if order == "arrival":
+            return 1
+        wait = self.plan.spec.ordering.max_delay
+        return None if wait is None or self.heard_since is None else max(1, wait)
+
+    def _heard_since(self, order: Order) -> int:
+        """What was said while nobody heard it comes once those who said it are back: since when that is, or 0."""
+        return 0 if order == "arrival" or self.simulated is not None else self.heard_since or 0
 
     def _ticks(self, order: Order, until: int) -> list[Judged]:
         if self.asking:

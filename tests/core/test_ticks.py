@@ -97,6 +97,23 @@ def test_by_publication_a_tick_waits_for_the_frontiers() -> None:
     assert told(found) == [("tick", 15, "currently_false")]
 
 
+def test_a_tick_waits_for_those_that_are_still_to_come_back() -> None:
+    """After a restart what was said meanwhile is yet to be heard, for as long as it may take from then on."""
+    session = session_of(timed(ANSWERED), by="publication", max_delay=50)
+    feed = Feed(session)
+    feed(A, 10)
+    for stream in (A, B, MODE):
+        feed.clock(stream, 12, 30)
+    session.heard_since = None
+    assert session.advance(500) == []
+    assert [session.next_deadline] == [None]
+    session.heard_since = 500
+    assert session.next_deadline == 550
+    assert session.advance(549) == []
+    feed(B, 14, arrived=549)
+    assert [stamp for _, stamp, _ in told(session.advance(600))] == [14], "it was in time"
+
+
 def test_a_tick_waits_no_longer_than_max_delay() -> None:
     session = session_of(timed(ANSWERED), by="publication", max_delay=50)
     feed = Feed(session)

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
+import signal
+import time
+
 from tests.server.client import BASE, attached, make_clock, make_event
 from tests.server.conftest import Starts
 
@@ -32,3 +36,20 @@ async def test_a_deadline_that_runs_out_is_told_recorded_and_known_after_a_resta
         await monitor.acked(3)
     after = server.records("s")[len(before) :]
     assert [(r["step"], r["outcome"]) for r in after] == [(3, "true"), (3, "currently_false")]
+
+
+async def test_what_was_said_in_time_while_the_server_was_away_is_in_time(start: Starts) -> None:
+    server = start()
+    said = time.time_ns()
+    begun = (said - BASE) / 10**6  # ms
+    async with attached(server, session="s", spec="answered") as monitor:
+        await monitor.send(make_event(1, "/a", at=begun), make_clock("/a", begun + 1), make_clock("/b", begun + 1))
+        await monitor.acked(1)
+        assert server.stop(signal.SIGKILL) != 0
+    while time.time_ns() < said + 4_600_000_000:  # the deadline, and all that it waits where nobody was away
+        await asyncio.sleep(0.1)
+    server = start()
+    async with attached(server, session="s") as monitor:
+        await monitor.send(make_event(2, "/b", at=begun + 400), make_clock("/a", begun + 401))
+        await monitor.acked(2)
+    assert [(r["kind"], r["outcome"]) for r in server.records("s")] == [("topic", "currently_true"), ("topic", "true")]
