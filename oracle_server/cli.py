@@ -96,8 +96,10 @@ def replay(
     types: Annotated[list[Path] | None, typer.Option(help="A folder with .msg files, for bags without.")] = None,
 ) -> None:
     """Judge a recording offline, through the same session code as the server."""
+    from oracle_server.cycles import look_seldom
     from oracle_server.report import run_replay
 
+    look_seldom()
     chosen = Form.JSONL if as_json else form
     raise typer.Exit(run_replay(specs, trace, by.value if by else None, chosen.value, types or []))
 

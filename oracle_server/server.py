@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
-import gc
 import resource
 import signal
 import socket
@@ -25,6 +24,7 @@ from oracle_server.bodies import Bodies
 from oracle_server.clock import Clock
 from oracle_server.core.errors import OracleError
 from oracle_server.core.spec import Retention
+from oracle_server.cycles import look_seldom
 from oracle_server.gate import Gate
 from oracle_server.library import Library
 from oracle_server.logs import set_up_logs
@@ -43,8 +43,6 @@ _LOOPBACK = ("127.0.0.1", "::1", "localhost")
 _STOP_WITHIN = 10
 _UNSENT = 2**14
 """Bytes that the system takes for a client that reads nothing, beyond what the client has room for."""
-_YOUNG = 10_000
-"""Objects that are made between two searches for cycles: hardly any is in one. Python's own 700 is an event or two."""
 _TURN = 0.001
 """Seconds after which a thread that computes gives way to the event loop, whose decisions wait for no reader."""
 
@@ -100,8 +98,7 @@ async def _serve(settings: Settings, library: Library, store: Store, door: _Door
     pruner = Pruner(store, library, clock, bounds, registry.save)
     with Watchdog() as watchdog:
         await registry.restore_all()
-        gc.freeze()  # what is there now stays: looking through it again and again would hold decisions up
-        gc.set_threshold(_YOUNG)
+        look_seldom()
         app = build_app(registry, library, store, watchdog, legacy=settings.legacy, max_rate=settings.max_rate)
         config = uvicorn.Config(
             _guarded(app, settings, door.tokens),
