@@ -114,6 +114,8 @@ class Connection:
     def finish(self, frame: dict[str, Any], code: int = 1000, reason: str = "") -> None:
         """Send a last frame after what is queued, and close."""
         if self._end is None:
+            if not self._greeted.is_set():
+                self._queue.clear()  # the peer knows of nothing yet
             self._queue.append(frame)
             self._end = (code, reason)
             self._greeted.set()
