@@ -28,7 +28,7 @@ from oracle_server.store import Store
 from oracle_server.watchdog import Watchdog
 
 Page = dict[str, Any]
-_CLOSE_WITHIN = 10.0
+_COMMIT_WITHIN = _CLOSE_WITHIN = 10.0
 Nanoseconds = Annotated[int | None, Query(ge=0, lt=2**63)]
 
 
@@ -61,7 +61,7 @@ def build_app(
     problems.install(app)
     app.include_router(_health(store))
     app.include_router(_specs(library), prefix="/api/v1", tags=["specs"])
-    app.include_router(_sessions(registry), prefix="/api/v1", tags=["sessions"])
+    app.include_router(_sessions(registry, store), prefix="/api/v1", tags=["sessions"])
     app.include_router(_verdicts(registry, store), prefix="/api/v1", tags=["verdicts"])
     app.include_router(stream.router(registry, store), prefix="/api/v1", tags=["verdicts"])
     app.include_router(metrics.router(registry, store, watchdog))
@@ -144,7 +144,7 @@ def _specs(library: Library) -> APIRouter:
     return router
 
 
-def _sessions(registry: Registry) -> APIRouter:
+def _sessions(registry: Registry, store: Store) -> APIRouter:
     router = APIRouter()
 
     @router.get("/sessions")
@@ -155,7 +155,7 @@ def _sessions(registry: Registry) -> APIRouter:
 
     @router.post("/sessions", status_code=201)
     async def create_session(wanted: Annotated[NewSession, Body()], request: Request) -> dict[str, Any]:
-        """Open a session that monitors can join by its name."""
+        """Open a session that monitors can join by its name; a restarted server still has it."""
         demand(request, spec=wanted.spec, session=wanted.id)
         try:
             session = await registry.create(wanted.spec, wanted.id)
@@ -163,6 +163,11 @@ def _sessions(registry: Registry) -> APIRouter:
             raise HTTPException(404, str(error)) from None
         except SessionExistsError as error:
             raise HTTPException(409, str(error)) from None
+        try:
+            async with asyncio.timeout(_COMMIT_WITHIN):
+                await store.flush()
+        except TimeoutError:
+            raise HTTPException(503, "the history can't be written; the session is open but not kept yet") from None
         return registry.state(session.id) or {}
 
     @router.get("/sessions/{session_id}")

@@ -67,9 +67,11 @@ def _place(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _external(store: Store, session: int) -> dict[int, str]:
-    """The properties of a session that oracles elsewhere judge, by their places."""
-    ((text,),) = store.read("SELECT text FROM sessions WHERE number = ?", (session,))
-    properties = parse_spec(text, "").spec.properties if "external" in text else ()
+    """The properties of a session that oracles elsewhere judge, by their places; none while it is not committed."""
+    rows = store.read("SELECT text FROM sessions WHERE number = ?", (session,))
+    if not rows or "external" not in rows[0][0]:
+        return {}
+    properties = parse_spec(rows[0][0], "").spec.properties
     return {i: p.id for i, p in enumerate(properties) if p.external is not None}
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import signal
 import sqlite3
 from collections.abc import Iterator
 
@@ -46,6 +47,21 @@ async def test_a_session_can_not_be_closed_while_the_history_can_not_be_written(
         frames, _ = await monitor.closed()
     assert {"type": "ack", "upto": 1} in frames
     assert seqs(server, "s") == [1]
+
+
+async def test_a_session_is_told_to_be_open_once_it_is_kept(start: Starts) -> None:
+    server = start()
+    wanted = {"spec": "single", "id": "s"}
+    with locked(server):
+        body = problem(await asyncio.to_thread(server.http.post, "/api/v1/sessions", json=wanted), 503)
+        assert "the history can't be written" in body["detail"]
+        trace = server.http.get("/api/v1/sessions/s/trace")
+        assert (trace.status_code, trace.text, seqs(server, "s")) == (200, "", [])
+    problem(server.http.post("/api/v1/sessions", json=wanted), 409)
+    assert server.http.post("/api/v1/sessions", json={**wanted, "id": "t"}).status_code == 201
+    server.stop(signal.SIGKILL)
+    server = start()
+    assert {s["id"] for s in server.get("sessions")["items"]} == {"s", "t"}
 
 
 async def test_a_history_that_is_locked_or_spoilt_is_told_in_words(start: Starts) -> None:
