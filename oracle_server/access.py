@@ -14,7 +14,7 @@ from oracle_server.problems import refuse
 from oracle_server.registry import Known, Registry
 from oracle_server.tokens import Grant, Scope, Tokens
 
-_OPEN = re.compile(r"/(healthz|readyz|docs(/.*)?|openapi\.json)")
+_OPEN = re.compile(r"/(healthz|readyz|(dashboard/.*)?|docs(/.*)?|openapi\.json)")
 """What says nothing of any robot: it is told to all."""
 
 

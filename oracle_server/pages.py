@@ -1,15 +1,32 @@
-"""`/docs`: the API to try out, from files that are served here, so that it works where there is no other network."""
+"""Pages for people, from files that are served here, so that they work where there is no other network.
+
+`/` is the dashboard, `/docs` the API to try out.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
 from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import PurePath
 
 from fastapi import APIRouter
 from fastapi.openapi.docs import get_swagger_ui_html
 from fastapi.responses import HTMLResponse, Response
 
-_FILES = {
+_TYPES = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
+_POLICY = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; " + (
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+"""The dashboard shows what robots say: were some of it taken for code, the browser would still not run it."""
+_DASHBOARD = {
+    "Cache-Control": "no-cache",
+    "Content-Security-Policy": _POLICY,
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+}
+_KEPT = {"Cache-Control": "max-age=86400"}
+_DOCS = {
     "swagger-ui-bundle.js": "text/javascript",
     "swagger-ui.css": "text/css",
     "favicon.png": "image/png",
@@ -17,10 +34,22 @@ _FILES = {
 
 
 def router() -> APIRouter:
-    """The page and its files."""
+    """The pages and their files."""
     made = APIRouter(include_in_schema=False)
-    folder = files("fastapi_offline") / "static"
+    _add_dashboard(made, files("oracle_server") / "dashboard")
+    _add_docs(made, files("fastapi_offline") / "static")
+    return made
 
+
+def _add_dashboard(made: APIRouter, folder: Traversable) -> None:
+    made.add_api_route("/", _serving((folder / "index.html").read_bytes(), "text/html", _DASHBOARD))
+    for file in folder.iterdir():
+        kind = _TYPES.get(PurePath(file.name).suffix)
+        if kind is not None:
+            made.add_api_route(f"/dashboard/{file.name}", _serving(file.read_bytes(), kind, _DASHBOARD))
+
+
+def _add_docs(made: APIRouter, folder: Traversable) -> None:
     @made.get("/docs")
     async def docs() -> HTMLResponse:
         return get_swagger_ui_html(
@@ -31,13 +60,12 @@ def router() -> APIRouter:
             swagger_favicon_url="/docs/favicon.png",
         )
 
-    for name, kind in _FILES.items():
-        made.add_api_route(f"/docs/{name}", _serving((folder / name).read_bytes(), kind))
-    return made
+    for name, kind in _DOCS.items():
+        made.add_api_route(f"/docs/{name}", _serving((folder / name).read_bytes(), kind, _KEPT))
 
 
-def _serving(content: bytes, kind: str) -> Callable[[], Awaitable[Response]]:
+def _serving(content: bytes, kind: str, headers: dict[str, str]) -> Callable[[], Awaitable[Response]]:
     async def serve() -> Response:
-        return Response(content, media_type=kind, headers={"Cache-Control": "max-age=86400"})
+        return Response(content, media_type=kind, headers=headers)
 
     return serve

@@ -24,12 +24,12 @@ COMMAND = Path(sys.executable).parent / "oracle-server"
 
 
 class Server:
-    """One `oracle-server serve`; use it as a context manager, or call `stop`."""
+    """One `oracle-server serve`, on a port of its own; use it as a context manager, or call `stop`."""
 
-    def __init__(self, specs: Path, data: Path, **settings: str) -> None:
+    def __init__(self, specs: Path, data: Path, port: str = "0", **settings: str) -> None:
         self.specs, self.data = specs, data
         self._checked = 0
-        command: list[str | Path] = [COMMAND, "serve", "--specs", specs, "--data-dir", data, "--port", "0"]
+        command: list[str | Path] = [COMMAND, "serve", "--specs", specs, "--data-dir", data, "--port", port]
         self.process = Process("the server", command, environment(**settings))
         try:
             self.url = self.said(r"url=(https?://\S+)")[1]

@@ -1,0 +1,52 @@
+// The server's HTTP API: documents as it gives them, and what it refuses.
+
+const TOKEN = "oracle-token";
+const PATIENCE = 10_000;
+
+/** An answer that is none: `status` is HTTP's, or 0 where no server answered. */
+export class Problem extends Error {
+  constructor(status, message) {
+    super(message);
+    this.status = status;
+  }
+}
+
+/** Keep a token for this tab, until it is closed. */
+export function remember(token) {
+  sessionStorage.setItem(TOKEN, token);
+}
+
+/** A document of the API. Throws a `Problem`. */
+export async function get(path, query = {}) {
+  const url = new URL(`api/v1/${path}`, document.baseURI);
+  for (const [name, value] of Object.entries(query)) url.searchParams.set(name, value);
+  const token = sessionStorage.getItem(TOKEN);
+  const headers = token ? { Authorization: `Bearer ${token}` } : {};
+  let response, text;
+  try {
+    response = await fetch(url, { headers, signal: AbortSignal.timeout(PATIENCE), cache: "no-store" });
+    text = await response.text();
+  } catch {
+    throw new Problem(0, "The server can't be reached; trying again.");
+  }
+  const document_ = parsed(text);
+  if (response.ok && document_ !== undefined) return document_;
+  throw new Problem(response.status, document_?.detail ?? `The server answered ${response.status}.`);
+}
+
+/** The path of one of a session's documents. */
+export function of(session, what = "") {
+  return `sessions/${encodeURIComponent(session)}${what && "/"}${what}`;
+}
+
+/** JSON with its integers exact: those beyond a double's are BigInt. */
+function parsed(text) {
+  try {
+    return JSON.parse(text, (_, value, context) => {
+      const exact = typeof value !== "number" || Number.isSafeInteger(value) || !/^-?\d+$/.test(context?.source ?? "");
+      return exact ? value : BigInt(context.source);
+    });
+  } catch {
+    return undefined;
+  }
+}

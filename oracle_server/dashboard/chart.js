@@ -1,0 +1,131 @@
+// The steps of a session side by side: which event each was, and what every property said of it.
+
+import { get, of } from "./api.js";
+import { h, Place } from "./dom.js";
+import { at, event, mark, stream } from "./words.js";
+
+const STEPS = 60;
+const BEFORE = 0.5; // of the steps are shown before the one that is looked at
+const MOST = 1000; // records in one answer
+
+/** The newest steps, or those around verdict `n`; `witness` marks the steps that explain it. */
+export function chartView(id, n) {
+  const picture = new Place("section", { class: "chart" });
+  let [order, records, witnesses, known, again, moved] = [null, [], [], null, true, true];
+
+  async function refresh(state) {
+    const orders = [...new Set(state.properties.map((each) => each.order))];
+    const properties = [...new Set(state.properties.map((each) => each.id))];
+    const changed = JSON.stringify([n, state.counters, state.properties.map((each) => each.outcome)]);
+    if (changed !== known || again) {
+      again = changed !== known; // the history is a moment behind the state: what changed is looked at twice
+      known = changed;
+      records = await around(id, n, properties.length);
+    }
+    if (moved) order = records.find((each) => each.n === n)?.order ?? order ?? orders[0];
+    draw({ id, n, orders, properties });
+  }
+
+  function draw(by) {
+    const columns = columnsOf(records, by.properties.length).filter((each) => each.order === order);
+    const scrolled = scrolledBack(picture.node.firstChild);
+    const anew = picture.show({ ...by, order, witnesses, columns }, (shown) => drawn(shown, (other) => {
+      order = other;
+      draw(by);
+    }));
+    if (!by.n && anew && !scrolled) picture.node.firstChild.scrollLeft = Number.MAX_SAFE_INTEGER;
+    const chosen = by.n && moved && picture.node.querySelector(".chosen");
+    if (chosen) chosen.scrollIntoView({ block: "center", inline: "center" });
+    moved = by.n && moved && !chosen;
+  }
+
+  return {
+    node: picture.node,
+    refresh,
+    goTo: (other) => ([n, witnesses, moved] = [other, [], true]),
+    witness: (steps) => (witnesses = steps),
+  };
+}
+
+/** The records of the newest steps, or of those around one; `width` is how many properties there are. */
+async function around(id, n, width) {
+  const steps = Math.max(1, Math.min(STEPS, Math.floor(MOST / width)));
+  const limit = steps * width;
+  if (!n) return (await get(of(id, "verdicts"), { order: "desc", limit })).items.reverse();
+  const before = Math.max(0, Math.ceil(n / width) - 1 - Math.floor(steps * BEFORE));
+  return (await get(of(id, "verdicts"), { after: before * width, limit })).items;
+}
+
+function scrolledBack(box) {
+  return box?.scrollWidth && box.scrollLeft + box.clientWidth < box.scrollWidth - 8;
+}
+
+/** The records of each step together. */
+function columnsOf(records, width) {
+  const columns = new Map();
+  for (const record of records) {
+    const position = Math.ceil(record.n / width);
+    if (!columns.has(position)) columns.set(position, { ...record, said: {} });
+    columns.get(position).said[record.property] = { n: record.n, outcome: record.outcome, violation: record.violation };
+  }
+  return [...columns.values()];
+}
+
+function drawn({ id, n, order, orders, properties, witnesses, columns }, choose) {
+  if (!columns.length) return h("p", { class: "hint" }, "Nothing was judged yet.");
+  const explains = (each) => witnesses.includes(each.step) && "witness";
+  const row = (name, cells) => h("tr", {}, h("th", { scope: "row", title: name }, name), cells);
+  const head = columns.map((each) => h("th", { scope: "col", class: explains(each) }, number(each)));
+  const lanes = [...new Set(columns.map(lane))].sort();
+  const heard = lanes.map((name) => row(name, columns.map((each) =>
+    lane(each) === name ? h("td", { class: explains(each), title: title(each) }, sign(each)) : h("td"))));
+  const said = properties.map((name) => row(name, columns.map((each) => h("td", {}, cell(id, n, name, each)))));
+  return [
+    h("div", { class: "scroll", tabindex: 0 },
+      h("table", {}, h("thead", {}, h("tr", {}, h("th", {}, "step"), head)), h("tbody", {}, heard, said))),
+    h("p", { class: "tools" }, n ? moves(id, n, columns) : newest(),
+      orders.length < 2 ? null : orders.map((each) =>
+        h("button", { "aria-pressed": String(each === order), onclick: () => choose(each) }, `by ${each}`))),
+  ];
+}
+
+function newest() {
+  return h("span", { class: "hint" }, "The newest steps. Choose a verdict to see why it is so.");
+}
+
+function moves(id, n, columns) {
+  const property = columns.flatMap((each) => Object.entries(each.said)).find(([, said]) => said.n === n)?.[0];
+  const [first, last] = [columns[0], columns.at(-1)].map((each) => each.said[property]?.n ?? n);
+  return [
+    first < n && h("a", { href: at(id, first) }, "← Earlier"),
+    last > n && h("a", { href: at(id, last) }, "Later →"),
+    h("a", { href: at(id) }, "Follow the newest steps"),
+  ].filter(Boolean);
+}
+
+function lane(of) {
+  if (of.kind === "tick") return "deadlines";
+  return `${stream(of.stream, of.kind)} (${of.monitor})`;
+}
+
+function number({ step }) {
+  return step !== null && step % 5 === 0 ? String(step) : "";
+}
+
+function sign({ decision, late }) {
+  if (decision === "deny") return "⊘";
+  return late ? "◌" : "●";
+}
+
+function title(of) {
+  const marks = ["late", "skewed", "degraded"].filter((each) => of[each]);
+  return [`step ${of.step ?? "–"}: ${event(of)}`, of.decision && `decided: ${of.decision}`, ...marks].filter(Boolean).join(", ");
+}
+
+function cell(id, n, property, of) {
+  const said = of.said[property];
+  if (!said) return "";
+  const classes = [said.outcome, said.violation && "violation", said.n === n && "chosen"].filter(Boolean).join(" ");
+  const label = `${property} at step ${of.step ?? "–"}: ${said.outcome}`;
+  return h("a", { class: classes, href: at(id, said.n), title: label, "aria-label": label }, mark(said.outcome));
+}

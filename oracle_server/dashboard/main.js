@@ -1,0 +1,86 @@
+// The page: which view the address names, when it is brought up to date, and what stands in its way.
+
+import { Problem, remember } from "./api.js";
+import { h } from "./dom.js";
+import { sessionView } from "./session.js";
+import { sessionsView } from "./sessions.js";
+import { specView, specsView } from "./specs.js";
+
+const PERIOD = 1000;
+const SHARE = 10; // of the time at most one part goes into asking, however slow the answers are
+
+const place = document.getElementById("view");
+const link = document.getElementById("link");
+let view = sessionsView();
+let timer;
+let turn = 0;
+
+function route() {
+  const [path, query] = location.hash.slice(1).split("?");
+  const [, kind, id] = path.split("/").map(decoded);
+  if (kind === "sessions" && id) return sessionView(id, Number(new URLSearchParams(query).get("n")) || null);
+  if (kind === "specs") return id ? specView(id) : specsView();
+  return sessionsView();
+}
+
+function decoded(part) {
+  try {
+    return decodeURIComponent(part);
+  } catch {
+    return "";
+  }
+}
+
+function open() {
+  const next = route();
+  const same = view.goTo && view.key === next.key;
+  if (same) view.goTo(next.n);
+  else {
+    view = next;
+    place.replaceChildren(view.node);
+  }
+  return refresh();
+}
+
+/** Bring the view up to date, and again when it is time; what was asked for before is forgotten. */
+async function refresh() {
+  clearTimeout(timer);
+  const mine = ++turn;
+  const asked = performance.now();
+  if (!document.hidden) {
+    try {
+      await view.refresh();
+      if (mine === turn) tell(true, "live");
+    } catch (problem) {
+      if (!(problem instanceof Problem)) throw problem;
+      if (mine === turn) refused(problem);
+    }
+  }
+  if (mine === turn) timer = setTimeout(refresh, Math.max(PERIOD, SHARE * (performance.now() - asked)));
+}
+
+function refused(problem) {
+  if (problem.status === 401 && !link.querySelector("form")) tell(false, problem.message, tokenForm());
+  else if (problem.status !== 401) tell(false, problem.message);
+}
+
+function tell(good, text, ...more) {
+  if (link.textContent === text && !more.length) return;
+  link.className = good ? "good" : "bad";
+  link.replaceChildren(text, ...more);
+}
+
+function tokenForm() {
+  const field = h("input", { type: "password", name: "token", "aria-label": "token", autocomplete: "off" });
+  const entered = (submitted) => {
+    submitted.preventDefault();
+    remember(field.value.trim());
+    tell(true, "…");
+    refresh();
+  };
+  return h("form", { onsubmit: entered }, field, h("button", {}, "Use"));
+}
+
+addEventListener("hashchange", open);
+document.addEventListener("visibilitychange", () => document.hidden || refresh());
+open();

@@ -1,0 +1,103 @@
+// One session: its properties, its latest steps, its violations, its streams; and any verdict, explained.
+
+import { get, of } from "./api.js";
+import { chartView } from "./chart.js";
+import { h, Place, table } from "./dom.js";
+import { verdictView } from "./verdict.js";
+import { violationsView } from "./violations.js";
+import { at, badge, count, moment, span, stream } from "./words.js";
+
+/** A session, and its verdict number `n` where one is asked for. */
+export function sessionView(id, n) {
+  const head = new Place("section");
+  const properties = new Place("section");
+  const streams = new Place("section");
+  const chart = chartView(id, n);
+  const verdict = verdictView(id, n, chart.witness);
+  const violations = violationsView(id);
+  let spec = null;
+  const node = h("div", {}, h("h1", {}, id), head.node,
+    h("h2", {}, "Properties"), properties.node,
+    h("h2", {}, "Steps"), chart.node, verdict.node,
+    h("h2", {}, "Violations"), violations.node,
+    h("h2", {}, "Streams and monitors"), streams.node);
+
+  async function refresh() {
+    const state = await get(of(id));
+    document.title = `${id} – oracle-server`;
+    spec ??= await formulas(state);
+    head.show(headline(state), headed);
+    properties.show({ id, spec, told: state.properties }, judged);
+    streams.show({ streams: state.streams, monitors: state.monitors, clock: state.clock }, heard);
+    await Promise.all([verdict.refresh(state), violations.refresh(state)]);
+    await chart.refresh(state);
+  }
+
+  return {
+    key: id,
+    n,
+    node,
+    refresh,
+    goTo: (other) => {
+      chart.goTo(other);
+      verdict.goTo(other);
+    },
+  };
+}
+
+/** What the spec on hand says, unless it is another than the session was opened with. */
+async function formulas(state) {
+  const found = await get(`specs/${encodeURIComponent(state.spec)}`).catch(() => null);
+  return Object.fromEntries(found?.digest === state.spec_digest ? found.properties.map((each) => [each.id, each]) : []);
+}
+
+function headline({ spec, status, clock, opened, closed, waiting, counters, disagree, continued_by: next }) {
+  return { spec, status, clock, opened, closed, waiting, counters, disagree, next };
+}
+
+function headed(state) {
+  const counted = Object.entries(state.counters).filter(([name, value]) => value || name === "steps");
+  return [
+    h("p", {},
+      h("strong", { class: state.status }, state.status), ` since ${moment(state.closed ?? state.opened)}, judged by `,
+      h("a", { href: `#/specs/${encodeURIComponent(state.spec)}` }, state.spec),
+      state.clock === "sim" ? ", in simulated time" : "",
+      state.next ? [", goes on as ", h("a", { href: at(state.next) }, state.next)] : null),
+    h("p", { class: "counters" }, counted.map(([name, value]) => h("span", {}, `${value} ${name}`))),
+    state.waiting ? h("p", { class: "waiting" }, state.waiting) : null,
+    state.disagree?.length ? h("p", { class: "complaint" }, `The orders disagree on ${state.disagree.join(", ")}.`) : null,
+  ];
+}
+
+function judged({ id, spec, told }) {
+  const both = new Set(told.map((each) => each.order)).size > 1;
+  const first = (each) => each.first_violation &&
+    h("a", { href: at(id, each.first_violation) }, `verdict ${each.first_violation}`);
+  return table("properties", ["property", "outcome", "violations", "first at", "unknown"], told.map((each) => [
+    [
+      h("strong", {}, each.id), both ? ` by ${each.order}` : null,
+      spec[each.id] ? [h("p", { class: "hint" }, spec[each.id].description), h("code", {}, spec[each.id].formula)] : null,
+      [each.broken, each.complaint].map((text) => (text ? h("p", { class: "complaint" }, text) : null)),
+    ],
+    [badge(each.outcome), each.robustness === null ? null : ` robustness ${each.robustness}`],
+    count(each.violations),
+    first(each) || "–",
+    count(each.unknown),
+  ]));
+}
+
+function heard({ streams, monitors, clock }) {
+  return [
+    !streams.length ? null : table("streams", ["stream", "monitor", "frontier", "behind now", "held", "late", "lost", "duplicates"],
+      streams.map((each) => [
+        stream(each.stream, each.kind), each.monitor, moment(each.frontier, clock), span(each.lag),
+        count(each.depth), count(each.late), count(each.lost), count(each.duplicates),
+      ])),
+    table("monitors", ["monitor", "state", "events so far", "what it says of its streams"], monitors.map((each) => [
+      each.name,
+      each.connected ? "connected" : each.attached ? "away" : "detached",
+      String(each.next - 1),
+      each.streams.filter((said) => said.trouble).map((said) => h("p", { class: "complaint" }, `${said.stream}: ${said.trouble}`)),
+    ])),
+  ];
+}

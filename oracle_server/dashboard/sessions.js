@@ -1,0 +1,39 @@
+// All sessions, and how they stand.
+
+import { get } from "./api.js";
+import { h, Place, table } from "./dom.js";
+import { at, badge, byGravity, count, moment } from "./words.js";
+
+const HEAD = ["session", "spec", "", "worst of its properties", "violations", "steps", "monitors", "opened"];
+
+/** The list of sessions. */
+export function sessionsView() {
+  const list = new Place("section");
+  return {
+    node: h("div", {}, h("h1", {}, "Sessions"), list.node),
+    refresh: async () => list.show((await get("sessions")).items.map(told), listed),
+  };
+}
+
+/** What the list shows of a session, and nothing that changes more often. */
+function told(state) {
+  const { id, spec, status, clock, opened, properties, counters, monitors, continued_by: next } = state;
+  const connected = monitors.filter((each) => each.connected).length;
+  const outcomes = properties.map((each) => each.outcome).sort(byGravity);
+  const violations = properties.reduce((sum, each) => sum + each.violations, 0);
+  return { id, spec, status, clock, opened, next, outcomes, violations, steps: counters.steps, connected, of: monitors.length };
+}
+
+function listed(sessions) {
+  if (!sessions.length) return h("p", { class: "hint" }, "None yet: attach an adapter, or a monitor of ROSMonitoring.");
+  return table("sessions", HEAD, sessions.map((each) => [
+    h("a", { href: at(each.id) }, each.id),
+    h("a", { href: `#/specs/${encodeURIComponent(each.spec)}` }, each.spec),
+    each.clock === "sim" ? `${each.status}, simulated time` : each.status,
+    badge(each.outcomes[0] ?? "unknown"),
+    count(each.violations),
+    String(each.steps),
+    each.status === "open" ? `${each.connected} of ${each.of}` : "–",
+    moment(each.opened),
+  ]));
+}
