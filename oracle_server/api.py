@@ -21,7 +21,7 @@ from oracle_server.history import Query as Question
 from oracle_server.history import find
 from oracle_server.legacy import legacy_routes
 from oracle_server.library import Entry, Library, UnknownSpecError
-from oracle_server.protocol import Identifier, encode
+from oracle_server.protocol import Identifier, encode, encode_bytes
 from oracle_server.registry import Registry, SessionExistsError
 from oracle_server.sessiontrace import trace_lines
 from oracle_server.store import Store
@@ -147,11 +147,12 @@ def _specs(library: Library) -> APIRouter:
 def _sessions(registry: Registry, store: Store) -> APIRouter:
     router = APIRouter()
 
-    @router.get("/sessions")
-    async def list_sessions(request: Request) -> Page:
+    @router.get("/sessions", response_model=Page)
+    async def list_sessions(request: Request) -> Response:
         """List all sessions, open ones first."""
         grant, states = grant_of(request), await registry.states()
-        return {"items": [s for s in states if grant.covers(spec=s["spec"], session=s["id"])]}
+        told = {"items": [s for s in states if grant.covers(spec=s["spec"], session=s["id"])]}
+        return Response(await asyncio.to_thread(encode_bytes, told), media_type="application/json")
 
     @router.post("/sessions", status_code=201)
     async def create_session(wanted: Annotated[NewSession, Body()], request: Request) -> dict[str, Any]:

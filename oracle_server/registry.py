@@ -113,11 +113,17 @@ class Registry:
 
     async def states(self) -> list[dict[str, Any]]:
         """Every session's state, the newest first; the open ones as of now, so that one that closes is told once."""
-        live = [session_state(s, self._clock.now()) for s in reversed(self.open.values())]
+        live = []
+        for session in [*reversed(self.open.values())]:
+            live.append(session_state(session, self._clock.now()))
+            await asyncio.sleep(0)  # so that decisions wait for one state, not for a thousand
         told = {state["id"] for state in live}
-        sql = "SELECT state FROM sessions WHERE closed IS NOT NULL ORDER BY number DESC LIMIT 1000"
-        closed = [_decode(row[0]) for row in await asyncio.to_thread(self._store.read, sql)]
+        closed = await asyncio.to_thread(self._closed)
         return [*live, *(state for state in closed if state["id"] not in told)]
+
+    def _closed(self) -> list[dict[str, Any]]:
+        sql = "SELECT state FROM sessions WHERE closed IS NOT NULL ORDER BY number DESC LIMIT 1000"
+        return [_decode(row[0]) for row in self._store.read(sql)]
 
     async def close(self, session: LiveSession) -> None:
         """Judge what a session holds, and close it for good."""
