@@ -50,7 +50,7 @@ export function chartView(id, n) {
 /** The records of the newest steps, or of those around one; `width` is how many properties there are. */
 async function around(id, n, width) {
   const steps = Math.max(1, Math.min(STEPS, Math.floor(MOST / width)));
-  const limit = steps * width;
+  const limit = Math.min(MOST, steps * width);
   if (!n) return (await get(of(id, "verdicts"), { order: "desc", limit })).items.reverse();
   const before = Math.max(0, Math.ceil(n / width) - 1 - Math.floor(steps * BEFORE));
   return (await get(of(id, "verdicts"), { after: before * width, limit })).items;
