@@ -10,7 +10,7 @@ export function verdictView(id, n, onWitnesses) {
   let told = null;
 
   async function refresh({ clock }) {
-    if (n && told?.n !== n) {
+    if (n && (told?.n !== n || told.early)) {
       const asked = n;
       const found = await explained(id, asked);
       if (asked === n) told = found;
@@ -23,14 +23,14 @@ export function verdictView(id, n, onWitnesses) {
   return { node: place.node, refresh, goTo: (other) => (n = other) };
 }
 
-/** The record with its explanation; without one, and with the reason, where it can't be had. */
+/** The record with its explanation; without one, and with the reason, where it can't be had, or not yet. */
 async function explained(id, n) {
   try {
     return await get(of(id, `verdicts/${n}/explanation`));
   } catch (problem) {
     if (!(problem instanceof Problem) || ![404, 409].includes(problem.status)) throw problem;
     const { items } = await get(of(id, "verdicts"), { after: n - 1, limit: 1 });
-    return { ...(items[0]?.n === n ? items[0] : {}), n, refusal: problem.message };
+    return { ...(items[0]?.n === n ? items[0] : {}), n, refusal: problem.message, early: problem.status === 404 };
   }
 }
 

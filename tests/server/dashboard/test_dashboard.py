@@ -79,6 +79,27 @@ async def test_a_long_session_is_walked_through(server: Server, session: str, pa
     await expect(page.locator(".chosen")).to_have_attribute("aria-label", re.compile("at step 170:"))
 
 
+async def test_older_violations_are_asked_for(server: Server, session: str, page: Page) -> None:
+    async with attached(server, session=session, spec="single") as monitor:
+        await monitor.send(*(make_event(i, at=i, data=BIG if i % 2 else SMALL) for i in range(1, 51)))
+        await monitor.acked(50)
+    listed = page.locator(".violations li")
+    await page.goto(f"{server.url}/#/sessions/{session}")
+    await expect(listed).to_have_count(20)
+    await expect(listed.first).to_contain_text("at step 49")
+    await page.get_by_role("button", name="Older ones").click()
+    await expect(listed).to_have_count(25)
+    await expect(page.get_by_role("button", name="Older ones")).to_have_count(0)
+
+
+async def test_a_verdict_that_is_not_there_yet_is_shown_once_it_is(server: Server, session: str, page: Page) -> None:
+    async with attached(server, session=session, spec="single") as monitor:
+        await page.goto(f"{server.url}/#/sessions/{session}?n=1")
+        await expect(page.locator(".verdict")).to_contain_text("has no verdict 1 in its history yet")
+        await monitor.send(make_event(1, at=1, data=BIG))
+        await expect(page.locator(".verdict")).to_contain_text("currently_false")
+
+
 async def test_both_orders_are_shown_one_at_a_time(server: Server, session: str, page: Page) -> None:
     async with attached(server, session=session, spec="both", streams=["/a", "/b"]) as monitor:
         await monitor.send(make_event(1, "/b", at=2), make_event(2, "/a", at=1), make_event(3, "/b", at=3))
