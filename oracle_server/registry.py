@@ -93,7 +93,7 @@ class Registry:
         """
         async with self._opening:
             entry = self._library.get(spec_id)
-            session_id = session_id or f"{spec_id[:40]}-{time.strftime('%Y%m%d-%H%M%S')}-{secrets.token_hex(2)}"
+            session_id = session_id or self._new_name(spec_id)
             if self.known(session_id) is not None:
                 raise SessionExistsError(f"a session '{session_id}' is there already")
             return await self._open(entry, session_id, private=private, by=by)
@@ -231,6 +231,12 @@ class Registry:
         live = LiveSession(identity, core, self._store, self._clock, self.tally, self._resume_within, self._on_over)
         self.open[live.id] = live
         return live
+
+    def _new_name(self, spec_id: str) -> str:
+        """A name that no session has: many may be opened within a second."""
+        stem = f"{spec_id[:40]}-{time.strftime('%Y%m%d-%H%M%S')}"
+        names = (f"{stem}-{secrets.token_hex(2)}" for _ in itertools.count())
+        return next(name for name in names if self.known(name) is None)
 
     def _successor(self, session: LiveSession) -> str | None:
         """The name under which a session goes on once its simulation has begun anew; a private one has none."""
