@@ -270,6 +270,8 @@ class Connection:
         self._registry.tally.opened += 1
         log.info("monitor attached", session=self._session.id, monitor=self._monitor.name)
         await self._store.flush()  # once it is told, a restarted server must know that it is waited for
+        if self._end is not None:
+            return
         # before anything that was queued since: the monitor knows nothing yet
         self._queue.appendleft(attached_frame(self._session, self._monitor))
         self._greeted.set()

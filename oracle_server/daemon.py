@@ -66,7 +66,7 @@ def stop(folder: Path, within: float) -> None:
     except OSError as error:
         raise DaemonError(f"pid {server.pid}: can't be told to stop: {error.strerror}") from None
     deadline = time.monotonic() + within
-    while running(folder) == server:
+    while (left := running(folder)) is not None and left.pid == server.pid:  # it may tell its address only now
         if time.monotonic() > deadline:
             raise DaemonError(
                 f"pid {server.pid}: has not stopped within {within:g} s; {folder / LOG} may say why. "

@@ -26,8 +26,10 @@ _REMEMBERED = 20_000
 _EFFORT = 2_000_000
 _LONG = 50_000
 """Steps that are always judged again from the first one; of more, from the snapshot where there is one before."""
+_GONE = "what came before it is not kept any more, so that it can't be judged again"
 _FINAL = LETTERS[Outcome.TRUE], LETTERS[Outcome.FALSE]
 _COLUMNS = ",".join(STEP_COLUMNS)
+_POSITION = STEP_COLUMNS.index("position")
 
 
 class NoExplanationError(OracleError):
@@ -99,22 +101,26 @@ class _Again:
         """Why the property stands as it does at the step at position `target`."""
         core, start = self._begin(target)
         state = core.judges[order].properties[self._index]
-        for row in self._rows(start, target):
+        for position, row in enumerate(self._rows(start, target), start + 1):
+            if row[_POSITION] != position:  # they went since their beginning was looked for
+                raise NoExplanationError(_GONE)
             step_order, step, at = step_of(row)
             letters = row[STEP_COLUMNS.index("outcomes")]
             for place, engine in self._recorded:
                 engine.outcome = OUTCOMES[letters[place]]
-            state.asked = row[STEP_COLUMNS.index("position")] == target
+            state.asked = position == target
             judged = core.rejudge(step_order, step, at)
             time.sleep(0)  # the event loop needs the interpreter more
-            if state.asked and judged is not None:
-                return explain(judged, judged.verdicts[self._index])
-        return None
+            if state.asked:
+                return None if judged is None else explain(judged, judged.verdicts[self._index])
+        raise NoExplanationError(_GONE)
 
     def _begin(self, target: int) -> tuple[Session, int]:
         """A session, fresh or out of the snapshot, and the position of its last step."""
         core = self._fresh()
         ((first,),) = self._store.read("SELECT min(position) FROM steps WHERE session = ?", (self._session,))
+        if first is None:
+            raise NoExplanationError(_GONE)
         if target > _LONG or first > 1:
             sql = "SELECT position, data FROM snapshots WHERE session = ? AND position BETWEEN ? AND ?"
             for position, data in self._store.read(sql, (self._session, first - 1, target - 1)):
@@ -125,7 +131,7 @@ class _Again:
                 else:
                     return core, position
         if first > 1:
-            raise NoExplanationError("what came before it is not kept any more, so that it can't be judged again")
+            raise NoExplanationError(_GONE)
         return core, 0
 
     def _fresh(self) -> Session:

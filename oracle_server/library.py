@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from oracle_server.core.errors import Finding, OracleError, SpecError
 from oracle_server.core.plan import Plan, plan
@@ -16,6 +16,15 @@ class UnknownSpecError(OracleError):
     """A spec that is not on hand."""
 
 
+class Look(NamedTuple):
+    """What tells whether a file is as it was; its time alone does not where it is written twice within some ms."""
+
+    inode: int
+    size: int
+    modified: int
+    changed: int
+
+
 @dataclass(frozen=True, slots=True)
 class Entry:
     """A spec on hand, ready to judge by, and where it comes from."""
@@ -24,7 +33,7 @@ class Entry:
     plan: Plan
     source: Literal["file", "put"]
     path: Path
-    modified: int
+    seen: Look | None
 
 
 class Library:
@@ -58,11 +67,8 @@ class Library:
         if entry is None:
             known = ", ".join(self.ids()) or "none"
             raise UnknownSpecError(f"no spec '{spec_id}' is on hand; known are {known}")
-        try:
-            changed = entry.path.stat().st_mtime_ns != entry.modified
-        except FileNotFoundError:
-            return entry
-        if changed:
+        seen = _look(entry.path)
+        if seen is not None and seen != entry.seen:
             fresh = _read(entry.path, entry.source)
             if fresh.file.spec.id != spec_id:
                 raise SpecError([Finding(str(entry.path), 1, 1, f"the id was '{spec_id}' and has changed")])
@@ -81,10 +87,19 @@ class Library:
             self._uploads.mkdir(parents=True, exist_ok=True)
             draft.write_text(text)
             draft.replace(path)
-            self._entries[spec_id] = entry = Entry(file, plan(file.spec), "put", path, path.stat().st_mtime_ns)
+            self._entries[spec_id] = entry = Entry(file, plan(file.spec), "put", path, _look(path))
         return entry, new
 
 
 def _read(path: Path, source: Literal["file", "put"]) -> Entry:
+    seen = _look(path)  # before it is read: what is written meanwhile is read the next time
     file = load_spec(path)
-    return Entry(file, plan(file.spec), source, path, path.stat().st_mtime_ns)
+    return Entry(file, plan(file.spec), source, path, seen)
+
+
+def _look(path: Path) -> Look | None:
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return Look(found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns)

@@ -7,16 +7,19 @@ import os
 import socket
 
 VARIABLE = "NOTIFY_SOCKET"
+_PATIENCE = 0.5
+"""Seconds for which one who is behind with listening is waited for: all else stands still meanwhile."""
 
 
 def notify(state: str) -> None:
-    """Send a state such as `READY=1`; nothing where nobody listens."""
+    """Send a state such as `READY=1`; nothing where nobody listens, or takes it within `_PATIENCE`."""
     address = os.environ.get(VARIABLE)
     if not address:
         return
     if address.startswith("@"):
         address = "\0" + address[1:]
     with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sender:
+        sender.settimeout(_PATIENCE)
         sender.sendto(state.encode(), address)
 
 

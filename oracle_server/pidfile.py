@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import fcntl
 import os
+import time
 from pathlib import Path
-from typing import NamedTuple
+from typing import IO, NamedTuple
 
 from oracle_server.core.errors import OracleError
 
 NAME = "server.pid"
+_WITHIN = 1.0
+"""Seconds that others may take who only look whether a server runs, and a server to tell that it does."""
+_LOOK_EVERY = 0.01
 
 
 class PidFileError(OracleError):
@@ -33,14 +37,23 @@ class PidFile:
             self._file = (folder / NAME).open("a+")
         except OSError as error:
             raise PidFileError(f"{folder}: can't be used as data directory: {error.strerror}") from None
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+        if not self._locked():
             self._file.close()
-            raise PidFileError(
-                f"{folder}: another server uses this data directory; stop it, or choose another one"
-            ) from None
+            raise PidFileError(f"{folder}: another server uses this data directory; stop it, or choose another one")
         self.tell(None)
+
+    def _locked(self) -> bool:
+        """Lock the file, unless a server has; whoever looks whether one does has it for a moment too."""
+        deadline = time.monotonic() + _WITHIN
+        while True:
+            try:
+                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                if time.monotonic() > deadline:
+                    return False
+                time.sleep(_LOOK_EVERY)
+            else:
+                return True
 
     def tell(self, url: str | None) -> None:
         """Note where this process accepts work. Raises `PidFileError` where the file can not be written."""
@@ -59,15 +72,28 @@ class PidFile:
 
 def running(folder: Path) -> Running | None:
     """The server that holds a data directory, None where none does. Raises `PidFileError` where that can't be read."""
+    deadline = time.monotonic() + _WITHIN
     try:
         with (folder / NAME).open() as file:
-            try:
-                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-            except BlockingIOError:
-                pid, url, *_ = [*file.read().split("\n"), "", ""]
-                return Running(int(pid or 0), url or None)
+            while _is_locked(file):
+                file.seek(0)
+                pid, *more = file.read().split("\n")
+                if len(more) > 1:
+                    return Running(int(pid), more[0] or None)
+                if time.monotonic() > deadline:
+                    raise PidFileError(f"{folder / NAME}: does not tell which server uses this data directory")
+                time.sleep(_LOOK_EVERY)  # it is being written
     except FileNotFoundError:
         return None
     except (OSError, ValueError) as error:
         raise PidFileError(f"{folder / NAME}: can't be read: {error}") from None
     return None
+
+
+def _is_locked(file: IO[str]) -> bool:
+    try:
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    fcntl.flock(file, fcntl.LOCK_UN)
+    return False

@@ -61,7 +61,8 @@ class Registry:
         self.tally = Tally()
         self._store, self._library, self._clock, self._resume_within = store, library, clock, resume_within
         self._opening = asyncio.Lock()
-        self._closing: set[asyncio.Task[None]] = set()
+        self._closing: dict[int, asyncio.Task[None]] = {}
+        self._stopping = False
         self._last = 0
 
     async def restore_all(self) -> None:
@@ -76,6 +77,8 @@ class Registry:
     async def attach(self, wanted: Attach, outbox: Outbox) -> tuple[LiveSession, Monitor]:
         """Attach a monitor to the session that it wants. Raises a fatal `WireError` where that can't be."""
         session = await self._session_for(wanted)
+        if self._stopping:
+            raise _stops()
         if wanted.spec is not None and wanted.spec != session.spec.id:
             message = f"session '{session.id}' judges by '{session.spec.id}', not by '{wanted.spec}'"
             raise WireError("spec_mismatch", message, fatal=True)
@@ -90,7 +93,7 @@ class Registry:
         """
         async with self._opening:
             entry = self._library.get(spec_id)
-            session_id = session_id or f"{spec_id[:40]}-{time.strftime('%Y%m%d-%H%M%S')}-{secrets.token_hex(2)}"
+            session_id = session_id or self._new_name(spec_id)
             if self.known(session_id) is not None:
                 raise SessionExistsError(f"a session '{session_id}' is there already")
             return await self._open(entry, session_id, private=private, by=by)
@@ -118,15 +121,15 @@ class Registry:
             live.append(session_state(session, self._clock.now()))
             await asyncio.sleep(0)  # so that decisions wait for one state, not for a thousand
         told = {state["id"] for state in live}
-        closed = await asyncio.to_thread(self._closed)
+        closed = await asyncio.to_thread(self._closed_states)
         return [*live, *(state for state in closed if state["id"] not in told)]
 
-    def _closed(self) -> list[dict[str, Any]]:
+    def _closed_states(self) -> list[dict[str, Any]]:
         sql = "SELECT state FROM sessions WHERE closed IS NOT NULL ORDER BY number DESC LIMIT 1000"
         return [_decode(row[0]) for row in self._store.read(sql)]
 
-    async def close(self, session: LiveSession) -> None:
-        """Judge what a session holds, and close it for good."""
+    async def _close(self, session: LiveSession) -> None:
+        """Judge what a session holds, and close it for good, unless the server stops: then it goes on with the next."""
         if session.closing:
             return
         session.close()
@@ -156,12 +159,13 @@ class Registry:
                 session.ledger.save()
 
     async def closed_within(self, session: LiveSession, patience: float) -> bool:
-        """Close a session; whether that is done after `patience` seconds. It is gone on with in any case."""
+        """Close a session, or go on with that; whether it is done after `patience` seconds. It goes on in any case."""
         _, waiting = await asyncio.wait((self._begin_to_close(session),), timeout=patience)
         return not waiting
 
     async def shut_down(self) -> None:
         """Judge what all sessions hold, commit it, and tell the monitors; the sessions stay open in the history."""
+        self._stopping = True
         for session in self.open.values():
             session.close()
         await asyncio.gather(*(session.settle() for session in self.open.values()))
@@ -176,14 +180,16 @@ class Registry:
             session.ledger.news.end()
         outboxes = [m.outbox for session in self.open.values() for m in session.monitors.values() if m.outbox]
         for outbox in outboxes:
-            outbox.drop(WireError("shutting_down", "the server stops; attach again later", fatal=True))
+            outbox.drop(_stops())
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(_GOODBYE_WITHIN):
                 await asyncio.gather(*(outbox.sent() for outbox in outboxes))
 
     async def _session_for(self, wanted: Attach) -> LiveSession:
         live = self.open.get(wanted.session) if wanted.session else None
-        if live is not None and not live.closing:
+        if live is not None and live.number in self._closing:
+            await asyncio.wait((self._closing[live.number],))  # only then it is known what comes after it
+        elif live is not None:
             return live
         if wanted.session and self.known(wanted.session) is not None:
             state = self.state(wanted.session) or {}
@@ -232,6 +238,12 @@ class Registry:
         self.open[live.id] = live
         return live
 
+    def _new_name(self, spec_id: str) -> str:
+        """A name that no session has: many may be opened within a second."""
+        stem = f"{spec_id[:40]}-{time.strftime('%Y%m%d-%H%M%S')}"
+        names = (f"{stem}-{secrets.token_hex(2)}" for _ in itertools.count())
+        return next(name for name in names if self.known(name) is None)
+
     def _successor(self, session: LiveSession) -> str | None:
         """The name under which a session goes on once its simulation has begun anew; a private one has none."""
         if session.private:
@@ -245,10 +257,15 @@ class Registry:
         self._begin_to_close(session)
 
     def _begin_to_close(self, session: LiveSession) -> asyncio.Task[None]:
-        task = asyncio.get_running_loop().create_task(self.close(session))
-        self._closing.add(task)
-        task.add_done_callback(self._closing.discard)
+        task = self._closing.get(session.number)
+        if task is None:
+            task = self._closing[session.number] = asyncio.get_running_loop().create_task(self._close(session))
+            task.add_done_callback(lambda _: self._closing.pop(session.number))
         return task
+
+
+def _stops() -> WireError:
+    return WireError("shutting_down", "the server stops; attach again later", fatal=True)
 
 
 def _ended(session: str, successor: str | None) -> WireError:

@@ -170,12 +170,11 @@ class Store:
                 batch, self._next = self._next, None
                 if batch is None and self._batch.work:
                     batch, self._batch = self._batch, _Batch()
-            if batch is None:
-                return
-            self._commit(batch)
+            if batch is None or not self._commit(batch):
+                return  # what comes after a batch that was not written would leave a gap
 
-    def _commit(self, batch: _Batch) -> None:
-        """Write a batch, again and again until it is written or the store is closed."""
+    def _commit(self, batch: _Batch) -> bool:
+        """Write a batch, again and again until it is written or the store is closed; whether it is written."""
         while True:
             try:
                 self._write(batch)
@@ -185,7 +184,7 @@ class Store:
                     log.error("the history can't be written", reason=self.failure, path=str(self.path))
                 with self._wake:
                     if self._stopping:
-                        return
+                        return False
                     self._wake.wait(_RETRY_AFTER)
             else:
                 break
@@ -195,6 +194,7 @@ class Store:
         assert self._loop is not None  # noqa: S101 -- the thread starts with the loop
         with contextlib.suppress(RuntimeError):  # the loop is closed: nobody is left to be told
             self._loop.call_soon_threadsafe(self._committed, batch)
+        return True
 
     def _write(self, batch: _Batch) -> None:
         self._writer.execute("BEGIN IMMEDIATE")

@@ -78,7 +78,8 @@ class Tokens:
         self._tokens: list[Token] = []
         self.required = path.exists()
         if self.required:
-            self._tokens, self._seen = _read(path), _look(path)
+            self._seen = _look(path)  # before it is read: what is written meanwhile is read the next time
+            self._tokens = _read(path)
 
     def grant(self, token: str | None) -> Grant | None:
         """What the bearer of a token may do, None for one that is not known."""
@@ -148,7 +149,7 @@ def _look(path: Path) -> tuple[int, ...] | None:
         found = path.stat()
     except OSError:
         return None
-    return found.st_mtime_ns, found.st_ctime_ns, found.st_ino, found.st_size
+    return found.st_mtime_ns, found.st_ctime_ns, found.st_ino, found.st_size, found.st_mode
 
 
 def _read(path: Path) -> list[Token]:

@@ -63,9 +63,9 @@ class Watchdog:
             if slept > self._stalled:  # the whole process was stopped, not the loop alone
                 continue
             if now - self._last > self._stalled and self._last != reported:
+                place, reported = self._place(), self._last
                 self.stalls += 1
-                reported = self._last
-                log.warning("the event loop stands still", seconds=round(now - self._last, 1), at=self._place())
+                log.warning("the event loop stands still", seconds=round(now - reported, 1), at=place)
 
     def _place(self) -> str:
         frame = sys._current_frames().get(self._watched)  # noqa: SLF001 -- the documented way to another thread's stack

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import asyncio
+import fcntl
 import json
 import os
 import signal
 import socket
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
 from oracle_server.logs import RotatingFile
-from oracle_server.pidfile import running
+from oracle_server.notify import notify
+from oracle_server.pidfile import NAME, PidFile, running
 from oracle_server.watchdog import Watchdog
 from tests.server.conftest import copy_specs
 from tests.server.harness import PATIENCE, Server, failed, run
@@ -95,6 +98,29 @@ def test_the_pid_file_of_one_that_was_killed_deceives_nobody(data: Path, specs: 
     start(data, specs)
 
 
+def test_who_looks_whether_a_server_runs_keeps_none_from_starting(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    PidFile(tmp_path).release()
+    with (tmp_path / NAME).open() as looked_at:
+        fcntl.flock(looked_at, fcntl.LOCK_SH)
+        monkeypatch.setattr(time, "sleep", lambda _: fcntl.flock(looked_at, fcntl.LOCK_UN))
+        mine = PidFile(tmp_path)
+    assert running(tmp_path) == (os.getpid(), None)
+    mine.release()
+
+
+def test_a_server_that_has_not_told_yet_who_it_is_is_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its pid is needed to stop it, and 0 would be everyone in the caller's own group."""
+    mine = PidFile(tmp_path)
+    (tmp_path / NAME).write_text("")
+    monkeypatch.setattr(time, "sleep", lambda _: mine.tell("http://127.0.0.1:1"))
+    assert running(tmp_path) == (os.getpid(), "http://127.0.0.1:1")
+    mine.release()
+
+
 def test_what_keeps_it_from_starting_is_told(data: Path, specs: Path, tmp_path: Path) -> None:
     assert "is no folder" in failed("start", "--data-dir", data, "--specs", tmp_path / "nowhere", "--port", "0")
     (specs / "single.yaml").write_text("id: single\n")
@@ -115,11 +141,23 @@ def test_systemd_is_told_how_it_stands(data: Path, specs: Path, tmp_path: Path) 
         listener.settimeout(PATIENCE)
         with Server(specs, data, NOTIFY_SOCKET=str(tmp_path / "notify"), WATCHDOG_USEC="100000") as server:
             told = [listener.recv(100) for _ in range(4)]
-            assert server.stop() == 0
-            while told[-1] != b"STOPPING=1":
-                told.append(listener.recv(100))
+            with ThreadPoolExecutor() as threads:
+                stopped = threads.submit(server.stop)
+                while told[-1] != b"STOPPING=1":  # few may wait to be heard
+                    told.append(listener.recv(100))
+                assert stopped.result() == 0
     assert b"READY=1" in told
     assert set(told) == {b"READY=1", b"WATCHDOG=1", b"STOPPING=1"}
+
+
+def test_who_listens_and_takes_nothing_holds_nothing_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    room = int(Path("/proc/sys/net/unix/max_dgram_qlen").read_text()) + 1
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
+        listener.bind(str(tmp_path / "notify"))
+        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+        for _ in range(room + 1):
+            notify("WATCHDOG=1")
+        assert listener.recv(100) == b"WATCHDOG=1"
 
 
 async def test_a_loop_that_stands_still_is_reported_with_its_place(capsys: pytest.CaptureFixture[str]) -> None:

@@ -42,7 +42,9 @@ async def test_a_session_can_not_be_closed_while_the_history_can_not_be_written(
         with locked(server):
             await monitor.send(make_event(1, data={"v": 1}))
             await server.until(lambda: server.http.get("/readyz").status_code, lambda status: status == 503)
-            problem(await asyncio.to_thread(server.http.delete, "/api/v1/sessions/s"), 503)
+            deleting = [asyncio.to_thread(server.http.delete, "/api/v1/sessions/s") for _ in range(2)]
+            for response in await asyncio.gather(*deleting):
+                problem(response, 503)
         await server.until(lambda: server.get("sessions/s")["status"], lambda status: status == "closed")
         frames, _ = await monitor.closed()
     assert {"type": "ack", "upto": 1} in frames

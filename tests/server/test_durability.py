@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import sqlite3
 from contextlib import closing
 from pathlib import Path
 
@@ -33,3 +34,17 @@ async def test_what_can_not_be_written_for_whatever_reason_is_told(tmp_path: Pat
             await asyncio.sleep(0.01)
     assert "too large" in store.failure
     await asyncio.to_thread(store.close)
+
+
+async def test_nothing_is_written_behind_what_could_not_be_written(tmp_path: Path) -> None:
+    """Where the store is closed meanwhile, a gap in the history would be left."""
+    store = Store(tmp_path)
+    store.start(asyncio.get_running_loop())
+    store.execute("UPDATE steps SET seq = ?", (2**64,))
+    async with asyncio.timeout(PATIENCE):
+        while store.failure is None:
+            await asyncio.sleep(0.01)
+    store.execute("INSERT INTO monitors VALUES (1, 'm', 'i', '[]', 1, 'wall')", ())
+    await asyncio.to_thread(store.close)
+    with closing(sqlite3.connect(store.path)) as database:
+        assert database.execute("SELECT * FROM monitors").fetchall() == []

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import subprocess
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import httpx
+import pytest
 
+from oracle_server.explaining import NoExplanationError, explained
+from oracle_server.store import Store
 from tests.server.client import attached, make_clock, make_event
 from tests.server.conftest import Starts
 from tests.server.harness import COMMAND, Server, environment
@@ -102,6 +107,29 @@ async def test_what_cannot_be_explained_is_said(start: Starts) -> None:
     ):
         answer = httpx.get(f"{server.url}/api/v1/sessions/s/verdicts/{n}/explanation")
         assert (answer.status_code, answer.json()["detail"]) == (status, detail)
+
+
+class Pruned(Store):
+    """A history of which something goes while it is read."""
+
+    going = "false"
+
+    def each(self, sql: str, values: Sequence[Any] = ()) -> Iterator[tuple[Any, ...]]:
+        self._writer.execute(f"DELETE FROM steps WHERE {self.going}")
+        return super().each(sql, values)
+
+
+@pytest.mark.parametrize("going", ["position < 3", "true"])
+async def test_what_goes_while_it_is_explained_is_not_explained_without_it(start: Starts, going: str) -> None:
+    server = start()
+    await tell(server)
+    n = number(server, 4, "granted_in_time")
+    assert server.stop() == 0
+    with contextlib.closing(Pruned(server.data)) as store:
+        assert explained(store, 1, n) is not None
+        store.going = going
+        with pytest.raises(NoExplanationError, match="not kept any more"):
+            explained(store, 1, n)
 
 
 async def test_an_explanation_survives_a_restart_and_is_printed_as_a_tree(start: Starts) -> None:
