@@ -26,7 +26,7 @@ LOG = "server.log"
 NOT_RUNNING = 3
 """The exit status of `status` where no server runs."""
 _LOOK_EVERY = 0.05
-_ON_THE_COMMAND_LINE = ("specs", "host", "port", "tls_cert", "tls_key", "tls_client_ca", "insecure")
+_ON_THE_COMMAND_LINE = ("specs", "host", "port", "legacy", "tls_cert", "tls_key", "tls_client_ca", "insecure")
 
 
 class DaemonError(OracleError):

@@ -21,6 +21,7 @@ _SESSION_COUNTERS = {
     "skewed": "Events stamped too far ahead of their arrival",
     "skipped": "Events that were not judged: late, or while the history could not be written",
     "lost": "Events that never came",
+    "duplicates": "Events that came again",
     "denied": "Events that were denied",
     "refused": "Events that could not be read, or of no stream",
     "violations": "Properties that became negative",

@@ -86,6 +86,7 @@ def counts(session: LiveSession) -> Counter[str]:
     """What one session has counted in the order that decides."""
     judge = next(iter(session.core.judges.values()))
     found = Counter({name: getattr(judge.counters, name) for name in ("late", "skewed", "skipped", "lost", "denied")})
+    found["duplicates"] = sum(count.duplicates for count in session.core.counts.values())
     found["refused"] = session.ledger.refused
     found["violations"] = sum(p.violations for p in judge.properties)
     found["engine_failures"] = sum(p.broken is not None for j in session.core.judges.values() for p in j.properties)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from oracle_server.core.signals import Projection
 from oracle_server.settings import Settings
 from oracle_server.specfile import parse_spec
 from oracle_server.specmodel import OrderingModel, PropertyModel, RetentionModel, ServiceModel, SpecModel, TopicModel
@@ -23,6 +24,19 @@ SPECS = [
 @pytest.mark.parametrize("text", SPECS)
 def test_specs_in_the_documents_are_sound(text: str) -> None:
     assert parse_spec(text, "document").spec.properties
+
+
+def test_expressions_in_the_documents_can_be_computed() -> None:
+    text = (ROOT / "docs" / "spec.md").read_text()
+    table = text[text.index("| expression | for |") : text.index("An expression has at most")]
+    told = [e for row in table.splitlines()[2:] for e in re.findall(r"`([^`]*msg[^`]*)`", row.replace("\\|", "|"))]
+    message = {
+        "pose": {"position": {"z": 2.5}}, "status": 2, "count": 7, "speed": 1.5, "position": [0.5], "name": ["a", "b"],
+        "ranges": [1.5, "Infinity", "NaN", 0.25], "goal": {}, "frame_id": "map", "id": 7,
+    }  # fmt: skip
+    values = {e: Projection({"it": e})(message) for e in told}
+    assert {e for e, (_, failed) in values.items() if failed} == {"msg.speed * 2"}
+    assert values["msg.ranges.exists(r, r != 'NaN' && double(r) < 0.5)"][0] == {"it": True}
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))

@@ -100,7 +100,7 @@ class Property:
 
 @dataclass(frozen=True)
 class Retention:
-    """How much history of closed sessions is kept: for so long (ns), so many events, so many bytes; None for any."""
+    """How much history is kept: for so long (ns), so many events, so many bytes; None for any."""
 
     age: int | None = None
     events: int | None = None

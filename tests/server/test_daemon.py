@@ -11,13 +11,17 @@ import socket
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from inspect import signature
 from pathlib import Path
 
 import pytest
 
+from oracle_server.cli import serve
+from oracle_server.daemon import _ON_THE_COMMAND_LINE
 from oracle_server.logs import RotatingFile
 from oracle_server.notify import notify
 from oracle_server.pidfile import NAME, PidFile, running
+from oracle_server.settings import Settings
 from oracle_server.watchdog import Watchdog
 from tests.server.conftest import copy_specs
 from tests.server.harness import PATIENCE, Server, failed, run
@@ -60,6 +64,16 @@ def test_it_starts_tells_how_it_is_and_stops(data: Path, specs: Path) -> None:
     assert run("status", "--data-dir", data).returncode == 3
     assert run("stop", "--data-dir", data).returncode == 0
     assert running(data) is None
+
+
+def test_what_is_said_on_the_command_line_is_heard(data: Path, specs: Path) -> None:
+    """Every option that `start` shares with `serve` reaches the server that it starts."""
+    shared = set(signature(serve).parameters) & set(Settings.model_fields)
+    assert shared == {*_ON_THE_COMMAND_LINE, "data_dir"}
+    given = ("--data-dir", data, "--specs", specs, "--port", "0")
+    assert "nowhere" in failed("start", *given, "--legacy", "nowhere")
+    assert run("start", *given, "--legacy", "lamp").returncode == 0
+    assert run("stop", "--data-dir", data).returncode == 0
 
 
 def test_it_is_ready_only_once_its_sessions_are_back(data: Path, specs: Path) -> None:

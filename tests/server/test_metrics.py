@@ -30,10 +30,11 @@ async def test_what_happens_is_counted(start: Starts) -> None:
         await monitor.send(make_event(1, "/light", 1, {"level": 300}), make_clock("/light", 10**6))
         request = {"stream": "/switch", "kind": "request", "data": {"switch_on": True}, "call": 1}
         assert (await monitor.ask(2, at=2, **request))["decision"] == "deny"
-        await monitor.send(make_event(5, "/nowhere", 3))
+        await monitor.send(make_event(1, "/light", 1, {"level": 300}), make_event(5, "/nowhere", 3))
         await monitor.expect("error", seq=5)
         await monitor.acked(5)
         found = numbers(server)
+        assert value(found, "duplicates_total") == 1
         assert value(found, "events_total") == 2
         assert value(found, "verdicts_total", outcome="currently_false") == 1
         assert sum(v for (name, _), v in found.items() if name == "oracle_verdicts_total") == 4
@@ -48,7 +49,8 @@ async def test_what_happens_is_counted(start: Starts) -> None:
         await monitor.detach()
     server.http.delete("/api/v1/sessions/s")
     after = numbers(server)
-    for name in ("events_total", "denied_total", "refused_total", "hold_seconds_count", "attachments_total"):
+    totals = (f"{name}_total" for name in ("events", "denied", "duplicates", "refused", "attachments"))
+    for name in (*totals, "hold_seconds_count"):
         assert value(after, name) == value(found, name), name
     assert (value(after, "sessions"), value(after, "monitors")) == (0, 0)
 
