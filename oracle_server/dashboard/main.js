@@ -60,8 +60,9 @@ async function refresh() {
 }
 
 function refused(problem) {
-  if (problem.status === 401 && !link.querySelector("form")) tell(false, problem.message, tokenForm());
-  else if (problem.status !== 401) tell(false, problem.message);
+  const shut = [401, 403].includes(problem.status);
+  if (!shut) tell(false, problem.message);
+  else if (!link.querySelector("form")) tell(false, problem.message, tokenForm());
 }
 
 function tell(good, text, ...more) {

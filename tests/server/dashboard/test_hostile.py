@@ -69,6 +69,7 @@ async def test_numbers_are_shown_as_they_are(server: Server, session: str, page:
 async def test_a_token_is_asked_for_and_kept_to_oneself(start: Starts, tmp_path: Path, page: Page) -> None:
     (tmp_path / "data").mkdir()
     secret = add(tmp_path / "data" / "tokens.json", "reader", ["read"])
+    submits = add(tmp_path / "data" / "tokens.json", "robot", ["submit"])
     server = start()
     assert httpx.get(f"{server.url}/api/v1/sessions", trust_env=False).status_code == 401
     await page.goto(f"{server.url}/")
@@ -76,6 +77,9 @@ async def test_a_token_is_asked_for_and_kept_to_oneself(start: Starts, tmp_path:
     await field.fill("wrong")
     await page.get_by_role("button", name="Use").click()
     await expect(field).to_have_value("")
+    await field.fill(submits)
+    await page.get_by_role("button", name="Use").click()
+    await expect(page.get_by_role("status")).to_contain_text("the token's scopes do not hold `read`")
     await field.fill(secret)
     await page.get_by_role("button", name="Use").click()
     await expect(page.get_by_role("status")).to_have_text("live")
