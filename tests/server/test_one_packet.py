@@ -45,7 +45,9 @@ def write_at_once(monitor: Monitor, frames: list[str]) -> None:
 
 
 @pytest.mark.parametrize("size", [1, 3, 200])
-@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+)
 @given(kinds=st.lists(KINDS, min_size=1, max_size=150))
 async def test_frames_in_one_packet_are_judged_in_their_order(server: Server, size: int, kinds: list[str]) -> None:
     session = f"packet-{next(SESSIONS)}"
