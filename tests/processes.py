@@ -6,9 +6,11 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import threading
 import time
+import weakref
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -32,6 +34,14 @@ def environment(without: Sequence[str] = (), **settings: str) -> Setting:
     """This process's environment without what would set up a server or an adapter, and with what is given."""
     plain = {k: v for k, v in os.environ.items() if not k.startswith("ORACLE_") and k not in without}
     return plain | {"COLUMNS": "200"} | settings
+
+
+def reserved_port() -> socket.socket:
+    """A port of one's own while this is open: only who is told of it, and shares addresses, can listen there."""
+    place = socket.socket()
+    place.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    place.bind(("127.0.0.1", 0))
+    return place
 
 
 def as_yaml(value: object) -> str:
@@ -120,9 +130,10 @@ class Server:
 
     def __init__(self, specs: Path, data: Path) -> None:
         self._specs, self._data = specs, data
-        self._port = "0"
+        place = reserved_port()
+        weakref.finalize(self, place.close)
+        self._port = place.getsockname()[1]
         self.process, self.url = self._start()
-        self._port = self.url.rpartition(":")[2]
 
     def restart(self) -> None:
         """Start it again, after `kill`."""

@@ -7,6 +7,7 @@ import contextlib
 
 from oracle_adapter import Link, should_pass
 
+from tests.processes import reserved_port
 from tests.server.conftest import Starts
 from tests.server.harness import PATIENCE
 
@@ -40,7 +41,8 @@ class Cable:
         self._ends: set[asyncio.StreamWriter] = set()
         self._tasks: set[asyncio.Task[None]] = set()
         self._listener: asyncio.Server | None = None
-        self.port = 0
+        self._place = reserved_port()
+        self.port = self._place.getsockname()[1]
 
     @property
     def url(self) -> str:
@@ -48,7 +50,6 @@ class Cable:
 
     async def mend(self) -> None:
         self._listener = await asyncio.start_server(self._carry, "127.0.0.1", self.port)
-        self.port = self._listener.sockets[0].getsockname()[1]
 
     async def cut(self) -> None:
         assert self._listener is not None
@@ -56,6 +57,10 @@ class Cable:
         for end in self._ends:
             end.transport.abort()
         await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    async def remove(self) -> None:
+        await self.cut()
+        self._place.close()
 
     async def _carry(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         other_reader, other_writer = await asyncio.open_connection("127.0.0.1", self._target)
@@ -87,7 +92,7 @@ async def test_a_session_of_ones_own_is_made_anew_after_a_long_outage(start: Sta
     await server.until(lambda: link.stats().acked, lambda acked: acked == 2)
     second = (await asyncio.to_thread(link.wait_attached, PATIENCE)).session
     assert await asyncio.to_thread(link.close, PATIENCE)
-    await cable.cut()
+    await cable.remove()
     assert second != first
     assert [{r["stamp"] for r in server.records(session)} for session in (first, second)] == [{STAMP}, {STAMP + 1}]
     assert link.stats().lost == 0

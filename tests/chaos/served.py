@@ -14,8 +14,10 @@ from typing import Any, Self
 
 import httpx
 
-PATIENCE = 30.0
-"""Seconds that any one thing may take before a test fails."""
+from tests.processes import PATIENCE, reserved_port
+
+__all__ = ["PATIENCE", "Served", "reviving"]
+
 _MAIN = "from oracle_server.cli import main; main()"
 _OFTEN = "from oracle_server import store; store.PERIOD = 0"
 """Commits as they come and not gathered: there are the more moments to strike at."""
@@ -37,7 +39,7 @@ class Served:
         self._arguments = ("--specs", str(specs), "--data-dir", str(data))
         outer = {name: value for name, value in os.environ.items() if not name.startswith("ORACLE_")}
         self._environment = outer | {"ORACLE_LOG": "json"} | {f"ORACLE_{k.upper()}": v for k, v in settings.items()}
-        self._port = 0
+        self._place = reserved_port()
         self._died = asyncio.Event()
         self._process: asyncio.subprocess.Process
         self._reading: asyncio.Task[None]
@@ -45,19 +47,24 @@ class Served:
     @property
     def url(self) -> str:
         """Where the server answers HTTP."""
-        return f"http://127.0.0.1:{self._port}"
+        return f"http://127.0.0.1:{self.port}"
 
     @property
     def attach_url(self) -> str:
         """Where monitors attach."""
-        return f"ws://127.0.0.1:{self._port}/api/v1/attach"
+        return f"ws://127.0.0.1:{self.port}/api/v1/attach"
+
+    @property
+    def port(self) -> int:
+        """The port, which nobody else gets while no process serves it."""
+        return int(self._place.getsockname()[1])
 
     async def start(self) -> None:
         """Start a process, the first one or once the last one is killed, and return once it accepts work."""
         if self.starts:
             await self._process.wait()
             await self._reading
-        arguments = (*self._arguments, "--port", str(self._port))
+        arguments = (*self._arguments, "--port", str(self.port))
         self._process = await asyncio.create_subprocess_exec(
             *self._command, *arguments, env=self._environment, stderr=asyncio.subprocess.PIPE
         )
@@ -114,6 +121,7 @@ class Served:
             self._process.kill()
         await self._process.wait()
         await self._reading
+        self._place.close()
 
     async def get(self, path: str, **query: int) -> dict[str, Any]:
         """A document of the API."""
@@ -153,7 +161,6 @@ class Served:
                 self.log.append(line)
                 self._said.notify_all()
             if line["event"] == "accepting work":
-                self._port = int(line["url"].rpartition(":")[2])
                 accepts.set()
         accepts.set()
 

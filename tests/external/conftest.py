@@ -24,6 +24,7 @@ class Oracles:
     """One process of `playing`; with a port, at that port."""
 
     def __init__(self, port: int = 0) -> None:
+        """Listen at a port of `reserved_port`, at any where none is given."""
         command = [sys.executable, "-m", "tests.external.playing", str(port)]
         self._process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT)
         assert self._process.stdout
@@ -103,7 +104,7 @@ def name(numbers: Iterator[int]) -> str:
 
 @pytest.fixture
 async def director(oracles: Oracles, name: str) -> AsyncIterator[Director]:
-    async with connect(oracles.url(f"control/{name}"), proxy=None, ping_interval=None) as socket:
+    async with connect(oracles.url(f"control/{name}"), proxy=None, ping_interval=None, open_timeout=PATIENCE) as socket:
         yield Director(socket, oracles.url(f"play/{name}"))
 
 

@@ -9,8 +9,9 @@ from typing import Any
 from websockets.asyncio.client import connect
 
 from tests.external.conftest import Director, Oracles, put, spec
+from tests.processes import reserved_port
 from tests.server.client import attached, make_event
-from tests.server.harness import Server, failed, run
+from tests.server.harness import PATIENCE, Server, failed, run
 
 
 def replayed(*arguments: str | Path) -> tuple[int, list[dict[str, Any]], dict[str, Any]]:
@@ -38,12 +39,11 @@ def test_a_recording_is_judged_by_the_oracle(tmp_path: Path, oracles: Oracles) -
 
 
 def test_an_oracle_that_is_away_is_told_in_one_line(tmp_path: Path) -> None:
-    oracles = Oracles()
-    url = oracles.url("prolog")
-    oracles.stop()
-    (tmp_path / "x.yaml").write_text(spec("x", url))
     (tmp_path / "log.jsonl").write_text('{"topic": "a", "time": 1.5, "v": 1}\n')
-    said = failed("replay", tmp_path / "x.yaml", tmp_path / "log.jsonl")
+    with reserved_port() as place:
+        url = f"ws://127.0.0.1:{place.getsockname()[1]}/prolog"
+        (tmp_path / "x.yaml").write_text(spec("x", url))
+        said = failed("replay", tmp_path / "x.yaml", tmp_path / "log.jsonl")
     assert said.startswith(f"oracle-server: the oracle at {url} can't be reached: ")
     assert said.endswith("; start it first")
 
@@ -66,5 +66,5 @@ async def test_a_live_sessions_trace_gives_the_same_records_without_the_oracle(
     assert records == server.records(name)
     _, anew, _ = replayed(tmp_path / "x.yaml", trace, "--by", "arrival")
     assert {r["outcome"] for r in anew if r["property"] == "theirs"} == {"unknown"}
-    async with connect(director.url, proxy=None):
+    async with connect(director.url, proxy=None, open_timeout=PATIENCE):
         assert await director.opened() == connection + 1, "nobody else has connected"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import queue
+import socket
 import sys
 import threading
 from http import HTTPStatus
@@ -100,7 +101,10 @@ class Oracle:
     def __init__(self) -> None:
         self.refuse_with: Optional[HTTPStatus] = None
         self.requests: queue.Queue[Request] = queue.Queue()
-        self.port = 0
+        self._place = socket.socket()  # bound all the time: nobody else gets the port
+        self._place.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        self._place.bind(("127.0.0.1", 0))
+        self.port = int(self._place.getsockname()[1])
         self._peers: queue.Queue[Peer] = queue.Queue()
         self._transports: List[asyncio.Transport] = []
         self._loop = asyncio.new_event_loop()
@@ -115,7 +119,6 @@ class Oracle:
     def start(self) -> None:
         """Listen, again on the same port where it did before."""
         self._server = self._run(self._serve())
-        self.port = self._server.sockets[0].getsockname()[1]
 
     def stop(self) -> None:
         """Break every connection and listen no more."""
@@ -137,6 +140,7 @@ class Oracle:
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
         self._loop.close()
+        self._place.close()
 
     async def _cancel_the_rest(self) -> None:
         """A connection may have come just as the server closed."""
