@@ -9,8 +9,15 @@ from oracle_adapter import Answer, Link, Timing
 if TYPE_CHECKING:
     from concurrent.futures import Future
 
-PATIENCE = 10.0
-QUICK = Timing(backoff_first=0.01, backoff_last=0.05)
+PATIENCE = 60.0
+QUICK = Timing(
+    open_timeout=PATIENCE,
+    attach_timeout=PATIENCE,
+    ping_timeout=PATIENCE,
+    backoff_first=0.01,
+    backoff_last=0.05,
+)
+"""Quick to connect again, and slow to give up: on a busy machine who is silent is not dead."""
 
 
 def answer_of(future: Future[Answer]) -> Answer:

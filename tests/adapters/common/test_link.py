@@ -99,9 +99,8 @@ class TestAttaching:
         timing = Timing(attach_timeout=0.05, ping_interval=0.02, backoff_first=0.01)
         links.append(Link(oracle.url, "uav1", timing=timing, on_error=lambda error: None))
         links[0].start()
-        first = oracle.accept()
-        oracle.accept().attach()
-        first.wait_finished()
+        oracle.accept().wait_finished()
+        oracle.accept()
 
     def test_it_starts_once(self, link: Link) -> None:
         with pytest.raises(RuntimeError):

@@ -64,7 +64,7 @@ class TestSending:
         peer.send("violation", n=0)
         assert held.wait(PATIENCE)  # now the link's own thread does nothing, and the peer neither
         peer.freeze()
-        queued = [link.send("/a", "topic", n, "x" * 100_000) for n in range(120)]
+        queued = [link.send("/a", "topic", n, "x" * 20_000) for n in range(120)]
         sent.set()
         assert news.violations.get(timeout=PATIENCE)["n"] == 0
         assert in_time == [True]
