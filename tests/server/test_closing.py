@@ -42,7 +42,8 @@ async def test_what_comes_while_a_session_is_closed_is_judged_wholly_or_not_at_a
         with contextlib.suppress(ConnectionClosed):
             await flooding
         state = (await closing).json()
-    assert [f["code"] for f in frames if f["type"] == "error"] == ["session_closed"]
+    told = [f["code"] for f in frames if f["type"] == "error"]
+    assert told in (["session_closed"], ["throttled", "session_closed"]), "it may have been quick"
     assert seqs(server, session) == list(range(1, state["counters"]["steps"] + 1))
     assert monitor.upto == state["counters"]["steps"]
     assert server.get(f"sessions/{session}") == state
