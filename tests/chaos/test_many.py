@@ -14,6 +14,7 @@ from websockets.exceptions import ConnectionClosed
 from tests.chaos.by_hand import attached, event, say, until_acked
 from tests.chaos.link import Frame
 from tests.chaos.served import PATIENCE, Served
+from tests.server.test_stream import connections
 
 EVENTS = 50
 LIMIT = 2 * PATIENCE
@@ -125,15 +126,9 @@ async def test_who_hangs_loses_its_place(served: Served) -> None:
         await say(hanging, [event(seq, {"ok": True}) | {"ask": True} for seq in range(1, count + 1)])
         await say(witness, [event(1, {"ok": True}) | {"stamp": count + 2}])
         await until_acked(witness, 1)
-        port = hanging.local_address[1]
-        while await asyncio.to_thread(stands, port):
+        way = served.port, hanging.local_address[1]
+        while await asyncio.to_thread(connections, *way):
             pass
-
-
-def stands(port: int) -> bool:
-    """Whether the server still holds the connection that comes from a port."""
-    lines = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
-    return any(line[2].endswith(f":{port:04X}") and line[3] == "01" for line in lines)
 
 
 async def talk(served: Served, spec: str, session: str, monitor: str) -> list[Frame]:
