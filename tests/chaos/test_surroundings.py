@@ -223,7 +223,7 @@ async def test_a_disk_that_turns_read_only(failing_disk: FailingDisk, tmp_path: 
 
 async def readiness(served: Served, status: int) -> str:
     """What `/readyz` says, with this status."""
-    async with asyncio.timeout(PATIENCE), httpx.AsyncClient(base_url=served.url, trust_env=False) as http:
+    async with httpx.AsyncClient(base_url=served.url, trust_env=False, timeout=PATIENCE) as http:
         response = await http.get("/readyz")
     assert response.status_code == status
     return response.text

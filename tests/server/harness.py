@@ -36,7 +36,9 @@ class Server:
         except AssertionError:  # it did not start in time, and would stay behind
             self.process.remove()
             raise
-        self.http = httpx.Client(base_url=self.url, timeout=PATIENCE, trust_env=False)
+        # the server closes a connection that was idle for 5 s: none is used again that is nearly as old
+        limits = httpx.Limits(keepalive_expiry=1)
+        self.http = httpx.Client(base_url=self.url, timeout=PATIENCE, trust_env=False, limits=limits)
 
     def __enter__(self) -> Self:
         return self

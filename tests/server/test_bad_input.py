@@ -118,7 +118,8 @@ async def test_clients_that_speak_no_http_or_stop_in_its_middle_do_no_harm(start
     for said in HALVES:
         _, writer = await asyncio.open_connection("127.0.0.1", port)
         writer.write(said)
-        await writer.drain()
+        with contextlib.suppress(OSError):  # the server may have had enough of it already
+            await writer.drain()
         writer.transport.abort()
         with contextlib.suppress(OSError):
             await writer.wait_closed()
@@ -180,4 +181,5 @@ async def test_a_monitor_that_does_not_read_is_cut_off_and_goes_on_from_the_reco
             while (frame := await monitor.recv())["type"] != "decision" or frame["seq"] > following:
                 pass
             assert (frame["seq"], frame["decision"]) == (seq, "allow")
-    assert set(range(1, following + 10)) <= set(seqs(server, session))
+    # in a thread, since there is much, and who stands by must go on meanwhile
+    assert set(range(1, following + 10)) <= set(await asyncio.to_thread(seqs, server, session))

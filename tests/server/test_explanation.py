@@ -7,7 +7,6 @@ import subprocess
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-import httpx
 import pytest
 
 from oracle_server.explaining import NoExplanationError, explained
@@ -105,7 +104,7 @@ async def test_what_cannot_be_explained_is_said(start: Starts) -> None:
         (1, 409, "verdict 1 is no judgement: computing failed for id"),
         (1000, 404, "session 's' has no verdict 1000 in its history yet"),
     ):
-        answer = httpx.get(f"{server.url}/api/v1/sessions/s/verdicts/{n}/explanation")
+        answer = server.http.get(f"/api/v1/sessions/s/verdicts/{n}/explanation")
         assert (answer.status_code, answer.json()["detail"]) == (status, detail)
 
 

@@ -68,7 +68,7 @@ async def test_all_goes_over_tls(start: Starts, authority: Authority) -> None:
     with pytest.raises(httpx.ConnectError):
         ask(server, ssl.create_default_context())
     with pytest.raises(httpx.HTTPError):
-        httpx.get(server.url.replace("https", "http") + "/healthz", trust_env=False)
+        httpx.get(server.url.replace("https", "http") + "/healthz", trust_env=False, timeout=PATIENCE)
     assert "CERTIFICATE_VERIFY_FAILED" in failed("sessions", "--url", server.url)
     assert run("sessions", "--url", server.url, ORACLE_CA=str(authority.ca)).returncode == 0
     wanted = {"spec": "single", "session": "s", "tls": authority.context()}
@@ -143,7 +143,9 @@ async def test_a_bind_to_all_addresses(start: Starts, authority: Authority, tmp_
     assert ("without protection" in server.log) is not protected
     url = server.url.replace("0.0.0.0", "127.0.0.1")
     headers = {"Authorization": f"Bearer {secret}"} if protected else {}
-    with httpx.Client(verify=authority.context(), trust_env=False, headers=headers, base_url=url) as http:
+    with httpx.Client(
+        verify=authority.context(), trust_env=False, headers=headers, base_url=url, timeout=PATIENCE
+    ) as http:
         assert http.get("/api/v1/sessions").status_code == 200
         assert http.get("/api/v1/sessions", headers={"Host": "oracle.local"}).status_code == 200
         assert http.get("/api/v1/sessions", headers={"Host": "evil.local"}).status_code == 421

@@ -42,7 +42,10 @@ class Guarded:
         """The answer to an attempt to attach; raises where the handshake is refused."""
         headers = {"Authorization": f"Bearer {self.secrets[who]}"} if who else {}
         url = self.server.url.replace("http", "ws", 1) + "/api/v1/attach"
-        async with connect(url, additional_headers=headers, proxy=None) as socket, asyncio.timeout(PATIENCE):
+        async with (
+            asyncio.timeout(PATIENCE),
+            connect(url, additional_headers=headers, proxy=None, open_timeout=PATIENCE) as socket,
+        ):
             await socket.send(json.dumps(make_attach(**fields)))  # type: ignore[arg-type]
             answer: dict[str, object] = json.loads(await socket.recv())
             return answer
@@ -226,7 +229,7 @@ async def test_a_token_s_bounds_hold_for_old_monitors_and_for_traces(guarded: Gu
     url = guarded.server.url.replace("http", "ws", 1)
     headers = {"Authorization": f"Bearer {guarded.secrets['bound']}"}
     with pytest.raises(InvalidStatus, match="403"):
-        async with connect(f"{url}/legacy/fresh", additional_headers=headers, proxy=None):
+        async with connect(f"{url}/legacy/fresh", additional_headers=headers, proxy=None, open_timeout=PATIENCE):
             pass
-    async with connect(f"{url}/legacy/single", additional_headers=headers, proxy=None):
+    async with connect(f"{url}/legacy/single", additional_headers=headers, proxy=None, open_timeout=PATIENCE):
         pass
