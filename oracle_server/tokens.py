@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import hashlib
 import hmac
 import os
 import secrets
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -113,25 +115,26 @@ def add(
     sessions: Iterable[str] | None = None,
 ) -> str:
     """Make a token and note its hash; the token itself, which is kept nowhere. Raises `TokenError`."""
-    tokens = _read(path) if path.exists() else []
-    if any(known.name == name for known in tokens):
-        raise TokenError(f"{path}: there is a token '{name}' already; remove it first")
     secret = _PREFIX + secrets.token_urlsafe(32)
     wanted = {"name": name, "sha256": hash_of(secret), "scopes": list(scopes), "specs": specs and list(specs)}
     try:
         token = Token.model_validate(wanted | {"sessions": sessions and list(sessions)})
     except ValidationError as error:
         raise TokenError(f"{error.errors()[0]['loc'][0]}: {error.errors()[0]['msg']}") from None
-    _write(path, [*tokens, token])
+    with _alone(path):
+        tokens = listed(path)
+        if any(known.name == name for known in tokens):
+            raise TokenError(f"{path}: there is a token '{name}' already; remove it first")
+        _write(path, [*tokens, token])
     return secret
 
 
 def remove(path: Path, name: str) -> None:
     """Make a token good for nothing. Raises `TokenError`."""
-    tokens = listed(path)
-    if all(known.name != name for known in tokens):
+    if all(known.name != name for known in listed(path)):
         raise TokenError(f"{path}: there is no token '{name}'")
-    _write(path, [known for known in tokens if known.name != name])
+    with _alone(path):
+        _write(path, [known for known in listed(path) if known.name != name])
 
 
 def listed(path: Path) -> list[Token]:
@@ -165,11 +168,25 @@ def _read(path: Path) -> list[Token]:
         raise TokenError(f"{path}: {where + ': ' if where else ''}{first['msg']}") from None
 
 
+@contextlib.contextmanager
+def _alone(path: Path) -> Iterator[None]:
+    """Let nobody else change the file meanwhile: who reads it first would undo what is written first."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        folder = os.open(path.parent, os.O_RDONLY)
+    except OSError as error:
+        raise TokenError(f"{path}: can't be written: {error.strerror}") from None
+    try:
+        fcntl.flock(folder, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(folder)
+
+
 def _write(path: Path, tokens: list[Token]) -> None:
     text = _File(tokens=tokens).model_dump_json(indent=2, exclude_none=True) + "\n"
     draft = path.with_name(path.name + ".draft")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         draft.unlink(missing_ok=True)
         with os.fdopen(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
             file.write(text)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import httpx
@@ -12,7 +13,7 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 
-from oracle_server.tokens import Tokens, add, hash_of
+from oracle_server.tokens import Tokens, add, hash_of, listed, remove
 from tests.server.client import make_attach, make_event
 from tests.server.conftest import Starts
 from tests.server.harness import PATIENCE, Server, failed, problem, run
@@ -172,6 +173,17 @@ def test_tokens_come_and_go_while_the_server_runs(guarded: Guarded) -> None:
     assert guarded.ask("late", "GET", "/api/v1/sessions").status_code == 200
     assert run("token", "remove", "late", "--data-dir", data).returncode == 0
     problem(guarded.ask("late", "GET", "/api/v1/sessions"), 401)
+
+
+def test_tokens_that_come_and_go_at_once_undo_each_other_nowhere(tmp_path: Path) -> None:
+    file, names = tmp_path / "tokens.json", [f"t{i}" for i in range(30)]
+    add(file, "gone", ["read"])
+    with ThreadPoolExecutor(8) as threads:
+        making = [threads.submit(add, file, name, ["read"]) for name in names]
+        removing = threads.submit(remove, file, "gone")
+        assert len({made.result() for made in making}) == len(names)
+        removing.result()
+    assert sorted(token.name for token in listed(file)) == sorted(names)
 
 
 SPOILING: list[Callable[[Path], object]] = [
