@@ -99,7 +99,7 @@ def _state(server: Running | None) -> str:
     if not server.url.startswith("http:"):
         return "running"  # its certificates are for its clients
     try:
-        with httpx.Client(trust_env=False, timeout=2.0) as http:
+        with httpx.Client(trust_env=False, timeout=5.0) as http:
             return "ready" if http.get(f"{server.url}/readyz").is_success else "not ready"
     except httpx.HTTPError:
         return "not ready"
