@@ -6,10 +6,12 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, TypeVar
@@ -32,6 +34,17 @@ def environment(without: Sequence[str] = (), **settings: str) -> Setting:
     """This process's environment without what would set up a server or an adapter, and with what is given."""
     plain = {k: v for k, v in os.environ.items() if not k.startswith("ORACLE_") and k not in without}
     return plain | {"COLUMNS": "200"} | settings
+
+
+def held_port(stack: ExitStack) -> int:
+    """A port on which only those listen who are told of it, even while nobody does, until `stack` is left.
+
+    One that is free is not enough: whoever asks for any port, or connects from one, may get it in the meantime.
+    """
+    mark = stack.enter_context(socket.socket())
+    mark.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # who sets it too can listen there
+    mark.bind(("127.0.0.1", 0))
+    return int(mark.getsockname()[1])
 
 
 def as_yaml(value: object) -> str:
@@ -118,11 +131,9 @@ class Process:
 class Server:
     """An `oracle-server serve`, which can be killed and started again at the same address on the same data."""
 
-    def __init__(self, specs: Path, data: Path) -> None:
-        self._specs, self._data = specs, data
-        self._port = "0"
+    def __init__(self, specs: Path, data: Path, port: int) -> None:
+        self._specs, self._data, self._port = specs, data, port
         self.process, self.url = self._start()
-        self._port = self.url.rpartition(":")[2]
 
     def restart(self) -> None:
         """Start it again, after `kill`."""
