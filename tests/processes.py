@@ -100,8 +100,10 @@ class Process:
             self.remove()
 
     def wait(self) -> int:
-        """Wait for its end, and tell its exit status."""
-        return self._process.wait(PATIENCE)
+        """Wait for its end, when its log holds all that it said, and tell its exit status."""
+        status = self._process.wait(PATIENCE)
+        self._reader.join(PATIENCE)
+        return status
 
     def remove(self) -> None:
         """Let nothing of it be left."""

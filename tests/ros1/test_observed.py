@@ -326,7 +326,7 @@ def test_the_graph_can_be_dumped(tmp_path: Path) -> None:
         peer.record(Int64, "/heard")
         peer.advertise(Int64, "/said", listeners=0)
         dump = scene.run("dump", sys.executable, "-m", "oracle_ros1", "--dump-graph", "--monitor", "dumper")
-        found = json.loads(dump.said(r"(?s)\{.*\}\n")[0])
+        found = json.loads(dump.said(r"(?ms)^\{$.*^\}$")[0])
         node = {node["name"]: node for node in found["nodes"]}["/peer0"]
         assert (node["publishes"], node["subscribes"]) == (
             {"/said": ["std_msgs/Int64"]},
