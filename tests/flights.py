@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -35,6 +36,8 @@ ATTEMPTS = 5
 """Flights until one is on a machine that is not starved."""
 WARNING = 2
 LATENCY = 20_000_000  # ns, as in the spec
+STAGE = 10
+"""Percentages of which a supervisor must take one, to see the warning and to go wrong where a fault says so."""
 
 
 class Scene(Protocol):
@@ -136,10 +139,13 @@ class Flown:
     stamp: Callable[[Any], int]
 
     def starved(self) -> bool:
-        """Whether this machine kept messages back for longer than the spec's latency, so that some came late."""
+        """Whether this machine kept messages back for longer than the spec's latency, so that some came late.
+
+        Or kept the supervisor from its rounds.
+        """
         late = [event for event in self.server.events("s") if event["late"]]
         assert all(event["arrived"] - event["stamp"] > LATENCY for event in late), late
-        return bool(late)
+        return bool(late) or missed_much(self.ids("/input_accepted"))
 
     def ids(self, topic: str) -> list[int]:
         return [said.id for said in self.heard[topic]]
@@ -177,6 +183,11 @@ class Flown:
         assert {name: counters[name] for name in ("held", "refused", "skipped", "lost")} == {
             "held": 0, "refused": 0, "skipped": 0, "lost": 0,
         }, counters  # fmt: skip
+
+
+def missed_much(accepted: Sequence[int]) -> bool:
+    """Whether a supervisor, which takes two or three percentages a round, may have missed a stage of the countdown."""
+    return any(number - before > STAGE for before, number in pairwise([0, *accepted]))
 
 
 def cause(violation: Data) -> str:

@@ -10,8 +10,8 @@ import socket
 import subprocess
 import threading
 import time
-import weakref
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, TypeVar
@@ -37,11 +37,19 @@ def environment(without: Sequence[str] = (), **settings: str) -> Setting:
 
 
 def reserved_port() -> socket.socket:
-    """A port of one's own while this is open: only who is told of it, and shares addresses, can listen there."""
+    """A port of one's own while this is open: only who is told of it, and shares addresses, can listen there.
+
+    One that is free is not enough: whoever asks for any port, or connects from one, may get it in the meantime.
+    """
     place = socket.socket()
     place.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     place.bind(("127.0.0.1", 0))
     return place
+
+
+def held_port(stack: ExitStack) -> int:
+    """The number of a port of one's own until `stack` is left."""
+    return int(stack.enter_context(reserved_port()).getsockname()[1])
 
 
 def as_yaml(value: object) -> str:
@@ -97,8 +105,10 @@ class Process:
             self.remove()
 
     def wait(self) -> int:
-        """Wait for its end, and tell its exit status."""
-        return self._process.wait(PATIENCE)
+        """Wait for its end, when its log holds all that it said, and tell its exit status."""
+        status = self._process.wait(PATIENCE)
+        self._reader.join(PATIENCE)
+        return status
 
     def remove(self) -> None:
         """Let nothing of it be left."""
@@ -128,11 +138,8 @@ class Process:
 class Server:
     """An `oracle-server serve`, which can be killed and started again at the same address on the same data."""
 
-    def __init__(self, specs: Path, data: Path) -> None:
-        self._specs, self._data = specs, data
-        place = reserved_port()
-        weakref.finalize(self, place.close)
-        self._port = place.getsockname()[1]
+    def __init__(self, specs: Path, data: Path, port: int) -> None:
+        self._specs, self._data, self._port = specs, data, port
         self.process, self.url = self._start()
 
     def restart(self) -> None:

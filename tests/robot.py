@@ -111,8 +111,9 @@ def done(events: list[Data]) -> list[tuple[str, str, bool]]:
     return [(event["kind"], event["decision"], event["passed"]) for event in events]
 
 
-def settled(server: Server, count: int) -> list[Data]:
+def settled(server: Server, count: int, **query: str) -> list[Data]:
     """The events of session `s`, once there are so many and it is known of each what was done with it."""
     return eventually(
-        lambda: server.events("s"), lambda found: len(found) >= count and all(e["passed"] is not None for e in found)
+        lambda: server.events("s", **query),
+        lambda found: len(found) >= count and all(e["passed"] is not None for e in found),
     )

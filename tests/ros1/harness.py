@@ -6,7 +6,6 @@ import itertools
 import multiprocessing
 import os
 import signal
-import socket
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -14,7 +13,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Self
 
-from tests.processes import PATIENCE, ROOT, Process, Server, as_yaml, environment, eventually
+from tests.processes import PATIENCE, ROOT, Process, Server, as_yaml, environment, eventually, held_port
 from tests.ros1 import peer
 
 
@@ -113,7 +112,7 @@ class Scene:
     def __enter__(self) -> Self:
         self._folder.mkdir(exist_ok=True)
         with ExitStack() as begun:  # undone where something does not start
-            port = free_port()
+            port = held_port(begun)
             self._stack = begun
             self.settings = {
                 "ROS_MASTER_URI": f"http://127.0.0.1:{port}",
@@ -122,7 +121,7 @@ class Scene:
                 "PYTHONUNBUFFERED": "1",
             }
             self._start_master()
-            self.server = Server(self._specs, self._folder / "data")
+            self.server = Server(self._specs, self._folder / "data", held_port(begun))
             begun.callback(self.server.kill)
             self._stack = begun.pop_all()
         return self
@@ -167,12 +166,6 @@ class Scene:
         made = Peer(f"peer{next(self._peers)}", self.settings)
         self._stack.callback(made.close)
         return made
-
-
-def free_port() -> int:
-    with socket.socket() as mark:
-        mark.bind(("127.0.0.1", 0))
-        return int(mark.getsockname()[1])
 
 
 __all__ = ["Peer", "Process", "Scene", "Server", "eventually"]

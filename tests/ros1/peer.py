@@ -9,6 +9,7 @@ from collections import defaultdict
 from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection
 from typing import Any
+from xmlrpc.client import ServerProxy
 
 import rospy
 
@@ -32,8 +33,8 @@ class Node:
         self._subscribers[topic] = rospy.Subscriber(topic, kind, heard.append, tcp_nodelay=True)
 
     def speakers(self, topic: str) -> int:
-        """How many publishers of a topic it is connected to."""
-        return int(self._subscribers[topic].get_num_connections())
+        """How many publishers would reach it with what they say on a topic from now on."""
+        return sum(_reaches(connection.endpoint_id, topic) for connection in self._subscribers[topic].impl.connections)
 
     def heard(self, topic: str) -> list[Any]:
         """What was heard so far."""
@@ -92,6 +93,15 @@ class Node:
     def answer(self, number: int) -> Answer | None:
         """What came of a call, None while it waits."""
         return self._answers.get(number)
+
+
+def _reaches(uri: str, topic: str) -> bool:
+    """Whether a node publishes a topic to this one, as it says itself: here a connection counts before it is made."""
+    try:
+        _, _, connections = ServerProxy(uri).getBusInfo(rospy.get_name())
+    except OSError:  # it has gone
+        return False
+    return [rospy.get_name(), "o", topic] in ([where, way, what] for _, where, way, _, what, *_ in connections)
 
 
 def main(connection: Connection, name: str, environment: dict[str, str]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,9 @@ import pytest
 from std_msgs.msg import Int64
 from std_srvs.srv import SetBool, SetBoolResponse
 
-from tests.processes import eventually
+from tests.processes import eventually, held_port
 from tests.robot import ENDLESS, GATE, HELD, SWITCH, spec_folder
-from tests.ros1.harness import Peer, Process, Scene, free_port
+from tests.ros1.harness import Peer, Process, Scene
 
 SERVICE = SWITCH.partition("streams:\n")[2].partition("properties:")[0]
 BOTH = GATE.replace("properties:", SERVICE + "properties:") + SWITCH.partition("properties:\n")[2]
@@ -72,8 +73,8 @@ def test_a_call_that_waits_when_the_adapter_ends_is_an_error_and_reaches_nobody(
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_adapter_that_waits_for_a_master_can_be_ended(number: signal.Signals, tmp_path: Path) -> None:
-    with Scene(tmp_path) as scene:
-        scene.settings["ROS_MASTER_URI"] = f"http://127.0.0.1:{free_port()}"
+    with ExitStack() as stack, Scene(tmp_path) as scene:
+        scene.settings["ROS_MASTER_URI"] = f"http://127.0.0.1:{held_port(stack)}"
         adapter = scene.run("adapter", sys.executable, "-m", "oracle_ros1", "--oracle", scene.server.url)
         adapter.said("master may not be running yet")
         adapter.ends_well(number)

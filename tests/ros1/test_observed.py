@@ -180,6 +180,7 @@ def test_a_topic_whose_package_is_not_installed_is_read_and_filtered(tmp_path: P
 
 ODD_NODES = """
 import sys
+from xmlrpc.client import ServerProxy
 import rospy
 from odd_msgs.msg import Inner, Odd
 from std_msgs.msg import Header
@@ -194,11 +195,11 @@ if sys.argv[1] == "hear":
     print(f"heard {answers} {len(heard[0].blob)} bytes {heard[0].header.frame_id}", flush=True)
 else:
     publisher = rospy.Publisher("/odd_mon", Odd, queue_size=10)
-    while not publisher.get_num_connections() or "/odd" not in dict(rospy.get_published_topics()):
+    adapter = ServerProxy(rospy.get_master().lookupNode("/uav1")[2])
+    heard = False
+    while not (publisher.get_num_connections() and heard):
         rospy.sleep(0.02)
-    while "/odd" not in [topic for topic, nodes in rospy.get_master().getSystemState()[2][1]]:
-        rospy.sleep(0.02)
-    rospy.sleep(1)  # until who hears has connected, as a robot's nodes have after their start
+        heard = any((way, topic) == ("o", "/odd") for _, _, way, _, topic, *_ in adapter.getBusInfo("/speak")[2])
     for answer in (12, 13, 14):
         header = Header(stamp=rospy.Time.now(), frame_id="odd_frame")
         publisher.publish(Odd(header=header, inner=Inner(answer), blob=b"abc"))
@@ -326,7 +327,7 @@ def test_the_graph_can_be_dumped(tmp_path: Path) -> None:
         peer.record(Int64, "/heard")
         peer.advertise(Int64, "/said", listeners=0)
         dump = scene.run("dump", sys.executable, "-m", "oracle_ros1", "--dump-graph", "--monitor", "dumper")
-        found = json.loads(dump.said(r"(?s)\{.*\}\n")[0])
+        found = json.loads(dump.said(r"(?ms)^\{$.*^\}$")[0])
         node = {node["name"]: node for node in found["nodes"]}["/peer0"]
         assert (node["publishes"], node["subscribes"]) == (
             {"/said": ["std_msgs/Int64"]},

@@ -13,7 +13,18 @@ from typing import Any, Self
 
 import pytest
 
-from tests.processes import PATIENCE, ROOT, Data, Process, Server, as_yaml, environment, eventually, without_gaps
+from tests.processes import (
+    PATIENCE,
+    ROOT,
+    Data,
+    Process,
+    Server,
+    as_yaml,
+    environment,
+    eventually,
+    held_port,
+    without_gaps,
+)
 
 rclpy = pytest.importorskip("rclpy")
 executors = pytest.importorskip("rclpy.executors")
@@ -77,7 +88,7 @@ class Scene:
         self._folder.mkdir(exist_ok=True)
         with ExitStack() as begun:  # undone where the server does not start
             self.domain = self._free_domain(begun)
-            self.server = Server(self._specs, self._folder / "data")
+            self.server = Server(self._specs, self._folder / "data", held_port(begun))
             begun.callback(self.server.kill)
             self._stack = begun.pop_all()
         return self

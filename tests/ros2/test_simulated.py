@@ -7,8 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.processes import PATIENCE
 from tests.ros2.harness import Peer, Scene, eventually
 
+Duration = pytest.importorskip("rclpy.duration").Duration
 clock_msgs = pytest.importorskip("rosgraph_msgs.msg")
 msg = pytest.importorskip("battery_uav_msgs.msg")
 srv = pytest.importorskip("battery_uav_msgs.srv")
@@ -34,8 +36,10 @@ class Simulation:
         self._clock.publish(clock_msgs.Clock(clock=stamp(seconds)))
 
     def percentage(self, number: int, seconds: float) -> None:
+        """Publish one, which has arrived when this returns: the clock is not to overtake it."""
         made = header(stamp=stamp(seconds))
         self._percentages.publish(msg.BatteryPercentage(header=made, id=number, percentage=90.0))
+        assert self._percentages.wait_for_all_acked(Duration(seconds=PATIENCE))
 
     def run_until(self, session: str, scene: Scene, start: float, count: int) -> float:
         """Let time go on, a tenth of a second at a time, until a session has judged so many events."""

@@ -24,7 +24,10 @@ UNHEARD_SUBSCRIPTION = SubscriptionEventCallbacks(use_default_callbacks=False)
 Take = Callable[[bytes, Mapping[str, Any]], None]
 
 MEETING = 0.4
-"""Seconds that a new publisher has to meet the subscribers before the old one goes."""
+"""Seconds that a new publisher or subscription has to meet the others before the old one goes.
+
+The next look can come at once, where one was late.
+"""
 
 
 class Heard:
@@ -44,7 +47,7 @@ class Heard:
 
     def look(self) -> str:
         """Look at the publishers again, and tell what is wrong with them."""
-        while len(self._subscriptions) > 1:
+        while len(self._subscriptions) > 1 and time.monotonic() - self._made >= MEETING:
             self._node.destroy_subscription(self._subscriptions.pop(0))
         self._publishers = self._look_around()
         wanted = to_hear(self.offered)
@@ -98,7 +101,7 @@ class Heard:
         def callback(message: Any, info: Any) -> None:  # rclpy hands over `info` by the number of parameters
             take(message, info)
 
-        self._profile = profile
+        self._profile, self._made = profile, time.monotonic()
         subscription = self._node.create_subscription(
             self._type, self._topic, callback, profile, event_callbacks=UNHEARD_SUBSCRIPTION, raw=True
         )
@@ -118,7 +121,7 @@ class Forwarded:
         self._giving = threading.Lock()
         self._publisher = self._next = self._make(to_forward([]))
         self._retired: Any = None
-        self._made = 0.0  # when the next one was made (s)
+        self._changed = 0.0  # when the next one was made, or took over (s)
         self._held: list[Any] | None = None  # what waits for the next one
 
     def publish(self, message: Any) -> bool:
@@ -140,14 +143,15 @@ class Forwarded:
 
     def look(self, originals: Sequence[QoSProfile]) -> str:
         """Offer what the originals do, and tell what is wrong on the topic."""
+        if time.monotonic() - self._changed < MEETING:
+            return ""
         if self._retired is not None:
             self._node.destroy_publisher(self._retired)
             self._retired = None
         if self._next is not self._publisher:
-            if time.monotonic() - self._made < MEETING:
-                return ""
             with self._giving:
                 self._retired, self._publisher = self._publisher, self._next
+                self._changed = time.monotonic()
                 self._release()
         self.match(originals)
         return "" if self._retired or self._next is not self._publisher else "; ".join(self._troubles())
@@ -160,7 +164,7 @@ class Forwarded:
         with self._giving:
             if all(lasts(profile) for profile in originals) and not lasts(self._next.qos_profile):
                 self._held = []
-            self._next, self._made = self._make(wanted), time.monotonic()
+            self._next, self._changed = self._make(wanted), time.monotonic()
 
     def _release(self) -> None:
         """Pass on what was held, by the next one."""

@@ -10,6 +10,7 @@ import pytest
 from playwright.async_api import Page, expect
 
 from oracle_server.tokens import add
+from tests.processes import reserved_port
 from tests.server.client import attached, make_event
 from tests.server.conftest import Starts
 from tests.server.harness import Server
@@ -90,17 +91,17 @@ async def test_a_token_is_asked_for_and_kept_to_oneself(start: Starts, tmp_path:
 
 
 async def test_a_server_that_is_away_is_told_and_found_again(start: Starts, page: Page) -> None:
-    server = start()
-    async with attached(server, session="s", spec="single") as monitor:
-        await monitor.send(make_event(1, at=1, data={"v": 1}))
-        await monitor.acked(1)
-    await page.goto(f"{server.url}/#/sessions/s")
-    cell = page.get_by_role("link", name="a_is_small at step 1: currently_true")
-    await expect(cell).to_be_visible()
-    port = server.url.rpartition(":")[2]
-    server.stop()
-    await expect(page.get_by_role("status")).to_contain_text("can't be reached")
-    await expect(cell).to_be_visible()
-    again = start(port=port)
-    assert again.url == server.url
-    await expect(page.get_by_role("status")).to_have_text("live")
+    with reserved_port() as place:
+        port = str(place.getsockname()[1])
+        server = start(port=port)
+        async with attached(server, session="s", spec="single") as monitor:
+            await monitor.send(make_event(1, at=1, data={"v": 1}))
+            await monitor.acked(1)
+        await page.goto(f"{server.url}/#/sessions/s")
+        cell = page.get_by_role("link", name="a_is_small at step 1: currently_true")
+        await expect(cell).to_be_visible()
+        server.stop()
+        await expect(page.get_by_role("status")).to_contain_text("can't be reached")
+        await expect(cell).to_be_visible()
+        start(port=port)
+        await expect(page.get_by_role("status")).to_have_text("live")
