@@ -9,8 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from oracle_adapter import LinkError, LogFile, open_log
+from oracle_adapter.fields import nanoseconds
 
+from oracle_server.core.stamps import nanoseconds as as_the_server_reads_it
 from tests.server.harness import run
 
 ROOT = Path(__file__).parents[2]
@@ -112,3 +116,8 @@ def test_what_are_no_streams_is_refused_in_words(content: str, tmp_path: Path) -
 def test_a_log_that_can_not_be_written_is_refused(streams: Path, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="--log"):
         log_at(tmp_path / "nowhere" / "log.jsonl", streams)
+
+
+@given(st.integers(-(2**64), 2**64) | st.floats())
+def test_a_number_is_the_same_time_to_adapter_and_server(seconds: float) -> None:
+    assert nanoseconds(seconds) == as_the_server_reads_it(seconds)

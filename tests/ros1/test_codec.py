@@ -195,3 +195,17 @@ def test_a_stamp_is_a_time_that_is_not_zero() -> None:
     assert read(stamped(header=header(stamp=genpy.Time(1, 5)))) == 1_000_000_005
     assert stamp_reader(header, "frame_id") is None
     assert stamp_reader(lookup_installed("std_msgs/Int64"), None) is None
+
+
+def test_a_number_that_a_spec_names_as_stamp_counts_as_seconds() -> None:
+    whole, other = lookup_installed("std_msgs/Int64"), lookup_installed("std_msgs/Float64")
+    for kind, number, time in (
+        (whole, 5, 5 * 10**9),
+        (whole, 0, None),
+        (other, 1.5, 15 * 10**8),
+        (other, math.nan, None),
+    ):
+        read = stamp_reader(kind, "data")
+        assert read is not None
+        assert read(kind(data=number)) == time
+    assert stamp_reader(lookup_installed("std_msgs/Bool"), "data") is None

@@ -20,6 +20,7 @@ pytest.importorskip("rclpy")
 codec = pytest.importorskip("oracle_ros2.codec")
 adapter = pytest.importorskip("oracle_adapter")
 serialization = pytest.importorskip("rclpy.serialization")
+stamps = pytest.importorskip("oracle_ros2.stamps")
 
 # rclpy imports an old lark with its first message, and warns by a function of its own that is deprecated.
 pytestmark = pytest.mark.filterwarnings(
@@ -246,3 +247,18 @@ def test_what_does_not_fit_is_told_by_its_field(name: str, data: dict[str, Any],
 def test_a_type_that_is_not_there_is_told_by_its_name(name: str) -> None:
     with pytest.raises(codec.CodecError, match=f"the type {name} can't be loaded"):
         codec.load_type(name)
+
+
+def test_a_number_that_a_spec_names_as_stamp_counts_as_seconds() -> None:
+    whole, other = type_of("std_msgs/msg/Int64"), type_of("std_msgs/msg/Float64")
+    for kind, number, time in (
+        (whole, 5, 5 * 10**9),
+        (whole, 0, None),
+        (other, 1.5, 15 * 10**8),
+        (other, math.nan, None),
+    ):
+        read = stamps.stamp_reader(kind, "data")
+        assert read is not None
+        assert read(kind(data=number)) == time
+    assert stamps.stamp_reader(type_of("std_msgs/msg/Bool"), "data") is None
+    assert stamps.stamp_reader(whole, None) is None

@@ -1,9 +1,9 @@
-"""Which fields of a message are read, and how a 32-bit float is written."""
+"""Which fields of a message are read, and what their numbers are: 32-bit floats, and times."""
 
 from __future__ import annotations
 
 import struct
-from typing import Dict, Iterable, List, Optional
+from typing import Dict, Iterable, List, Optional, Union
 
 _SINGLE = struct.Struct("<f")
 
@@ -19,6 +19,17 @@ def grouped(paths: Iterable[str]) -> Dict[str, Optional[List[str]]]:
         else:
             wanted[name] = None
     return wanted
+
+
+def nanoseconds(seconds: Union[int, float]) -> Optional[int]:
+    """A number of seconds as a time (ns), as the server reads it; None for one that is none."""
+    if isinstance(seconds, int):
+        time = seconds * 10**9
+    elif 0 < seconds < 2**63:
+        time = round(seconds * 10**9)
+    else:
+        return None
+    return time if 0 < time < 2**63 else None
 
 
 def shortest(value: float) -> float:

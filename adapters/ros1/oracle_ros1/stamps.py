@@ -7,6 +7,7 @@ from typing import Any, Callable, Optional, Sequence
 
 import genpy
 import rospy
+from oracle_adapter.fields import nanoseconds
 from rosgraph_msgs.msg import Clock
 
 _DEFAULTS = ("header.stamp", "stamp")
@@ -17,12 +18,15 @@ Now = Callable[[], Optional[int]]
 def stamp_reader(message_type: Any, path: Optional[str]) -> Optional[Callable[[Any], Optional[int]]]:
     """A function from messages to the time at `path`, or in the usual places, which gives None where it is zero.
 
-    None where the type has no time there: ROS 1 carries no publication time of its own.
+    A number counts as seconds. None where the type has no time there: ROS 1 carries no publication time of its own.
     """
     for place in (path,) if path else _DEFAULTS:
         names = place.split(".")
-        if isinstance(_at(message_type(), names), genpy.Time):
+        found = _at(message_type(), names)
+        if isinstance(found, genpy.Time):
             return lambda message: _at(message, names).to_nsec() or None
+        if isinstance(found, (int, float)) and not isinstance(found, bool):
+            return lambda message: nanoseconds(_at(message, names))
     return None
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Any, Callable
+from typing import TYPE_CHECKING, Any, Callable, Sequence
 
+from oracle_adapter.fields import nanoseconds
 from rclpy.clock import JumpHandle, JumpThreshold
 from rclpy.duration import Duration
 
@@ -36,22 +37,23 @@ def on_back(node: Node, call: Callable[[], None]) -> JumpHandle:
 def stamp_reader(message_type: Any, path: str | None) -> Callable[[Any], int | None] | None:
     """A function from messages to the time at `path`, or in the usual places; None where there is none.
 
-    The function's own answer is None where the time is zero.
+    A number there counts as seconds. The function's own answer is None where the time is zero.
     """
-    places = [place for place in ((path,) if path else _DEFAULTS) if _is_time(message_type(), place)]
-    if not places:
-        return None
-    names = places[0].split(".")
-
-    def read(message: Any) -> int | None:
-        for name in names:
-            message = getattr(message, name)
-        return message.sec * 10**9 + message.nanosec or None
-
-    return read
+    for place in (path,) if path else _DEFAULTS:
+        names = place.split(".")
+        found = _at(message_type(), names)
+        if hasattr(found, "sec") and hasattr(found, "nanosec"):
+            return lambda message: _nanoseconds(_at(message, names))
+        if isinstance(found, int | float) and not isinstance(found, bool):
+            return lambda message: nanoseconds(_at(message, names))
+    return None
 
 
-def _is_time(message: Any, path: str) -> bool:
-    for name in path.split("."):
+def _nanoseconds(stamp: Any) -> int | None:
+    return stamp.sec * 10**9 + stamp.nanosec or None
+
+
+def _at(message: Any, names: Sequence[str]) -> Any:
+    for name in names:
         message = getattr(message, name, None)
-    return hasattr(message, "sec") and hasattr(message, "nanosec")
+    return message
