@@ -111,6 +111,7 @@ class LegacyConnection:
         except (WebSocketDisconnect, RuntimeError, OSError):
             pass  # it left, and its session ends with it
         finally:
+            log.info("old monitor gone", session=self._session.id)
             self._session.detach(monitor)
             self._over.set()
 
