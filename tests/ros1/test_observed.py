@@ -134,6 +134,13 @@ def test_the_graph_sees_verdicts_errors_and_diagnostics(tmp_path: Path) -> None:
         adapter.ends_well()
 
 
+def test_a_stamp_that_the_type_does_not_have_is_told(tmp_path: Path) -> None:
+    spec = WATCH.replace("PointStamped\n", "PointStamped\n    stamp: header.stmp\n")
+    with Scene(tmp_path, spec_folder(tmp_path, spec)) as scene:
+        told = "/point: geometry_msgs/PointStamped has no time at `header.stmp`: ordered by arrival instead"
+        scene.adapter("watch").said(told)
+
+
 def test_where_stamps_come_from_is_known_and_shown(tmp_path: Path) -> None:
     with Scene(tmp_path, spec_folder(tmp_path, WATCH)) as scene:
         scene.adapter("watch")

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from tests.robot import spec_folder
 from tests.ros2.harness import Peer, Scene, eventually
 
 rclpy_qos = pytest.importorskip("rclpy.qos")
@@ -151,6 +152,14 @@ def test_a_message_published_past_the_monitor_is_told(scene: Scene) -> None:
     peer.node.destroy_publisher(past)
     adapter.said("/number: well again")
     eventually(told, lambda streams: not any(trouble for _, trouble in streams.values()))
+
+
+def test_a_stamp_that_the_type_does_not_have_is_told(tmp_path: Path) -> None:
+    specs = spec_folder(tmp_path, SPEC.replace("/logged\n", "/logged\n    stamp: header.stmp\n"))
+    with Scene(tmp_path, specs) as scene:
+        scene.adapter("gate").said(
+            "/logged: std_msgs/msg/Int64 has no time at `header.stmp`: ordered by middleware instead"
+        )
 
 
 def test_a_publisher_of_another_type_is_told(scene: Scene) -> None:

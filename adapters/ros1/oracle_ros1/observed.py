@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Tuple, Union
+from typing import Any, Callable, Dict, Iterable, Iterator, List, Mapping, Optional, Tuple, Union
 
 import rospy
 from oracle_adapter import TimeSource
@@ -93,7 +93,14 @@ class Observed:
         nodes = {header.get("callerid", "somebody"): self.decoder(header) for header in publishers}
         with self._deciding:
             self.unreadable = {node: why for node, why in self.unreadable.items() if node in nodes}
-            return [why for why in (*nodes.values(), *self.unreadable.values()) if isinstance(why, str)]
+            found = (*nodes.values(), *self.unreadable.values(), *self._misplaced((self.installed, *nodes.values())))
+            return [why for why in found if isinstance(why, str)]
+
+    def _misplaced(self, decoders: Iterable[Union[Decoder, str, None]]) -> Iterator[str]:
+        """Why messages are not ordered by the field that the spec names."""
+        known = [decoder for decoder in decoders if isinstance(decoder, Decoder)]
+        if self._path and any(decoder.stamp is None for decoder in known):
+            yield f"{self._type or 'its type'} has no time at `{self._path}`: ordered by arrival instead"
 
     def _take_unread(self) -> int:
         with self._deciding:

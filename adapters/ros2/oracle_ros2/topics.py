@@ -30,6 +30,11 @@ class Observed:
         self.type = load_type(stream["type"])
         self._stamp = stamp_reader(self.type, stream["stamp"])
         self.time_source: TimeSource = "field" if self._stamp else "arrival" if self._now else "middleware"
+        self.misplaced = ""
+        """Why its messages are not ordered by the field that the spec names."""
+        if stream["stamp"] and self._stamp is None:
+            where = f"{stream['type']} has no time at `{stream['stamp']}`"
+            self.misplaced = f"{where}: ordered by {self.time_source} instead"
         self._read = reader(self.type, stream["fields"])
         self._numbers: dict[str, int] = {}
         self._unread = 0  # messages since the last event
@@ -86,7 +91,8 @@ class LoggedTopic:
 
     def look(self) -> str:
         """Look at the other nodes again, and tell what is wrong."""
-        return "; ".join(told for told in (self.heard.look(), *unreadable(self)) if told)
+        troubles = (self.heard.look(), self.observed.misplaced, *unreadable(self))
+        return "; ".join(trouble for trouble in troubles if trouble)
 
     def stop(self) -> None:
         """Take no more."""
@@ -116,7 +122,8 @@ class FilteredTopic:
 
     def look(self) -> str:
         """Look at the other nodes again, and tell what is wrong."""
-        troubles = (self.heard.look(), self._forwarded.look(self.heard.offered), *unreadable(self))
+        found = self.heard.look(), self._forwarded.look(self.heard.offered)
+        troubles = (*found, self.observed.misplaced, *unreadable(self))
         return "; ".join(trouble for trouble in troubles if trouble)
 
     def stop(self) -> None:
