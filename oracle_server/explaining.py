@@ -53,7 +53,7 @@ def explained(store: Store, session: int, n: int) -> dict[str, Any] | None:
     if not rows:
         return None
     record = records_of(rows[0], [p.id for p in properties])[index]
-    if properties[index].external is not None and record["explanation"] is not None:
+    if properties[index].engine not in _NATIVE and record["explanation"] is not None:
         return record
     _demand_explicable(record, properties[index], rows[0])
     undoing = [key.name for key, stream in ready.streams.items() if stream.undoes]
