@@ -30,6 +30,7 @@ class Panel(Node):
         self._tell()
         # In a group of its own, a request that is never answered holds up nothing else.
         self.create_service(SetLED, "SetLED", self._set_led, callback_group=ReentrantCallbackGroup())
+        self.get_logger().info("serving SetLED")
         self.create_timer(self._period, self._tell)
 
     async def _set_led(self, request: SetLED.Request, response: SetLED.Response) -> SetLED.Response:

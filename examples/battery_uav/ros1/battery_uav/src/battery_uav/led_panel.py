@@ -30,6 +30,7 @@ class Panel:
         wait_heard([self._accepted, self._shown], 0)
         self._tell()
         rospy.Service("SetLED", SetLED, self._set_led)
+        rospy.loginfo("serving SetLED")
         while not rospy.is_shutdown():
             self._rate.sleep()
             self._tell()
