@@ -19,6 +19,7 @@ _QUIET = [  # Chromium asks nobody on its own
     "--disable-sync",
     "--no-first-run",
 ]
+_CONTAINED = ["--disable-dev-shm-usage"]  # a container has little of it, and a page that runs out of it crashes
 _ROOT = ["--no-sandbox"] if os.geteuid() == 0 else []
 
 
@@ -32,7 +33,8 @@ async def browser() -> AsyncIterator[Browser]:
         pytest.skip(missing)
     expect.set_options(timeout=PATIENCE * 1000)
     async with async_playwright() as playwright:
-        browser = await playwright.chromium.launch(executable_path=chromium, args=[*_QUIET, *_ROOT])
+        arguments = [*_QUIET, *_CONTAINED, *_ROOT]
+        browser = await playwright.chromium.launch(executable_path=chromium, args=arguments, timeout=PATIENCE * 1000)
         yield browser
         await browser.close()
 

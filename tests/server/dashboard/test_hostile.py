@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import httpx
 import pytest
 from playwright.async_api import Page, expect
 
@@ -72,7 +71,7 @@ async def test_a_token_is_asked_for_and_kept_to_oneself(start: Starts, tmp_path:
     secret = add(tmp_path / "data" / "tokens.json", "reader", ["read"])
     submits = add(tmp_path / "data" / "tokens.json", "robot", ["submit"])
     server = start()
-    assert httpx.get(f"{server.url}/api/v1/sessions", trust_env=False).status_code == 401
+    assert server.http.get("/api/v1/sessions").status_code == 401
     await page.goto(f"{server.url}/")
     field = page.get_by_label("token")
     await field.fill("wrong")
