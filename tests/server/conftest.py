@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import shutil
-from collections.abc import AsyncIterator, Callable, Iterator
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from itertools import count
 from pathlib import Path
@@ -74,9 +76,9 @@ def start(tmp_path: Path) -> Iterator[Starts]:
 
 
 @pytest.fixture
-async def bystander(server: Server, name: Callable[[], str]) -> AsyncIterator[None]:
+def bystander(server: Server, name: Callable[[], str]) -> Iterator[None]:
     """Another session on the same server, which is answered all the time, and right."""
-    session, started, stop = name(), asyncio.Event(), asyncio.Event()
+    session, started, stop = name(), threading.Event(), threading.Event()
 
     async def ask() -> int:
         async with attached(server, "lamp1", session=session, spec="lamp", streams=["/light", "/switch"]) as monitor:
@@ -95,13 +97,14 @@ async def bystander(server: Server, name: Callable[[], str]) -> AsyncIterator[No
             await monitor.detach()
         return seq
 
-    asking = asyncio.create_task(ask())
-    async with asyncio.timeout(PATIENCE):
-        await started.wait()
-    yield
-    stop.set()
-    async with asyncio.timeout(PATIENCE):
-        asked = await asking
+    with ThreadPoolExecutor(1) as threads:  # with a loop of its own, so that it is awake whatever the test does
+        asking = threads.submit(asyncio.run, ask())
+        try:
+            assert started.wait(PATIENCE)
+            yield
+        finally:
+            stop.set()
+        asked = asking.result(PATIENCE)
     records = server.records(session, property="only_in_the_dark")
     assert [r["seq"] for r in records] == list(range(1, asked + 1))
     assert [r["decision"] for r in records[1::2]] == (["allow", "deny"] * asked)[: asked // 2]
