@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Iterable
 from http import HTTPStatus
 from typing import Protocol, cast
@@ -160,8 +161,9 @@ class WebSocketTransport(WebSocketsSansIOProtocol):
             self.loop.call_later(_CLOSE_WITHIN, self._let_go)
 
     def _let_go(self) -> None:
-        if self.transport.get_write_buffer_size():
-            self.transport.abort()
+        with contextlib.suppress(AttributeError):  # over TLS, what asyncio says of a connection that has ended
+            if self.transport.get_write_buffer_size():
+                self.transport.abort()
 
     def keepalive_timeout(self) -> None:
         """Give up a peer that answers no pings, unless it is we who have not read its answer."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import ssl
+import time
 from pathlib import Path
 
 import httpx
@@ -15,8 +16,9 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import WebSocketException
 
 from oracle_server.tokens import add
+from tests.chaos.served import Served
 from tests.server.client import make_attach
-from tests.server.conftest import Starts
+from tests.server.conftest import Starts, copy_specs
 from tests.server.harness import PATIENCE, Server, failed, run
 
 
@@ -78,24 +80,37 @@ async def test_all_goes_over_tls(start: Starts, authority: Authority) -> None:
 
 async def test_a_client_without_a_good_certificate_is_refused(start: Starts, authority: Authority) -> None:
     server = start(**authority.settings, ORACLE_TLS_CLIENT_CA=str(authority.ca))
+    url = server.url.replace("https", "wss", 1) + "/api/v1/attach"
     for own in (None, authority.stranger):
         with pytest.raises((httpx.HTTPError, ssl.SSLError)):
             ask(server, authority.context(own))
         with pytest.raises((OSError, WebSocketException)):
-            await attach(server, authority.context(own))
+            await attach(url, authority.context(own))
     assert ask(server, authority.context(authority.client)) == 200
-    assert (await attach(server, authority.context(authority.client)))["type"] == "attached"
+    assert (await attach(url, authority.context(authority.client)))["type"] == "attached"
     client, key = authority.client
     own_files = {"ORACLE_CA": str(authority.ca), "ORACLE_CLIENT_CERT": str(client), "ORACLE_CLIENT_KEY": str(key)}
     assert run("sessions", "--url", server.url, **own_files).returncode == 0
 
 
-async def attach(server: Server, context: ssl.SSLContext) -> dict[str, object]:
-    url = server.url.replace("https", "wss", 1) + "/api/v1/attach"
+async def attach(url: str, context: ssl.SSLContext) -> dict[str, object]:
     async with connect(url, ssl=context, proxy=None, open_timeout=PATIENCE) as socket, asyncio.timeout(PATIENCE):
         await socket.send(json.dumps(make_attach(spec="single")))
         answer: dict[str, object] = json.loads(await socket.recv())
         return answer
+
+
+async def test_a_connection_over_tls_that_has_ended_is_let_go_of(authority: Authority, tmp_path: Path) -> None:
+    prelude = "from oracle_server import transport; transport._CLOSE_WITHIN = 0.05"
+    cert, key = map(str, authority.server)
+    specs = copy_specs(tmp_path / "specs")
+    async with Served(specs, tmp_path / "data", prelude, tls_cert=cert, tls_key=key) as served:
+        url = f"wss://127.0.0.1:{served.port}/api/v1/attach"
+        begin = time.monotonic()
+        while time.monotonic() < begin + 0.5:
+            assert (await attach(url, authority.context()))["type"] == "attached"
+        assert await served.stop() == 0
+    assert not served.complaints
 
 
 async def test_old_tls_is_refused(start: Starts, authority: Authority) -> None:
