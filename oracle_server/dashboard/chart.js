@@ -7,20 +7,24 @@ import { at, event, mark, stream } from "./words.js";
 const STEPS = 60;
 const BEFORE = 0.5; // of the steps are shown before the one that is looked at
 const MOST = 1000; // records in one answer
+const LOOKS = 10; // at what has changed: the history is behind the state, and the longer the slower the disk is
 
 /** The newest steps, or those around verdict `n`; `witness` marks the steps that explain it. */
 export function chartView(id, n) {
   const picture = new Place("section", { class: "chart" });
-  let [order, records, witnesses, known, again, moved] = [null, [], [], null, true, true];
+  let [order, records, witnesses, known, looks, moved] = [null, [], [], null, 0, true];
 
   async function refresh(state) {
     const orders = [...new Set(state.properties.map((each) => each.order))];
     const properties = [...new Set(state.properties.map((each) => each.id))];
     const changed = JSON.stringify([n, state.counters, state.properties.map((each) => each.outcome)]);
-    if (changed !== known || again) {
-      again = changed !== known; // the history is a moment behind the state: what changed is looked at twice
-      known = changed;
-      records = await around(id, n, properties.length);
+    if (changed !== known) looks = LOOKS;
+    if (looks) {
+      [known, looks] = [changed, looks - 1];
+      const asked = n;
+      const found = await around(id, asked, properties.length);
+      if (asked !== n) return; // somebody has gone on meanwhile, and that was asked for too
+      records = found;
     }
     if (moved) order = records.find((each) => each.n === n)?.order ?? order ?? orders[0];
     draw({ id, n, orders, properties });

@@ -6,17 +6,18 @@ import { at, moment } from "./words.js";
 
 const PAGE = 20;
 const MOST = 1000;
+const LOOKS = 10; // at what has changed: the history is behind the state, and the longer the slower the disk is
 
 /** The list of violations; what is older is asked for by a button. */
 export function violationsView(id) {
   const list = new Place("section");
-  let [limit, known, again, latest] = [PAGE, null, true, null];
+  let [limit, known, looks, latest] = [PAGE, null, 0, null];
 
   async function refresh(state) {
     const changed = JSON.stringify([limit, state.properties.map((each) => each.violations)]);
-    if (changed !== known || again) {
-      again = changed !== known; // the history is a moment behind the state: what changed is looked at twice
-      known = changed;
+    if (changed !== known) looks = LOOKS;
+    if (looks) {
+      [known, looks] = [changed, looks - 1];
       const { items, next } = await get(of(id, "violations"), { order: "desc", limit });
       latest = { items, more: next !== null && limit < MOST };
     }
