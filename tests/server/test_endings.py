@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from contextlib import AsyncExitStack
 
 from tests.server.client import attached, connected, make_attach, make_event
 from tests.server.conftest import Starts
@@ -20,11 +21,12 @@ async def test_a_session_that_ends_names_the_next_to_who_comes_meanwhile(start: 
     server = start()
     async with (
         attached(server, "m1", session="s", spec="pair", streams=["/a"], clock="sim") as first,
-        connected(server) as second,
+        AsyncExitStack() as connections,
     ):
         with locked(server):
             await first.send(make_event(1, stamp=8 * 10**9), sim_clock(9 * 10**9), sim_clock(10**9))
             await until_ready(server, 503)
+            second = await connections.enter_async_context(connected(server))
             await second.send(make_attach("m2", session="s", clock="sim"))
         assert await refused(first) == ("session_ended", "s.run2")
         assert await refused(second) == ("session_ended", "s.run2")
@@ -32,14 +34,15 @@ async def test_a_session_that_ends_names_the_next_to_who_comes_meanwhile(start: 
 
 async def test_a_server_that_stops_sends_nobody_away_for_good(start: Starts) -> None:
     server = start()
-    async with attached(server, "m1", session="s", spec="single") as first, connected(server) as second:
+    async with attached(server, "m1", session="s", spec="single") as first:
         with locked(server):
             await first.send(make_event(1, data={"v": 1}))
             await until_ready(server, 503)
             server.process.send(signal.SIGTERM)
             server.said("stopping")
-            await second.send(make_attach("m2", session="s", spec="single"))
-            for monitor in (first, second):
-                frames, code = await monitor.closed()
-                assert ([f.get("code") for f in frames], code) == (["shutting_down"], 1012)
+            async with connected(server) as second:
+                await second.send(make_attach("m2", session="s", spec="single"))
+                for monitor in (first, second):
+                    frames, code = await monitor.closed()
+                    assert ([f.get("code") for f in frames], code) == (["shutting_down"], 1012)
     assert server.process.wait() == 0
