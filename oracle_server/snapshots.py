@@ -63,14 +63,13 @@ class Snapshots:
         if self._core.asking:
             return  # the order is ahead of what was judged
         self._next = position + max(_SAVE_AFTER, position // 4)
-        begin = time.monotonic()
+        begin = time.thread_time()  # what others took of the processor meanwhile is not its cost
         gc.disable()  # as many objects are made as values are known, and are gone soon: each search would see them all
         try:
             self._save(position, monitors)
         finally:
             gc.enable()
-        now = time.monotonic()
-        self._rested = now + (now - begin) * _REST
+        self._rested = time.monotonic() + (time.thread_time() - begin) * _REST
 
     def _save(self, position: int, monitors: Mapping[str, Monitor]) -> None:
         data = self._core.snapshot()
