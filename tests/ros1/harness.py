@@ -5,13 +5,13 @@ from __future__ import annotations
 import itertools
 import multiprocessing
 import os
-import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any, Self
+from xmlrpc.client import ServerProxy
 
 from tests.processes import PATIENCE, ROOT, Process, Server, as_yaml, environment, eventually, held_port
 from tests.ros1 import peer
@@ -133,13 +133,14 @@ class Scene:
         self._stack.close()
 
     def _start_master(self) -> None:
-        self._core = self.run("roscore", "roscore", "-p", self.settings["ROS_MASTER_URI"].rpartition(":")[2])
-        self._stack.callback(self._core.end)  # or it would leave its own processes
-        self._core.said("started core service")
+        # Not by roscore: it gives the master 10 s to start, and two at once may both make ~/.ros.
+        uri = self.settings["ROS_MASTER_URI"]
+        self._master = self.run("rosmaster", "rosmaster", "--core", "-p", uri.rpartition(":")[2])
+        eventually(lambda: _serves(uri), bool)
 
     def restart_master(self) -> None:
         """Have a master that knows of nobody."""
-        self._core.end(signal.SIGINT)
+        self._master.remove()
         self._start_master()
 
     def run(self, name: str, *command: object) -> Process:
@@ -166,6 +167,13 @@ class Scene:
         made = Peer(f"peer{next(self._peers)}", self.settings)
         self._stack.callback(made.close)
         return made
+
+
+def _serves(uri: str) -> bool:
+    """Whether there is a master."""
+    with suppress(OSError), ServerProxy(uri) as master:
+        return bool(master.getPid("/harness"))
+    return False
 
 
 __all__ = ["Peer", "Process", "Scene", "Server", "eventually"]

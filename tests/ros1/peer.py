@@ -7,6 +7,7 @@ import threading
 import time
 from collections import defaultdict
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any
 from xmlrpc.client import ServerProxy
@@ -97,11 +98,10 @@ class Node:
 
 def _reaches(uri: str, topic: str) -> bool:
     """Whether a node publishes a topic to this one, as it says itself: here a connection counts before it is made."""
-    try:
-        _, _, connections = ServerProxy(uri).getBusInfo(rospy.get_name())
-    except OSError:  # it has gone
-        return False
-    return [rospy.get_name(), "o", topic] in ([where, way, what] for _, where, way, _, what, *_ in connections)
+    own = rospy.get_name()
+    with suppress(OSError), ServerProxy(uri) as node:
+        return any([where, way, what] == [own, "o", topic] for _, where, way, _, what, *_ in node.getBusInfo(own)[2])
+    return False  # it has gone
 
 
 def main(connection: Connection, name: str, environment: dict[str, str]) -> None:
