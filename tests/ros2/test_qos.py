@@ -7,11 +7,14 @@ from typing import Any
 
 import pytest
 
+from tests.processes import PATIENCE
 from tests.robot import spec_folder
 from tests.ros2.harness import Peer, Scene, eventually
 
 rclpy_qos = pytest.importorskip("rclpy.qos")
+serialization = pytest.importorskip("rclpy.serialization")
 qos = pytest.importorskip("oracle_ros2.qos")
+endpoints = pytest.importorskip("oracle_ros2.endpoints")
 msg = pytest.importorskip("std_msgs.msg")
 duration = pytest.importorskip("rclpy.duration")
 
@@ -133,6 +136,46 @@ def test_a_reliable_publisher_beside_a_best_effort_one_loses_nothing_while_they_
     assert len(events) == last
     counters = scene.server.session("s")["counters"]
     assert (counters["lost"], counters["refused"]) == (0, 0)
+
+
+def test_a_subscription_goes_once_the_one_in_its_place_has_had_time_however_soon_the_next_look_is(
+    scene: Scene,
+) -> None:
+    peer = scene.peer()
+    heard = endpoints.Heard(peer.node, msg.Int64, "/here", lambda *_: None)
+    peer.publisher(msg.Int64, "/here", qos=profile(EFFORT), listeners=0)
+    heard.look()
+    heard.look()
+    assert len(list(peer.node.subscriptions)) == 2
+    eventually(lambda: heard.look() or len(list(peer.node.subscriptions)), lambda count: count == 1)
+    heard.stop()
+
+
+def test_what_only_the_old_subscription_has_got_is_taken_before_what_comes_on_the_new_one(scene: Scene) -> None:
+    peer = scene.peer()
+    taken: list[int] = []
+
+    def take(message: bytes, _: Any) -> None:
+        taken.append(serialization.deserialize_message(message, msg.Int64).data)
+
+    heard = endpoints.Heard(peer.node, msg.Int64, "/here", take)
+    steady = peer.publisher(msg.Int64, "/here")
+    for number in (1, 2):
+        steady.publish(msg.Int64(data=number))
+    assert steady.wait_for_all_acked(duration.Duration(seconds=PATIENCE))
+    peer.publisher(msg.Int64, "/here", qos=profile(EFFORT), listeners=0)
+    heard.look()
+    new = list(peer.node.subscriptions)[-1]
+    steady.publish(msg.Int64(data=3))
+
+    def turn() -> Any:
+        with new.handle:
+            found = new.handle.take_message(msg.Int64, True)
+        return found and new.callback(*found) is None
+
+    eventually(turn, bool)
+    assert list(dict.fromkeys(taken)) == [1, 2, 3]  # the last one has come on both
+    heard.stop()
 
 
 def test_a_message_published_past_the_monitor_is_told(scene: Scene) -> None:

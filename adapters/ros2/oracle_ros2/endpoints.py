@@ -48,6 +48,7 @@ class Heard:
     def look(self) -> str:
         """Look at the publishers again, and tell what is wrong with them."""
         while len(self._subscriptions) > 1 and time.monotonic() - self._made >= MEETING:
+            self._drain(self._subscriptions[0])
             self._node.destroy_subscription(self._subscriptions.pop(0))
         self._publishers = self._look_around()
         wanted = to_hear(self.offered)
@@ -60,13 +61,7 @@ class Heard:
     def take_all(self) -> None:
         """Take every message that has come by now; to be called where callbacks run."""
         for subscription in self._subscriptions:
-            handle = subscription.handle
-            with handle:
-                for _ in range(DEPTH):
-                    taken = handle.take_message(self._type, True)
-                    if taken is None:
-                        break
-                    self._take(*taken)
+            self._drain(subscription)
 
     def look_around(self) -> None:
         """See what the publishers offer now, where that can't wait for `look`."""
@@ -82,6 +77,15 @@ class Heard:
         while self._subscriptions:
             self._node.destroy_subscription(self._subscriptions.pop())
 
+    def _drain(self, subscription: Any) -> None:
+        handle = subscription.handle
+        with handle:
+            for _ in range(DEPTH):
+                taken = handle.take_message(self._type, True)
+                if taken is None:
+                    break
+                subscription.callback(*taken)
+
     def _look_around(self) -> Sequence[Any]:
         found = self._node.get_publishers_info_by_topic(self._topic)
         self.offered = [info.qos_profile for info in found]
@@ -96,9 +100,13 @@ class Heard:
             yield "its publishers differ in durability: what some have kept for late subscribers is not heard"
 
     def _subscribe(self, profile: QoSProfile) -> None:
-        take = self._take
+        take, older = self._take, self._subscriptions.copy()
 
         def callback(message: Any, info: Any) -> None:  # rclpy hands over `info` by the number of parameters
+            if older:  # what only they got was said before, and would be taken for lost
+                older[:] = [one for one in older if one in self._subscriptions]
+                for one in older:
+                    self._drain(one)
             take(message, info)
 
         self._profile, self._made = profile, time.monotonic()
