@@ -35,9 +35,9 @@ RATES = {"battery": 25.0, "supervisor": 10.0, "led_panel": 35.0}
 ATTEMPTS = 5
 """Flights until one is on a machine that is not starved."""
 PATIENT_ATTEMPTS = 2
-PATIENT = {"max_delay: 200ms": "max_delay: 1s", "action: log\n": "action: log\n    latency: 150ms\n"}
+PATIENT = {"max_delay: 200ms": "max_delay: 1s", "action: log\n": "action: log\n    latency: 300ms\n"}
 """What is changed in the spec for them."""
-PATIENT_SPEED = 0.5
+PATIENT_SPEED = 0.25
 """Slow enough that a call is answered before the next one, though the oracle waits for all streams' latency."""
 WARNING = 2
 LATENCY = 20_000_000  # ns, as in the spec
