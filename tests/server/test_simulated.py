@@ -104,6 +104,21 @@ async def test_links_go_on_in_the_next_session(server: Server, session: str) -> 
     assert one.stats().lost == 0
 
 
+async def test_a_straggler_of_the_time_before_makes_nothing_late(server: Server, session: str) -> None:
+    """It comes after the clock went back, and first of all in the next session."""
+    with Link(server.url, "m1", spec="pair", session=session, streams=["/a"], clock="sim") as link:
+        link.wait_attached(PATIENCE)
+        link.clock([("/a", "topic", 60 * 10**9)])
+        link.renew(lambda: [("/a", "topic", 10**9)])
+        link.send("/a", "topic", 60 * 10**9, {"v": 1})
+        link.send("/a", "topic", 15 * 10**8, {"v": 2})
+        link.send("/a", "topic", 16 * 10**8, {"v": 3})
+        link.clock([("/a", "topic", 2 * 10**9)])
+        await server.until(lambda: link.stats().acked, lambda acked: acked == 3)
+    records = server.records(server.get(f"sessions/{session}")["continued_by"], property="a_is_small")
+    assert [(r["skewed"], r["late"]) for r in records] == [(True, False), (False, False), (False, False)]
+
+
 async def test_a_session_without_a_name_goes_on_in_a_new_one(server: Server) -> None:
     with Link(server.url, "m1", spec="pair", streams=["/a"], clock="sim") as link:
         first = link.wait_attached(PATIENCE).session

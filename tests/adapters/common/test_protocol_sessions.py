@@ -23,7 +23,8 @@ class TestGoingOnInAnotherSession:
         side.protocol.disconnected()
         assert json.loads(side.protocol.hello())["session"] == "s1.run2"
         side.attach(session="s1.run2")
-        assert [(event["seq"], event["data"]) for event in side.events()] == [(1, "new")]
+        clock, new = side.frames()
+        assert (clock["stamps"][0]["stamp"], new["seq"], new["data"]) == (5, 1, "new")
 
     def test_the_clock_is_told_again_after_a_reconnect(self, side: Side) -> None:
         side.attach()
@@ -44,8 +45,8 @@ class TestGoingOnInAnotherSession:
         side.protocol.outcome(answer, True, answer.why)
         side.receive("error", code="session_ended", message="over", fatal=True, session="s1.run2")
         side.reconnect(1, session="s1.run2")
-        event, outcome = side.frames()
-        assert event["data"] == "new"
+        clock, event, outcome = side.frames()
+        assert (clock["type"], event["data"]) == ("clock", "new")
         assert outcome == {"type": "outcome", "seq": 1, "passed": True, "why": "timeout"}
 
     def test_what_was_not_taken_is_lost_and_its_asks_are_answered(self, side: Side) -> None:
@@ -119,5 +120,6 @@ class TestGoingOnInAnotherSession:
         asked = side.queued("new")
         side.receive("error", code="session_ended", message="over", fatal=True, session="s2")
         side.reconnect(1, session="s2")
-        assert side.numbers() == [1]
+        clock, ask = side.frames()
+        assert (clock["type"], ask["seq"]) == ("clock", 1)
         assert answer_in(side.receive("decision", seq=1, decision="allow")).event is asked
