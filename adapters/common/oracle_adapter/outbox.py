@@ -131,7 +131,7 @@ class Outbox:
         self.asked.clear()
         self.marks = self.marks.of_later(last)
         if self._last_here is not None:
-            # A straggler of the time before would set the session's time: all behind it would be late.
+            # A straggler of the time before would set its time: all behind it would be late.
             self.marks.clock(self._farewell, after=last)
         self._missed = self._acked = 0
         self._next = self._last_here = None
