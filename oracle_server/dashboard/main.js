@@ -37,6 +37,7 @@ function open() {
   if (same) view.goTo(next.n);
   else {
     view = next;
+    document.title = view.key ? `${view.key} – oracle-server` : "oracle-server";
     place.replaceChildren(view.node);
   }
   return refresh();

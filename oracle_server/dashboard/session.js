@@ -24,7 +24,6 @@ export function sessionView(id, n) {
 
   async function refresh() {
     const state = await get(of(id));
-    document.title = `${id} – oracle-server`;
     spec ??= await formulas(state);
     head.show(headline(state), headed);
     properties.show({ id, spec, told: state.properties }, judged);

@@ -57,8 +57,9 @@ function facts(record, clock) {
   return h("p", {}, [
     `step ${record.step ?? "–"}: ${event(record)}`,
     `published ${moment(record.stamp, clock)}`,
-    `arrived ${moment(record.arrived)}`,
-    `judged ${span(Number(record.judged) - Number(record.arrived))} later`,
+    `arrived ${moment(record.arrived, clock)}`,
+    // what is judged is told in the server's time, which a simulation's is not
+    clock === "sim" ? `judged ${moment(record.judged)}` : `judged ${span(Number(record.judged) - Number(record.arrived))} later`,
     decided,
     ...marks,
   ].filter(Boolean).join(" · "));

@@ -79,6 +79,21 @@ async def test_a_long_session_is_walked_through(server: Server, session: str, pa
     await expect(page.locator(".chosen")).to_have_attribute("aria-label", re.compile("at step 170:"))
 
 
+async def test_simulated_time_is_told_in_seconds(server: Server, session: str, page: Page) -> None:
+    async with attached(server, session=session, spec="single", clock="sim") as monitor:
+        await monitor.send({"type": "clock", "stamps": [{"stream": "/a", "kind": "topic", "stamp": 2 * 10**9}]})
+        await monitor.send({**make_event(1, data=BIG), "stamp": 15 * 10**8})
+        await monitor.acked(1)
+    (record,) = server.records(session)
+    await page.goto(f"{server.url}/#/sessions/{session}?n=1")
+    arrived = f"{record['arrived'] / 10**9:.3f} s"
+    await expect(page.locator(".verdict")).to_contain_text(f"published 1.500 s · arrived {arrived} · judged ")
+    await expect(page.locator(".verdict")).not_to_contain_text("later")
+    await expect(page).to_have_title(f"{session} – oracle-server")  # noqa: RUF001
+    await page.get_by_role("link", name="Sessions").click()
+    await expect(page).to_have_title("oracle-server")
+
+
 async def test_older_violations_are_asked_for(server: Server, session: str, page: Page) -> None:
     async with attached(server, session=session, spec="single") as monitor:
         await monitor.send(*(make_event(i, at=i, data=BIG if i % 2 else SMALL) for i in range(1, 51)))
