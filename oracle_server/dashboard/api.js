@@ -2,6 +2,7 @@
 
 const TOKEN = "oracle-token";
 const PATIENCE = 10_000;
+const LOOKS = 10;
 
 /** An answer that is none: `status` is HTTP's, or 0 where no server answered. */
 export class Problem extends Error {
@@ -32,6 +33,18 @@ export async function get(path, query = {}) {
   const document_ = parsed(text);
   if (response.ok && document_ !== undefined) return document_;
   throw new Problem(response.status, document_?.detail ?? `The server answered ${response.status}.`);
+}
+
+/** Whether to ask the history for what the state tells of: it is behind, and the longer the slower the disk is. */
+export class Behind {
+  #known;
+  #looks = 0;
+
+  /** Whether `value`, as text, has changed within the last ten looks. */
+  changed(value) {
+    if (value !== this.#known) [this.#known, this.#looks] = [value, LOOKS];
+    return this.#looks-- > 0;
+  }
 }
 
 /** The path of one of a session's documents. */

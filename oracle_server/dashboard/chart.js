@@ -1,26 +1,23 @@
 // The steps of a session side by side: which event each was, and what every property said of it.
 
-import { get, of } from "./api.js";
+import { Behind, get, of } from "./api.js";
 import { h, Place } from "./dom.js";
 import { at, event, mark, stream } from "./words.js";
 
 const STEPS = 60;
 const BEFORE = 0.5; // of the steps are shown before the one that is looked at
 const MOST = 1000; // records in one answer
-const LOOKS = 10; // at what has changed: the history is behind the state, and the longer the slower the disk is
 
 /** The newest steps, or those around verdict `n`; `witness` marks the steps that explain it. */
 export function chartView(id, n) {
   const picture = new Place("section", { class: "chart" });
-  let [order, records, witnesses, known, looks, moved] = [null, [], [], null, 0, true];
+  const behind = new Behind();
+  let [order, records, witnesses, moved] = [null, [], [], true];
 
   async function refresh(state) {
     const orders = [...new Set(state.properties.map((each) => each.order))];
     const properties = [...new Set(state.properties.map((each) => each.id))];
-    const changed = JSON.stringify([n, state.counters, state.properties.map((each) => each.outcome)]);
-    if (changed !== known) looks = LOOKS;
-    if (looks) {
-      [known, looks] = [changed, looks - 1];
+    if (behind.changed(JSON.stringify([n, state.counters, state.properties.map((each) => each.outcome)]))) {
       const asked = n;
       const found = await around(id, asked, properties.length);
       if (asked !== n) return; // somebody has gone on meanwhile, and that was asked for too

@@ -25,25 +25,27 @@ def test_a_durability_that_there_is_not_is_told(tmp_path: Path) -> None:
     assert "ORACLE_DURABILITY" in failed("serve", "--data-dir", tmp_path, "--port", "0", ORACLE_DURABILITY="off")
 
 
-async def test_what_can_not_be_written_for_whatever_reason_is_told(tmp_path: Path) -> None:
-    store = Store(tmp_path)
+async def failing(folder: Path) -> Store:
+    """A store that can't write what it was given."""
+    store = Store(folder)
     store.start(asyncio.get_running_loop())
     store.execute("UPDATE steps SET seq = ?", (2**64,))
     async with asyncio.timeout(PATIENCE):
         while store.failure is None:
             await asyncio.sleep(0.01)
+    return store
+
+
+async def test_what_can_not_be_written_for_whatever_reason_is_told(tmp_path: Path) -> None:
+    store = await failing(tmp_path)
+    assert store.failure is not None
     assert "too large" in store.failure
     await asyncio.to_thread(store.close)
 
 
 async def test_nothing_is_written_behind_what_could_not_be_written(tmp_path: Path) -> None:
     """Where the store is closed meanwhile, a gap in the history would be left."""
-    store = Store(tmp_path)
-    store.start(asyncio.get_running_loop())
-    store.execute("UPDATE steps SET seq = ?", (2**64,))
-    async with asyncio.timeout(PATIENCE):
-        while store.failure is None:
-            await asyncio.sleep(0.01)
+    store = await failing(tmp_path)
     store.execute("INSERT INTO monitors VALUES (1, 'm', 'i', '[]', 1, 'wall')", ())
     await asyncio.to_thread(store.close)
     with closing(sqlite3.connect(store.path)) as database:
