@@ -27,7 +27,7 @@ from oracle_server.core.formula.parse import Time, parse_formula
 from oracle_server.core.formula.tree import Formula
 from oracle_server.engines.native import NativeEngine
 from oracle_server.engines.reelay import ReelayEngine
-from oracle_server.specfile import load_spec
+from oracle_server.specfiles.load import load_spec
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = os.sysconf("SC_PAGE_SIZE")

@@ -40,9 +40,9 @@ from oracle_server.core.events import Event, Step, StreamKey
 from oracle_server.core.judge import Judge
 from oracle_server.core.plan import Plan, plan
 from oracle_server.core.session import orders
-from oracle_server.engines.choice import make_engines
-from oracle_server.schema import DDL, STEP_COLUMNS, Row, step_row
-from oracle_server.specfile import parse_spec
+from oracle_server.engines.table import make_engines
+from oracle_server.history.sqlite.schema import DDL, STEP_COLUMNS, Row, step_row
+from oracle_server.specfiles.load import parse_spec
 
 ROOT = Path(__file__).resolve().parents[1]
 PATIENCE = 60.0
@@ -306,7 +306,7 @@ class Server:
 @contextmanager
 def oracle(specs: Path, data: Path) -> Iterator[Server]:
     """A server with some specs."""
-    command = [sys.executable, "-c", "from oracle_server.cli import main; main()", "serve", "--port", "0"]
+    command = [sys.executable, "-c", "from oracle_server.cli.commands import main; main()", "serve", "--port", "0"]
     environment = {k: v for k, v in os.environ.items() if not k.startswith("ORACLE_")} | _SETTINGS
     arguments = ["--specs", str(specs), "--data-dir", str(data)]
     with running([*command, *arguments], environment) as process:

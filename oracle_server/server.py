@@ -18,26 +18,26 @@ import structlog
 import uvicorn
 from starlette.types import ASGIApp
 
-from oracle_server.access import Access
-from oracle_server.api import build_app
-from oracle_server.bodies import Bodies
-from oracle_server.clock import Clock
+from oracle_server.api.app import build_app
 from oracle_server.core.errors import OracleError
 from oracle_server.core.spec import Retention
-from oracle_server.cycles import look_seldom
-from oracle_server.gate import Gate
-from oracle_server.library import Library
-from oracle_server.logs import set_up_logs
-from oracle_server.notify import notify
-from oracle_server.pidfile import PidFile
-from oracle_server.protocol import MAX_FRAME
-from oracle_server.registry import Registry
-from oracle_server.retention import Pruner
-from oracle_server.settings import Settings
-from oracle_server.store import Store
-from oracle_server.tokens import Tokens
-from oracle_server.transport import WebSocketTransport, bounded
-from oracle_server.watchdog import Watchdog
+from oracle_server.edge.access import Access
+from oracle_server.edge.bodies import Bodies
+from oracle_server.edge.origins import Gate
+from oracle_server.edge.tokens import Tokens
+from oracle_server.edge.transport import WebSocketTransport, bounded
+from oracle_server.history.retention import Pruner
+from oracle_server.history.sqlite.store import Store
+from oracle_server.process.clock import Clock
+from oracle_server.process.garbage import look_seldom
+from oracle_server.process.logs import set_up_logs
+from oracle_server.process.notify import notify
+from oracle_server.process.pidfile import PidFile
+from oracle_server.process.settings import Settings
+from oracle_server.process.watchdog import Watchdog
+from oracle_server.sessions.registry import Registry
+from oracle_server.specfiles.library import Library
+from oracle_server.wire.incoming import MAX_FRAME
 
 _LOOPBACK = ("127.0.0.1", "::1", "localhost")
 _STOP_WITHIN = 10

@@ -7,9 +7,16 @@ from pathlib import Path
 import pytest
 
 from oracle_server.core.signals import Projection
-from oracle_server.settings import Settings
-from oracle_server.specfile import parse_spec
-from oracle_server.specmodel import OrderingModel, PropertyModel, RetentionModel, ServiceModel, SpecModel, TopicModel
+from oracle_server.process.settings import Settings
+from oracle_server.specfiles.load import parse_spec
+from oracle_server.specfiles.model import (
+    OrderingModel,
+    PropertyModel,
+    RetentionModel,
+    ServiceModel,
+    SpecModel,
+    TopicModel,
+)
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted(ROOT.glob("examples/*/README.md"))]

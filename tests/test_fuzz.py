@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 
 from oracle_server.core.errors import FormulaError, SpecError
 from oracle_server.core.formula.parse import parse_formula
-from oracle_server.flat import decode_object, flat_event
-from oracle_server.protocol import MAX_DEPTH, Events, WireError, decode, event_of
-from oracle_server.specfile import parse_spec
+from oracle_server.specfiles.load import parse_spec
+from oracle_server.wire.flat import decode_object, flat_event
+from oracle_server.wire.incoming import MAX_DEPTH, Events, WireError, decode, event_of
 
 VECTORS = Path(__file__).parent / "vectors"
 FRAMES = [

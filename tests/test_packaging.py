@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from tests.server.harness import Server
+from tests.whole.harness import Server
 
 FOLDER = Path(__file__).parents[1] / "packaging"
 

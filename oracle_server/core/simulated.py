@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 from oracle_server.core.events import StreamKey
 from oracle_server.core.spec import StreamSpec
 
+TimeBase = Literal["wall", "sim"]
+"""Whose time a monitor's clock tells: the wall's, or a simulation's."""
 _LATEST = 2**63 - 1
 """As late as a time can be."""
 

@@ -44,6 +44,8 @@ def worst(outcomes: Iterable[Outcome]) -> Outcome:
 
 
 Choice = Literal["allow", "deny"]
+UNDECIDED = frozenset({"timeout", "unavailable"})
+"""Why an adapter did something without a decision; what it did is told under the kind `unavailable`."""
 
 
 class Explanation(msgspec.Struct, frozen=True, gc=False):

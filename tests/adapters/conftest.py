@@ -1,5 +1,5 @@
 """The server's fixtures, for the link's tests against it."""
 
-from tests.server.conftest import start
+from tests.whole.conftest import start
 
 __all__ = ["start"]

@@ -8,8 +8,8 @@ import contextlib
 from oracle_adapter import Link, should_pass
 
 from tests.processes import reserved_port
-from tests.server.conftest import Starts
-from tests.server.harness import PATIENCE
+from tests.whole.conftest import Starts
+from tests.whole.harness import PATIENCE
 
 STAMP = 1_732_147_200 * 10**9
 EVENTS = 300

@@ -15,7 +15,7 @@ from oracle_adapter import LinkError, LogFile, open_log
 from oracle_adapter.fields import nanoseconds
 
 from oracle_server.core.stamps import nanoseconds as as_the_server_reads_it
-from tests.server.harness import run
+from tests.whole.harness import run
 
 ROOT = Path(__file__).parents[2]
 SPEC = ROOT / "specs" / "battery_uav.yaml"

@@ -14,7 +14,7 @@ from websockets.exceptions import ConnectionClosed
 from tests.chaos.by_hand import attached, event, say, until_acked
 from tests.chaos.link import Frame
 from tests.chaos.served import PATIENCE, Served
-from tests.server.test_stream import connections
+from tests.whole.test_stream import connections
 
 EVENTS = 50
 LIMIT = 2 * PATIENCE

@@ -13,7 +13,7 @@ from oracle_server.core.engine import Answer
 from oracle_server.core.session import Session
 from oracle_server.core.spec import SILENT, External, Property, StreamSpec
 from oracle_server.core.verdicts import Judged, Outcome, explain, record
-from oracle_server.engines.choice import make_engine
+from oracle_server.engines.table import make_engine
 from tests.core.sessions import A, B, Feed, U, degraded, open_session, outcomes, prop
 from tests.engines.test_against_brute import SEED
 

@@ -11,8 +11,8 @@ from oracle_server.core.formula.render import render
 from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import Outcome
 from oracle_server.engines.both import BothEngine
-from oracle_server.engines.choice import make_engine
 from oracle_server.engines.native import NativeEngine
+from oracle_server.engines.table import make_engine
 from tests.brute import truths
 from tests.engines.test_against_brute import SEED, holds, outcomes
 from tests.engines.test_native_random import CASES, case

@@ -11,8 +11,8 @@ from oracle_server.core.explanation import Why
 from oracle_server.core.past import NO_PAST, Past
 from oracle_server.core.spec import SILENT, External, Property
 from oracle_server.core.verdicts import Outcome
-from oracle_server.engines.choice import make_engine, read_formula
 from oracle_server.engines.native import NativeEngine
+from oracle_server.engines.table import make_engine, read_formula
 from tests.core.sessions import A, Feed, open_session, prop
 
 RISES = "not (pre {v: 1} and {v: 2})"

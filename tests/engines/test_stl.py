@@ -15,8 +15,8 @@ from oracle_server.core.errors import FormulaError
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import Scalar, atoms
 from oracle_server.core.verdicts import Outcome
-from oracle_server.engines.choice import read_formula
 from oracle_server.engines.stl.engine import StlEngine
+from oracle_server.engines.table import read_formula
 from tests.engines.robustness import Node, Sample, formulas, samples, value
 
 SECOND = 10**9

@@ -13,8 +13,8 @@ from oracle_server.core.plan import plan
 from oracle_server.core.session import Session
 from oracle_server.core.verdicts import record
 from oracle_server.engines import stl
-from oracle_server.engines.choice import make_engines
-from oracle_server.specfile import parse_spec
+from oracle_server.engines.table import make_engines
+from oracle_server.specfiles.load import parse_spec
 
 SPEC = """
 id: cart

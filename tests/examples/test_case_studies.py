@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from oracle_server.recordings import open_recording
-from oracle_server.replay import Replay
-from oracle_server.specfile import load_spec
+from oracle_server.replay.opening import open_recording
+from oracle_server.replay.run import Replay
+from oracle_server.specfiles.load import load_spec
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 BROKEN = {

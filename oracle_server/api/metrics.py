@@ -1,0 +1,99 @@
+"""`/metrics` for Prometheus: made of plain numbers when it is asked for. No label holds a session or a topic."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from fastapi import APIRouter, Response
+from prometheus_client import CollectorRegistry, ProcessCollector, generate_latest
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
+from prometheus_client.registry import Collector
+
+from oracle_server.core.tally import BOUNDS
+from oracle_server.history.sqlite.schema import OUTCOMES
+from oracle_server.history.sqlite.store import Store
+from oracle_server.process.watchdog import Watchdog
+from oracle_server.sessions.counters import TIMES
+from oracle_server.sessions.registry import Registry
+
+_SESSION_COUNTERS = {
+    "late": "Events that were older than something judged",
+    "skewed": "Events stamped too far ahead of their arrival",
+    "skipped": "Events that were not judged: late, or while the history could not be written",
+    "lost": "Events that never came",
+    "duplicates": "Events that came again",
+    "denied": "Events that were denied",
+    "refused": "Events that could not be read, or of no stream",
+    "violations": "Properties that became negative",
+    "engine_failures": "Engines that judge no more",
+}
+_CONTENT = "text/plain; version=0.0.4; charset=utf-8"
+
+
+def router(registry: Registry, store: Store, watchdog: Watchdog) -> APIRouter:
+    """The route of the metrics."""
+    collectors = CollectorRegistry()
+    collectors.register(Server(registry, store, watchdog))
+    ProcessCollector(registry=collectors)
+    made = APIRouter(tags=["health"])
+
+    @made.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
+    async def metrics() -> Response:
+        """The server's numbers, for Prometheus."""
+        return Response(generate_latest(collectors), headers={"Content-Type": _CONTENT})
+
+    return made
+
+
+class Server(Collector):
+    """What one server has to tell."""
+
+    def __init__(self, registry: Registry, store: Store, watchdog: Watchdog) -> None:
+        self._registry, self._store, self._watchdog = registry, store, watchdog
+
+    def collect(self) -> Iterator[Metric]:
+        """All metrics, as they are now."""
+        yield from self._counted()
+        yield from self._present()
+        tally, sessions = self._registry.tally, list(self._registry.open.values())
+        held = tally.held(sessions)
+        yield _histogram("hold", "How long events were held in the order", BOUNDS, held.buckets, held.total)
+        times = tally.decisions
+        yield _histogram("decision", "From an event's arrival to its decision", TIMES, times.buckets, times.total)
+
+    def _counted(self) -> Iterator[Metric]:
+        tally = self._registry.tally
+        yield CounterMetricFamily("oracle_events", "Events judged or skipped, in each order", tally.steps)
+        verdicts = CounterMetricFamily("oracle_verdicts", "Verdicts, by outcome", labels=["outcome"])
+        for letter, count in tally.outcomes.items():
+            verdicts.add_metric([OUTCOMES[letter].value], count)
+        yield verdicts
+        counters = tally.counters(list(self._registry.open.values()))
+        for name, what in _SESSION_COUNTERS.items():
+            yield CounterMetricFamily(f"oracle_{name}", what, counters[name])
+        yield CounterMetricFamily("oracle_throttled", "Times that a monitor was too fast and waited", tally.throttled)
+        yield CounterMetricFamily("oracle_attachments", "Connections on which a monitor attached", tally.opened)
+        yield CounterMetricFamily("oracle_stalls", "Times that the event loop stood still", self._watchdog.stalls)
+
+    def _present(self) -> Iterator[Metric]:
+        sessions = self._registry.open.values()
+        outboxes = [m.outbox for s in sessions for m in s.monitors.values() if m.outbox]
+        depths = GaugeMetricFamily("oracle_queue_depth", "What waits, by where", labels=["queue"])
+        depths.add_metric(["order"], sum(len(s.core.buffer) for s in sessions))
+        depths.add_metric(["history"], self._store.pending)
+        depths.add_metric(["monitors"], sum(getattr(outbox, "queued", 0) for outbox in outboxes))
+        yield depths
+        yield GaugeMetricFamily("oracle_sessions", "Open sessions", len(sessions))
+        yield GaugeMetricFamily("oracle_monitors", "Monitors that are connected", len(outboxes))
+        yield GaugeMetricFamily("oracle_history_lag_seconds", "Age of the oldest row not committed", self._store.lag)
+        writable = self._store.failure is None
+        yield GaugeMetricFamily("oracle_history_writable", "Whether the history can be written", int(writable))
+
+
+def _histogram(name: str, what: str, bounds: Sequence[int], buckets: Sequence[int], total: int) -> Metric:
+    """A histogram in seconds of times in nanoseconds."""
+    ends = [*(str(bound / 1e9) for bound in bounds), "+Inf"]
+    below = [sum(buckets[: i + 1]) for i in range(len(ends))]
+    family = HistogramMetricFamily(f"oracle_{name}_seconds", what)
+    family.add_metric([], list(zip(ends, below, strict=True)), total / 1e9)
+    return family

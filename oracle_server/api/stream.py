@@ -1,0 +1,105 @@
+"""A session's verdicts as Server-Sent Events: from the history, page by page, and then as they are committed.
+
+A reader takes what it wants from the history, so that a slow one keeps nothing waiting; HttpTransport ends those that
+have stopped to read.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from dataclasses import replace
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Header, HTTPException, Query, Request
+from fastapi.responses import StreamingResponse
+
+from oracle_server.core.verdicts import Outcome
+from oracle_server.edge.access import demand_session
+from oracle_server.history.query import Query as Question
+from oracle_server.history.query import find, latest
+from oracle_server.history.sqlite.store import Store
+from oracle_server.sessions.registry import Known, Registry
+from oracle_server.wire.incoming import encode
+
+_PAGE = 100
+"""Records that are read at once: what stays in memory for a reader that has stopped, and keeps Python busy."""
+_KEEPALIVE = 15.0
+"""Seconds of silence after which a comment is sent, so that both sides see whether the other is there."""
+_GATHER = 0.05
+"""Seconds between two looks at the history, so that a busy session's readers cost little."""
+
+
+def router(registry: Registry, store: Store) -> APIRouter:
+    """The route of the stream."""
+    made = APIRouter()
+
+    @made.get(
+        "/sessions/{session_id}/stream",
+        response_class=StreamingResponse,
+        responses={200: {"content": {"text/event-stream": {}}, "description": "Verdict records; the id is their n"}},
+    )
+    async def stream_verdicts(
+        request: Request,
+        session_id: str,
+        property: Annotated[list[str], Query()] = [],  # noqa: A002, B006 -- the contract's word; never changed
+        outcome: Annotated[list[Outcome], Query()] = [],  # noqa: B006
+        stream: str | None = None,
+        violations: Annotated[bool, Query(description="Violations only")] = False,
+        after: Annotated[int, Query(ge=0, lt=2**63)] = 0,
+        last_event_id: Annotated[str | None, Header()] = None,
+    ) -> StreamingResponse:
+        """The verdicts behind `after`, or behind Last-Event-ID, and all that come; `closed` tells that none will."""
+        known = demand_session(request, registry, session_id)
+        begin = after if last_event_id is None else _number(last_event_id)
+        wanted = Question(
+            frozenset(property), frozenset(outcome), stream, after=begin, limit=_PAGE, violations=violations
+        )
+        events = _events(registry, store, session_id, known, wanted)
+        return StreamingResponse(events, media_type="text/event-stream", headers={"Cache-Control": "no-store"})
+
+    return made
+
+
+async def _events(
+    registry: Registry, store: Store, session_id: str, known: Known, wanted: Question
+) -> AsyncIterator[str]:
+    yield ": the verdicts of a session\n\n"
+    while True:
+        live = registry.open.get(session_id)
+        upcoming = live.ledger.news.next() if live else None
+        text, seen, more = await asyncio.to_thread(_page, store, known, wanted)
+        if text:
+            yield text
+        wanted = replace(wanted, after=max(seen, wanted.after or 0))
+        if more:
+            continue
+        if upcoming is None:
+            yield "event: closed\ndata: {}\n\n"
+            return
+        if live and live.ledger.news.over and registry.open.get(session_id) is live:
+            return  # the server stops, and the session goes on with the next one
+        while not (await asyncio.wait((upcoming,), timeout=_KEEPALIVE))[0]:
+            yield ":\n\n"
+        await asyncio.sleep(_GATHER)
+
+
+def _page(store: Store, known: Known, wanted: Question) -> tuple[str, int, bool]:
+    """Events for what comes next in the history, the `n` up to which that is all, and whether there is more."""
+    seen = latest(store, known.number, len(known.properties))
+    items, more = find(store, known.number, known.properties, wanted)
+    if more is not None:
+        seen = more
+    elif items:
+        seen = max(seen, items[-1]["n"])
+    return "".join(map(_event, items)), seen, more is not None
+
+
+def _event(record: dict[str, Any]) -> str:
+    return f"id: {record['n']}\ndata: {encode(record)}\n\n"
+
+
+def _number(last_event_id: str) -> int:
+    if not last_event_id.isascii() or not last_event_id.isdecimal() or len(last_event_id) > 18:
+        raise HTTPException(422, "Last-Event-ID: not the id of an event of this stream")
+    return int(last_event_id)

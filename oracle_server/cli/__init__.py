@@ -1,0 +1,5 @@
+"""The command line."""
+
+from oracle_server.cli.commands import main
+
+__all__ = ["main"]

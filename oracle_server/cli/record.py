@@ -1,0 +1,35 @@
+"""`record`: what a session's monitors sent, from a running server to a file."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import msgspec
+
+from oracle_server.cli.client import Client
+from oracle_server.core.errors import TraceError
+from oracle_server.replay.mcap import write_mcap
+
+
+def record_session(client: Client, session: str, out: Path) -> None:
+    """Write the trace of a session: as MCAP, or as JSON Lines where the file is named so.
+
+    Raises `ServerUnreachableError`, or `TraceError` where the file can't be written.
+    """
+    if out.suffix not in (".mcap", ".jsonl"):
+        raise TraceError(f"{out}: name it .mcap or .jsonl")
+    lines = client.lines(f"sessions/{session}/trace")
+    part = out.with_name(out.name + ".part")
+    try:
+        if out.suffix == ".mcap":
+            count = write_mcap(part, (msgspec.json.decode(line) for line in lines))
+        else:
+            with part.open("wb") as file:
+                count = sum(1 for line in lines if file.write(line + b"\n"))
+        part.replace(out)
+    except OSError as error:
+        raise TraceError(f"{out}: can't be written: {error.strerror}") from None
+    finally:
+        part.unlink(missing_ok=True)
+    sys.stdout.write(f"{out}: {count} lines of {session}\n")

@@ -1,0 +1,126 @@
+"""What the commands that read a server print: a JSON document, or a table."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from oracle_server.cli.client import Client
+from oracle_server.cli.reasons import told
+from oracle_server.edge.tokens import Token
+
+_EXPLAINED_WITHIN = 600.0
+"""Seconds: all that was judged before is judged again."""
+
+
+def show_specs(client: Client, *, as_json: bool) -> None:
+    """Print the specs on hand."""
+    document = client.get("specs")
+    rows = [(s["id"], str(len(s["streams"])), str(len(s["properties"])), s["description"]) for s in document["items"]]
+    _show(document, ("spec", "streams", "properties", "description"), rows, as_json=as_json)
+
+
+def show_sessions(client: Client, *, as_json: bool) -> None:
+    """Print all sessions."""
+    document = client.get("sessions")
+    rows = [_session_row(state) for state in document["items"]]
+    _show(document, ("session", "spec", "status", "monitors", "steps", "violations"), rows, as_json=as_json)
+
+
+def show_verdicts(client: Client, session: str, properties: list[str], outcomes: list[str], *, as_json: bool) -> None:
+    """Print a session's verdict records, or a summary of its properties and all violations as tables."""
+    if as_json or properties or outcomes:
+        items = client.pages(f"sessions/{session}/verdicts", property=properties, outcome=outcomes)
+        _show_records(items, as_json=as_json)
+        return
+    state = client.get(f"sessions/{session}")
+    columns = {"property": "id", "outcome": "outcome"} | {name: name for name in _measured(state["properties"])}
+    columns |= {"violations": "violations", "first at": "first_violation", "unknown": "unknown"}
+    rows = [_row(p, tuple(columns.values())) for p in state["properties"]]
+    _show(state, tuple(columns), rows, as_json=False)
+    violations = client.pages(f"sessions/{session}/violations")
+    if violations:
+        sys.stdout.write("\n")
+        _show_records(violations, as_json=False)
+        sys.stdout.write("\n" + "".join(f"{r['n']}: {r['explanation']['text']}\n" for r in violations))
+
+
+def follow_verdicts(client: Client, session: str, properties: list[str], outcomes: list[str], *, as_json: bool) -> None:
+    """Print a session's verdict records, a line each, as they come."""
+    for record in client.events(f"sessions/{session}/stream", property=properties, outcome=outcomes):
+        keys = (*_RECORD, *_measured([record]))
+        line = json.dumps(record) if as_json else "  ".join(_record_row(record, keys)).rstrip()
+        sys.stdout.write(line + "\n")
+        sys.stdout.flush()
+
+
+def show_explanation(client: Client, session: str, n: int, *, as_json: bool) -> None:
+    """Print why a verdict is as it is."""
+    record = client.get(f"sessions/{session}/verdicts/{n}/explanation", _EXPLAINED_WITHIN)
+    sys.stdout.write(json.dumps(record) + "\n" if as_json else told(record))
+
+
+def show_tokens(tokens: Sequence[Token], *, as_json: bool) -> None:
+    """Print what tokens are good for."""
+    items = [t.model_dump(mode="json", exclude={"sha256"}) for t in tokens]
+    cells = [[", ".join(sorted(item[key])) if item[key] else "all" for key in _BOUND] for item in items]
+    rows = [(item["name"], *cell) for item, cell in zip(items, cells, strict=True)]
+    _show({"items": items}, ("token", *_BOUND), rows, as_json=as_json)
+
+
+_BOUND = ("scopes", "specs", "sessions")
+_RECORD = ("n", "step", "property", "outcome", "stream", "kind", "decision")
+
+
+def _measured(items: Sequence[dict[str, Any]]) -> tuple[str, ...]:
+    """The column of the robustness, where any has one; sessions that were closed by an older version don't tell it."""
+    return ("robustness",) if any(item.get("robustness") is not None for item in items) else ()
+
+
+def _show_records(records: Sequence[dict[str, Any]], *, as_json: bool) -> None:
+    keys = (*_RECORD, *_measured(records))
+    rows = [_record_row(record, keys) for record in records]
+    _show({"items": records}, (*keys, ""), rows, as_json=as_json)
+
+
+def _record_row(record: dict[str, Any], keys: Sequence[str]) -> tuple[str, ...]:
+    marks = " ".join(mark for mark in ("late", "skewed", "degraded") if record[mark])
+    return (*_row(record, keys), marks)
+
+
+def _row(item: dict[str, Any], keys: Sequence[str]) -> tuple[str, ...]:
+    return tuple(_cell(item[key]) for key in keys)
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return "-"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _session_row(state: dict[str, Any]) -> tuple[str, ...]:
+    attached = sum(m["connected"] for m in state["monitors"])
+    violations = sum(p["violations"] for p in state["properties"])
+    return (
+        state["id"],
+        state["spec"],
+        state["status"],
+        str(attached),
+        str(state["counters"]["steps"]),
+        str(violations),
+    )
+
+
+def _show(document: dict[str, Any], head: tuple[str, ...], rows: Sequence[tuple[str, ...]], *, as_json: bool) -> None:
+    if as_json:
+        sys.stdout.write(json.dumps(document) + "\n")
+        return
+    table = Table(*head, box=None, pad_edge=False)
+    for row in rows:
+        table.add_row(*row)
+    Console(highlight=False, width=None if sys.stdout.isatty() else 160).print(table)

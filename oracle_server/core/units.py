@@ -1,0 +1,32 @@
+"""Durations and sizes as people write them."""
+
+from __future__ import annotations
+
+import re
+from fractions import Fraction
+
+from oracle_server.core.formula.parse import NANOSECONDS
+
+_DURATION = re.compile(r"(\d{1,12}(?:\.\d{1,9})?)(ns|us|ms|s|min|h)")
+_SIZE = re.compile(r"(\d{1,9})(k|M|G)B")
+_UNITS = {"k": 10**3, "M": 10**6, "G": 10**9}
+_LONGEST = 10**18
+
+
+def duration(value: object) -> int:
+    """Nanoseconds of a duration such as `20ms`, `2s` or `1.5s`. Raises ValueError for anything else."""
+    match = _DURATION.fullmatch(value) if isinstance(value, str) else None
+    if match is None:
+        raise ValueError(f"expected a duration such as 20ms, 2s or 1.5s, found {value!r}")
+    exact = Fraction(match[1]) * NANOSECONDS[match[2]]
+    if exact != int(exact) or exact > _LONGEST:
+        raise ValueError(f"the duration {value} is finer than a nanosecond or too long")
+    return int(exact)
+
+
+def size(value: object) -> int:
+    """Bytes of a size such as `500MB` or `2GB`. Raises ValueError for anything else."""
+    match = _SIZE.fullmatch(value) if isinstance(value, str) else None
+    if match is None:
+        raise ValueError(f"expected a size such as 500MB or 2GB, found {value!r}")
+    return int(match[1]) * _UNITS[match[2]]

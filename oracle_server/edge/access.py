@@ -1,0 +1,93 @@
+"""Lets through what a token allows: 401 without a good one, 403 beyond its scopes, before anything else is read."""
+
+from __future__ import annotations
+
+import re
+from typing import NoReturn, cast
+
+from fastapi import HTTPException
+from starlette.requests import HTTPConnection
+from starlette.types import ASGIApp, Receive, Send
+from starlette.types import Scope as Connection
+
+from oracle_server.edge.problems import refuse
+from oracle_server.edge.tokens import Grant, Scope, Tokens
+from oracle_server.sessions.registry import Known, Registry
+
+_OPEN = re.compile(r"/(healthz|readyz|(dashboard/.*)?|docs(/.*)?|openapi\.json)")
+"""What says nothing of any robot: it is told to all."""
+
+
+class Access:
+    """Finds out what the sender of each request and WebSocket may do, from its `Authorization` and nothing else."""
+
+    def __init__(self, app: ASGIApp, tokens: Tokens) -> None:
+        self._app, self._tokens = app, tokens
+
+    async def __call__(self, scope: Connection, receive: Receive, send: Send) -> None:
+        """Refuse a request or WebSocket, or hand it on with its grant."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        grant = self._tokens.grant(_bearer(scope))
+        needed = _needed(scope)
+        if needed is not None:
+            if grant is None:
+                challenge = {"WWW-Authenticate": "Bearer"}
+                detail = "a token is needed: send `Authorization: Bearer TOKEN`; `oracle-server token add` makes one"
+                await refuse(scope, receive, send, 401, detail, challenge)
+                return
+            if not grant.may(needed):
+                await refuse(scope, receive, send, 403, f"the token's scopes do not hold `{needed}`")
+                return
+        scope.setdefault("state", {})["grant"] = grant
+        await self._app(scope, receive, send)
+
+
+def grant_of(connection: HTTPConnection) -> Grant:
+    """What the sender of a request or WebSocket may do."""
+    return cast("Grant", connection.state.grant)
+
+
+def demand(connection: HTTPConnection, *, spec: str | None = None, session: str | None = None) -> None:
+    """Raise 403 where a token is bound to other specs or sessions; None stands for none that it could be bound to."""
+    grant = grant_of(connection)
+    if not grant.covers(spec=spec, session=session):
+        raise HTTPException(403, "the token is bound to other specs or sessions")
+
+
+def demand_spec(connection: HTTPConnection, spec_id: str) -> None:
+    """Raise 403 where the sender's token is bound to other specs; what it says of sessions does not matter."""
+    bound = grant_of(connection).specs
+    if bound is not None and spec_id not in bound:
+        raise HTTPException(403, "the token is bound to other specs")
+
+
+def demand_session(connection: HTTPConnection, registry: Registry, session_id: str) -> Known:
+    """A session that is known and that the sender's token covers. Raises 404 or 403."""
+    known = registry.known(session_id)
+    demand(connection, spec=known and known.spec, session=session_id)
+    return known or unknown_session(session_id)
+
+
+def unknown_session(session_id: str) -> NoReturn:
+    """Raise 404."""
+    raise HTTPException(404, f"no session '{session_id}' is known")
+
+
+def _needed(scope: Connection) -> Scope | None:
+    """The scope that a request needs, None where it needs no token."""
+    path, method = scope["path"], scope.get("method")
+    if scope["type"] == "websocket":
+        return "submit"
+    if method in ("GET", "HEAD"):
+        return None if _OPEN.fullmatch(path) else "read"
+    return "submit" if method == "POST" and path == "/api/v1/sessions" else "admin"
+
+
+def _bearer(scope: Connection) -> str | None:
+    found = [value for name, value in scope["headers"] if name == b"authorization"]
+    if len(found) != 1:
+        return None
+    scheme, _, token = found[0].decode("latin-1").partition(" ")
+    return token.strip() if scheme.lower() == "bearer" else None

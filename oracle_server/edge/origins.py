@@ -1,0 +1,59 @@
+"""Who may talk to the server: a web page of another origin may not, nor one that reached it under another name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from urllib.parse import urlsplit
+
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from oracle_server.edge.problems import refuse
+
+_LOOPBACK = ("localhost", "127.0.0.1", "::1")
+
+
+class Gate:
+    """Answers 421 to a foreign Host and 403 to a foreign Origin, for HTTP and WebSockets alike.
+
+    Being bound to loopback is not enough: any page in a browser on this machine can connect to it.
+    """
+
+    def __init__(self, app: ASGIApp, hosts: Iterable[str] = ()) -> None:
+        """Let `hosts` pass besides the names of loopback."""
+        self._app = app
+        self._hosts = frozenset(host.lower() for host in (*_LOOPBACK, *hosts))
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Refuse a request or WebSocket, or hand it on."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        headers = {name: value.decode("latin-1") for name, value in scope["headers"]}
+        own_address = (scope.get("server") or ("",))[0]
+        refusal = self._refusal(headers.get(b"host", ""), headers.get(b"origin"), own_address)
+        if refusal is None:
+            await self._app(scope, receive, send)
+            return
+        await refuse(scope, receive, send, *refusal)
+
+    def _refusal(self, host: str, origin: str | None, own_address: str) -> tuple[int, str] | None:
+        name = _name(host)
+        if name not in self._hosts and name != own_address:  # an address can't be rebound to another machine
+            return 421, f"this server does not answer for the host '{name or ''}'"
+        if origin is not None and _location(origin) != host.lower():
+            return 403, "pages of another origin may not use this server"
+        return None
+
+
+def _location(origin: str) -> str | None:
+    try:
+        return urlsplit(origin).netloc.lower()
+    except ValueError:
+        return None
+
+
+def _name(host: str) -> str | None:
+    try:
+        return urlsplit(f"//{host}").hostname
+    except ValueError:
+        return None

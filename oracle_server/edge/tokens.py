@@ -1,0 +1,195 @@
+"""Tokens: who may do what. A file holds their hashes, and never a token itself."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import hashlib
+import hmac
+import os
+import secrets
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import structlog
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from oracle_server.core.errors import OracleError
+from oracle_server.wire.incoming import Identifier
+
+Scope = Literal["submit", "read", "admin"]
+_PREFIX = "oracle_"
+
+log = structlog.get_logger()
+
+
+class TokenError(OracleError):
+    """A token file that can't be used, or a token that can't be added or removed."""
+
+
+class Token(BaseModel):
+    """One token as the file has it; without `specs` or `sessions` it is good for all."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: Identifier
+    sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+    scopes: Annotated[frozenset[Scope], Field(min_length=1)]
+    specs: frozenset[Identifier] | None = None
+    sessions: frozenset[Identifier] | None = None
+
+
+class _File(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    tokens: list[Token] = []
+
+
+@dataclass(frozen=True, slots=True)
+class Grant:
+    """What the sender of a request may do. `admin` may all that `read` and `submit` may."""
+
+    scopes: frozenset[Scope]
+    specs: frozenset[str] | None = None
+    sessions: frozenset[str] | None = None
+
+    def may(self, scope: Scope) -> bool:
+        """Whether something of this kind may be done at all."""
+        return scope in self.scopes or "admin" in self.scopes
+
+    def covers(self, *, spec: str | None = None, session: str | None = None) -> bool:
+        """Whether it may be done to this spec and this session; what is bound needs a name to be let through."""
+        return (self.specs is None or spec in self.specs) and (self.sessions is None or session in self.sessions)
+
+
+EVERYTHING = Grant(frozenset({"admin"}))
+
+
+class Tokens:
+    """The tokens of a file, read anew whenever it has changed.
+
+    Once there was a file, a token is needed until the server ends: a file that is lost or spoilt lets nobody in.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Read the file, where there is one. Raises `TokenError` where it can't be used."""
+        self._path = path
+        self._seen: tuple[int, ...] | None = None
+        self._tokens: list[Token] = []
+        self.required = path.exists()
+        if self.required:
+            self._seen = _look(path)  # before it is read: what is written meanwhile is read the next time
+            self._tokens = _read(path)
+
+    def grant(self, token: str | None) -> Grant | None:
+        """What the bearer of a token may do, None for one that is not known."""
+        self._refresh()
+        if not self.required:
+            return EVERYTHING
+        offered = hash_of(token or "")
+        found = None
+        for known in self._tokens:  # all of them: how long it takes tells nothing
+            if hmac.compare_digest(known.sha256, offered):
+                found = known
+        return Grant(found.scopes, found.specs, found.sessions) if found else None
+
+    def _refresh(self) -> None:
+        seen = _look(self._path)
+        if seen == self._seen:
+            return
+        self._seen, self._tokens = seen, []
+        self.required = True
+        try:
+            self._tokens = _read(self._path)
+        except TokenError as error:
+            log.error("the tokens can't be read: nobody is let in", reason=str(error))
+
+
+def add(
+    path: Path,
+    name: str,
+    scopes: Iterable[str],
+    specs: Iterable[str] | None = None,
+    sessions: Iterable[str] | None = None,
+) -> str:
+    """Make a token and note its hash; the token itself, which is kept nowhere. Raises `TokenError`."""
+    secret = _PREFIX + secrets.token_urlsafe(32)
+    wanted = {"name": name, "sha256": hash_of(secret), "scopes": list(scopes), "specs": specs and list(specs)}
+    try:
+        token = Token.model_validate(wanted | {"sessions": sessions and list(sessions)})
+    except ValidationError as error:
+        raise TokenError(f"{error.errors()[0]['loc'][0]}: {error.errors()[0]['msg']}") from None
+    with _alone(path):
+        tokens = listed(path)
+        if any(known.name == name for known in tokens):
+            raise TokenError(f"{path}: there is a token '{name}' already; remove it first")
+        _write(path, [*tokens, token])
+    return secret
+
+
+def remove(path: Path, name: str) -> None:
+    """Make a token good for nothing. Raises `TokenError`."""
+    if all(known.name != name for known in listed(path)):
+        raise TokenError(f"{path}: there is no token '{name}'")
+    with _alone(path):
+        _write(path, [known for known in listed(path) if known.name != name])
+
+
+def listed(path: Path) -> list[Token]:
+    """The tokens of a file, none where there is no file. Raises `TokenError`."""
+    return _read(path) if path.exists() else []
+
+
+def hash_of(token: str) -> str:
+    """What is kept of a token: it has 256 random bits, so that a plain hash can't be turned back."""
+    return hashlib.sha256(token.encode(errors="surrogateescape")).hexdigest()
+
+
+def _look(path: Path) -> tuple[int, ...] | None:
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_mtime_ns, found.st_ctime_ns, found.st_ino, found.st_size, found.st_mode
+
+
+def _read(path: Path) -> list[Token]:
+    try:
+        if path.stat().st_mode & 0o077:
+            raise TokenError(f"{path}: others may read it; `chmod 600 {path}` mends that")
+        return _File.model_validate_json(path.read_bytes()).tokens
+    except OSError as error:
+        raise TokenError(f"{path}: can't be read: {error.strerror}") from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise TokenError(f"{path}: {where + ': ' if where else ''}{first['msg']}") from None
+
+
+@contextlib.contextmanager
+def _alone(path: Path) -> Iterator[None]:
+    """Let nobody else change the file meanwhile: who reads it first would undo what is written first."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        folder = os.open(path.parent, os.O_RDONLY)
+    except OSError as error:
+        raise TokenError(f"{path}: can't be written: {error.strerror}") from None
+    try:
+        fcntl.flock(folder, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(folder)
+
+
+def _write(path: Path, tokens: list[Token]) -> None:
+    text = _File(tokens=tokens).model_dump_json(indent=2, exclude_none=True) + "\n"
+    draft = path.with_name(path.name + ".draft")
+    try:
+        draft.unlink(missing_ok=True)
+        with os.fdopen(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
+            file.write(text)
+        draft.replace(path)
+    except OSError as error:
+        raise TokenError(f"{path}: can't be written: {error.strerror}") from None

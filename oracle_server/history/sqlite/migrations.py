@@ -1,0 +1,39 @@
+"""How a history of an older format becomes one of this: in place, in one transaction."""
+
+from __future__ import annotations
+
+import sqlite3
+
+from oracle_server.core.errors import OracleError
+from oracle_server.history.sqlite.schema import DDL, VERSION
+
+_STEPS = {
+    1: "ALTER TABLE monitors ADD COLUMN clock TEXT NOT NULL DEFAULT 'wall';",
+    2: "ALTER TABLE sessions ADD COLUMN asked TEXT;",
+    3: "CREATE TABLE IF NOT EXISTS snapshots"
+    "(session INTEGER PRIMARY KEY, position INTEGER NOT NULL, data TEXT NOT NULL);"
+    "ALTER TABLE snapshots ADD COLUMN settled INTEGER NOT NULL DEFAULT 0;"
+    "ALTER TABLE snapshots ADD COLUMN numbers TEXT;",
+    4: "ALTER TABLE steps ADD COLUMN robustness TEXT;",
+}
+"""By the version that they start from: statements that lead to the next one."""
+
+
+class FormatError(OracleError):
+    """A history in a format that this version of the server does not read."""
+
+
+def migrate(database: sqlite3.Connection) -> int:
+    """Bring a database to this version's format, a new one too; the version it had. Raises `FormatError`."""
+    (found,) = database.execute("PRAGMA user_version").fetchone()
+    version: int = found
+    if version and not min(_STEPS) <= version <= VERSION:
+        raise FormatError(f"the history has format {version}, and this version of the server reads up to {VERSION}")
+    steps = "".join(_STEPS[v] for v in range(version, VERSION)) if version else ""
+    try:
+        database.executescript(f"BEGIN IMMEDIATE; {steps} {DDL} PRAGMA user_version = {VERSION}; COMMIT;")
+    except sqlite3.Error:
+        if database.in_transaction:
+            database.execute("ROLLBACK")
+        raise
+    return version

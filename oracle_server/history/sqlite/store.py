@@ -1,0 +1,256 @@
+"""The history on disk: SQLite in WAL mode, one writer thread, whatever has piled up in one commit.
+
+Rows are inserted many to a statement: the writer needs the interpreter once a statement, and each time would have to
+wait for the event loop to let go of it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import sqlite3
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import structlog
+
+from oracle_server.core.errors import OracleError
+from oracle_server.history.sqlite.migrations import migrate
+from oracle_server.history.sqlite.schema import REFUSED_COLUMNS, STEP_COLUMNS, VERSION, Row
+
+Durability = Literal["full", "normal"]
+MAX_PENDING = 20_000
+"""Rows that may wait for the disk; beyond, monitors are not read until there is room."""
+_RETRY_AFTER = 1.0
+_GATHER = 0.01
+"""Seconds for which rows are gathered before the writer is woken."""
+PERIOD = 0.04
+"""Seconds between two commits at least: the writer competes with the event loop for Python."""
+_COLUMNS = {"steps": STEP_COLUMNS, "refused": REFUSED_COLUMNS}
+_CHUNK = 512
+
+log = structlog.get_logger()
+
+
+class StoreError(OracleError):
+    """The data directory or its database can't be used."""
+
+
+@dataclass(slots=True)
+class _Batch:
+    """What waits for the next commit, in the order in which it must be done."""
+
+    work: list[tuple[str, Any]] = field(default_factory=list)
+    callbacks: list[Callable[[], None]] = field(default_factory=list)
+    size: int = 0
+
+
+class Store:
+    """Appends to the history from the event loop's thread; each append tells when it is committed."""
+
+    def __init__(self, folder: Path, durability: Durability = "full") -> None:
+        """Open a folder's database, which must be nobody else's. Raises `StoreError` where it can't be used."""
+        self.path = folder / "history.sqlite"
+        try:
+            self._writer = sqlite3.connect(self.path, isolation_level=None, check_same_thread=False)
+            _prepare(self._writer, durability)
+        except sqlite3.Error as error:
+            raise StoreError(f"{self.path}: can't be used as a database: {error}") from None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._room = asyncio.Event()
+        self._batch = _Batch()
+        self._next: _Batch | None = None
+        self._handing_over: asyncio.TimerHandle | None = None
+        self._handed_over = 0.0
+        self._wake = threading.Condition()
+        self._stopping = False
+        self._pending = 0
+        self._uncommitted: deque[float] = deque()
+        self._thread = threading.Thread(target=self._run, name="history writer", daemon=True)
+        self.failure: str | None = None
+        """Why the history can't be written at the moment."""
+
+    def start(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Start the writer; callbacks run on `loop`."""
+        self._loop = loop
+        self._room.set()
+        self._thread.start()
+
+    async def room(self) -> None:
+        """Wait until no more than `MAX_PENDING` rows wait for the disk."""
+        await self._room.wait()
+
+    @property
+    def has_room(self) -> bool:
+        """Whether no more than `MAX_PENDING` rows wait for the disk."""
+        return self._room.is_set()
+
+    @property
+    def pending(self) -> int:
+        """Rows that wait for the disk."""
+        return self._pending
+
+    @property
+    def lag(self) -> float:
+        """Seconds for which the oldest row has waited for its commit."""
+        return time.monotonic() - self._uncommitted[0] if self._uncommitted else 0.0
+
+    def append(self, table: Literal["steps", "refused"], rows: Sequence[Row], done: Callable[[], None]) -> None:
+        """Insert rows with the next commit, and call `done` after it."""
+        self._add(table, rows, done, len(rows))
+
+    def execute(self, sql: str, values: Sequence[Any], done: Callable[[], None] | None = None) -> None:
+        """Run a statement with the next commit, after all that was appended before."""
+        self._add(sql, values, done, 1)
+
+    async def flush(self) -> None:
+        """Wait until all that was appended is committed."""
+        committed = asyncio.Event()
+        self.append("steps", [], committed.set)
+        await committed.wait()
+
+    def close(self) -> None:
+        """Commit what waits, stop the writer and close the database. Call it off the event loop."""
+        with self._wake:
+            self._stopping = True
+            self._wake.notify()
+        if self._thread.is_alive():
+            self._thread.join()
+        self._writer.close()
+
+    def read(self, sql: str, values: Sequence[Any] = ()) -> list[Row]:
+        """Rows as of the last commit, on a connection of their own: reading never waits for writing."""
+        with contextlib.closing(sqlite3.connect(f"file:{self.path}?mode=ro", uri=True)) as reader:
+            return reader.execute(sql, values).fetchall()
+
+    def each(self, sql: str, values: Sequence[Any] = ()) -> Iterator[Row]:
+        """The same, row by row; each may be asked for in another thread."""
+        uri = f"file:{self.path}?mode=ro"
+        with contextlib.closing(sqlite3.connect(uri, uri=True, check_same_thread=False)) as reader:
+            yield from reader.execute(sql, values)
+
+    def _add(self, what: str, values: Any, done: Callable[[], None] | None, size: int) -> None:
+        if not self._batch.work:
+            self._uncommitted.append(time.monotonic())
+        self._batch.work.append((what, values))
+        self._batch.size += size
+        if done is not None:
+            self._batch.callbacks.append(done)
+        self._schedule()
+        self._pending += size
+        if self._pending > MAX_PENDING:
+            self._room.clear()
+
+    def _schedule(self) -> None:
+        if self._batch.work and self._handing_over is None and self._loop is not None:
+            delay = max(_GATHER, self._handed_over + PERIOD - self._loop.time())
+            self._handing_over = self._loop.call_later(delay, self._hand_over)
+
+    def _hand_over(self) -> None:
+        """Give the writer what has piled up, unless it has not taken the last batch yet."""
+        self._handing_over = None
+        if not self._batch.work:
+            return
+        with self._wake:
+            if self._next is None:
+                self._next, self._batch = self._batch, _Batch()
+                self._handed_over = self._loop.time() if self._loop else 0.0
+                self._wake.notify()
+
+    def _run(self) -> None:
+        while True:
+            with self._wake:
+                while self._next is None and not self._stopping:
+                    self._wake.wait()
+                batch, self._next = self._next, None
+                if batch is None and self._batch.work:
+                    batch, self._batch = self._batch, _Batch()
+            if batch is None or not self._commit(batch):
+                return  # what comes after a batch that was not written would leave a gap
+
+    def _commit(self, batch: _Batch) -> bool:
+        """Write a batch, again and again until it is written or the store is closed; whether it is written."""
+        while True:
+            try:
+                self._write(batch)
+            except Exception as error:  # noqa: BLE001 -- without its thread, nothing would ever be written, or told of
+                known, self.failure = self.failure, _told(error)
+                if known is None:
+                    log.error("the history can't be written", reason=self.failure, path=str(self.path))
+                with self._wake:
+                    if self._stopping:
+                        return False
+                    self._wake.wait(_RETRY_AFTER)
+            else:
+                break
+        if self.failure is not None:
+            self.failure = None
+            log.info("the history can be written again")
+        assert self._loop is not None  # noqa: S101 -- the thread starts with the loop
+        with contextlib.suppress(RuntimeError):  # the loop is closed: nobody is left to be told
+            self._loop.call_soon_threadsafe(self._committed, batch)
+        return True
+
+    def _write(self, batch: _Batch) -> None:
+        self._writer.execute("BEGIN IMMEDIATE")
+        try:
+            for what, rows in _merged(batch.work):
+                if what in _COLUMNS:
+                    _insert(self._writer, what, rows)
+                else:
+                    self._writer.executemany(what, rows)
+            self._writer.execute("COMMIT")
+        except BaseException:
+            with contextlib.suppress(sqlite3.Error):
+                self._writer.execute("ROLLBACK")
+            raise
+
+    def _committed(self, batch: _Batch) -> None:
+        self._uncommitted.popleft()
+        self._schedule()
+        self._pending -= batch.size
+        if self._pending <= MAX_PENDING:
+            self._room.set()
+        for callback in batch.callbacks:
+            callback()
+
+
+def _told(error: Exception) -> str:
+    if getattr(error, "sqlite_errorname", "").startswith("SQLITE_IOERR"):
+        return f"{error}: the disk fails, or has turned read-only; the system's log says more"
+    return str(error)
+
+
+def _merged(work: list[tuple[str, Any]]) -> list[tuple[str, Any]]:
+    """The work with rows that follow each other in one table, or statement, put together."""
+    merged: list[tuple[str, Any]] = []
+    for what, values in work:
+        if not merged or merged[-1][0] != what:
+            merged.append((what, []))
+        merged[-1][1].extend(values if what in _COLUMNS else [values])
+    return merged
+
+
+def _insert(writer: sqlite3.Connection, table: str, rows: list[Row]) -> None:
+    columns = _COLUMNS[table]
+    place = f"({','.join('?' * len(columns))})"
+    start = 0
+    while start < len(rows):
+        size = min(_CHUNK, 1 << ((len(rows) - start).bit_length() - 1))  # few sizes, so that statements are cached
+        values = [value for row in rows[start : start + size] for value in row]
+        statement = f"INSERT INTO {table} ({','.join(columns)}) VALUES {','.join([place] * size)}"  # noqa: S608
+        writer.execute(statement, values)
+        start += size
+
+
+def _prepare(writer: sqlite3.Connection, durability: Durability) -> None:
+    writer.execute("PRAGMA journal_mode = WAL")
+    writer.execute(f"PRAGMA synchronous = {durability.upper()}")
+    version = migrate(writer)
+    if version not in (0, VERSION):
+        log.info("the history was brought to a newer format", was=version, now=VERSION)

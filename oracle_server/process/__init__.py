@@ -1,0 +1,1 @@
+"""Being a process: settings, logs, the daemon, the clock."""

@@ -1,0 +1,60 @@
+"""The oracles elsewhere of a replay: there is no hurry, so each question is waited for."""
+
+from __future__ import annotations
+
+import asyncio
+
+from oracle_server.core.asking import Ask
+from oracle_server.core.engine import Answer
+from oracle_server.core.errors import OracleError
+from oracle_server.core.events import Order
+from oracle_server.core.session import Session
+from oracle_server.core.verdicts import Judged
+from oracle_server.remote.oracle import ExternalOracle
+
+
+class Consultation:
+    """Answers what a session asks; each order has connections of its own."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._runner = asyncio.Runner()
+        self._oracles: dict[tuple[Order, int], ExternalOracle] = {}
+        for order in session.judges:
+            for index in session.plan.external:
+                prop = session.plan.spec.properties[index]
+                assert prop.external is not None  # noqa: S101 -- it is one of those
+                self._oracles[order, index] = ExternalOracle(prop.external)
+
+    def settle(self) -> list[Judged]:
+        """Answer all that the session asks, and tell what it judged by that.
+
+        Raises `OracleError` where an oracle is away when it is asked first.
+        """
+        judged: list[Judged] = []
+        while asks := self._session.take_asks():
+            for ask in asks:
+                oracle = self._oracles[ask.order, ask.property]
+                if not oracle.begun and isinstance(ask.step.event.data, dict):
+                    self._find(oracle, ask.property)
+                judged += self._session.resolve(ask, self._runner.run(_ask(oracle, ask)), self._session.now)
+        return judged
+
+    def _find(self, oracle: ExternalOracle, index: int) -> None:
+        reason = self._runner.run(_connect(oracle))
+        if reason is not None:
+            raise OracleError(f"{self._session.plan.spec.properties[index].text} {reason}; start it first")
+
+    def close(self) -> None:
+        """Close the connections."""
+        for oracle in self._oracles.values():
+            self._runner.run(oracle.close())
+        self._runner.close()
+
+
+async def _connect(oracle: ExternalOracle) -> str | None:
+    return await oracle.connect(asyncio.get_running_loop().time() + oracle.timeout)
+
+
+async def _ask(oracle: ExternalOracle, ask: Ask) -> Answer:
+    return await oracle.ask(ask, asyncio.get_running_loop().time() + oracle.timeout)

@@ -1,0 +1,62 @@
+"""A session's trace as MCAP: a channel a stream, each message a line of the trace in JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
+from oracle_server.core.errors import TraceError
+from oracle_server.core.spec import Spec
+from oracle_server.replay.jsonl import Trace
+
+PROFILE = "oracle-server"
+_SCHEMA = b'{"type": "object"}'
+
+
+def write_mcap(path: Path, lines: Iterable[dict[str, Any]]) -> int:
+    """Write the lines of a session's trace, and tell how many. Raises OSError."""
+    written = 0
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile=PROFILE, library="oracle-server")
+        schema = writer.register_schema("oracle_server.Event", "jsonschema", _SCHEMA)
+        channels: dict[tuple[str, str], int] = {}
+        for line in lines:
+            stream = line["stream"], line["kind"]
+            if stream not in channels:
+                name = line["stream"] if line["kind"] == "topic" else f"{line['stream']}/{line['kind']}"
+                channels[stream] = writer.register_channel(name, "json", schema, {"kind": line["kind"]})
+            writer.add_message(channels[stream], line["arrived"], msgspec.json.encode(line), line["stamp"], line["seq"])
+            written += 1
+        writer.finish()  # type: ignore[no-untyped-call]
+    return written
+
+
+def is_trace(path: Path) -> bool:
+    """Whether an MCAP file was written by `write_mcap`, and is no robot's own recording."""
+    try:
+        with path.open("rb") as file:
+            return bool(make_reader(file).get_header().profile == PROFILE)
+    except (OSError, McapError):
+        return False
+
+
+def read_mcap(path: Path, spec: Spec) -> Trace:
+    """The trace in a file that `write_mcap` wrote."""
+
+    def lines() -> Iterator[tuple[str, bytes]]:
+        with path.open("rb") as file:
+            try:
+                messages = make_reader(file).iter_messages(log_time_order=False)
+                for number, (_, _, message) in enumerate(messages, start=1):
+                    yield f"{path}: message {number}", message.data
+            except McapError as error:
+                raise TraceError(f"{path}: can't be read as MCAP: {error}") from None
+
+    return Trace(path, spec, lines, path.stat().st_size)

@@ -1,0 +1,196 @@
+"""A recording through the same session as a live one."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+from oracle_server.core.engine import Answer
+from oracle_server.core.errors import TraceError
+from oracle_server.core.events import Event, Step
+from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.plan import Plan, Projects, plan
+from oracle_server.core.session import Session, orders
+from oracle_server.core.spec import By, Spec
+from oracle_server.core.verdicts import Judged, Outcome
+from oracle_server.engines.table import make_engines
+from oracle_server.remote.offline import Consultation
+from oracle_server.replay.comparison import Comparison
+from oracle_server.replay.recording import Place, Projected, Recorded, Recording
+
+_FOR_EVER = 2**63
+_NOT_KEPT = Answer(Outcome.UNKNOWN, "was not asked: a session's trace has what was made of the messages, and not them")
+
+
+class Replay:
+    """Judges a recording against a spec; iterate it for what was judged, then ask for the summary.
+
+    A session's own trace is judged again in the order in which it was judged, unless another one is asked for. What
+    oracles elsewhere said then is taken as they said it.
+    """
+
+    def __init__(self, spec: Spec, recording: Recording, by: By | None = None) -> None:
+        """`by` overrides the order that the spec asks for."""
+        ordering = replace(spec.ordering, by=by) if by else spec.ordering
+        self.spec = replace(spec, ordering=ordering)
+        self.events = 0
+        self.comparison = Comparison(orders(self.spec)[0])
+        self.passed: dict[tuple[str, int], tuple[bool, str | None]] = {}
+        """What an adapter did with the events that are not judged yet."""
+        self._recording = recording
+        self._anew = by is not None
+        self._session: Session | None = None
+        self._consultation: Consultation | None = None
+
+    def __iter__(self) -> Iterator[Judged]:
+        """What is judged, in order. Raises `TraceError` where the recording can't be used."""
+        recorded = iter(self._recording)
+        first = next(recorded, None)
+        if first is None:
+            return
+        judge = self._again if first.places and not self._anew else self._as_new
+        try:
+            for item in judge(first, recorded):
+                if self.comparison.compares:
+                    self.comparison.judged(item)
+                yield item
+        finally:
+            if self._consultation is not None:
+                self._consultation.close()
+
+    def _as_new(self, first: Recorded, rest: Iterator[Recorded]) -> Iterator[Judged]:
+        session = self._session = self._open()
+        if session.asking is not None:
+            self._consultation = Consultation(session)
+        monitors: set[str] = set()
+        for recorded in itertools.chain((first,), rest):
+            event = self._take(recorded)
+            if event.stream.kind == "tick":
+                continue  # what the deadlines of this session are is its own matter
+            if event.monitor not in monitors:
+                monitors.add(event.monitor)
+                yield from self._settled(session.attach(event.monitor, self.spec.by_key, event.arrived))
+            yield from self._settled(session.ingest(event))
+        yield from self._settled(session.finish(session.now))
+
+    def _settled(self, judged: list[Judged]) -> list[Judged]:
+        return judged if self._consultation is None else judged + self._consultation.settle()
+
+    def _again(self, first: Recorded, rest: Iterator[Recorded]) -> Iterator[Judged]:
+        """Judge in the recorded order: what was judged before an event arrived comes before what it brought about."""
+        used = {place.order for place in first.places}
+        ordering = replace(self.spec.ordering, by="both" if len(used) > 1 else used.pop())
+        self.spec = replace(self.spec, ordering=ordering)
+        session = self._session = self._open()
+        waiting: list[tuple[int, Place, Step]] = []
+        upcoming = itertools.count(1)
+        for recorded in itertools.chain((first,), rest):
+            event = self._take(recorded)
+            while waiting and waiting[0][1].judged < event.arrived:
+                yield from _rejudge(session, next(upcoming), *heapq.heappop(waiting))
+            signals, failed = _project(session, event)
+            step = Step(event, signals, failed, event.stamp or event.arrived)
+            for place in recorded.places:
+                heapq.heappush(waiting, (place.position, place, step))
+        while waiting:
+            yield from _rejudge(session, next(upcoming), *heapq.heappop(waiting))
+
+    def _take(self, recorded: Recorded) -> Event:
+        event = recorded.event
+        self.events += event.stream.kind != "tick"
+        if recorded.passed is not None:
+            self.passed[event.monitor, event.seq] = (recorded.passed, recorded.why)
+        if recorded.verdict is not None:
+            self.comparison.told(event, recorded.verdict)
+        return event
+
+    def _open(self) -> Session:
+        """A session; where the trace does not say when events arrived, no time passes and nothing is too far ahead."""
+        spec = self.spec
+        if not self._recording.clocked:
+            ordering = replace(spec.ordering, max_delay=None, max_skew=_FOR_EVER, capacity=_FOR_EVER)
+            spec = replace(spec, ordering=ordering)
+        ready = _projected(plan(spec))
+        return Session(ready, make_engines(ready), ticking=self._recording.clocked)
+
+    @property
+    def violated(self) -> bool:
+        """Whether any property became negative."""
+        return any(state["violations"] for state in self.states().values())
+
+    def summary(self) -> dict[str, Any]:
+        """The counts of the whole run, and how each property stands at its end.
+
+        With both orders, a property judged by arrival is listed as `name (arrival)`.
+        """
+        states = self.states()
+        counters = [judge.counters for judge in self._session.judges.values()] if self._session else []
+        summary = {
+            "spec": self.spec.id,
+            "events": self.events,
+            "ignored": sum(self._recording.ignored.values()),
+            "violations": sum(state["violations"] for state in states.values()),
+            "late": sum(c.late for c in counters),
+            "properties": states,
+        }
+        return summary | self.comparison.summary()
+
+    def states(self) -> dict[str, dict[str, Any]]:
+        """How each property stands."""
+        if self._session is None:
+            blank = {"outcome": "unknown", "first_violation": None, "violations": 0, "unknown": 0}
+            return {p.id: dict(blank) for p in self.spec.properties}
+        both = len(self._session.judges) > 1
+        return {
+            state.property.id + (" (arrival)" if both and order == "arrival" else ""): {
+                "outcome": state.outcome.value,
+                "first_violation": state.first_violation,
+                "violations": state.violations,
+                "unknown": state.failures,
+            }
+            for order, judge in self._session.judges.items()
+            for state in judge.properties
+        }
+
+
+def _project(session: Session, event: Event) -> tuple[Mapping[str, Scalar], frozenset[str]]:
+    if event.stream.kind == "tick":
+        return {}, frozenset()
+    return session.plan.streams[event.stream].project(event.data)
+
+
+def _rejudge(session: Session, upcoming: int, position: int, place: Place, step: Step) -> list[Judged]:
+    if upcoming == 1 and position > 1:
+        raise TraceError(
+            f"what the session judged first is not in the recording, which begins with its {position}. step: verdicts "
+            "would not be the same; use --by to judge what is there anew"
+        )
+    if place.degraded:
+        session.judges[place.order].degrade()
+    for index in session.plan.external:
+        session.tell(place.order, {index: place.said.get(session.plan.spec.properties[index].id, _NOT_KEPT)})
+    placed = Step(
+        step.event, step.signals, step.failed, step.stamp, place.skewed, place.late, place.forced, place.skipped
+    )
+    judged = session.rejudge(place.order, placed, place.judged)
+    return [] if judged is None else [judged]
+
+
+class _Given:
+    """Takes signals as they were recorded, and works them out where the message was."""
+
+    def __init__(self, project: Projects) -> None:
+        self._project, self.fields = project, project.fields
+
+    def __call__(self, message: object) -> tuple[dict[str, Any], frozenset[str]]:
+        if isinstance(message, Projected):
+            return dict(message.signals), message.failed
+        return self._project(message)
+
+
+def _projected(ready: Plan) -> Plan:
+    streams = {key: replace(stream, project=_Given(stream.project)) for key, stream in ready.streams.items()}
+    return replace(ready, streams=streams)

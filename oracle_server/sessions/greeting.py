@@ -1,0 +1,51 @@
+"""What a monitor is told when it attaches: all that an adapter needs to observe, filter and proxy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from oracle_server.core.events import StreamKey
+from oracle_server.core.plan import Plan
+from oracle_server.sessions.live import LiveSession
+from oracle_server.sessions.monitor import Monitor
+from oracle_server.wire.incoming import MAX_BATCH, MAX_DEPTH, MAX_FRAME
+
+
+def attached_frame(session: LiveSession, monitor: Monitor) -> dict[str, Any]:
+    """The `attached` frame: durations in nanoseconds, `fields` the dotted paths that are read, null for all."""
+    return {
+        "type": "attached",
+        "monitor": monitor.name,
+        "session": session.id,
+        "spec": session.spec.id,
+        "spec_digest": session.spec.digest,
+        "streams": [described(session.core.plan, key) for key in monitor.streams],
+        "next": monitor.numbering.next,
+        "limits": {
+            "max_frame": MAX_FRAME,
+            "max_batch": MAX_BATCH,
+            "max_outcomes": MAX_BATCH,
+            "max_depth": MAX_DEPTH,
+            "credit": session.credit.left[monitor.name],
+        },
+    }
+
+
+def described(plan: Plan, key: StreamKey) -> dict[str, Any]:
+    """One stream, as an adapter is told of it."""
+    stream, fields = plan.spec.by_key[key], plan.streams[key].fields
+    told: dict[str, Any] = {
+        "name": stream.name,
+        "kind": stream.kind,
+        "type": stream.type,
+        "action": stream.action,
+        "ordered": stream.ordered,
+        "stamp": stream.stamp,
+        "latency": stream.latency,
+        "fields": None if fields is None else sorted(fields),
+    }
+    if stream.action == "filter":
+        told |= {"on_unavailable": stream.on_unavailable, "decide_within": stream.decide_within}
+    if stream.kind == "topic":
+        return told | {"intercept": stream.intercept}
+    return told | {"proxy": stream.proxy, "denied_response": stream.denied_response}

@@ -1,0 +1,173 @@
+"""What a session gives to its history, and what its monitors are told once that is committed."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+
+from oracle_server.core.numbering import JUDGED
+from oracle_server.core.session import Session
+from oracle_server.core.verdicts import Judged, record
+from oracle_server.history.query import recorded_answer
+from oracle_server.history.sqlite.schema import step_row
+from oracle_server.history.sqlite.store import Store
+from oracle_server.process.clock import Clock
+from oracle_server.sessions.commits import News
+from oracle_server.sessions.counters import Tally
+from oracle_server.sessions.identity import Identity
+from oracle_server.sessions.monitor import Monitor
+from oracle_server.sessions.snapshots import Snapshots
+from oracle_server.sessions.standing import Frame, Standing
+from oracle_server.wire.incoming import AnyEvent, Outcome, QuickOutcome, WireError
+
+_WRITE_AFTER = 0.01
+"""Seconds after a decision in which others go before the history, and what the adapter did is heard of most."""
+
+_Used = tuple[Monitor, int, int, int]
+"""A monitor's number that is used up, the gap before it, and what was lost with it if it was refused, else `JUDGED`."""
+
+
+class Ledger:
+    """Writes one session's steps and refusals. An ack means committed, and so does a verdict that a monitor is told."""
+
+    def __init__(
+        self, identity: Identity, core: Session, store: Store, clock: Clock, tally: Tally,
+        monitors: Mapping[str, Monitor],
+    ) -> None:  # fmt: skip
+        """Write for a session that has these monitors, and those that will come."""
+        self.news = News()
+        """Told at each commit."""
+        self.snapshots = Snapshots(identity.id, identity.number, core, store)
+        self.refused = 0
+        """How many events were refused."""
+        self._session, self._monitors = identity.number, monitors
+        self._core, self._store, self._clock, self._tally = core, store, clock, tally
+        self._properties = [p.id for p in core.plan.spec.properties]
+        self._deciding, judge = next(iter(core.judges.items()))
+        self._standing = Standing(judge)
+        self._position = 0
+        self._unwritten: list[Judged] = []
+
+    def resume(self, position: int, refused: int) -> None:
+        """Go on with a session that was restored, and stands at a position."""
+        self._position, self.refused = position, refused
+        self.snapshots.resume(position)
+
+    def add(self, judged: list[Judged]) -> None:
+        """Take what was judged; it is written a little later, many steps in one go."""
+        if not self._unwritten:
+            asyncio.get_running_loop().call_later(_WRITE_AFTER, self.write)
+        self._unwritten += judged
+
+    def write(self) -> None:
+        """Give what was judged to the history."""
+        judged, self._unwritten = self._unwritten, []
+        rows, used, violations = [], [], []
+        for item in judged:
+            self._position += 1
+            event, gap, outcome = item.step.event, 0, None
+            if event.monitor:
+                monitor = self._monitors[event.monitor]
+                gap = monitor.gaps.get(event.seq, 0)
+                if item.order == self._deciding:
+                    monitor.gaps.pop(event.seq, None)
+                    outcome = monitor.outcomes.pop(event.seq, None)
+                    used.append((monitor, event.seq, gap, JUDGED))
+            rows.append(step_row(self._session, self._position, gap, item, outcome))
+            violations += [{"type": "violation", **record(item, v)} for v in item.verdicts if v.explanation]
+        if rows:
+            self._tally.judged(rows)
+            standing, position = self._standing.changed(self._last_verdict), self._position
+            self._store.append("steps", rows, lambda: self._committed(used, position, violations, standing))
+            if self.snapshots.is_due(self._position):
+                self.save()
+
+    def save(self) -> None:
+        """Keep how all stands, so that a restart need not judge it all again."""
+        self.write()
+        self.snapshots.save(self._position, self._monitors)
+
+    def refuse(self, monitor: Monitor, seq: int, gap: int, code: str, message: str) -> WireError:
+        """Use up the number of an event, and the gap before it; the error is what its monitor is to be told."""
+        self.refused += 1
+        monitor.unsettled += 1
+        lost = gap + (code == "bad_event")
+        monitor.lost += lost
+        if lost:
+            self._core.note_refusal()
+        row = (self._session, monitor.name, seq, gap, self._clock.now(), code, message)
+        self._store.append("refused", [row], lambda: self._settle([(monitor, seq, gap, lost)]))
+        return WireError(code, message, seq=seq)
+
+    def amend(self, monitor: Monitor, message: Outcome | QuickOutcome) -> None:
+        """Add what the adapter did about an event that is written already."""
+        monitor.unsettled += 1
+        self._store.execute(
+            "UPDATE steps SET passed = ?, why = ? WHERE session = ? AND monitor = ? AND seq = ?",
+            (message.passed, message.why, self._session, monitor.name, message.seq),
+            lambda: self._amended(monitor),
+        )
+
+    def answer_again(self, monitor: Monitor, message: AnyEvent) -> None:
+        """Tell a monitor what it was told, or was to be told, of an event that it sends again."""
+        if message.ask and monitor.outbox:
+            answer = monitor.answers.get(message.seq)
+            if answer is None and message.seq not in monitor.gaps:
+                answer = recorded_answer(self._store, self._session, self._properties, monitor.name, message.seq)
+            if answer is not None:
+                monitor.outbox.send(answer)
+        _acknowledge(monitor)
+
+    def follow_verdicts(self) -> None:
+        """Begin to tell the monitors that want to know it how the properties stand."""
+        self.write()
+        self._standing.follow(self._last_verdict)
+
+    def tell_verdicts(self, monitor: Monitor) -> None:
+        """Tell a monitor that wants to know how the properties stand; to be called once its past is committed."""
+        if monitor.verdicts and monitor.outbox and self._standing.committed:
+            monitor.outbox.send(self._standing.committed)
+
+    @property
+    def _last_verdict(self) -> int:
+        return self._position * len(self._properties)
+
+    def _committed(self, used: list[_Used], position: int, violations: list[Frame], standing: Frame | None) -> None:
+        self.snapshots.committed(position)
+        self.news.tell()
+        self._settle(used)
+        for frame in violations:
+            for monitor in self._monitors.values():
+                if monitor.outbox:
+                    monitor.outbox.send(frame)
+        if standing:
+            self._standing.committed = standing
+            for monitor in self._monitors.values():
+                self.tell_verdicts(monitor)
+
+    def _settle(self, used: list[_Used]) -> None:
+        """Acknowledge numbers that are used up in the committed history."""
+        touched = {}
+        for monitor, seq, gap, lost in used:
+            monitor.numbering.commit(seq, gap, lost)
+            monitor.unsettled -= 1
+            monitor.answers.pop(seq, None)
+            touched[monitor.name] = monitor
+        for monitor in touched.values():
+            _acknowledge(monitor)
+            let_go(monitor)
+
+    def _amended(self, monitor: Monitor) -> None:
+        monitor.unsettled -= 1
+        let_go(monitor)
+
+
+def let_go(monitor: Monitor) -> None:
+    """Tell a monitor that wants to leave that it may, once all that it sent is committed."""
+    if monitor.detaching and monitor.unsettled == 0 and monitor.outbox:
+        monitor.outbox.finish({"type": "detached"})
+
+
+def _acknowledge(monitor: Monitor) -> None:
+    if monitor.outbox:
+        monitor.outbox.send({"type": "ack", "upto": monitor.numbering.upto})

@@ -1,0 +1,277 @@
+"""All sessions of a server: opened, found, restored, closed."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import itertools
+import secrets
+import time
+from typing import Any, NamedTuple
+
+import msgspec
+import structlog
+
+from oracle_server.core.errors import OracleError, SpecError
+from oracle_server.core.plan import judged_by, plan
+from oracle_server.core.session import Session
+from oracle_server.core.spec import By
+from oracle_server.engines.table import make_engines
+from oracle_server.history.sqlite.schema import Row
+from oracle_server.history.sqlite.store import Store
+from oracle_server.process.clock import Clock
+from oracle_server.review.restore import restore
+from oracle_server.sessions.counters import Tally
+from oracle_server.sessions.identity import Identity
+from oracle_server.sessions.live import LiveSession
+from oracle_server.sessions.monitor import Monitor, Outbox, claimed
+from oracle_server.sessions.status import session_state
+from oracle_server.specfiles.library import Entry, Library, UnknownSpecError
+from oracle_server.specfiles.load import parse_spec
+from oracle_server.wire.incoming import Attach, WireError
+
+_OPENED = "number, id, spec, text, digest, properties, private, opened, asked"
+
+_GOODBYE_WITHIN = 2.0
+_FLUSH_WITHIN = 10.0
+_ANEW = ".run"
+"""Stands between a session's name and a number where its simulation has begun anew: `s1`, `s1.run2`, `s1.run3`."""
+
+log = structlog.get_logger()
+
+
+class Known(NamedTuple):
+    """A session's number in the history, its spec, and the ids of its properties in their order there."""
+
+    number: int
+    spec: str
+    properties: list[str]
+
+
+class SessionExistsError(OracleError):
+    """A session of that name is there already."""
+
+
+class Registry:
+    """The open sessions, and what the history knows of the closed ones."""
+
+    def __init__(self, store: Store, library: Library, clock: Clock, resume_within: float) -> None:
+        """Hold no sessions yet; `resume_within` is how long, in seconds, a lost monitor keeps its place."""
+        self.open: dict[str, LiveSession] = {}
+        self.tally = Tally()
+        self._store, self._library, self._clock, self._resume_within = store, library, clock, resume_within
+        self._opening = asyncio.Lock()
+        self._closing: dict[int, asyncio.Task[None]] = {}
+        self._stopping = False
+        self._last = 0
+
+    async def restore_all(self) -> None:
+        """Bring the open sessions back from the history."""
+        self._last = (self._store.read("SELECT max(number) FROM sessions")[0][0]) or 0
+        for row in self._store.read(f"SELECT {_OPENED} FROM sessions WHERE closed IS NULL ORDER BY number"):  # noqa: S608
+            try:
+                await self._restore(row)
+            except OracleError as error:
+                log.error("a session can't be restored", session=row[1], reason=str(error))
+
+    async def attach(self, wanted: Attach, outbox: Outbox) -> tuple[LiveSession, Monitor]:
+        """Attach a monitor to the session that it wants. Raises a fatal `WireError` where that can't be."""
+        session = await self._session_for(wanted)
+        if self._stopping:
+            raise _stops()
+        if wanted.spec is not None and wanted.spec != session.spec.id:
+            message = f"session '{session.id}' judges by '{session.spec.id}', not by '{wanted.spec}'"
+            raise WireError("spec_mismatch", message, fatal=True)
+        return session, session.attach(wanted, outbox)
+
+    async def create(
+        self, spec_id: str, session_id: str | None, *, private: bool = False, by: By | None = None
+    ) -> LiveSession:
+        """Open a new session; `by` overrides the order that its spec asks for.
+
+        Raises `UnknownSpecError`, `SpecError` or `SessionExistsError`.
+        """
+        async with self._opening:
+            entry = self._library.get(spec_id)
+            session_id = session_id or self._new_name(spec_id)
+            if self.known(session_id) is not None:
+                raise SessionExistsError(f"a session '{session_id}' is there already")
+            return await self._open(entry, session_id, private=private, by=by)
+
+    def known(self, session_id: str) -> Known | None:
+        """What the history needs to be asked about a session, None where there is none of that name."""
+        live = self.open.get(session_id)
+        if live is not None:
+            return Known(live.number, live.spec.id, [p.id for p in live.spec.properties])
+        rows = self._store.read("SELECT number, spec, properties FROM sessions WHERE id = ?", (session_id,))
+        return Known(rows[0][0], rows[0][1], msgspec.json.decode(rows[0][2])) if rows else None
+
+    def state(self, session_id: str) -> dict[str, Any] | None:
+        """How a session stands, or stood when it was closed; None where it is not known."""
+        live = self.open.get(session_id)
+        if live is not None:
+            return session_state(live, self._clock.now())
+        rows = self._store.read("SELECT state FROM sessions WHERE id = ? AND closed IS NOT NULL", (session_id,))
+        return _decode(rows[0][0]) if rows else None
+
+    async def states(self) -> list[dict[str, Any]]:
+        """Every session's state, the newest first; the open ones as of now, so that one that closes is told once."""
+        live = []
+        for session in [*reversed(self.open.values())]:
+            live.append(session_state(session, self._clock.now()))
+            await asyncio.sleep(0)  # so that decisions wait for one state, not for a thousand
+        told = {state["id"] for state in live}
+        closed = await asyncio.to_thread(self._closed_states)
+        return [*live, *(state for state in closed if state["id"] not in told)]
+
+    def _closed_states(self) -> list[dict[str, Any]]:
+        sql = "SELECT state FROM sessions WHERE closed IS NOT NULL ORDER BY number DESC LIMIT 1000"
+        return [_decode(row[0]) for row in self._store.read(sql)]
+
+    async def _close(self, session: LiveSession) -> None:
+        """Judge what a session holds, and close it for good, unless the server stops: then it goes on with the next."""
+        if session.closing:
+            return
+        session.close()
+        await session.settle()
+        now = self._clock.now()
+        successor = self._successor(session) if session.clock_went_back else None
+        state = session_state(session, now) | {"status": "closed", "closed": now, "continued_by": successor}
+        state["clock_went_back"] = session.clock_went_back
+        sql = "UPDATE sessions SET closed = ?, state = ? WHERE number = ?"
+        self._store.execute(sql, (now, msgspec.json.encode(state).decode(), session.number))
+        await self._store.flush()
+        self.open.pop(session.id, None)
+        self.tally.closed(session)
+        session.ledger.news.end()
+        if session.clock_went_back:
+            reason = _ended(session.id, successor)
+        else:
+            reason = WireError("session_closed", f"session '{session.id}' was closed", fatal=True)
+        for monitor in session.monitors.values():
+            if monitor.outbox and not monitor.detaching:
+                monitor.outbox.drop(reason)
+
+    def save(self, number: int) -> None:
+        """Save an open session, so that less of its history is needed to restore it."""
+        for session in self.open.values():
+            if session.number == number and not session.closing and session.ledger.snapshots.rested:
+                session.ledger.save()
+
+    async def closed_within(self, session: LiveSession, patience: float) -> bool:
+        """Close a session, or go on with that; whether it is done after `patience` seconds. It goes on in any case."""
+        _, waiting = await asyncio.wait((self._begin_to_close(session),), timeout=patience)
+        return not waiting
+
+    async def shut_down(self) -> None:
+        """Judge what all sessions hold, commit it, and tell the monitors; the sessions stay open in the history."""
+        self._stopping = True
+        for session in self.open.values():
+            session.close()
+        await asyncio.gather(*(session.settle() for session in self.open.values()))
+        for session in self.open.values():
+            session.ledger.save()
+        try:
+            async with asyncio.timeout(_FLUSH_WITHIN):
+                await self._store.flush()
+        except TimeoutError:
+            log.error("the server stops without its last events in the history; their monitors send them again")
+        for session in self.open.values():
+            session.ledger.news.end()
+        outboxes = [m.outbox for session in self.open.values() for m in session.monitors.values() if m.outbox]
+        for outbox in outboxes:
+            outbox.drop(_stops())
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(_GOODBYE_WITHIN):
+                await asyncio.gather(*(outbox.sent() for outbox in outboxes))
+
+    async def _session_for(self, wanted: Attach) -> LiveSession:
+        live = self.open.get(wanted.session) if wanted.session else None
+        if live is not None and live.number in self._closing:
+            await asyncio.wait((self._closing[live.number],))  # only then it is known what comes after it
+        elif live is not None:
+            return live
+        if wanted.session and self.known(wanted.session) is not None:
+            state = self.state(wanted.session) or {}
+            if state.get("clock_went_back"):
+                raise _ended(wanted.session, state["continued_by"])
+            raise WireError("session_closed", f"session '{wanted.session}' is closed; it can only be read", fatal=True)
+        if wanted.spec is None:
+            raise WireError("unknown_spec", "name a spec: there is no session to join", fatal=True)
+        try:
+            claimed(self._library.get(wanted.spec).plan.spec, wanted.streams)
+            return await self.create(wanted.spec, wanted.session, private=wanted.session is None)
+        except SessionExistsError:
+            return await self._session_for(wanted)
+        except UnknownSpecError as error:
+            raise WireError("unknown_spec", str(error), fatal=True) from None
+        except SpecError as error:
+            raise WireError("bad_spec", str(error), fatal=True) from None
+
+    async def _open(self, entry: Entry, session_id: str, *, private: bool, by: By | None) -> LiveSession:
+        spec = entry.plan.spec
+        ready = judged_by(entry.plan, by)
+        core = Session(ready, await asyncio.to_thread(make_engines, ready))
+        self._last += 1
+        live = self._live(Identity(session_id, self._last, private, self._clock.now()), core)
+        properties = msgspec.json.encode([p.id for p in spec.properties]).decode()
+        self._store.execute(
+            f"INSERT INTO sessions ({_OPENED}) VALUES (?,?,?,?,?,?,?,?,?)",  # noqa: S608
+            (live.number, session_id, spec.id, entry.file.text, spec.digest, properties, private, live.opened, by),
+        )
+        log.info("session opened", session=session_id, spec=spec.id)
+        return live
+
+    async def _restore(self, row: Row) -> None:
+        number, session_id, _, text, _, _, private, opened, by = row
+        ready = judged_by(plan(parse_spec(text, session_id).spec), by)
+        restored = await asyncio.to_thread(restore, self._store, number, ready)
+        live = self._live(Identity(session_id, number, bool(private), opened), restored.core)
+        live.resume(restored)
+        if live.oracles is not None and restored.position:
+            live.oracles.resume()
+        self.tally.restored(live)
+        log.info("session restored", session=session_id, steps=restored.position)
+
+    def _live(self, identity: Identity, core: Session) -> LiveSession:
+        live = LiveSession(identity, core, self._store, self._clock, self.tally, self._resume_within, self._on_over)
+        self.open[live.id] = live
+        return live
+
+    def _new_name(self, spec_id: str) -> str:
+        """A name that no session has: many may be opened within a second."""
+        stem = f"{spec_id[:40]}-{time.strftime('%Y%m%d-%H%M%S')}"
+        names = (f"{stem}-{secrets.token_hex(2)}" for _ in itertools.count())
+        return next(name for name in names if self.known(name) is None)
+
+    def _successor(self, session: LiveSession) -> str | None:
+        """The name under which a session goes on once its simulation has begun anew; a private one has none."""
+        if session.private:
+            return None
+        stem, mark, number = session.id.rpartition(_ANEW)
+        stem, first = (stem, int(number) + 1) if mark and number.isdecimal() else (session.id, 2)
+        names = (f"{stem[: 60 - len(str(n))]}{_ANEW}{n}" for n in itertools.count(first))
+        return next(name for name in names if self.known(name) is None)
+
+    def _on_over(self, session: LiveSession) -> None:
+        self._begin_to_close(session)
+
+    def _begin_to_close(self, session: LiveSession) -> asyncio.Task[None]:
+        task = self._closing.get(session.number)
+        if task is None:
+            task = self._closing[session.number] = asyncio.get_running_loop().create_task(self._close(session))
+            task.add_done_callback(lambda _: self._closing.pop(session.number))
+        return task
+
+
+def _stops() -> WireError:
+    return WireError("shutting_down", "the server stops; attach again later", fatal=True)
+
+
+def _ended(session: str, successor: str | None) -> WireError:
+    message = f"the simulated time of session '{session}' went back; attach to {successor or 'a new one'}"
+    return WireError("session_ended", message, fatal=True, session=successor)
+
+
+def _decode(state: str) -> dict[str, Any]:
+    return msgspec.json.decode(state, type=dict[str, Any])

@@ -1,0 +1,151 @@
+"""How a session stands, as plain data for HTTP."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from itertools import accumulate
+from typing import TYPE_CHECKING, Any
+
+from oracle_server.core.events import Step
+from oracle_server.core.reorder import Source
+from oracle_server.core.session import Session
+from oracle_server.core.tally import BOUNDS, HoldTimes, StreamCounts
+from oracle_server.core.verdicts import json_number
+
+if TYPE_CHECKING:
+    from oracle_server.sessions.live import LiveSession
+
+
+def session_state(session: LiveSession, now: int) -> dict[str, Any]:
+    """An open session's state; times in nanoseconds since the epoch, durations in nanoseconds."""
+    core = session.core
+    return {
+        "id": session.id,
+        "spec": session.spec.id,
+        "spec_digest": session.spec.digest,
+        "status": "open",
+        "clock": "wall" if core.simulated is None else "sim",
+        "opened": session.opened,
+        "closed": None,
+        "monitors": list(_monitors(session)),
+        "streams": list(_streams(core, now)),
+        "awaited": _awaited(core.buffer.awaited),
+        "waiting": _waiting(core, now),
+        "hold": _hold(core.holds),
+        "properties": list(_properties(core)),
+        "disagree": _disagree(core),
+        "counters": _counters(session),
+    }
+
+
+def _monitors(session: LiveSession) -> Iterator[dict[str, Any]]:
+    for monitor in session.monitors.values():
+        yield {
+            "name": monitor.name,
+            "attached": monitor.attached,
+            "connected": monitor.outbox is not None,
+            "next": monitor.numbering.next,
+            "credit": session.credit.left.get(monitor.name),
+            "streams": [said.model_dump() for said in monitor.reports.values()],
+        }
+
+
+def _properties(core: Session) -> Iterator[dict[str, Any]]:
+    """Each property, in each order."""
+    for order, judge in core.judges.items():
+        for state in judge.properties:
+            yield {
+                "id": state.property.id,
+                "order": order,
+                "outcome": state.outcome.value,
+                "first_violation": state.first_violation,
+                "violations": state.violations,
+                "unknown": state.failures,
+                "broken": state.broken,
+                "complaint": state.complaint,
+                "robustness": json_number(state.robustness),
+            }
+
+
+def _counters(session: LiveSession) -> dict[str, int]:
+    """What was counted, over both orders where there are two."""
+    core = session.core
+    counted = [judge.counters for judge in core.judges.values()]
+    return {
+        "steps": max(counters.steps for counters in counted),
+        "held": len(core.buffer),
+        "refused": session.ledger.refused,
+        **{
+            name: sum(getattr(counters, name) for counters in counted)
+            for name in ("late", "skewed", "skipped", "lost", "denied")
+        },
+    }
+
+
+def _streams(core: Session, now: int) -> Iterator[dict[str, Any]]:
+    """Each stream of a monitor that the order waits for, or that has something to tell; `lag` in the session's time."""
+    depths = Counter((step.event.monitor, step.event.stream) for step in core.buffer.held)
+    frontiers = core.buffer.frontiers
+    present = now if core.simulated is None else core.simulated.now
+    for source in dict.fromkeys((*frontiers, *core.counts)):
+        monitor, stream = source
+        frontier, counts = frontiers.get(source), core.counts.get(source, StreamCounts())
+        yield {
+            "monitor": monitor,
+            "stream": stream.name,
+            "kind": stream.kind,
+            "frontier": frontier,
+            "depth": depths[source],
+            "lag": None if frontier is None or present is None else max(0, present - frontier),
+            "late": counts.late,
+            "lost": counts.lost,
+            "duplicates": counts.duplicates,
+        }
+
+
+def _awaited(source: Source | None) -> dict[str, str] | None:
+    """The stream that everything held waits for."""
+    return {"monitor": source[0], "stream": source[1].name, "kind": source[1].kind} if source else None
+
+
+def _waiting(core: Session, now: int) -> str | None:
+    """What is waited for and since when, in words; None where nothing is."""
+    return "; ".join((*_asked(core, now), *_ordered(core, now))) or None
+
+
+def _asked(core: Session, now: int) -> Iterator[str]:
+    """What the oldest step whose turn has come waits for: oracles elsewhere."""
+    first = core.asking.first if core.asking else None
+    if first is None:
+        return
+    for index in sorted(first.missing):
+        prop = core.plan.spec.properties[index]
+        assert prop.external is not None  # noqa: S101 -- it was asked
+        yield f"held {_age(first.step, now)} ms for the oracle at {prop.external.url} of property {prop.id}"
+
+
+def _ordered(core: Session, now: int) -> Iterator[str]:
+    """What the oldest event in the order waits for: a stream."""
+    source, oldest = core.buffer.awaited, next(iter(core.buffer.held), None)
+    if source is not None and oldest is not None:
+        yield f"held {_age(oldest, now)} ms for {source[1]} of {source[0]}"
+
+
+def _age(step: Step, now: int) -> int:
+    """How long ago an event came, in ms."""
+    event = step.event
+    return max(0, now - event.came) // 10**6
+
+
+def _hold(holds: HoldTimes) -> dict[str, Any]:
+    """How long events were held: `buckets` count those held for `le` or less, where null is no bound."""
+    counts = accumulate(holds.buckets)
+    buckets = [{"le": bound, "count": count} for bound, count in zip((*BOUNDS, None), counts, strict=True)]
+    return {"count": holds.count, "sum": holds.total, "buckets": buckets}
+
+
+def _disagree(core: Session) -> list[str]:
+    """The properties that one order finds violated more often: the sign of a slow network, not of a faulty node."""
+    judged = [judge.properties for judge in core.judges.values()]
+    return [states[0].property.id for states in zip(*judged, strict=True) if len({s.violations for s in states}) > 1]

@@ -1,0 +1,1 @@
+"""Text to `Spec`, and what is on hand."""

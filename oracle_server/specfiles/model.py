@@ -1,0 +1,129 @@
+"""What a spec file may say, as pydantic models: the contract's keys with their defaults, and no others."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, StrictBool, StrictInt, StrictStr, Tag
+
+from oracle_server.core.units import duration, size
+
+
+def _delay(value: object) -> int | None:
+    return None if value == "none" else duration(value)
+
+
+def _ros_type(value: object, kind: str) -> object:
+    """`pkg/Type` and `pkg.msg.Type` are read as `pkg/msg/Type`, and so for srv."""
+    if not isinstance(value, str):
+        return value
+    package, *rest = value.replace(".", "/").split("/")
+    return "/".join((package, kind, *rest) if len(rest) == 1 else (package, *rest))
+
+
+Duration = Annotated[int, BeforeValidator(duration)]
+Size = Annotated[int, BeforeValidator(size)]
+Delay = Annotated[int | None, BeforeValidator(_delay)]
+Identifier = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,64}$")]
+RosName = Annotated[str, Field(pattern=r"^[~/A-Za-z][A-Za-z0-9_/{}~]*$", max_length=255)]
+MessageType = Annotated[str, BeforeValidator(partial(_ros_type, kind="msg")), Field(pattern=r"^(\w+/msg/\w+)?$")]
+ServiceType = Annotated[str, BeforeValidator(partial(_ros_type, kind="srv")), Field(pattern=r"^(\w+/srv/\w+)?$")]
+FieldPath = Annotated[str, Field(pattern=r"^\w+(\.\w+)*$")]
+SignalName = Annotated[str, Field(min_length=1, max_length=128)]
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class OrderingModel(_Model):
+    """`ordering:`."""
+
+    by: Literal["publication", "arrival", "both"] = "publication"
+    max_delay: Delay = 200 * 10**6
+    late: Literal["judge", "skip"] = "judge"
+    max_skew: Duration = 10**9
+    capacity: Annotated[int, Field(strict=True, ge=1, le=1_000_000)] = 10_000
+
+
+class ChannelModel(_Model):
+    """What a topic, or either side of a service, has of its own."""
+
+    stamp: FieldPath | None = None
+    hold: list[SignalName] = []
+    signals: dict[SignalName, StrictStr] | None = None
+
+
+class _Interface(_Model):
+    latency: Duration = 20 * 10**6
+    ordered: StrictBool = True
+    causes: list[RosName] = []
+    action: Literal["log", "filter"] = "log"
+    on_unavailable: Literal["deny", "pass"] = "deny"
+    decide_within: Duration = 2 * 10**9
+    on_deny: Literal["keep", "undo"] = "keep"
+
+
+class TopicModel(ChannelModel, _Interface):
+    """A stream that is a topic."""
+
+    topic: RosName
+    type: MessageType = ""
+    intercept: Literal["publisher", "subscriber"] = "publisher"
+
+
+class ServiceModel(_Interface):
+    """A service: two streams, its requests and its responses."""
+
+    service: RosName
+    type: ServiceType = ""
+    proxy: RosName | None = None
+    denied_response: dict[str, Any] | None = None
+    request: ChannelModel = ChannelModel()
+    response: ChannelModel = ChannelModel()
+
+
+def _stream_kind(value: object) -> str:
+    return "service" if isinstance(value, dict) and "service" in value else "topic"
+
+
+StreamModel = Annotated[
+    Annotated[TopicModel, Tag("topic")] | Annotated[ServiceModel, Tag("service")], Discriminator(_stream_kind)
+]
+
+
+class PropertyModel(_Model):
+    """A property."""
+
+    id: Identifier
+    description: StrictStr = ""
+    formula: StrictStr | None = None
+    time: Literal["steps", "seconds"] = "steps"
+    guards: list[RosName] = []
+    blame: Literal["any", "caused"] = "any"
+    latch: StrictBool = False
+    engine: Literal["auto", "native", "reelay", "both", "rtamt", "external"] = "auto"
+    url: Annotated[str, Field(pattern=r"^wss?://")] | None = None
+    timeout: Annotated[Duration, Field(gt=0)] = 10**9
+    streams: list[RosName] | None = None
+    names: Literal["full", "bare"] = "full"
+
+
+class RetentionModel(_Model):
+    """How much history of this spec's sessions is kept."""
+
+    age: Duration | None = None
+    events: Annotated[StrictInt, Field(ge=1)] | None = None
+    size: Size | None = None
+
+
+class SpecModel(_Model):
+    """A whole file."""
+
+    id: Identifier
+    description: StrictStr = ""
+    ordering: OrderingModel = OrderingModel()
+    retention: RetentionModel = RetentionModel()
+    streams: Annotated[list[StreamModel], Field(min_length=1)]
+    properties: Annotated[list[PropertyModel], Field(min_length=1)]

@@ -1,0 +1,1 @@
+"""A spec from what ROSMonitoring was configured with, which is read and never run."""

@@ -1,0 +1,229 @@
+"""`import`: a spec from ROSMonitoring's configuration and property modules, and comments on what had no counterpart."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import yaml
+
+from oracle_server.core.errors import ExpressionError, FormulaError, one_line
+from oracle_server.core.expressions import parse_expression
+from oracle_server.core.formula.parse import parse_formula
+from oracle_server.core.signals import RESERVED
+from oracle_server.specfiles.rosmonitoring.config import Config, ConfigError, Interface, read_config
+from oracle_server.specfiles.rosmonitoring.module import PropertyModule, read_module
+from oracle_server.specfiles.rosmonitoring.predicates import Stream, effect
+
+STUB = "1 / 0 == 1"
+"""A signal that always fails, so that what reads it is unknown until it is written."""
+_PASSED_OVER = RESERVED | {"time", "t"}
+
+
+@dataclass(slots=True)
+class _Signals:
+    """What one stream's messages show: CEL by signal, those that keep their value, and the Python that was not read."""
+
+    cel: dict[str, str] = field(default_factory=dict)
+    hold: list[str] = field(default_factory=list)
+    unread: dict[str, str] = field(default_factory=dict)
+
+
+def import_config(config: Path, modules: Sequence[Path], out: Path | None) -> None:
+    """Write the spec of a configuration, or print it. Raises `ConfigError`."""
+    try:
+        value = yaml.safe_load(config.read_text())
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{config}: can't be read: {getattr(error, 'strerror', None) or error}") from None
+    except (yaml.YAMLError, RecursionError) as error:
+        raise ConfigError(f"{config}: is no YAML: {one_line(' '.join(str(error).split()))}") from None
+    text = spec_text(read_config(value, str(config)), [read_module(path) for path in modules], config.name)
+    if out is None:
+        sys.stdout.write(text)
+        return
+    try:
+        out.write_text(text)
+    except OSError as error:
+        raise ConfigError(f"{out}: can't be written: {error.strerror}") from None
+
+
+def spec_text(config: Config, modules: Sequence[PropertyModule], source: str) -> str:
+    """The spec that says what a configuration and its modules say."""
+    signals = {(i.name, kind): _signals(i, kind, modules) for i in config.interfaces for kind in _kinds(i)}
+    shared = _hold(signals)
+    lines = [f"# Imported from {source} by `oracle-server import`. Look through the lines marked TODO."]
+    lines += [f"# no counterpart: {one_line(word)}" for word in config.lost]
+    lines += [f"# TODO: `{name}` kept its value over several streams' messages there; here one stream only holds a name"
+              for name in shared]  # fmt: skip
+    lines += [f"id: {re.sub(r'[^A-Za-z0-9_.-]', '_', config.name)[:64]}", *_ordering(config), "streams:"]
+    wait = 0 if modules else _milliseconds(config.timeout)
+    for interface in config.interfaces:
+        lines += _interface(config, interface, signals, wait)
+    lines += ["properties:", *_properties(config, modules, signals)]
+    return "\n".join(lines) + "\n"
+
+
+def _kinds(interface: Interface) -> tuple[str, ...]:
+    return ("topic",) if interface.kind == "topic" else ("request", "response")
+
+
+def _signals(interface: Interface, kind: str, modules: Sequence[PropertyModule]) -> _Signals:
+    found = _Signals()
+    for module in modules:
+        if module.function is None:
+            continue
+        done = effect(module.function, Stream(interface.kind, interface.name, kind))
+        found.unread |= {n: python for n, python in done.unread.items() if n not in _PASSED_OVER}
+        for name, cel in done.assigned.items():
+            if name in _PASSED_OVER or name in found.unread:
+                continue
+            if _reads(cel):
+                found.cel[name] = cel
+            else:
+                found.unread[name] = cel
+    return found
+
+
+def _reads(cel: str) -> bool:
+    try:
+        parse_expression(cel)
+    except ExpressionError:
+        return False
+    return True
+
+
+def _hold(signals: dict[tuple[str, str], _Signals]) -> list[str]:
+    """Let signals keep their value that not every stream sets; tell those that several streams would have to hold."""
+    setters: defaultdict[str, list[_Signals]] = defaultdict(list)
+    for stream in signals.values():
+        for name in (*stream.cel, *stream.unread):
+            setters[name].append(stream)
+    shared = []
+    for name, streams in setters.items():
+        if len(streams) == len(signals):
+            continue
+        if len(streams) == 1:
+            streams[0].hold.append(name)
+        else:
+            shared.append(name)
+    return sorted(shared)
+
+
+def _ordering(config: Config) -> list[str]:
+    if not config.reordered:
+        return ["ordering:", "  by: arrival   # as there; `publication` is better where messages have stamps"]
+    delays = [i.delay for i in config.interfaces if i.reordered and i.delay]
+    if delays:
+        return ["ordering:", "  by: publication", f"  max_delay: {max(delays)}ms"]
+    return ["ordering:", "  by: publication", "  max_delay: 200ms   # there it waited for ever, for the rarest stream"]
+
+
+def _interface(config: Config, interface: Interface, signals: dict[tuple[str, str], _Signals], wait: int) -> list[str]:
+    """The lines of one interface; `wait` is how long (ms) decisions wait for an oracle elsewhere."""
+    lines = [f"  - {interface.kind}: {interface.name}"]
+    if interface.type:
+        lines.append(f"    type: {interface.type}")
+    lines += [f"    # no counterpart: {one_line(word)}" for word in interface.lost]
+    if config.reordered and not interface.reordered:
+        lines.append("    ordered: false")
+    if interface.filtered:
+        least = max([i.delay or 200 for i in config.interfaces if i.reordered], default=0)
+        within = max(_milliseconds(config.timeout), least + wait + 100)
+        lines += ["    action: filter", f"    decide_within: {within}ms"]
+        lines.append("    on_unavailable: deny   # there a filter let everything pass while its oracle was away")
+        if interface.kind == "topic":
+            lines.append(f"    intercept: {'subscriber' if interface.subscribers else 'publisher'}")
+    if interface.kind == "topic":
+        return lines + _channel(interface, signals[interface.name, "topic"], "    ")
+    for kind in _kinds(interface):
+        inside = _channel(interface, signals[interface.name, kind], "      ")
+        lines += [f"    {kind}:", *inside] if inside else []
+    return lines
+
+
+def _milliseconds(seconds: float) -> int:
+    return max(1, round(seconds * 1000))
+
+
+def _channel(interface: Interface, signals: _Signals, indent: str) -> list[str]:
+    lines = [f"{indent}stamp: {interface.stamp}"] if interface.stamp else []
+    if signals.hold:
+        lines.append(f"{indent}hold: [{', '.join(signals.hold)}]")
+    if signals.cel or signals.unread:
+        lines.append(f"{indent}signals:")
+    for name, cel in signals.cel.items():
+        lines.append(f"{indent}  {json.dumps(name)}: {json.dumps(cel)}")
+    for name, python in signals.unread.items():
+        was = [f"{indent}  # {line}" for line in python.splitlines()]
+        lines += [f"{indent}  # TODO: write this as CEL over `msg`; until then what reads it is unknown. It was:", *was]
+        lines.append(f"{indent}  {json.dumps(name)}: {json.dumps(STUB)}")
+    return lines
+
+
+def _properties(
+    config: Config, modules: Sequence[PropertyModule], signals: dict[tuple[str, str], _Signals]
+) -> list[str]:
+    guards = f"    guards: [{', '.join(i.name for i in config.interfaces if i.filtered)}]"
+    lines: list[str] = []
+    if not modules:
+        lines += [
+            "  # No property module was given (--properties), so that the oracle stays who judges.",
+            "  - id: oracle",
+            "    engine: external",
+            f"    url: {config.url}",
+            f"    timeout: {_milliseconds(config.timeout)}ms",
+        ]
+        lines += ["    names: bare   # as it was told them"] if all(i.bare for i in config.interfaces) else []
+        lines += [guards] if any(i.filtered for i in config.interfaces) else []
+        return lines
+    known = {name for stream in signals.values() for name in (*stream.cel, *stream.unread)}
+    for module in modules:
+        formula = _formula(module, config)
+        lines.append(f"  - id: {module.name}")
+        lines += [f"    # TODO: {word}" for word in _doubts(module, formula, known)]
+        lines.append(f"    formula: {json.dumps(formula if _parses(formula) is None else '{todo}')}")
+        lines += [guards] if any(i.filtered for i in config.interfaces) else []
+    return lines
+
+
+def _formula(module: PropertyModule, config: Config) -> str:
+    text = module.formula
+    for name in module.truths:
+        text = re.sub(rf"(\b{re.escape(name)}\s*:\s*)(True|False)\b", lambda m: m[1] + m[2].lower(), text)
+    for interface in config.interfaces:
+        bare = re.escape(interface.name.removeprefix("/"))
+        text = re.sub(rf'({interface.kind}\s*:\s*)(["\']?)/?{bare}\2(?=\s*[,}}])', rf'\1"{interface.name}"', text)
+    return text
+
+
+def _parses(formula: str) -> str | None:
+    try:
+        parse_formula(formula, "steps")
+    except FormulaError as error:
+        return str(error)
+    return None
+
+
+def _doubts(module: PropertyModule, formula: str, known: set[str]) -> list[str]:
+    wrong = _parses(formula)
+    if wrong is not None:
+        return [f"the formula can't be read ({one_line(wrong)}); it was: {one_line(module.formula)}"]
+    doubts = []
+    if "[" in formula:
+        doubts.append("bounds count steps here; with `time: seconds`, as in the oracle's dense mode, they are seconds")
+    begun = sorted(
+        n for n, v in module.initial.items() if v not in (None, False) and n in known and n not in _PASSED_OVER
+    )
+    if begun:
+        doubts.append(f"before its first message {', '.join(begun)} had a value there, and is absent here")
+    lost = sorted(
+        n for n in module.initial if n not in known and n not in _PASSED_OVER and re.search(rf"\b{n}\b", formula)
+    )
+    if lost:
+        doubts.append(f"no stream sets {', '.join(lost)}")
+    return doubts

@@ -1,0 +1,1 @@
+"""The frames of the wire, and nothing that acts on them."""

@@ -1,0 +1,180 @@
+"""What a server says on the wire, as models: they document and test the frames, which are built as plain data."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+
+from oracle_server.core.events import Kind, Order
+from oracle_server.core.verdicts import Outcome
+from oracle_server.wire.incoming import Incoming
+
+
+class _Frame(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class StreamFrame(_Frame):
+    """One stream to observe; durations in nanoseconds, `fields` the dotted paths that are read, null for all."""
+
+    name: str
+    kind: Kind
+    type: str
+    action: Literal["log", "filter"]
+    ordered: bool
+    stamp: str | None
+    latency: int
+    fields: list[str] | None
+    on_unavailable: Literal["deny", "pass"] | None = None
+    decide_within: int | None = None
+    intercept: Literal["publisher", "subscriber"] | None = None
+    proxy: str | None = None
+    denied_response: dict[str, Any] | None = None
+
+
+class Limits(_Frame):
+    """What the server takes; `max_frame` in bytes, `credit` the events that may be sent before the first `credit`."""
+
+    max_frame: int
+    max_batch: int
+    max_outcomes: int
+    max_depth: int
+    credit: int
+
+
+class AttachedFrame(_Frame):
+    """The answer to `attach`; the monitor's numbers go on at `next`."""
+
+    type: Literal["attached"]
+    monitor: str
+    session: str
+    spec: str
+    spec_digest: str
+    streams: list[StreamFrame]
+    next: int
+    limits: Limits
+
+
+class DecisionFrame(_Frame):
+    """The answer to an event with `ask`, once it has been ordered and judged."""
+
+    type: Literal["decision"]
+    seq: int
+    decision: Literal["allow", "deny"]
+    denied_by: list[str]
+    verdicts: dict[str, Outcome]
+
+
+class AckFrame(_Frame):
+    """Every event up to there is in the committed history, or refused."""
+
+    type: Literal["ack"]
+    upto: int
+
+
+class ViolationFrame(_Frame):
+    """A verdict record at which a property became negative, after its commit."""
+
+    type: Literal["violation"]
+    n: int
+    step: int | None
+    property: str
+    order: Order
+    outcome: Outcome
+    stream: str
+    kind: str
+    monitor: str
+    seq: int
+    stamp: int
+    arrived: int
+    judged: int
+    late: bool
+    skewed: bool
+    degraded: bool
+    decision: Literal["allow", "deny"] | None
+    passed: bool | None
+    robustness: float | Literal["Infinity", "-Infinity"] | None
+    violation: bool
+    explanation: dict[str, Any]
+
+
+class Standing(_Frame):
+    """How one property stands; `level` and `text` say it as diagnostics do, `first_violation` is a record's `n`."""
+
+    outcome: Outcome
+    level: Literal["ok", "warn", "error", "stale"]
+    text: str
+    violations: int
+    first_violation: int | None
+
+
+class VerdictsFrame(_Frame):
+    """To monitors that attached with `verdicts`: once attached, and after each commit that changed something of it.
+
+    It is as of the verdict `n`, in the order that decides; `worst` is the gravest outcome, `unknown` before any.
+    """
+
+    type: Literal["verdicts"]
+    n: int
+    worst: Outcome
+    properties: dict[str, Standing]
+
+
+class ErrorFrame(_Frame):
+    """Something was refused; after a fatal error the server closes.
+
+    `session` comes with `session_ended`: the one to attach to instead, missing where it is a new one without a name.
+    """
+
+    type: Literal["error"]
+    code: str
+    message: str
+    fatal: bool
+    seq: int | None = None
+    session: str | None = None
+
+
+class CreditFrame(_Frame):
+    """The monitor may send so many events more. Without credit it keeps its events; clocks and asks still go."""
+
+    type: Literal["credit"]
+    events: int
+
+
+class DetachedFrame(_Frame):
+    """All that the monitor sent is committed."""
+
+    type: Literal["detached"]
+
+
+Outgoing = Annotated[
+    AttachedFrame
+    | DecisionFrame
+    | AckFrame
+    | ViolationFrame
+    | VerdictsFrame
+    | ErrorFrame
+    | CreditFrame
+    | DetachedFrame,
+    Field(discriminator="type"),
+]
+
+
+def schema() -> dict[str, Any]:
+    """The JSON Schema of both directions: `from_monitor` and `from_server`."""
+    inputs = [
+        ("from_monitor", "validation", TypeAdapter(Incoming)),
+        ("from_server", "validation", TypeAdapter(Outgoing)),
+    ]
+    both, definitions = TypeAdapter.json_schemas(inputs, title="oracle.v1")  # type: ignore[arg-type]
+    roots = {name: value for (name, _), value in both.items()}
+    return {**definitions, "$defs": {**definitions["$defs"], **roots}}
+
+
+if __name__ == "__main__":
+    import json
+    import sys
+
+    json.dump(schema(), sys.stdout, indent=2, sort_keys=True)
+    sys.stdout.write("\n")

@@ -1,0 +1,266 @@
+"""The command line, run as its users run it."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.whole.client import BASE, attached, make_event
+from tests.whole.conftest import copy_specs
+from tests.whole.harness import Server, failed, run
+
+ROOT = Path(__file__).parents[2]
+SPEC = ROOT / "specs" / "battery_uav.yaml"
+
+SOUND = """\
+id: sound
+streams:
+  - topic: /a
+properties:
+  - id: p
+    formula: 'not {topic: "/a", v: 7}'
+"""
+
+
+# check
+
+
+def test_check_of_sound_specs() -> None:
+    ended = run("check", *sorted((ROOT / "specs").glob("*.yaml")))
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert f"{SPEC}: sound" in ended.stdout
+
+
+def test_check_for_ros_2_warns_of_a_denied_call_that_could_look_like_a_success(tmp_path: Path) -> None:
+    spec = tmp_path / "spec.yaml"
+    spec.write_text(
+        "id: doors\n"
+        "streams:\n"
+        "  - {service: /open, action: filter}\n"
+        "  - {service: /close, action: filter, denied_response: {success: false}}\n"
+        "  - {service: /state}\n"
+        "properties:\n"
+        "  - id: p\n"
+        "    formula: 'not {kind: request, v: 7}'\n"
+        "    guards: [/open, /close]\n"
+    )
+    plain, first, second = run("check", spec), run("check", "--ros", "1", spec), run("check", "--ros", "2", spec)
+    assert {ended.returncode for ended in (plain, first, second)} == {0}
+    assert (plain.stderr, "denied_response" in first.stderr) == ("", False)
+    (line,) = second.stderr.splitlines()
+    assert line.startswith(f"{spec}:3:30: warning: /open is filtered without a `denied_response`: on ROS 2")
+
+
+def test_check_foresees_a_deadlock_by_the_robot_s_graph(tmp_path: Path) -> None:
+    waits, graph = tmp_path / "waits.yaml", tmp_path / "graph.json"
+    text = SPEC.read_text()
+    assert text.count("max_delay: 200ms") == text.count("    causes: [/status_accepted]") == 1
+    waits.write_text(text.replace("max_delay: 200ms", "max_delay: none").replace("    causes: [/status_accepted]", ""))
+    supervisor = {"name": "/supervisor", "publishes": {"/battery_status": []}, "calls": {"/SetLED_mon": ["x/srv/Y"]}}
+    graph.write_text(json.dumps({"nodes": [supervisor]}))
+    assert run("check", waits).returncode == 0
+    ended = run("check", waits, "--ros-graph", graph)
+    assert ended.returncode == 1
+    (line,) = (line for line in ended.stderr.splitlines() if "warning" not in line)
+    assert "deadlock: /SetLED -> /battery_status -> /SetLED" in line
+    assert "by /supervisor" in line
+    assert run("check", SPEC, "--ros-graph", graph).returncode == 0
+    for broken in ('{"nodes": 7}', "{", ""):
+        graph.write_text(broken)
+        assert "--dump-graph" in failed("check", SPEC, "--ros-graph", graph)
+    assert "--dump-graph" in failed("check", SPEC, "--ros-graph", tmp_path / "nowhere.json")
+
+
+def test_check_for_ros_1_warns_of_topics_that_are_ordered_by_their_arrival(tmp_path: Path) -> None:
+    spec = tmp_path / "spec.yaml"
+    spec.write_text(
+        "id: mixed\n"
+        "streams:\n"
+        "  - {topic: /number, type: std_msgs/Int64}\n"
+        "  - {topic: /loose, type: std_msgs/Int64, ordered: false}\n"
+        "  - {topic: /placed, type: std_msgs/Time, stamp: data}\n"
+        "  - {topic: /point, type: geometry_msgs/msg/PointStamped}\n"
+        "  - {topic: /own, type: own_msgs/Own}\n"
+        "  - {service: /open, type: std_srvs/SetBool}\n"
+        "properties: [{id: p, formula: 'not {v: 7}'}]\n"
+    )
+    plain, first, second = run("check", spec), run("check", "--ros", "1", spec), run("check", "--ros", "2", spec)
+    assert {ended.returncode for ended in (plain, first, second)} == {0}
+    assert plain.stderr == second.stderr == ""
+    (line,) = first.stderr.splitlines()
+    assert line.startswith(f"{spec}:3:13: warning: /number is ordered by its arrival on ROS 1")
+    by_arrival = tmp_path / "by_arrival.yaml"
+    by_arrival.write_text(spec.read_text() + "ordering: {by: arrival}\n")
+    assert run("check", "--ros", "1", by_arrival).stderr == ""
+
+
+def test_check_tells_each_finding_with_its_place(tmp_path: Path) -> None:
+    bad, good = tmp_path / "bad.yaml", tmp_path / "good.yaml"
+    bad.write_text(
+        "id: bad\n"
+        "streams:\n"
+        "  - topic: /a\n"
+        "    signals: {v: msg.v}\n"
+        "properties:\n"
+        "  - id: p\n"
+        "    formula: |\n"
+        '      {topic: "/a"} ->\n'
+        "        once{w: 7}\n"
+        "  - id: q\n"
+        "    formula: 'once{topic: \"/b\"}'\n"
+        "    guards: [/a]\n"
+    )
+    good.write_text(SOUND)
+    ended = run("check", bad, good, tmp_path / "nowhere.yaml")
+    assert ended.returncode == 1
+    said = ended.stderr.splitlines()
+    assert [line.split(": ", 1)[0] for line in said] == [
+        f"{bad}:9:13",
+        f"{bad}:11:19",
+        f"{bad}:12:13",
+        f"{tmp_path}/nowhere.yaml:1:1",
+    ]
+    assert "unknown signal 'w'" in said[0]
+    assert "'/b' is no stream of this spec" in said[1]
+    assert "action is `log`" in said[2]
+    assert "can't be read: No such file or directory" in said[3]
+    assert ended.stdout == f"{good}: sound\n"
+
+
+def test_check_tells_warnings_of_a_sound_spec() -> None:
+    lamp = Path(__file__).parents[1] / "vectors" / "specs" / "lamp.yaml"
+    ended = run("check", lamp)
+    assert (ended.returncode, ended.stdout) == (0, f"{lamp}: sound\n")
+    (line,) = ended.stderr.splitlines()
+    assert line.startswith(f"{lamp}:18:20: warning: ")
+
+
+# serve, where it refuses to start
+
+
+def test_serve_refuses_a_port_that_is_taken(tmp_path: Path) -> None:
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        line = failed("serve", "--specs", ROOT / "specs", "--data-dir", tmp_path / "data", "--port", str(port))
+    assert f"127.0.0.1:{port}" in line
+    assert "--port" in line
+
+
+def test_serve_refuses_an_unsound_spec(tmp_path: Path) -> None:
+    (tmp_path / "bad.yaml").write_text(SOUND + "colour: red\n")
+    line = failed("serve", "--specs", tmp_path, "--data-dir", tmp_path / "data", "--port", "0")
+    assert f"{tmp_path}/bad.yaml:7:1: unknown key 'colour'" in line
+
+
+def test_serve_refuses_two_specs_of_one_id(tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        (tmp_path / f"{name}.yaml").write_text(SOUND)
+    line = failed("serve", "--specs", tmp_path, "--data-dir", tmp_path / "data", "--port", "0")
+    assert "one.yaml" in line
+    assert "two.yaml" in line
+
+
+def test_serve_refuses_a_data_folder_that_another_one_uses(tmp_path: Path) -> None:
+    with Server(copy_specs(tmp_path / "specs"), tmp_path / "data"):
+        line = failed("serve", "--specs", ROOT / "specs", "--data-dir", tmp_path / "data", "--port", "0")
+    assert str(tmp_path / "data") in line
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::", "example.invalid", "192.0.2.1", ""])
+def test_serve_refuses_to_be_reached_from_elsewhere(tmp_path: Path, host: str) -> None:
+    line = failed("serve", "--specs", ROOT / "specs", "--data-dir", tmp_path, "--host", host, "--port", "0")
+    assert host in line
+
+
+def test_serve_refuses_folders_that_it_can_not_use(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    for data in (tmp_path / "file", tmp_path / "file" / "data"):
+        assert str(data) in failed("serve", "--specs", ROOT / "specs", "--data-dir", data, "--port", "0")
+    for specs in (tmp_path / "file", tmp_path / "nowhere"):
+        assert str(specs) in failed("serve", "--specs", specs, "--data-dir", tmp_path / "data", "--port", "0")
+    (tmp_path / "broken").mkdir()
+    (tmp_path / "broken" / "history.sqlite").write_text("no database")
+    line = failed("serve", "--specs", ROOT / "specs", "--data-dir", tmp_path / "broken", "--port", "0")
+    assert "history.sqlite" in line
+
+
+def test_serve_refuses_settings_that_make_no_sense(tmp_path: Path) -> None:
+    assert "ORACLE_PORT" in failed("serve", "--data-dir", tmp_path, ORACLE_PORT="many")
+    assert "ORACLE_RESUME_WITHIN" in failed("serve", "--data-dir", tmp_path, ORACLE_RESUME_WITHIN="-1")
+    assert "--port" in failed("serve", "--data-dir", tmp_path, "--port", "65536")
+    assert "--colour" in failed("serve", "--colour", "red")
+
+
+# What reads a running server
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    folder = tmp_path_factory.mktemp("cli")
+    with Server(copy_specs(folder / "specs"), folder / "data") as running:
+        yield running
+
+
+async def test_reading_a_running_server(server: Server) -> None:
+    async with attached(server, session="s1", spec="single") as monitor:
+        await monitor.send(*(make_event(i, at=i, data={"v": v}) for i, v in enumerate((1, 11, 1), start=1)))
+        await monitor.acked(3)
+        listed = await asyncio.to_thread(run, "sessions", "--url", server.url)
+        row = listed.stdout.splitlines()[1].split()
+        assert row == ["s1", "single", "open", "1", "3", "1"]
+
+    for command, document in (("specs", server.get("specs")), ("sessions", server.get("sessions"))):
+        told = run(command, "--json", "--url", server.url)
+        assert (told.returncode, told.stderr) == (0, "")
+        assert [item["id"] for item in json.loads(told.stdout)["items"]] == [i["id"] for i in document["items"]]
+        table = run(command, ORACLE_URL=server.url)
+        assert (table.returncode, table.stderr) == (0, "")
+        assert len(table.stdout.splitlines()) == 1 + len(document["items"])
+    records = server.records("s1")
+    told = run("verdicts", "s1", "--json", "--url", server.url)
+    assert (told.returncode, json.loads(told.stdout)["items"]) == (0, records)
+    for options in (["--outcome", "currently_false"], ["--outcome", "currently_false", "--property", "a_is_small"]):
+        told = run("verdicts", "s1", "--json", "--url", server.url, *options)
+        assert json.loads(told.stdout)["items"] == [records[1]]
+        table = run("verdicts", "s1", "--url", server.url, *options)
+        head, row_text = table.stdout.splitlines()
+        assert head.split()[:4] == ["n", "step", "property", "outcome"]
+        assert row_text.split()[:5] == ["2", "2", "a_is_small", "currently_false", "/a"]
+    assert json.loads(run("verdicts", "s1", "--json", "--url", server.url, "--property", "x").stdout)["items"] == []
+
+    summary = run("verdicts", "s1", "--url", server.url)
+    assert (summary.returncode, summary.stderr) == (0, "")
+    lines = summary.stdout.splitlines()
+    assert lines[1].split() == ["a_is_small", "currently_true", "1", "2", "0"]
+    assert lines[-3].split()[:4] == ["2", "2", "a_is_small", "currently_false"]
+    assert lines[-1].startswith("2: a_is_small does not hold at step 2, /a ")
+    assert records[1]["stamp"] == BASE + 2 * 10**6
+
+
+def test_reading_what_a_server_does_not_have(server: Server) -> None:
+    assert "nowhere" in failed("verdicts", "nowhere", "--url", server.url)
+    assert "nowhere" in failed("verdicts", "nowhere", "--json", "--url", server.url)
+    assert "outcome" in failed("verdicts", "nowhere", "--outcome", "maybe", "--url", server.url)
+
+
+@pytest.mark.parametrize("command", [["specs"], ["sessions"], ["verdicts", "s1"], ["sessions", "--json"]])
+def test_reading_a_server_that_is_not_there(command: list[str]) -> None:
+    with socket.socket() as nobody:
+        nobody.bind(("127.0.0.1", 0))
+        url = f"http://127.0.0.1:{nobody.getsockname()[1]}"
+        line = failed(*command, "--url", url)
+    assert url in line
+    assert "oracle-server start" in line
+    assert "no_url" in failed(*command, "--url", "no_url")
+
+
+def test_commands_that_are_none() -> None:
+    assert "nonsense" in failed("nonsense")
+    assert "SPEC" in failed("check")

@@ -1,0 +1,113 @@
+"""Bags of every format are judged alike, custom types included."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import pty
+import sqlite3
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rosbags.rosbag2 import StoragePlugin
+
+from tests.replay.writing import PUMP, SPEC, VALVE, write_ros1, write_ros2
+from tests.whole.harness import COMMAND, environment, failed, run
+
+ROUNDS = 30
+
+FORMATS: dict[str, Callable[[Path], Path]] = {
+    "ros1": lambda folder: write_ros1(folder / "pump.bag", ROUNDS),
+    "sqlite3": lambda folder: write_ros2(folder / "pump", StoragePlugin.SQLITE3, ROUNDS),
+    "mcap_folder": lambda folder: write_ros2(folder / "pump", StoragePlugin.MCAP, ROUNDS),
+    "mcap": lambda folder: next(write_ros2(folder / "pump", StoragePlugin.MCAP, ROUNDS).glob("*.mcap")),
+}
+
+
+@pytest.fixture
+def spec(tmp_path: Path) -> Path:
+    path = tmp_path / "pump.yaml"
+    path.write_text(SPEC)
+    return path
+
+
+def judged(spec: Path, bag: Path, *options: str | Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    ended = run("replay", spec, bag, "--json", *options)
+    assert ended.returncode == 1, ended.stderr
+    *records, last = map(json.loads, ended.stdout.splitlines())
+    return records, last["summary"]
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_a_bag_is_judged_with_custom_types(form: str, spec: Path, tmp_path: Path) -> None:
+    records, summary = judged(spec, FORMATS[form](tmp_path))
+    assert summary["events"] == ROUNDS + 1
+    assert summary["properties"]["all_is_read"]["violations"] == 0
+    assert summary["properties"]["pressure_is_low"]["violations"] == ROUNDS // 10
+    assert summary["ignored"] == (0 if form == "ros1" else 1)
+    first = next(r for r in records if r["stream"] == "/pump")
+    assert first["arrived"] - first["stamp"] == 10**6, "stamped by the header, arrived when it was recorded"
+    violation = next(r for r in records if r["violation"])
+    signals = violation["explanation"]["event"]["signals"]
+    wanted = {"pressure": 7.25, "mode": "auto", "open": True, "raw": "AQI=", "first": "inlet", "flow": -2.5}
+    assert wanted.items() <= signals.items()
+
+
+def test_a_bag_without_definitions_needs_the_types(spec: Path, tmp_path: Path) -> None:
+    bag = write_ros2(tmp_path / "old", StoragePlugin.SQLITE3, ROUNDS, version=8)
+    (database,) = bag.glob("*.db3")
+    with contextlib.closing(sqlite3.connect(database)) as old, old:  # as ROS 2 wrote them up to Humble
+        old.execute("DROP TABLE message_definitions")
+        old.execute("UPDATE schema SET schema_version = 3")
+    assert "--types" in failed("replay", spec, bag)
+    folder = tmp_path / "src" / "plant_msgs" / "msg"
+    folder.mkdir(parents=True)
+    (folder / "Pump.msg").write_text(PUMP)
+    (folder / "Valve.msg").write_text(VALVE)
+    _, summary = judged(spec, bag, "--types", tmp_path / "src")
+    assert summary["properties"]["pressure_is_low"]["violations"] == ROUNDS // 10
+    assert "holds no .msg files" in failed("replay", spec, bag, "--types", tmp_path / "old")
+    (folder / "Valve.msg").write_text("float64 [[")
+    assert "Valve.msg" in failed("replay", spec, bag, "--types", tmp_path / "src")
+
+
+def test_what_is_no_bag_is_refused_in_one_line(spec: Path, tmp_path: Path) -> None:
+    for name in ("broken.bag", "broken.mcap"):
+        (tmp_path / name).write_bytes(b"\x89MCAP0\r\n or is it")
+        assert name in failed("replay", spec, tmp_path / name)
+    (tmp_path / "empty").mkdir()
+    assert "can't be read as a bag" in failed("replay", spec, tmp_path / "empty")
+    assert "missing.bag" in failed("replay", spec, tmp_path / "missing.bag")
+
+
+def test_a_damaged_bag_is_told(spec: Path, tmp_path: Path) -> None:
+    bag = FORMATS["mcap"](tmp_path)
+    data = bag.read_bytes()
+    bag.write_bytes(data[: len(data) // 2])
+    assert str(bag) in failed("replay", spec, bag)
+
+
+def test_a_bar_is_shown_to_a_person_only(spec: Path, tmp_path: Path) -> None:
+    bag = FORMATS["mcap"](tmp_path)
+    assert "pump" not in run("replay", spec, bag, "--json").stderr.replace("'/other', which pump", "")
+    ours, theirs = pty.openpty()
+    subprocess.run(
+        [COMMAND, "replay", spec, bag], stdout=subprocess.DEVNULL, stderr=theirs, env=environment(), check=False
+    )
+    os.close(theirs)
+    shown = b""
+    while chunk := _read(ours):
+        shown += chunk
+    os.close(ours)
+    assert b"pump_0.mcap" in shown or b"pump.mcap" in shown
+
+
+def _read(terminal: int) -> bytes:
+    try:
+        return os.read(terminal, 4096)
+    except OSError:
+        return b""  # the other end is closed

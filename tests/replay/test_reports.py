@@ -1,0 +1,114 @@
+"""What `replay` prints: every format, several specs, and old verdicts compared."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from tests.whole.harness import run
+
+ROOT = Path(__file__).parents[2]
+SPEC = ROOT / "specs" / "battery_uav.yaml"
+TRACES = ROOT / "examples" / "battery_uav" / "traces"
+ODD = """
+id: odd
+ordering: {by: arrival}
+streams: [{topic: /a, signals: {v: msg.v}}]
+properties:
+  - {id: low, formula: '{topic: "/a"} -> {v < 5}'}
+  - {id: broken & "quoted" < name, formula: '{v: *}'}
+""".replace('broken & "quoted" < name', "any")
+
+
+@pytest.fixture
+def odd(tmp_path: Path) -> Path:
+    path = tmp_path / "odd.yaml"
+    path.write_text(ODD)
+    return path
+
+
+def test_csv_has_a_row_for_each_record() -> None:
+    trace = TRACES / "fault_wrong_status.jsonl"
+    *records, _ = map(json.loads, run("replay", SPEC, trace, "--json").stdout.splitlines())
+    ended = run("replay", SPEC, trace, "--format", "csv")
+    assert ended.returncode == 1
+    rows = list(csv.DictReader(io.StringIO(ended.stdout)))
+    assert len(rows) == len(records)
+    for row, record in zip(rows, records, strict=True):
+        assert row["spec"] == "battery_uav"
+        for key in ("n", "step", "property", "outcome", "stream", "kind", "stamp", "arrived"):
+            assert row[key] == str(record[key])
+        assert row["violation"] == str(record["violation"]).lower()
+        assert row["explanation"] == (record["explanation"]["text"] if record["violation"] else "")
+
+
+def test_junit_fails_what_was_violated_and_errs_where_nothing_is_known(odd: Path, tmp_path: Path) -> None:
+    trace = tmp_path / "trace.jsonl"
+    lines = [{"stream": "/a", "stamp": i, "data": {"v": v}} for i, v in enumerate((1, "NaN", 9, 2, 9), start=1)]
+    trace.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    ended = run("replay", SPEC, odd, trace, "--format", "junit")
+    assert ended.returncode == 1
+    tree = ElementTree.fromstring(ended.stdout)
+    suites = {suite.get("name"): suite for suite in tree.iter("testsuite")}
+    assert set(suites) == {"battery_uav", "odd"}
+    uav, own = suites["battery_uav"], suites["odd"]
+    assert (uav.get("tests"), uav.get("skipped")) == ("6", "6"), "nothing of its streams is in the trace"
+    assert (own.get("failures"), own.get("errors")) == ("1", "1")
+    failure = own.find("testcase[@name='low']/failure")
+    assert failure is not None
+    assert "violated 2 times" in failure.get("message", "")
+    assert len((failure.text or "").splitlines()) == 2
+    error = own.find("testcase[@name='any']/error")
+    assert error is not None
+    assert "1 steps could not be judged" in error.get("message", "")
+
+
+def test_several_specs_are_told_apart(odd: Path) -> None:
+    trace = TRACES / "shuffled.jsonl"
+    by_arrival = run("replay", SPEC, odd, trace, "--json", "--by", "arrival")
+    assert by_arrival.returncode == 1
+    lines = [json.loads(line) for line in by_arrival.stdout.splitlines()]
+    summaries = {line["summary"]["spec"]: line["summary"] for line in lines if "summary" in line}
+    assert summaries["battery_uav"]["violations"] == 17
+    assert (summaries["odd"]["events"], summaries["odd"]["ignored"]) == (0, 334)
+    assert {line["spec"] for line in lines if "n" in line} == {"battery_uav"}
+    text = run("replay", SPEC, odd, trace)
+    assert (text.returncode, text.stdout.count("== ")) == (0, 2)
+
+
+OLD = [
+    ({"topic": "a", "time": 1.5, "v": 1, "verdict": "currently_true"}, None),
+    ({"topic": "a", "time": 2.5, "v": 9, "verdict": "true"}, ("true", "violated", ["low"])),
+    ({"topic": "a", "time": 3.5, "v": 9, "verdict": "false"}, None),
+    ({"topic": "a", "time": 4.5, "v": 1, "verdict": "currently_false"}, ("currently_false", "satisfied", [])),
+    ({"topic": "a", "time": 5.5, "v": 1, "verdict": "no idea"}, ("no idea", "unknown", [])),
+]
+
+
+def test_old_verdicts_are_compared_and_differences_listed(odd: Path, tmp_path: Path) -> None:
+    trace = tmp_path / "log.jsonl"
+    trace.write_text("".join(json.dumps(event) + "\n" for event, _ in OLD))
+    ended = run("replay", odd, trace, "--json")
+    lines = [json.loads(line) for line in ended.stdout.splitlines()]
+    found = [line["difference"] for line in lines if "difference" in line]
+    assert [(d["seq"], d["was"], d["now"], d["properties"]) for d in found] == [
+        (2, "true", "violated", ["low"]),
+        (4, "currently_false", "satisfied", []),
+        (5, "no idea", "satisfied", []),
+    ]
+    assert (lines[-1]["summary"]["compared"], lines[-1]["summary"]["differing"]) == (5, 3)
+    text = run("replay", odd, trace).stdout
+    assert "difference: /a 2 was 'true', is violated (low)" in text
+    assert "5 compared with old verdicts, 3 differ" in text
+
+
+def test_bare_old_events_have_nothing_to_compare(odd: Path, tmp_path: Path) -> None:
+    trace = tmp_path / "log.jsonl"
+    trace.write_text("".join(json.dumps({k: v for k, v in e.items() if k != "verdict"}) + "\n" for e, _ in OLD))
+    ended = run("replay", odd, trace, "--json")
+    assert "compared" not in json.loads(ended.stdout.splitlines()[-1])["summary"]

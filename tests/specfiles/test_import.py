@@ -1,0 +1,224 @@
+"""`import`: configurations of every dialect, property modules that are read and never run, and the guide."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from oracle_server.core.spec import External
+from oracle_server.specfiles.load import parse_spec
+from tests.whole.harness import failed, run
+
+ROOT = Path(__file__).parents[2]
+GUIDE = ROOT / "docs" / "from-rosmonitoring.md"
+
+FIRST = """
+path: /home/user/catkin_ws/src
+nodes:
+  - node: {name: talker, package: chat, path: /home/user/launch.py}
+monitors:
+  - monitor:
+      id: monitor_0
+      log: ./log.txt
+      silent: False
+      oracle: {port: 8080, url: 127.0.0.1, action: nothing}
+      topics:
+        - {name: chatter, type: std_msgs.msg.String, action: filter, warning: 1, publishers: [talker]}
+        - {name: count, type: std_msgs.msg.Int32, action: log}
+"""
+SECOND = """
+monitors:
+  - monitor:
+      id: uav
+      oracle: {port: 8081, url: 10.0.0.1, action: nothing, timeout: 3}
+      topics:
+        - {name: /battery, type: std_msgs/Float32, action: log}
+        - {name: /status, type: std_msgs/String, action: filter, subscribers: [led]}
+      services:
+        - {name: /SetLED, type: uav_msgs.srv.SetLED, action: filter}
+      ordered_topics: [/battery]
+      ordered_services: [{name: SetLED}]
+"""
+REWRITE = """
+ros_version: ros2
+monitors:
+  - monitor:
+      id: rewrite
+      status: {enabled: true}
+      colour: red
+      topics:
+        - {name: pose, type: geometry_msgs/msg/PoseStamped, ordered: true,
+           ordering: {enabled: true, order_by: header.stamp, max_delay_ms: 50}}
+        - {name: scan, type: sensor_msgs/msg/LaserScan, ordered: true}
+"""
+MODULE = """
+import oracle
+import os
+open("RAN", "w")
+
+PROPERTY = r"historically({topic: 'chatter'} -> {hello: True}) and once[:10]{small: True}"
+
+predicates = dict(time = 0, hello = True, small = False, odd = 0)
+
+def abstract_message(message):
+    if message['topic'] == 'chatter' and "hello" in message['data']:
+        predicates['hello'] = True
+    else:
+        predicates['hello'] = False
+    if message['topic'] == '/count':
+        predicates['small'] = message['data'] < 10 or message['data'] in [77, 78]
+        predicates['odd'] = len(str(message['data'])) % 2
+    predicates['time'] = message['time']
+    return predicates
+"""
+
+
+def imported(folder: Path, config: str, **modules: str) -> tuple[str, Any]:
+    path = folder / "config.yaml"
+    path.write_text(config)
+    options: list[str | Path] = []
+    for name, text in modules.items():
+        (folder / f"{name}.py").write_text(text)
+        options += ["--properties", folder / f"{name}.py"]
+    out = folder / "spec.yaml"
+    ended = run("import", path, *options, "-o", out)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    text = out.read_text()
+    return text, parse_spec(text, "imported").spec
+
+
+def test_version_one_is_judged_by_arrival(tmp_path: Path) -> None:
+    text, spec = imported(tmp_path, FIRST)
+    assert (spec.id, spec.ordering.by) == ("monitor_0", "arrival")
+    chatter, count = spec.streams
+    assert (chatter.name, chatter.type, chatter.action, chatter.intercept) == (
+        "/chatter", "std_msgs/msg/String", "filter", "publisher",
+    )  # fmt: skip
+    assert (count.name, count.action) == ("/count", "log")
+    assert spec.properties[0].guards == {"/chatter"}
+    for word in ("`path`", "`nodes`", "`log` of monitor", "`silent` of monitor", "`warning`", "ws://127.0.0.1:8080"):
+        assert word in text
+
+
+def test_version_two_orders_what_it_ordered(tmp_path: Path) -> None:
+    _, spec = imported(tmp_path, SECOND)
+    by_name = {(s.name, s.kind): s for s in spec.streams}
+    assert spec.ordering.by == "publication"
+    assert {key for key, s in by_name.items() if s.ordered} == {
+        ("/battery", "topic"), ("/SetLED", "request"), ("/SetLED", "response"),
+    }  # fmt: skip
+    assert by_name["/status", "topic"].intercept == "subscriber"
+    assert by_name["/SetLED", "request"].decide_within == 3_300 * 10**6
+    assert by_name["/SetLED", "request"].proxy == "/SetLED_mon"
+
+
+def test_without_a_module_the_oracle_stays_who_judges(tmp_path: Path) -> None:
+    text, spec = imported(tmp_path, SECOND)
+    (prop,) = spec.properties
+    assert prop.external == External("ws://10.0.0.1:8081", 3 * 10**9)
+    assert prop.guards == {"/status", "/SetLED"}
+    assert {s.decide_within for s in spec.streams if s.action == "filter"} == {3_300 * 10**6}
+    assert "TODO" not in text.partition("properties:")[2]
+    _, spec = imported(tmp_path, FIRST)
+    assert spec.properties[0].external == External("ws://127.0.0.1:8080", 2 * 10**9, bare=True)
+
+
+def test_the_rewrite_keeps_its_delays_and_stamps(tmp_path: Path) -> None:
+    text, spec = imported(tmp_path, REWRITE)
+    pose, scan = spec.streams
+    assert spec.ordering.max_delay == 50 * 10**6
+    assert (pose.stamp, pose.ordered, scan.ordered) == ("header.stamp", True, False)
+    assert "`ordered: true` alone put nothing in order there" in text
+    assert "`colour` of monitor" in text
+
+
+def test_a_property_module_is_read_and_never_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    text, spec = imported(tmp_path, FIRST, hello=MODULE)
+    assert not (tmp_path / "RAN").exists()
+    chatter, count = spec.streams
+    assert chatter.signals == {"hello": "msg.data.contains('hello')"}
+    assert count.signals == {"hello": "false", "small": "msg.data < 10 || msg.data in [77, 78]", "odd": "1 / 0 == 1"}
+    assert count.hold == {"small", "odd"}
+    assert "# predicates['odd'] = len(str(message['data'])) % 2" in text
+    (prop,) = spec.properties
+    assert prop.id == "hello"
+    assert 'topic: "/chatter"' in prop.text
+    assert "hello: true" in prop.text
+    assert "before its first message hello had a value there" in text
+    assert "bounds count steps here" in text
+
+
+EVENTS: list[tuple[dict[str, Any], str]] = [
+    ({"topic": "count", "data": 5}, "currently_true"),
+    ({"topic": "chatter", "data": "oh hello"}, "currently_true"),
+    ({"topic": "chatter", "data": "bye"}, "currently_false"),
+]
+
+
+def test_an_imported_property_judges_as_its_module_did(tmp_path: Path) -> None:
+    module = MODULE.replace("        predicates['odd'] = len(str(message['data'])) % 2\n", "").replace("odd = 0", "")
+    imported(tmp_path, FIRST, hello=module)
+    log = tmp_path / "log.jsonl"
+    log.write_text("".join(json.dumps(e | {"time": i + 1.5, "verdict": v}) + "\n" for i, (e, v) in enumerate(EVENTS)))
+    ended = run("replay", tmp_path / "spec.yaml", log, "--json")
+    summary = json.loads(ended.stdout.splitlines()[-1])["summary"]
+    assert (summary["events"], summary["compared"], summary["differing"]) == (3, 3, 0)
+
+
+def test_stubs_make_what_reads_them_unknown(tmp_path: Path) -> None:
+    module = "PROPERTY = '{far: True}'\npredicates = {'far': False}\n" + (
+        "def abstract_message(m):\n    predicates['far'] = abs(m['data']) > 3\n    return predicates\n"
+    )
+    text, _ = imported(tmp_path, FIRST, far=module)
+    assert "# predicates['far'] = abs(m['data']) > 3" in text
+    (tmp_path / "log.jsonl").write_text('{"topic": "count", "time": 1.5, "data": 5}\n')
+    ended = run("replay", tmp_path / "spec.yaml", tmp_path / "log.jsonl", "--json")
+    assert json.loads(ended.stdout.splitlines()[0])["outcome"] == "unknown"
+
+
+@pytest.mark.parametrize(
+    ("config", "word"),
+    [
+        ("a: b", "the list `monitors` is missing"),
+        ("monitors: [5]", "monitors[0] is no mapping"),
+        ("monitors: [{monitor: {id: x}}]", "names no topic and no service"),
+        ("monitors: [{monitor: {topics: [{type: x}]}}]", "has no name"),
+        ("a: [", "is no YAML"),
+    ],
+)
+def test_what_is_no_configuration_is_refused_in_one_line(tmp_path: Path, config: str, word: str) -> None:
+    (tmp_path / "config.yaml").write_text(config)
+    assert word in failed("import", tmp_path / "config.yaml")
+
+
+@pytest.mark.parametrize(
+    ("module", "word"), [("x = 1", "no `PROPERTY"), ("def f(:", "module.py:1: is no Python"), (None, "can't be read")]
+)
+def test_what_is_no_property_module_is_refused_in_one_line(tmp_path: Path, module: str | None, word: str) -> None:
+    (tmp_path / "config.yaml").write_text(FIRST)
+    if module is not None:
+        (tmp_path / "module.py").write_text(module)
+    assert word in failed("import", tmp_path / "config.yaml", "--properties", tmp_path / "module.py")
+
+
+def test_the_guide_works_as_it_is_written(tmp_path: Path) -> None:
+    """Every file that the guide shows is written, and every command without a server is run, in its order."""
+    text = GUIDE.read_text()
+    for name, body in re.findall(r"`([\w.]+)`:\n\n```(?:yaml|python|json)\n(.*?)```", text, re.DOTALL):
+        (tmp_path / name).write_text(body)
+    commands = re.findall(r"^\$ oracle-server ((?:import|check|replay) .*)$", text, re.MULTILINE)
+    assert [c.split()[0] for c in commands] == ["import", "check", "replay"]
+    for command in commands:
+        arguments = [
+            tmp_path / a if (tmp_path / a).exists() or a == "chat.spec.yaml" else a for a in shlex.split(command)
+        ]
+        ended = run(*arguments)
+        assert ended.returncode in (0, 1), ended.stderr
+    assert "1 violations" in ended.stdout
+    assert "3 compared with old verdicts, 0 differ" in ended.stdout

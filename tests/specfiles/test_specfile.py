@@ -1,0 +1,201 @@
+"""Spec files: what is sound is read, and whatever else is refused with its place."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from oracle_server.core.errors import Finding, SpecError
+from oracle_server.core.spec import Spec
+from oracle_server.specfiles.load import load_spec, parse_spec
+
+ROOT = Path(__file__).parents[2]
+CORPUS = sorted((Path(__file__).parents[1] / "corpus" / "specs").glob("*.yaml"))
+SOUND = [
+    *sorted((ROOT / "specs").glob("*.yaml")),
+    *sorted((Path(__file__).parents[1] / "vectors" / "specs").glob("*.yaml")),
+    *sorted((Path(__file__).parents[1] / "whole" / "specs").glob("*.yaml")),
+]
+many = settings(
+    max_examples=300,
+    deadline=None,
+    database=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+
+
+def findings(text: str) -> tuple[Finding, ...]:
+    """What is wrong with a text."""
+    with pytest.raises(SpecError) as refused:
+        parse_spec(text, "x.yaml")
+    return refused.value.findings
+
+
+@pytest.mark.parametrize("path", CORPUS, ids=lambda path: path.stem)
+def test_a_malformed_spec_is_refused_at_its_place(path: Path) -> None:
+    expected = re.match(r"# expect: (\d+:\d+: .*)", path.read_text().splitlines()[0])
+    assert expected
+    with pytest.raises(SpecError) as refused:
+        load_spec(path)
+    assert str(refused.value).startswith(f"{path}:{expected[1]}")
+
+
+@pytest.mark.parametrize("path", SOUND, ids=lambda path: path.stem)
+def test_shipped_specs_are_sound(path: Path) -> None:
+    assert load_spec(path).spec.id == path.stem
+
+
+# What is read
+
+
+def sound(text: str) -> Spec:
+    return parse_spec(text, "x.yaml").spec
+
+
+SMALL = """\
+id: small
+streams:
+  - topic: /a
+  - service: /s
+properties:
+  - id: p
+    formula: 'not {topic: "/a", v: 7}'
+"""
+
+
+def test_what_is_left_out_has_its_default() -> None:
+    spec = sound(SMALL)
+    ordering, (topic, request, response), (prop,) = spec.ordering, spec.streams, spec.properties
+    assert (ordering.by, ordering.late, ordering.capacity) == ("publication", "judge", 10_000)
+    assert (ordering.max_delay, ordering.max_skew) == (200 * 10**6, 10**9)
+    assert (topic.name, topic.kind, topic.action, topic.ordered) == ("/a", "topic", "log", True)
+    assert (topic.latency, topic.stamp, topic.signals, topic.hold) == (20 * 10**6, None, None, frozenset())
+    assert (topic.intercept, topic.decide_within, topic.on_deny) == ("publisher", 2 * 10**9, "keep")
+    assert [(s.name, s.kind, s.proxy) for s in (request, response)] == [
+        ("/s", "request", "/s_mon"),
+        ("/s", "response", "/s_mon"),
+    ]
+    assert request.on_unavailable == "deny"
+    assert (prop.time, prop.blame, prop.latch, prop.engine, prop.guards) == ("steps", "any", False, "auto", frozenset())
+
+
+@pytest.mark.parametrize(
+    ("text", "nanoseconds"),
+    [
+        ("20ms", 20 * 10**6),
+        ("1.5s", 1_500_000_000),
+        ("2s", 2 * 10**9),
+        ("1ns", 1),
+        ("0.001us", 1),
+        ("0s", 0),
+        ("3min", 180 * 10**9),
+        ("1h", 3600 * 10**9),
+        ("none", None),
+    ],
+)
+def test_durations(text: str, nanoseconds: int | None) -> None:
+    assert sound(f"ordering: {{max_delay: {text}}}\n{SMALL}").ordering.max_delay == nanoseconds
+
+
+@pytest.mark.parametrize(("text", "type_"), [("p/msg/T", "p/msg/T"), ("p.msg.T", "p/msg/T"), ("p/T", "p/msg/T")])
+def test_ros_types(text: str, type_: str) -> None:
+    assert sound(SMALL.replace("topic: /a\n", f"topic: /a\n    type: {text}\n", 1)).streams[0].type == type_
+
+
+def test_a_spec_means_the_same_however_it_is_written() -> None:
+    for path in SOUND:
+        text = path.read_text()
+        digest = sound(text).digest
+        value: dict[str, Any] = yaml.safe_load(text)
+        assert sound(yaml.safe_dump(value)).digest == digest
+        assert sound(yaml.safe_dump(value, default_flow_style=True, sort_keys=False, width=40)).digest == digest
+        assert sound("# a comment\n" + text.replace("\n", "\r\n")).digest == digest
+        assert sound(yaml.safe_dump(value | {"description": "another"})).digest == digest
+        assert sound(yaml.safe_dump(value | {"ordering": {"capacity": 77}})).digest != digest
+
+
+def test_everything_that_is_wrong_is_told_at_once() -> None:
+    text = SMALL.replace("topic: /a\n", "topic: /a\n    ordered: 7\n    late: judge\n", 1) + "    latch: 1\n"
+    assert {(f.line, f.message.split(":")[0]) for f in findings(text)} == {
+        (4, "streams.0.ordered"),
+        (5, "unknown key 'late'"),
+        (10, "properties.0.latch"),
+    }
+
+
+def test_findings_come_in_the_order_of_the_file() -> None:
+    text = "colour: red\n" + SMALL.replace("topic: /a\n", "topic: 7\n", 1) + "    latch: 1\n"
+    places = [(f.line, f.column) for f in findings(text)]
+    assert places == sorted(places)
+
+
+@pytest.mark.parametrize("mark", ["\\n", "\\e[31m"], ids=["newline", "escape"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        SMALL + '"a%sb": 1\n',
+        SMALL.replace("topic: /a", 'topic: "/a%sb"'),
+        SMALL.replace("  - service: /s\n", '    signals: {"a%sb": ""}\n'),
+        SMALL.replace('\'not {topic: "/a"', "\"not {topic: '/b%sb'").replace("}'", '}"'),
+        SMALL.replace("'not {topic: \"/a\", v: 7}'", '"{v: 7} %s@"'),
+    ],
+    ids=["key", "topic", "signal", "atom", "formula"],
+)
+def test_a_finding_is_one_plain_line_whatever_it_quotes(text: str, mark: str) -> None:
+    for finding in findings(text % mark):
+        assert str(finding).isprintable()
+
+
+# Places of formulas
+
+TOKENS = ["{topic: ", '"/a"', "}", "and", "once", "[", "1", ":", "]", "{", "id", ":", "'b'", "}"]
+
+
+@pytest.mark.parametrize("style", ["literal", "single", "double"])
+@given(data=st.data())
+@many
+def test_a_formulas_error_is_told_where_it_stands(style: str, data: st.DataObject) -> None:
+    at = data.draw(st.integers(0, len(TOKENS)))
+    gaps = data.draw(st.lists(st.integers(1, 3), min_size=len(TOKENS) + 1, max_size=len(TOKENS) + 1))
+    breaks = data.draw(st.sets(st.integers(0, len(TOKENS)))) if style == "literal" else set()
+    indent = " " * data.draw(st.integers(5, 9))
+    formula = ""
+    for i, token in enumerate([*TOKENS, ""]):
+        formula += "@" * (i == at) + token + ("\n" if i in breaks else " " * gaps[i])
+    lines = [line.strip(" ") for line in formula.split("\n")]
+    match style:
+        case "literal":
+            chomp = data.draw(st.sampled_from(["", "-", "+"]))
+            blank = data.draw(st.integers(0, 2))
+            body = "\n".join(indent + line if line else "" for line in lines)
+            written = f"|{chomp}\n" + "\n" * blank + body
+        case "single":
+            written = "'" + lines[0].replace("'", "''") + "'"
+        case _:
+            written = '"' + lines[0].replace('"', '\\"') + '"'
+    text = SMALL[: SMALL.index("'not {topic")] + written + "\n    guards: []\n"
+    row = next(i for i, line in enumerate(text.split("\n"), start=1) if "@" in line)
+    column = text.split("\n")[row - 1].index("@") + 1
+    assert [(f.line, f.column) for f in findings(text)] == [(row, column)], text
+
+
+def test_a_file_that_is_too_long_or_no_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "long.yaml").write_text("# " + "x" * 3_000_000)
+    (tmp_path / "folder.yaml").mkdir()
+    (tmp_path / "latin.yaml").write_bytes(b"id: x\n# \xe4\n")
+    for name, place in (
+        ("long", "1:1: "),
+        ("folder", "1:1: can't be read"),
+        ("none", "1:1: can't be read"),
+        ("latin", "2:1: "),
+    ):
+        with pytest.raises(SpecError) as refused:
+            load_spec(tmp_path / f"{name}.yaml")
+        (line,) = str(refused.value).splitlines()
+        assert line.startswith(f"{tmp_path}/{name}.yaml:{place}")

@@ -1,0 +1,106 @@
+"""What must not happen to a dashboard: code from a robot's messages, a lost token, a wrong number, a frozen page."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from playwright.async_api import Page, expect
+
+from oracle_server.edge.tokens import add
+from tests.processes import reserved_port
+from tests.whole.client import attached, make_event
+from tests.whole.conftest import Starts
+from tests.whole.harness import Server
+
+EVIL = "<img src=x onerror=\"document.body.className='taken'\"><script>document.body.className='taken'</script>"
+
+
+async def test_what_a_robot_says_is_text_and_never_a_page(server: Server, session: str, page: Page) -> None:
+    text = (
+        f"id: {session}\ndescription: {json.dumps(EVIL)}\nstreams:\n  - topic: /a\n    signals: {{v: msg.v}}\n"
+        f"properties:\n  - {{id: p, description: {json.dumps(EVIL)}, formula: 'not {{v: *}}'}}\n"
+    )
+    assert server.http.put(f"/api/v1/specs/{session}", content=text).status_code == 201
+    async with attached(server, session=session, spec=session) as monitor:
+        await monitor.send(make_event(1, at=1, data={"v": EVIL}))
+        await monitor.acked(1)
+        for address in (f"#/specs/{session}", f"#/sessions/{session}", f"#/sessions/{session}?n=1"):
+            await page.goto(f"{server.url}/{address}")
+            await expect(page.get_by_text(EVIL[:18]).first).to_be_visible()
+        await page.locator("summary").last.click()
+        await expect(page.locator("dd", has_text=EVIL[:18]).last).to_be_visible()
+    assert await page.evaluate("document.body.className") == ""
+    assert await page.locator("main img, main script").count() == 0
+
+
+@pytest.mark.parametrize(
+    ("address", "told"),
+    [
+        ("#/sessions/nowhere", "no session 'nowhere' is known"),
+        ("#/sessions/nowhere?n=x", "no session 'nowhere' is known"),
+        ("#/specs/nowhere", "no spec 'nowhere'"),
+        ("#/sessions/%ff", "live"),
+        ("#//", "live"),
+    ],
+)
+async def test_an_address_of_nothing_is_told(server: Server, page: Page, address: str, told: str) -> None:
+    await page.goto(f"{server.url}/{address}")
+    await expect(page.get_by_role("status")).to_contain_text(told)
+
+
+def test_the_browser_is_told_to_run_nothing_else(server: Server) -> None:
+    told = server.http.get("/")
+    assert "default-src 'none'; script-src 'self'; style-src 'self'" in told.headers["Content-Security-Policy"]
+    assert "unsafe" not in told.headers["Content-Security-Policy"]
+    assert "frame-ancestors 'none'" in told.headers["Content-Security-Policy"]
+
+
+async def test_numbers_are_shown_as_they_are(server: Server, session: str, page: Page) -> None:
+    async with attached(server, session=session, spec="single") as monitor:
+        await monitor.send(make_event(1, at=1, data={"v": 2**63 - 1}))
+        await monitor.acked(1)
+    await page.goto(f"{server.url}/#/sessions/{session}?n=1")
+    await page.get_by_text("what formulas saw of the event").click()
+    await expect(page.locator("dl").last).to_contain_text("9223372036854775807")
+
+
+async def test_a_token_is_asked_for_and_kept_to_oneself(start: Starts, tmp_path: Path, page: Page) -> None:
+    (tmp_path / "data").mkdir()
+    secret = add(tmp_path / "data" / "tokens.json", "reader", ["read"])
+    submits = add(tmp_path / "data" / "tokens.json", "robot", ["submit"])
+    server = start()
+    assert server.http.get("/api/v1/sessions").status_code == 401
+    await page.goto(f"{server.url}/")
+    field = page.get_by_label("token")
+    await field.fill("wrong")
+    await page.get_by_role("button", name="Use").click()
+    await expect(field).to_have_value("")
+    await field.fill(submits)
+    await page.get_by_role("button", name="Use").click()
+    await expect(page.get_by_role("status")).to_contain_text("the token's scopes do not hold `read`")
+    await field.fill(secret)
+    await page.get_by_role("button", name="Use").click()
+    await expect(page.get_by_role("status")).to_have_text("live")
+    await page.reload()
+    await expect(page.get_by_role("status")).to_have_text("live")
+    assert secret not in page.url
+    assert secret not in server.log
+
+
+async def test_a_server_that_is_away_is_told_and_found_again(start: Starts, page: Page) -> None:
+    with reserved_port() as place:
+        port = str(place.getsockname()[1])
+        server = start(port=port)
+        async with attached(server, session="s", spec="single") as monitor:
+            await monitor.send(make_event(1, at=1, data={"v": 1}))
+            await monitor.acked(1)
+        await page.goto(f"{server.url}/#/sessions/s")
+        cell = page.get_by_role("link", name="a_is_small at step 1: currently_true")
+        await expect(cell).to_be_visible()
+        server.stop()
+        await expect(page.get_by_role("status")).to_contain_text("can't be reached")
+        await expect(cell).to_be_visible()
+        start(port=port)
+        await expect(page.get_by_role("status")).to_have_text("live")

@@ -1,0 +1,67 @@
+"""The API is what its description says: the one in docs/, the one that is served, and what answers."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import hypothesis
+import schemathesis
+from hypothesis import HealthCheck
+from schemathesis.checks import CHECKS
+
+from oracle_server.api.openapi import description
+from tests.whole.harness import Server
+
+DOCUMENT = Path(__file__).parents[2] / "docs" / "openapi.json"
+HELD_TO = [
+    "not_a_server_error",
+    "status_code_conformance",
+    "content_type_conformance",
+    "response_schema_conformance",
+    "unsupported_method",
+]
+# the stream has no end that a case could wait for; tests/whole/test_stream.py reads it
+described = schemathesis.openapi.from_path(DOCUMENT).exclude(path_regex="/stream$")
+
+
+def test_the_document_in_docs_is_that_of_the_code() -> None:
+    written = json.loads(DOCUMENT.read_text())
+    assert written == description(), "run: python -m oracle_server.api.openapi > docs/openapi.json"
+
+
+def test_the_document_is_served(server: Server) -> None:
+    assert server.http.get("/openapi.json").json() == json.loads(DOCUMENT.read_text())
+
+
+@described.parametrize()
+@hypothesis.settings(
+    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+)
+def test_whatever_is_asked_is_answered_as_described(case: Any, shared_server: Server) -> None:
+    response = case.call(base_url=shared_server.url)
+    case.validate_response(response, checks=[CHECKS.get_one(name) for name in HELD_TO])
+    if response.status_code >= 400:
+        assert response.headers["content-type"][0].split(";")[0] == "application/problem+json"
+
+
+def test_the_page_needs_nothing_from_elsewhere(server: Server) -> None:
+    page = server.http.get("/docs").text
+    found = re.findall(r'(?:src|href)="([^"]+)"', page)
+    assert len(found) == 3
+    for path in found:
+        assert path.startswith("/docs/")
+        response = server.http.get(path)
+        assert response.status_code == 200
+        assert len(response.content) > 100
+    assert not re.search(r"https?://", page)
+
+
+def test_pages_of_other_origins_are_never_let_in(server: Server) -> None:
+    asked = {"Access-Control-Request-Method": "PUT", "Access-Control-Request-Headers": "authorization"}
+    for headers in ({"Origin": "http://example.org"}, {"Origin": server.url}, {}):
+        response = server.http.options("/api/v1/specs/lamp", headers=headers | asked)
+        assert response.status_code in (403, 405)
+        assert not [name for name in response.headers if name.startswith("access-control")]

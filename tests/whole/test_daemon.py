@@ -1,0 +1,204 @@
+"""The server in the background: started, asked how it is, and stopped."""
+
+from __future__ import annotations
+
+import asyncio
+import fcntl
+import json
+import os
+import signal
+import socket
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from inspect import signature
+from pathlib import Path
+
+import pytest
+
+from oracle_server.cli.commands import serve
+from oracle_server.process.daemon import _ON_THE_COMMAND_LINE
+from oracle_server.process.logs import RotatingFile
+from oracle_server.process.notify import notify
+from oracle_server.process.pidfile import NAME, PidFile, running
+from oracle_server.process.settings import Settings
+from oracle_server.process.watchdog import Watchdog
+from tests.whole.conftest import copy_specs
+from tests.whole.harness import PATIENCE, Server, failed, run
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Iterator[Path]:
+    """A data directory in which no server is left at the end."""
+    folder = tmp_path / "data"
+    yield folder
+    left = running(folder)
+    if left is not None:
+        os.kill(left.pid, signal.SIGKILL)
+
+
+@pytest.fixture
+def specs(tmp_path: Path) -> Path:
+    return copy_specs(tmp_path / "specs")
+
+
+def start(data: Path, specs: Path, **settings: str) -> str:
+    """Start a server, and tell its address."""
+    ended = run("start", "--data-dir", data, "--specs", specs, "--port", "0", **settings)
+    assert (ended.returncode, ended.stderr) == (0, ""), ended
+    return ended.stdout.split(": ")[0]
+
+
+def test_it_starts_tells_how_it_is_and_stops(data: Path, specs: Path) -> None:
+    assert run("status", "--data-dir", data).returncode == 3
+    url = start(data, specs)
+    told = run("status", "--data-dir", data, "--json")
+    assert told.returncode == 0
+    status = json.loads(told.stdout)
+    assert (status["state"], status["url"]) == ("ready", url)
+    assert str(status["pid"]) in run("status", "--data-dir", data).stdout
+    assert "lamp" in run("specs", "--url", url).stdout
+    assert "accepting work" in (data / "server.log").read_text()
+    stopped = run("stop", "--data-dir", data)
+    assert (stopped.returncode, stopped.stdout) == (0, f"{url}: stopped\n")
+    assert run("status", "--data-dir", data).returncode == 3
+    assert run("stop", "--data-dir", data).returncode == 0
+    assert running(data) is None
+
+
+def test_what_is_said_on_the_command_line_is_heard(data: Path, specs: Path) -> None:
+    """Every option that `start` shares with `serve` reaches the server that it starts."""
+    shared = set(signature(serve).parameters) & set(Settings.model_fields)
+    assert shared == {*_ON_THE_COMMAND_LINE, "data_dir"}
+    given = ("--data-dir", data, "--specs", specs, "--port", "0")
+    assert "nowhere" in failed("start", *given, "--legacy", "nowhere")
+    assert run("start", *given, "--legacy", "lamp").returncode == 0
+    assert run("stop", "--data-dir", data).returncode == 0
+
+
+def test_it_is_ready_only_once_its_sessions_are_back(data: Path, specs: Path) -> None:
+    url = start(data, specs)
+    for _ in range(2):
+        run("stop", "--data-dir", data)
+        url = start(data, specs, ORACLE_LOG="json")
+        lines = [json.loads(line) for line in (data / "server.log").read_text().splitlines() if line.startswith("{")]
+        assert lines[-1]["event"] == "accepting work"
+    assert run("sessions", "--url", url).returncode == 0
+
+
+def test_a_second_one_is_not_started(data: Path, specs: Path) -> None:
+    url = start(data, specs)
+    assert "runs already" in failed("start", "--data-dir", data)
+    assert "another server uses this data directory" in failed("serve", "--data-dir", data, "--port", "0")
+    port = url.rpartition(":")[2]
+    message = failed("start", "--data-dir", data.with_name("other"), "--specs", specs, "--port", port)
+    assert "Address already in use; stop what uses it, or choose another --port" in message
+    assert json.loads(run("status", "--data-dir", data, "--json").stdout)["url"] == url
+
+
+def test_the_pid_file_of_one_that_was_killed_deceives_nobody(data: Path, specs: Path) -> None:
+    start(data, specs)
+    server = running(data)
+    assert server is not None
+    os.kill(server.pid, signal.SIGKILL)
+    deadline = PATIENCE / 0.01
+    while running(data) is not None:
+        deadline -= 1
+        assert deadline
+        signal.sigtimedwait([], 0.01)
+    assert (data / "server.pid").read_text().startswith(str(server.pid))
+    assert run("status", "--data-dir", data).returncode == 3
+    assert run("stop", "--data-dir", data).returncode == 0
+    start(data, specs)
+
+
+def test_who_looks_whether_a_server_runs_keeps_none_from_starting(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    PidFile(tmp_path).release()
+    with (tmp_path / NAME).open() as looked_at:
+        fcntl.flock(looked_at, fcntl.LOCK_SH)
+        monkeypatch.setattr(time, "sleep", lambda _: fcntl.flock(looked_at, fcntl.LOCK_UN))
+        mine = PidFile(tmp_path)
+    assert running(tmp_path) == (os.getpid(), None)
+    mine.release()
+
+
+def test_a_server_that_has_not_told_yet_who_it_is_is_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its pid is needed to stop it, and 0 would be everyone in the caller's own group."""
+    mine = PidFile(tmp_path)
+    (tmp_path / NAME).write_text("")
+    monkeypatch.setattr(time, "sleep", lambda _: mine.tell("http://127.0.0.1:1"))
+    assert running(tmp_path) == (os.getpid(), "http://127.0.0.1:1")
+    mine.release()
+
+
+def test_what_keeps_it_from_starting_is_told(data: Path, specs: Path, tmp_path: Path) -> None:
+    assert "is no folder" in failed("start", "--data-dir", data, "--specs", tmp_path / "nowhere", "--port", "0")
+    (specs / "single.yaml").write_text("id: single\n")
+    assert "single.yaml:1:1" in failed("start", "--data-dir", data, "--specs", specs, "--port", "0")
+    (tmp_path / "file").write_text("")
+    assert "can't be" in failed("start", "--data-dir", tmp_path / "file", "--specs", specs, "--port", "0")
+
+
+def test_a_place_that_can_not_be_written_is_told(specs: Path) -> None:
+    for place in ("/proc/nowhere", "/dev/null"):
+        assert f"{place}: can't be used as data directory" in failed("serve", "--data-dir", place, "--port", "0")
+        assert place in failed("start", "--data-dir", place, "--port", "0")
+
+
+def test_systemd_is_told_how_it_stands(data: Path, specs: Path, tmp_path: Path) -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
+        listener.bind(str(tmp_path / "notify"))
+        listener.settimeout(PATIENCE)
+        with Server(specs, data, NOTIFY_SOCKET=str(tmp_path / "notify"), WATCHDOG_USEC="100000") as server:
+            told = [listener.recv(100) for _ in range(4)]
+            with ThreadPoolExecutor() as threads:
+                stopped = threads.submit(server.stop)
+                while told[-1] != b"STOPPING=1":  # few may wait to be heard
+                    told.append(listener.recv(100))
+                assert stopped.result() == 0
+    assert b"READY=1" in told
+    assert set(told) == {b"READY=1", b"WATCHDOG=1", b"STOPPING=1"}
+
+
+def test_who_listens_and_takes_nothing_holds_nothing_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    room = int(Path("/proc/sys/net/unix/max_dgram_qlen").read_text()) + 1
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
+        listener.bind(str(tmp_path / "notify"))
+        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+        for _ in range(room + 1):
+            notify("WATCHDOG=1")
+        assert listener.recv(100) == b"WATCHDOG=1"
+
+
+async def test_a_loop_that_stands_still_is_reported_with_its_place(capsys: pytest.CaptureFixture[str]) -> None:
+    with Watchdog(stalled=0.2) as watchdog:
+        begin = time.monotonic()
+        while not watchdog.stalls and time.monotonic() < begin + PATIENCE:
+            pass  # the loop has no turn
+    assert watchdog.stalls == 1
+    said = capsys.readouterr().out
+    assert "stands still" in said
+    assert "test_daemon.py" in said
+
+
+async def test_a_loop_that_goes_round_is_not_reported() -> None:
+    with Watchdog(stalled=3600) as watchdog:
+        for _ in range(100):
+            await asyncio.sleep(0)
+    assert watchdog.stalls == 0
+
+
+def test_the_log_is_put_aside_when_it_is_full(tmp_path: Path) -> None:
+    log = RotatingFile(tmp_path / "a.log", max_size=100, kept=2)
+    for number in range(40):
+        log.write(f"line {number:03}\n")
+    log.close()
+    names = ["a.log.2", "a.log.1", "a.log"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(names)
+    kept = "".join((tmp_path / name).read_text() for name in names).splitlines()
+    assert kept == [f"line {number:03}" for number in range(40 - len(kept), 40)]
+    assert all((tmp_path / name).stat().st_size <= 100 for name in names)

@@ -1,0 +1,102 @@
+"""A history that can't be written for a while."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import signal
+import sqlite3
+from collections.abc import Iterator
+
+from tests.whole.client import attached, make_clock, make_event, seqs
+from tests.whole.conftest import Starts
+from tests.whole.harness import Server, failed, problem
+
+
+@contextlib.contextmanager
+def locked(server: Server) -> Iterator[None]:
+    """Let nobody write to the database."""
+    with contextlib.closing(sqlite3.connect(server.data / "history.sqlite", isolation_level=None)) as database:
+        database.execute("BEGIN EXCLUSIVE")
+        yield
+        database.execute("ROLLBACK")
+
+
+async def test_nothing_is_acked_or_lost_while_the_history_can_not_be_written(start: Starts) -> None:
+    server = start()
+    async with attached(server, session="s", spec="single") as monitor:
+        with locked(server):
+            await monitor.send(make_event(1, data={"v": 1}), make_event(2, at=1, data={"v": 1}))
+            await server.until(lambda: server.http.get("/readyz").status_code, lambda status: status == 503)
+            assert server.http.get("/healthz").status_code == 200
+            assert monitor.upto == 0
+            assert seqs(server, "s") == []
+        await monitor.acked(2)
+        await server.until(lambda: server.http.get("/readyz").status_code, lambda status: status == 200)
+    assert seqs(server, "s") == [1, 2]
+
+
+async def test_a_session_can_not_be_closed_while_the_history_can_not_be_written(start: Starts) -> None:
+    server = start()
+    async with attached(server, session="s", spec="single") as monitor:
+        with locked(server):
+            await monitor.send(make_event(1, data={"v": 1}))
+            await server.until(lambda: server.http.get("/readyz").status_code, lambda status: status == 503)
+            deleting = [asyncio.to_thread(server.http.delete, "/api/v1/sessions/s") for _ in range(2)]
+            for response in await asyncio.gather(*deleting):
+                problem(response, 503)
+        await server.until(lambda: server.get("sessions/s")["status"], lambda status: status == "closed")
+        frames, _ = await monitor.closed()
+    assert {"type": "ack", "upto": 1} in frames
+    assert seqs(server, "s") == [1]
+
+
+async def test_a_session_is_told_to_be_open_once_it_is_kept(start: Starts) -> None:
+    server = start()
+    wanted = {"spec": "single", "id": "s"}
+    with locked(server):
+        body = problem(await asyncio.to_thread(server.http.post, "/api/v1/sessions", json=wanted), 503)
+        assert "the history can't be written" in body["detail"]
+        trace = server.http.get("/api/v1/sessions/s/trace")
+        assert (trace.status_code, trace.text, seqs(server, "s")) == (200, "", [])
+    problem(server.http.post("/api/v1/sessions", json=wanted), 409)
+    assert server.http.post("/api/v1/sessions", json={**wanted, "id": "t"}).status_code == 201
+    server.stop(signal.SIGKILL)
+    server = start()
+    assert {s["id"] for s in server.get("sessions")["items"]} == {"s", "t"}
+
+
+async def test_a_history_that_is_locked_or_spoilt_is_told_in_words(start: Starts) -> None:
+    server = start()
+    async with attached(server, session="s", spec="single") as monitor:
+        await monitor.send(*(make_event(i, at=i, data={"v": 1}) for i in range(1, 200)))
+        await monitor.acked(199)
+    assert server.stop() == 0
+    with locked(server):
+        message = failed("serve", "--data-dir", server.data, "--specs", server.specs, "--port", "0")
+        assert "history.sqlite: can't be used as a database: database is locked" in message
+    server = start(ORACLE_RESUME_WITHIN="3600")  # nothing is written while it is spoilt
+    file = server.data / "history.sqlite"
+    sound = file.read_bytes()
+    file.write_bytes(sound[:4096] + bytes(len(sound) - 4096))
+    body = problem(server.http.get("/api/v1/sessions/s/verdicts"), 503)
+    assert "malformed" in body["detail"]
+    file.write_bytes(sound)
+    assert len(server.records("s")) == 199
+
+
+async def test_what_is_guarded_is_denied_while_the_history_can_not_be_written(start: Starts) -> None:
+    server, request = start(), {"stream": "/switch", "kind": "request", "data": {"switch_on": False}}
+    async with attached(server, session="s", spec="lamp", streams=["/switch"]) as monitor:
+        await monitor.send(make_clock("/switch", 10**6, "response"))
+        assert (await monitor.ask(1, **request))["decision"] == "allow"
+        await monitor.acked(1)
+        with locked(server):
+            await monitor.send(make_event(2, "/switch", 1, {"switch_on": False}, kind="request"))
+            await server.until(lambda: server.http.get("/readyz").status_code, lambda status: status == 503)
+            denied = await monitor.ask(3, at=2, **request)
+            assert denied["decision"] == "deny"
+            assert denied["verdicts"]["only_in_the_dark"] == "unknown"
+        await server.until(lambda: server.http.get("/readyz").status_code, lambda status: status == 200)
+        assert (await monitor.ask(4, at=3, **request))["decision"] == "allow"
+        await monitor.acked(4)

@@ -1,0 +1,100 @@
+"""The server's numbers: right, bounded, and gone on with over a closed session."""
+
+from __future__ import annotations
+
+from prometheus_client.parser import text_string_to_metric_families
+
+from tests.whole.client import attached, make_clock, make_event, make_events
+from tests.whole.conftest import Starts
+from tests.whole.harness import Server
+
+Numbers = dict[tuple[str, tuple[tuple[str, str], ...]], float]
+
+
+def numbers(server: Server) -> Numbers:
+    response = server.http.get("/metrics")
+    assert response.status_code == 200
+    families = text_string_to_metric_families(response.text)
+    return {(s.name, tuple(sorted(s.labels.items()))): s.value for family in families for s in family.samples}
+
+
+def value(found: Numbers, name: str, **labels: str) -> float:
+    return found[f"oracle_{name}", tuple(sorted(labels.items()))]
+
+
+async def test_what_happens_is_counted(start: Starts) -> None:
+    server = start()
+    assert value(numbers(server), "events_total") == 0
+    async with attached(server, session="s", spec="lamp", streams=["/light", "/switch"]) as monitor:
+        await monitor.send(make_clock("/switch", 10**6, "response"))
+        await monitor.send(make_event(1, "/light", 1, {"level": 300}), make_clock("/light", 10**6))
+        request = {"stream": "/switch", "kind": "request", "data": {"switch_on": True}, "call": 1}
+        assert (await monitor.ask(2, at=2, **request))["decision"] == "deny"
+        await monitor.send(make_event(1, "/light", 1, {"level": 300}), make_event(5, "/nowhere", 3))
+        await monitor.expect("error", seq=5)
+        await monitor.acked(5)
+        found = numbers(server)
+        assert value(found, "duplicates_total") == 1
+        assert value(found, "events_total") == 2
+        assert value(found, "verdicts_total", outcome="currently_false") == 1
+        assert sum(v for (name, _), v in found.items() if name == "oracle_verdicts_total") == 4
+        assert value(found, "denied_total") == 1
+        assert value(found, "refused_total") == 1
+        assert value(found, "violations_total") == 1
+        assert value(found, "decision_seconds_count") == 1
+        assert value(found, "decision_seconds_bucket", le="+Inf") == 1
+        assert value(found, "hold_seconds_count") == 2
+        assert (value(found, "sessions"), value(found, "monitors")) == (1, 1)
+        assert value(found, "queue_depth", queue="order") == 0
+        await monitor.detach()
+    server.http.delete("/api/v1/sessions/s")
+    after = numbers(server)
+    totals = (f"{name}_total" for name in ("events", "denied", "duplicates", "refused", "attachments"))
+    for name in (*totals, "hold_seconds_count"):
+        assert value(after, name) == value(found, name), name
+    assert (value(after, "sessions"), value(after, "monitors")) == (0, 0)
+
+
+async def test_what_waits_is_told(start: Starts) -> None:
+    server = start()
+    async with attached(server, session="s", spec="slow") as monitor:
+        await monitor.send(make_event(1, "/b", at=20), make_event(2, "/b", at=10, source="another"))
+        await server.holds("s", 2)
+        assert value(numbers(server), "queue_depth", queue="order") == 2
+        await monitor.detach()
+
+
+async def test_a_restored_session_is_not_counted_again(start: Starts) -> None:
+    server = start()
+    async with attached(server, session="s", spec="single") as monitor:
+        await monitor.send(make_events(*(make_event(i, at=i, data={"v": 20 * (i % 2)}) for i in range(1, 21))))
+        await monitor.acked(20)
+        assert value(numbers(server), "events_total") == 20
+        assert value(numbers(server), "violations_total") > 0
+    assert server.stop() == 0
+    found = numbers(start())
+    for name in ("events_total", "violations_total", "late_total", "lost_total", "engine_failures_total"):
+        assert value(found, name) == 0, name
+
+
+async def test_the_log_has_a_line_at_both_ends_of_a_connection_and_none_for_an_event(start: Starts) -> None:
+    server = start()
+    before = len(server.log.splitlines())
+    async with attached(server, session="s", spec="single") as monitor:
+        await monitor.send(*(make_event(i, at=i, data={"v": 20 * (i % 2)}) for i in range(1, 101)))
+        await monitor.send(make_event(101, "/nowhere"))
+        await monitor.acked(101)
+        await monitor.detach()
+    server.said("monitor gone")
+    told = [line.split("]", 1)[1].split("  ")[0].strip() for line in server.log.splitlines()[before:]]
+    assert told == ["session opened", "monitor attached", "monitor gone"]
+
+
+async def test_labels_are_bounded(server: Server, session: str) -> None:
+    async with attached(server, "a_monitor", session=session, spec="pair", streams=["/a"]) as monitor:
+        await monitor.send(make_event(1, "/a", data={"v": 1}))
+        text = server.http.get("/metrics").text
+        assert session not in text
+        assert "a_monitor" not in text
+        assert "/a" not in text
+        await monitor.detach()

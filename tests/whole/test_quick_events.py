@@ -1,0 +1,126 @@
+"""Events are read in two ways, quickly and with words for what is wrong: both take the same, and read the same."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import msgspec
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from oracle_server.wire.incoming import (
+    MAX_BATCH,
+    ClockMessage,
+    EventMessage,
+    OutcomesMessage,
+    QuickClock,
+    QuickEvent,
+    QuickOutcomes,
+    WireError,
+    decode,
+    event_of,
+)
+
+PLAIN = {"type": "event", "seq": 1, "stream": "/a", "data": {}}
+FIELDS: dict[str, list[Any]] = {
+    "seq": [1, 0, -1, 2**53 - 1, 2**53, 1.0, "1", True, None, []],
+    "stream": ["/a", "", "x" * 255, "x" * 256, 1, None, True],
+    "kind": ["topic", "request", "response", "tick", "goal", "", None, 1],
+    "stamp": [0, 1, 2**63 - 1, 2**63, -1, 1.5, 1.0, "1", True, None],
+    "data": [{}, {"a": None}, {"a": [1, {"b": "c"}]}, [], None, "x", 1],
+    "ask": [True, False, None, 0, 1, "true"],
+    "source": ["", "x" * 255, "x" * 256, None, 1],
+    "call": [0, 1, 2**53 - 1, 2**53, -1, 1.0, None, "1", True],
+    "lost": [0, 1, 2**53 - 1, 2**53, -1, 1.0, None, "1", True],
+    "type": ["event", "events", None, 1],
+    "more": [1, {"x": "y"}],
+}
+
+frames = st.fixed_dictionaries(
+    {"type": st.just("event"), "seq": st.just(7), "stream": st.just("/a"), "data": st.just({"v": 1})},
+    optional={name: st.sampled_from(values) for name, values in FIELDS.items() if name not in PLAIN},
+)
+
+
+def told(event: EventMessage | QuickEvent) -> dict[str, Any]:
+    plain = event.model_dump() if isinstance(event, EventMessage) else msgspec.structs.asdict(event)
+    return {key: value for key, value in plain.items() if key != "type"}
+
+
+def both(frame: dict[str, Any]) -> None:
+    try:
+        slow: Any = told(EventMessage.model_validate(frame))
+    except ValueError:
+        slow = None
+    try:
+        quick: Any = told(msgspec.json.decode(msgspec.json.encode(frame), type=QuickEvent))
+    except msgspec.MsgspecError:
+        quick = None
+    assert quick == slow or (quick is None and slow is not None), frame
+    try:
+        found: Any = told(event_of(frame, suspicious=False))
+    except WireError:
+        found = None
+    assert found == slow, frame
+
+
+@pytest.mark.parametrize(("name", "value"), [(n, v) for n, values in FIELDS.items() for v in values])
+def test_each_field(name: str, value: object) -> None:
+    both(PLAIN | {name: value})
+
+
+@pytest.mark.parametrize("name", [*PLAIN, "none"])
+def test_a_missing_field(name: str) -> None:
+    both({key: value for key, value in PLAIN.items() if key != name})
+
+
+@settings(deadline=None)
+@given(frames)
+def test_any_fields(frame: dict[str, Any]) -> None:
+    both(frame)
+
+
+@pytest.mark.parametrize("separators", [(",", ":"), (", ", ": ")])
+def test_however_it_is_written(separators: tuple[str, str]) -> None:
+    frame = PLAIN | {"seq": 3, "data": {"v": 1}, "ask": True, "stamp": 1_732_147_200_000_000_000}
+    event = decode(json.dumps(frame, separators=separators)).message
+    assert isinstance(event, QuickEvent | EventMessage)
+    assert told(event) == told(EventMessage.model_validate(frame))
+
+
+OUTCOME = {"seq": 1, "passed": True, "why": "decision"}
+STAMP = {"stream": "/a", "kind": "request", "stamp": 5}
+ODD: list[Any] = [None, 0, -1, 1.0, 2**53, 2**63 - 1, 2**63, True, "x", "timeout", "topic", [], {}]
+
+
+@pytest.mark.parametrize("name", ["seq", "passed", "why", "more"])
+@pytest.mark.parametrize("value", ODD)
+def test_each_field_of_an_outcome(name: str, value: object) -> None:
+    as_slow(OutcomesMessage, {"type": "outcomes", "outcomes": [OUTCOME, OUTCOME | {name: value}]})
+
+
+@pytest.mark.parametrize("name", ["stream", "kind", "stamp", "more"])
+@pytest.mark.parametrize("value", ODD)
+def test_each_field_of_a_clock(name: str, value: object) -> None:
+    as_slow(ClockMessage, {"type": "clock", "stamps": [STAMP, STAMP | {name: value}]})
+
+
+@pytest.mark.parametrize("outcomes", [None, {}, [OUTCOME] * MAX_BATCH, [OUTCOME] * (MAX_BATCH + 1)])
+def test_no_more_outcomes_than_may_be_in_a_frame(outcomes: object) -> None:
+    as_slow(OutcomesMessage, {"type": "outcomes", "outcomes": outcomes})
+
+
+def as_slow(model: type[OutcomesMessage] | type[ClockMessage], frame: dict[str, Any]) -> None:
+    try:
+        slow: Any = model.model_validate(frame).model_dump()
+    except ValueError:
+        with pytest.raises(WireError):
+            decode(json.dumps(frame, separators=(",", ":")))
+        return
+    read = decode(json.dumps(frame, separators=(",", ":"))).message
+    assert isinstance(read, QuickOutcomes | QuickClock | OutcomesMessage | ClockMessage)
+    assert (
+        read.model_dump() if isinstance(read, model) else {"type": frame["type"], **msgspec.to_builtins(read)}
+    ) == slow

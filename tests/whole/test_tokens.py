@@ -1,0 +1,247 @@
+"""Tokens: each test tries what must not be possible, and what must."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import httpx
+import pytest
+from websockets.asyncio.client import connect
+from websockets.exceptions import InvalidStatus
+
+from oracle_server.edge.tokens import Tokens, add, hash_of, listed, remove
+from tests.whole.client import make_attach, make_event
+from tests.whole.conftest import Starts
+from tests.whole.harness import PATIENCE, Server, failed, problem, run
+
+SPEC = "id: fresh\nstreams:\n  - topic: /a\nproperties:\n  - {id: p, formula: '{v: 1}'}\n"
+
+
+class Guarded:
+    """A server that wants tokens, and the tokens."""
+
+    def __init__(self, start: Starts, data: Path) -> None:
+        file = data / "tokens.json"
+        self.secrets = {
+            "submit": add(file, "submit", ["submit"]),
+            "read": add(file, "read", ["read"]),
+            "admin": add(file, "admin", ["admin"]),
+            "bound": add(file, "bound", ["admin"], specs=["single"]),
+            "joined": add(file, "joined", ["submit", "read"], sessions=["ours"]),
+        }
+        self.server: Server = start()
+
+    def ask(self, who: str | None, method: str, path: str, **more: object) -> httpx.Response:
+        headers = {"Authorization": f"Bearer {self.secrets[who]}"} if who else {}
+        return self.server.http.request(method, path, headers=headers, **more)  # type: ignore[arg-type]
+
+    async def attach(self, who: str | None, **fields: object) -> dict[str, object]:
+        """The answer to an attempt to attach; raises where the handshake is refused."""
+        headers = {"Authorization": f"Bearer {self.secrets[who]}"} if who else {}
+        url = self.server.url.replace("http", "ws", 1) + "/api/v1/attach"
+        async with (
+            asyncio.timeout(PATIENCE),
+            connect(url, additional_headers=headers, proxy=None, open_timeout=PATIENCE) as socket,
+        ):
+            await socket.send(json.dumps(make_attach(**fields)))  # type: ignore[arg-type]
+            answer: dict[str, object] = json.loads(await socket.recv())
+            return answer
+
+
+@pytest.fixture
+def guarded(start: Starts, tmp_path: Path) -> Iterator[Guarded]:
+    (tmp_path / "data").mkdir()
+    guarded = Guarded(start, tmp_path / "data")
+    yield guarded
+    assert not any(secret in guarded.server.log for secret in guarded.secrets.values())
+
+
+READING = ["/api/v1/specs", "/api/v1/sessions", "/api/v1/sessions/s/verdicts", "/metrics"]
+
+
+async def test_without_a_good_token_nothing_is_told_or_done(guarded: Guarded) -> None:
+    server = guarded.server
+    offers: list[dict[str, str]] = [
+        {},
+        {"Authorization": "Bearer"},
+        {"Authorization": "Bearer oracle_wrong"},
+        {"Authorization": "Bearer " + hash_of(guarded.secrets["admin"])},
+        {"Authorization": "Basic " + guarded.secrets["admin"]},
+        {"Authorization": guarded.secrets["admin"]},
+        {"Authorization": "Bearer " + guarded.secrets["admin"].upper()},
+        {"Authorization": "Bearer " + guarded.secrets["admin"][:-1]},
+        {"Cookie": "token=" + guarded.secrets["admin"]},
+    ]
+    for headers in offers:
+        for path in READING:
+            response = server.http.get(path, headers=headers)
+            problem(response, 401)
+            assert response.headers["www-authenticate"] == "Bearer"
+        problem(server.http.put("/api/v1/specs/fresh", content=SPEC, headers=headers), 401)
+        problem(server.http.post("/api/v1/sessions", json={"spec": "single"}, headers=headers), 401)
+        problem(server.http.delete("/api/v1/sessions/s", headers=headers), 401)
+    two = [("Authorization", "Bearer x"), ("Authorization", f"Bearer {guarded.secrets['admin']}")]
+    problem(server.http.get("/api/v1/sessions", headers=two), 401)
+    with pytest.raises(InvalidStatus, match="401"):
+        await guarded.attach(None, spec="single")
+    assert guarded.ask("admin", "GET", "/api/v1/sessions").json() == {"items": []}
+
+
+def test_a_token_in_the_address_is_no_token(guarded: Guarded) -> None:
+    for name in ("token", "access_token", "authorization"):
+        problem(guarded.server.http.get("/api/v1/sessions", params={name: guarded.secrets["admin"]}), 401)
+
+
+def test_what_says_nothing_of_robots_needs_no_token(guarded: Guarded) -> None:
+    for path in ("/healthz", "/readyz", "/docs", "/openapi.json"):
+        assert guarded.ask(None, "GET", path).status_code == 200
+
+
+async def test_scopes_hold(guarded: Guarded) -> None:
+    for path in READING[:2]:
+        assert guarded.ask("read", "GET", path).status_code == 200
+        problem(guarded.ask("submit", "GET", path), 403)
+    for who in ("read", "submit"):
+        problem(guarded.ask(who, "PUT", "/api/v1/specs/fresh", content=SPEC), 403)
+        problem(guarded.ask(who, "DELETE", "/api/v1/sessions/s"), 403)
+    problem(guarded.ask("read", "POST", "/api/v1/sessions", json={"spec": "single"}), 403)
+    with pytest.raises(InvalidStatus, match="403"):
+        await guarded.attach("read", spec="single")
+    assert guarded.ask("admin", "PUT", "/api/v1/specs/fresh", content=SPEC).status_code == 201
+    assert guarded.ask("submit", "POST", "/api/v1/sessions", json={"spec": "single"}).status_code == 201
+    assert (await guarded.attach("submit", spec="single"))["type"] == "attached"
+
+
+async def test_a_token_is_held_to_its_specs_and_sessions(guarded: Guarded) -> None:
+    for session, spec in (("ours", "single"), ("theirs", "pair")):
+        assert guarded.ask("admin", "POST", "/api/v1/sessions", json={"spec": spec, "id": session}).status_code == 201
+    for path in ("", "/verdicts", "/violations", "/stream", "/trace"):
+        problem(guarded.ask("bound", "GET", f"/api/v1/sessions/theirs{path}"), 403)
+        problem(guarded.ask("joined", "GET", f"/api/v1/sessions/theirs{path}"), 403)
+    problem(guarded.ask("bound", "DELETE", "/api/v1/sessions/theirs"), 403)
+    problem(guarded.ask("bound", "POST", "/api/v1/sessions", json={"spec": "pair"}), 403)
+    problem(guarded.ask("joined", "POST", "/api/v1/sessions", json={"spec": "pair", "id": "other"}), 403)
+    problem(guarded.ask("bound", "PUT", "/api/v1/specs/fresh", content=SPEC), 403)
+    problem(guarded.ask("bound", "GET", "/api/v1/specs/pair"), 403)
+    assert [s["id"] for s in guarded.ask("bound", "GET", "/api/v1/specs").json()["items"]] == ["single"]
+    for who in ("bound", "joined"):
+        assert [s["id"] for s in guarded.ask(who, "GET", "/api/v1/sessions").json()["items"]] == ["ours"]
+        assert guarded.ask(who, "GET", "/api/v1/sessions/ours/verdicts").status_code == 200
+    attempts: list[tuple[str, dict[str, str]]] = [
+        ("bound", {"session": "theirs"}),
+        ("bound", {"session": "theirs", "spec": "single"}),
+        ("bound", {"spec": "pair"}),
+        ("joined", {"session": "theirs"}),
+        ("joined", {"spec": "single"}),
+        ("joined", {"session": "new", "spec": "single"}),
+    ]
+    for who, wanted in attempts:
+        answer = await guarded.attach(who, **wanted)
+        assert (answer["type"], answer.get("code")) == ("error", "forbidden"), (who, wanted)
+    assert (await guarded.attach("bound", session="ours"))["type"] == "attached"
+    assert (await guarded.attach("joined", monitor="m2", session="ours"))["type"] == "attached"
+
+
+def test_the_file_must_be_nobody_elses(tmp_path: Path) -> None:
+    data = tmp_path / "data"
+    assert run("token", "add", "a", "--scope", "read", "--data-dir", data).returncode == 0
+    file = data / "tokens.json"
+    assert file.stat().st_mode & 0o777 == 0o600
+    for mode in (0o640, 0o604, 0o620):
+        file.chmod(mode)
+        for command in (["serve", "--port", "0"], ["token", "list"], ["token", "add", "b", "--scope", "read"]):
+            assert "chmod 600" in failed(*command, "--data-dir", data)
+
+
+def test_the_file_holds_no_token(tmp_path: Path) -> None:
+    secret = run("token", "add", "a", "--scope", "read", "--scope", "submit", "--data-dir", tmp_path).stdout.strip()
+    text = (tmp_path / "tokens.json").read_text()
+    assert secret not in text
+    assert hash_of(secret) in text
+    assert secret not in run("token", "list", "--data-dir", tmp_path).stdout
+    assert "already" in failed("token", "add", "a", "--scope", "read", "--data-dir", tmp_path)
+    assert "no token 'b'" in failed("token", "remove", "b", "--data-dir", tmp_path)
+
+
+def test_tokens_come_and_go_while_the_server_runs(guarded: Guarded) -> None:
+    data = guarded.server.data
+    guarded.secrets["late"] = run("token", "add", "late", "--scope", "read", "--data-dir", data).stdout.strip()
+    assert guarded.ask("late", "GET", "/api/v1/sessions").status_code == 200
+    assert run("token", "remove", "late", "--data-dir", data).returncode == 0
+    problem(guarded.ask("late", "GET", "/api/v1/sessions"), 401)
+
+
+def test_tokens_that_come_and_go_at_once_undo_each_other_nowhere(tmp_path: Path) -> None:
+    file, names = tmp_path / "tokens.json", [f"t{i}" for i in range(30)]
+    add(file, "gone", ["read"])
+    with ThreadPoolExecutor(8) as threads:
+        making = [threads.submit(add, file, name, ["read"]) for name in names]
+        removing = threads.submit(remove, file, "gone")
+        assert len({made.result() for made in making}) == len(names)
+        removing.result()
+    assert sorted(token.name for token in listed(file)) == sorted(names)
+
+
+SPOILING: list[Callable[[Path], object]] = [
+    lambda file: file.unlink(),
+    lambda file: file.write_text("{"),
+    lambda file: file.write_text('{"tokens": []}'),
+    lambda file: file.chmod(0o644),
+]
+
+
+@pytest.mark.parametrize("spoil", SPOILING, ids=["lost", "broken", "empty", "readable"])
+def test_a_file_that_is_spoilt_lets_nobody_in(tmp_path: Path, spoil: Callable[[Path], object]) -> None:
+    file = tmp_path / "tokens.json"
+    secret = add(file, "a", ["admin"])
+    tokens = Tokens(file)
+    assert tokens.grant(secret)
+    spoil(file)
+    assert tokens.grant(secret) is None
+    assert tokens.grant(None) is None
+
+
+def test_the_command_line_uses_a_token(guarded: Guarded) -> None:
+    url = guarded.server.url
+    assert "token" in failed("sessions", "--url", url)
+    assert run("sessions", "--url", url, ORACLE_TOKEN=guarded.secrets["read"]).returncode == 0
+    assert "scopes" in failed("sessions", "--url", url, ORACLE_TOKEN=guarded.secrets["submit"])
+
+
+async def test_events_before_the_answer_of_a_refused_handshake_are_not_read(guarded: Guarded) -> None:
+    port = int(guarded.server.url.rpartition(":")[2])
+    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+    handshake = (
+        f"GET /api/v1/attach HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+    )
+    text = json.dumps(make_attach(session="s", spec="single")).encode()
+    frame = bytes((0x81, 0x80 | len(text))) + bytes(4) + text
+    event = json.dumps(make_event(1, data={"v": 1})).encode()
+    frame += bytes((0x81, 0x80 | len(event))) + bytes(4) + event
+    assert max(len(text), len(event)) < 126
+    writer.write(handshake.encode() + frame)
+    async with asyncio.timeout(PATIENCE):
+        answer = await reader.read()
+    writer.close()
+    assert answer.startswith(b"HTTP/1.1 401 ")
+    problem(guarded.ask("admin", "GET", "/api/v1/sessions/s"), 404)
+
+
+async def test_a_token_s_bounds_hold_for_old_monitors_and_for_traces(guarded: Guarded) -> None:
+    assert guarded.ask("admin", "PUT", "/api/v1/specs/fresh", content=SPEC).status_code == 201
+    made = guarded.ask("admin", "POST", "/api/v1/sessions", json={"spec": "fresh", "id": "theirs"})
+    assert made.status_code == 201
+    assert guarded.ask("bound", "GET", "/api/v1/sessions/theirs/trace").status_code == 403
+    assert guarded.ask("read", "GET", "/api/v1/sessions/theirs/trace").status_code == 200
+    url = guarded.server.url.replace("http", "ws", 1)
+    headers = {"Authorization": f"Bearer {guarded.secrets['bound']}"}
+    with pytest.raises(InvalidStatus, match="403"):
+        async with connect(f"{url}/legacy/fresh", additional_headers=headers, proxy=None, open_timeout=PATIENCE):
+            pass
+    async with connect(f"{url}/legacy/single", additional_headers=headers, proxy=None, open_timeout=PATIENCE):
+        pass
