@@ -23,7 +23,7 @@ from oracle_server.core.errors import OracleError
 from oracle_server.core.spec import Retention
 from oracle_server.edge.access import Access
 from oracle_server.edge.bodies import Bodies
-from oracle_server.edge.origins import Gate
+from oracle_server.edge.origins import Origins
 from oracle_server.edge.tokens import Tokens
 from oracle_server.edge.transport import WebSocketTransport, bounded
 from oracle_server.history.retention import Pruner
@@ -123,11 +123,11 @@ async def _serve(settings: Settings, library: Library, store: Store, door: _Door
             pruning.cancel()
 
 
-def _guarded(app: ASGIApp, settings: Settings, tokens: Tokens) -> Gate:
+def _guarded(app: ASGIApp, settings: Settings, tokens: Tokens) -> Origins:
     """The app behind all that a request must pass."""
     allowed = (name.strip() for name in settings.allowed_hosts.split(","))
     hosts = [settings.host, *filter(None, allowed)]
-    return Gate(Access(Bodies(app), tokens), hosts=hosts)
+    return Origins(Access(Bodies(app), tokens), hosts=hosts)
 
 
 def _refuse_to_be_open(settings: Settings, tokens: Tokens) -> None:

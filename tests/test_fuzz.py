@@ -16,8 +16,10 @@ from hypothesis import strategies as st
 from oracle_server.core.errors import FormulaError, SpecError
 from oracle_server.core.formula.parse import parse_formula
 from oracle_server.specfiles.load import parse_spec
+from oracle_server.wire.errors import WireError
 from oracle_server.wire.flat import decode_object, flat_event
-from oracle_server.wire.incoming import MAX_DEPTH, Events, WireError, decode, event_of
+from oracle_server.wire.incoming import MAX_DEPTH, Events
+from oracle_server.wire.reading import decode, event_of
 
 VECTORS = Path(__file__).parent / "vectors"
 FRAMES = [

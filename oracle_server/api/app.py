@@ -27,7 +27,8 @@ from oracle_server.review.explanation import NoExplanationError, explained
 from oracle_server.review.trace import trace_lines
 from oracle_server.sessions.registry import Registry, SessionExistsError
 from oracle_server.specfiles.library import Entry, Library, UnknownSpecError
-from oracle_server.wire.incoming import Identifier, encode, encode_bytes
+from oracle_server.wire.incoming import Identifier
+from oracle_server.wire.json import encode, encode_bytes
 
 Page = dict[str, Any]
 _COMMIT_WITHIN = _CLOSE_WITHIN = 10.0

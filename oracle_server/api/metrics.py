@@ -33,7 +33,7 @@ _CONTENT = "text/plain; version=0.0.4; charset=utf-8"
 def router(registry: Registry, store: Store, watchdog: Watchdog) -> APIRouter:
     """The route of the metrics."""
     collectors = CollectorRegistry()
-    collectors.register(Server(registry, store, watchdog))
+    collectors.register(ServerCollector(registry, store, watchdog))
     ProcessCollector(registry=collectors)
     made = APIRouter(tags=["health"])
 
@@ -45,7 +45,7 @@ def router(registry: Registry, store: Store, watchdog: Watchdog) -> APIRouter:
     return made
 
 
-class Server(Collector):
+class ServerCollector(Collector):
     """What one server has to tell."""
 
     def __init__(self, registry: Registry, store: Store, watchdog: Watchdog) -> None:
@@ -55,24 +55,26 @@ class Server(Collector):
         """All metrics, as they are now."""
         yield from self._counted()
         yield from self._present()
-        tally, sessions = self._registry.tally, list(self._registry.open.values())
-        held = tally.held(sessions)
+        counters, sessions = self._registry.counters, list(self._registry.open.values())
+        held = counters.held([session.core.holds for session in sessions])
         yield _histogram("hold", "How long events were held in the order", BOUNDS, held.buckets, held.total)
-        times = tally.decisions
+        times = counters.decisions
         yield _histogram("decision", "From an event's arrival to its decision", TIMES, times.buckets, times.total)
 
     def _counted(self) -> Iterator[Metric]:
-        tally = self._registry.tally
-        yield CounterMetricFamily("oracle_events", "Events judged or skipped, in each order", tally.steps)
+        counters = self._registry.counters
+        yield CounterMetricFamily("oracle_events", "Events judged or skipped, in each order", counters.steps)
         verdicts = CounterMetricFamily("oracle_verdicts", "Verdicts, by outcome", labels=["outcome"])
-        for letter, count in tally.outcomes.items():
+        for letter, count in counters.outcomes.items():
             verdicts.add_metric([OUTCOMES[letter].value], count)
         yield verdicts
-        counters = tally.counters(list(self._registry.open.values()))
+        counts = counters.summed([session.counts() for session in self._registry.open.values()])
         for name, what in _SESSION_COUNTERS.items():
-            yield CounterMetricFamily(f"oracle_{name}", what, counters[name])
-        yield CounterMetricFamily("oracle_throttled", "Times that a monitor was too fast and waited", tally.throttled)
-        yield CounterMetricFamily("oracle_attachments", "Connections on which a monitor attached", tally.opened)
+            yield CounterMetricFamily(f"oracle_{name}", what, counts[name])
+        yield CounterMetricFamily(
+            "oracle_throttled", "Times that a monitor was too fast and waited", counters.throttled
+        )
+        yield CounterMetricFamily("oracle_attachments", "Connections on which a monitor attached", counters.opened)
         yield CounterMetricFamily("oracle_stalls", "Times that the event loop stood still", self._watchdog.stalls)
 
     def _present(self) -> Iterator[Metric]:

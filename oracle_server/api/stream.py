@@ -19,8 +19,8 @@ from oracle_server.edge.access import demand_session
 from oracle_server.history.query import Query as Question
 from oracle_server.history.query import find, latest
 from oracle_server.history.sqlite.store import Store
-from oracle_server.sessions.registry import Known, Registry
-from oracle_server.wire.incoming import encode
+from oracle_server.sessions.registry import KnownSession, Registry
+from oracle_server.wire.json import encode
 
 _PAGE = 100
 """Records that are read at once: what stays in memory for a reader that has stopped, and keeps Python busy."""
@@ -62,7 +62,7 @@ def router(registry: Registry, store: Store) -> APIRouter:
 
 
 async def _events(
-    registry: Registry, store: Store, session_id: str, known: Known, wanted: Question
+    registry: Registry, store: Store, session_id: str, known: KnownSession, wanted: Question
 ) -> AsyncIterator[str]:
     yield ": the verdicts of a session\n\n"
     while True:
@@ -84,7 +84,7 @@ async def _events(
         await asyncio.sleep(_GATHER)
 
 
-def _page(store: Store, known: Known, wanted: Question) -> tuple[str, int, bool]:
+def _page(store: Store, known: KnownSession, wanted: Question) -> tuple[str, int, bool]:
     """Events for what comes next in the history, the `n` up to which that is all, and whether there is more."""
     seen = latest(store, known.number, len(known.properties))
     items, more = find(store, known.number, known.properties, wanted)

@@ -19,26 +19,23 @@ from oracle_server.sessions.greeting import attached_frame
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.monitor import Monitor
 from oracle_server.sessions.registry import Registry
+from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import (
     SUBPROTOCOL,
     Attach,
     ClockMessage,
     Detach,
     Events,
-    Frame,
-    OutcomeMessage,
-    OutcomesMessage,
+    HandlingMessage,
+    HandlingsMessage,
     QuickClock,
     QuickEvent,
     QuickEvents,
-    QuickOutcomes,
+    QuickHandlings,
     ReportMessage,
-    WireError,
-    decode,
-    encode,
-    encode_bytes,
-    event_of,
 )
+from oracle_server.wire.json import encode, encode_bytes
+from oracle_server.wire.reading import Frame, decode, event_of
 
 MAX_QUEUE = 10_000
 """Frames that may wait for a monitor for longer than `_STALLED`; beyond, it is cut off, and resumes by itself."""
@@ -267,7 +264,7 @@ class Connection:
             raise WireError("bad_attach", "the first frame must be `attach`", fatal=True)
         self._check_grant(wanted)
         self._session, self._monitor = await self._registry.attach(wanted, self)
-        self._registry.tally.opened += 1
+        self._registry.counters.opened += 1
         log.info("monitor attached", session=self._session.id, monitor=self._monitor.name)
         await self._store.flush()  # once it is told, a restarted server must know that it is waited for
         if self._end is not None:
@@ -334,7 +331,7 @@ class Connection:
 
     def _pause(self) -> float:
         pause = self._throttle.pause()
-        self._registry.tally.throttled += pause > 0
+        self._registry.counters.throttled += pause > 0
         if pause and not self._throttled:
             self._throttled = True
             self.send(WireError("throttled", "more events than may come; the rest is read more slowly").frame())
@@ -344,9 +341,9 @@ class Connection:
         match frame.message:
             case Attach():
                 raise WireError("bad_attach", "attached already")
-            case OutcomeMessage() as message:
+            case HandlingMessage() as message:
                 session.outcome(monitor, message)
-            case OutcomesMessage(outcomes=outcomes) | QuickOutcomes(outcomes=outcomes):
+            case HandlingsMessage(outcomes=outcomes) | QuickHandlings(outcomes=outcomes):
                 for outcome in outcomes:
                     session.outcome(monitor, outcome)
             case ClockMessage() | QuickClock() as message:

@@ -22,8 +22,10 @@ from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.monitor import Monitor
 from oracle_server.sessions.registry import Registry
 from oracle_server.specfiles.library import UnknownSpecError
+from oracle_server.wire.errors import WireError
 from oracle_server.wire.flat import decode_object, find_stream, flat_event
-from oracle_server.wire.incoming import AnyEvent, Attach, WireError, event_of, suspicious
+from oracle_server.wire.incoming import AnyEvent, Attach
+from oracle_server.wire.reading import event_of, suspicious
 
 MONITOR = "legacy"
 """What a session calls the monitor that it serves: the protocol gives it no name."""

@@ -6,13 +6,13 @@ from collections.abc import Iterable, Iterator
 from itertools import pairwise
 
 from oracle_server.core.dependencies import Edges, GraphNode, dependencies, heard_of, paths
-from oracle_server.core.errors import Problem
+from oracle_server.core.errors import SpecProblem
 from oracle_server.core.spec import Spec
 
 _MEND = "give `max_delay` an end, or take one of them out with `ordered: false`"
 
 
-def deadlocks(spec: Spec, graph: Iterable[GraphNode] | None) -> Iterator[Problem]:
+def deadlocks(spec: Spec, graph: Iterable[GraphNode] | None) -> Iterator[SpecProblem]:
     """A filtered ordered stream must not wait for one that can't speak before its message has passed."""
     if spec.ordering.max_delay is not None:
         return
@@ -23,10 +23,10 @@ def deadlocks(spec: Spec, graph: Iterable[GraphNode] | None) -> Iterator[Problem
             continue
         for path in paths(stream.name, edges):
             if path[-1] in ordered:
-                yield Problem(("streams", i, "causes"), _words(path, edges))
+                yield SpecProblem(("streams", i, "causes"), _words(path, edges))
 
 
-def starvation(spec: Spec, graph: Iterable[GraphNode]) -> Iterator[Problem]:
+def starvation(spec: Spec, graph: Iterable[GraphNode]) -> Iterator[SpecProblem]:
     """With no end to the wait, an ordered stream on which nobody speaks holds up all others."""
     ordered = [i for i, s in enumerate(spec.streams) if s.ordered and s.kind != "response"]
     if spec.ordering.max_delay is not None or len(ordered) < 2:
@@ -36,7 +36,7 @@ def starvation(spec: Spec, graph: Iterable[GraphNode]) -> Iterator[Problem]:
         stream = spec.streams[i]
         if stream.name not in spoken:
             verb = "publishes" if stream.kind == "topic" else "calls"
-            yield Problem(
+            yield SpecProblem(
                 ("streams", i, "topic" if stream.kind == "topic" else "service"),
                 f"starvation: no node of the graph {verb} {stream.name}, and all that is ordered waits for it unless "
                 f"its monitor tells clocks; {_MEND}",

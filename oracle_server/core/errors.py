@@ -1,11 +1,25 @@
-"""What can be wrong, worded once.
+"""What can be wrong: one tree, whose texts are fit to be shown to people.
 
 - `OracleError`
     - `FormulaError`: a formula that can't be read, with its line and column
     - `ExpressionError`: an expression of a spec that can't be read or is not allowed
     - `SpecError`: a spec that is refused, with every problem found
-    - `TraceError`: a trace that can't be used
+    - `TraceError`: a recording that can't be used
     - `EngineError`: an engine that can't judge any more
+
+and, where they are raised:
+
+- `specfiles`: `UnknownSpecError`; `GraphError`, a dump of a ROS graph that can't be read; `ConfigError` and
+  `UntranslatableError`, of what ROSMonitoring was configured with
+- `wire`: `WireError`, what is answered by an `error` frame
+- `process`: `SettingsError`, `LogError`, `PidFileError`, `DaemonError`
+- `history`: `StoreError`, `FormatError`, of a data directory that can't be used
+- `remote`: `UnreachableError`, `OtherEventError`, of an oracle elsewhere
+- `review`: `NoExplanationError`
+- `sessions`: `SessionExistsError`
+- `edge`: `TokenError`
+- `server`: `ServerError`, a server that can't start
+- `cli`: `ServerUnreachableError`
 """
 
 from __future__ import annotations
@@ -40,7 +54,7 @@ def one_line(text: str) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
+class SpecProblem:
     """One thing that is wrong with a spec.
 
     `path` is where it stands, as keys and list indexes; `within` is the line and column inside the text that

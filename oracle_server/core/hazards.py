@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from oracle_server.core.deadlocks import deadlocks, starvation
 from oracle_server.core.dependencies import GraphNode
-from oracle_server.core.errors import ExpressionError, Problem
+from oracle_server.core.errors import ExpressionError, SpecProblem
 from oracle_server.core.events import StreamKey
 from oracle_server.core.expressions import parse_expression
 from oracle_server.core.formula.render import render_atom
@@ -17,7 +17,7 @@ from oracle_server.core.spec import Spec, StreamSpec
 from oracle_server.core.withholding import mendable
 
 
-def inspect(spec: Spec, graph: Sequence[GraphNode] | None = None) -> list[Problem]:
+def inspect(spec: Spec, graph: Sequence[GraphNode] | None = None) -> list[SpecProblem]:
     """Everything that is wrong or doubtful in a spec that could be read, on a robot of this graph."""
     return [
         *_duplicates(spec),
@@ -35,7 +35,7 @@ def inspect(spec: Spec, graph: Sequence[GraphNode] | None = None) -> list[Proble
     ]
 
 
-def _duplicates(spec: Spec) -> Iterator[Problem]:
+def _duplicates(spec: Spec) -> Iterator[SpecProblem]:
     seen: set[StreamKey] = set()
     names: dict[str, str] = {}
     for i, stream in enumerate(spec.streams):
@@ -43,36 +43,36 @@ def _duplicates(spec: Spec) -> Iterator[Problem]:
             continue
         side = "topic" if stream.kind == "topic" else "service"
         if stream.key in seen or names.setdefault(stream.name, side) != side:
-            yield Problem(("streams", i, side), f"'{stream.name}' stands here a second time")
+            yield SpecProblem(("streams", i, side), f"'{stream.name}' stands here a second time")
         seen.add(stream.key)
     ids: set[str] = set()
     for i, prop in enumerate(spec.properties):
         if prop.id in ids:
-            yield Problem(("properties", i, "id"), f"the id '{prop.id}' stands here a second time")
+            yield SpecProblem(("properties", i, "id"), f"the id '{prop.id}' stands here a second time")
         ids.add(prop.id)
 
 
-def _signals(spec: Spec) -> Iterator[Problem]:
+def _signals(spec: Spec) -> Iterator[SpecProblem]:
     holders: dict[str, str] = {}
     for i, stream in enumerate(spec.streams):
         for name, text in (stream.signals or {}).items():
             path = ("streams", i, "signals", name)
             if name in RESERVED:
-                yield Problem(path, f"the signal '{name}' is reserved; give yours another name")
+                yield SpecProblem(path, f"the signal '{name}' is reserved; give yours another name")
             try:
                 parse_expression(text)
             except ExpressionError as error:
-                yield Problem(path, f"signal '{name}': {error}")
+                yield SpecProblem(path, f"signal '{name}': {error}")
         for name in sorted(stream.hold):
             if stream.signals is not None and name not in stream.signals:
-                yield Problem(("streams", i, "hold"), f"'{name}' is held, but is no signal of {stream.key}")
+                yield SpecProblem(("streams", i, "hold"), f"'{name}' is held, but is no signal of {stream.key}")
             if name in RESERVED:
-                yield Problem(("streams", i, "hold"), f"the signal '{name}' is reserved and can't be held")
+                yield SpecProblem(("streams", i, "hold"), f"the signal '{name}' is reserved and can't be held")
             if holders.setdefault(name, str(stream.key)) != str(stream.key):
-                yield Problem(("streams", i, "hold"), f"'{name}' is held by {holders[name]} already")
+                yield SpecProblem(("streams", i, "hold"), f"'{name}' is held by {holders[name]} already")
 
 
-def _held_elsewhere(spec: Spec) -> Iterator[Problem]:
+def _held_elsewhere(spec: Spec) -> Iterator[SpecProblem]:
     """Signals that another stream holds: no error, since histories may have sessions with such specs."""
     holders = {name: stream.key for stream in spec.streams for name in stream.hold}
     for i, stream in enumerate(spec.streams):
@@ -81,43 +81,45 @@ def _held_elsewhere(spec: Spec) -> Iterator[Problem]:
                 f"'{name}' is a signal of {stream.key}, and held by {holders[name]}: formulas see what is held "
                 f"at every event of {stream.key} that lacks its own; give one of them another name"
             )
-            yield Problem(("streams", i, "signals", name), message, severity="warning")
+            yield SpecProblem(("streams", i, "signals", name), message, severity="warning")
 
 
-def _filters(spec: Spec) -> Iterator[Problem]:
+def _filters(spec: Spec) -> Iterator[SpecProblem]:
     guarded = frozenset[str]().union(*(p.guards for p in spec.properties))
     max_delay = spec.ordering.max_delay
     for i, stream in enumerate(spec.streams):
         if stream.action != "filter" or stream.kind == "response":
             continue
         if stream.name not in guarded:
-            yield Problem(
+            yield SpecProblem(
                 ("streams", i, "action"),
                 f"{stream.name} is filtered, but no property guards it; name it under `guards`",
             )
         if stream.ordered and spec.ordering.by != "arrival":
             if max_delay is not None and stream.decide_within <= max_delay:
-                yield Problem(
+                yield SpecProblem(
                     ("streams", i, "decide_within"),
                     f"decide_within of {stream.name} must exceed max_delay, for which an event may wait for older ones",
                 )
             if max_delay is None:
                 message = f"with `max_delay: none` a decision on {stream.name} can take longer than decide_within"
-                yield Problem(("streams", i, "decide_within"), message, severity="warning")
+                yield SpecProblem(("streams", i, "decide_within"), message, severity="warning")
 
 
-def _guards(spec: Spec) -> Iterator[Problem]:
+def _guards(spec: Spec) -> Iterator[SpecProblem]:
     by_name = {stream.name: stream for stream in spec.streams}
     for i, prop in enumerate(spec.properties):
         path = ("properties", i, "guards")
         for name in sorted(prop.guards):
             stream = by_name.get(name)
             if stream is None:
-                yield Problem(path, f"property '{prop.id}' guards '{name}', which is no stream of this spec")
+                yield SpecProblem(path, f"property '{prop.id}' guards '{name}', which is no stream of this spec")
             elif stream.action != "filter":
-                yield Problem(path, f"property '{prop.id}' guards {name}, whose action is `log`: it could deny nothing")
+                yield SpecProblem(
+                    path, f"property '{prop.id}' guards {name}, whose action is `log`: it could deny nothing"
+                )
             elif prop.blame == "any" and prop.engine not in ("rtamt", "external") and not mendable(spec, prop, name):
-                yield Problem(
+                yield SpecProblem(
                     path,
                     f"property '{prop.id}' can be negative at an event of {name} that withholding would not mend: "
                     "it would then deny what is not to blame; `blame: caused` denies only what withholding mends",
@@ -125,18 +127,18 @@ def _guards(spec: Spec) -> Iterator[Problem]:
                 )
 
 
-def _external(spec: Spec) -> Iterator[Problem]:
+def _external(spec: Spec) -> Iterator[SpecProblem]:
     for i, prop in enumerate(spec.properties):
         if prop.external is None:
             continue
         heard = prop.external.streams
         for name in sorted(heard or ()):
             if name not in spec.names:
-                yield Problem(("properties", i, "streams"), f"'{name}' is no stream of this spec")
+                yield SpecProblem(("properties", i, "streams"), f"'{name}' is no stream of this spec")
         for name in sorted(prop.guards & spec.names):
             if heard is not None and name not in heard:
                 message = f"'{prop.id}' guards {name}, of which its oracle is not told; name it under `streams`"
-                yield Problem(("properties", i, "streams"), message)
+                yield SpecProblem(("properties", i, "streams"), message)
         for j, stream in enumerate(spec.streams):
             ordered = stream.ordered and spec.ordering.by != "arrival"
             waits = prop.external.timeout + ((spec.ordering.max_delay or 0) if ordered else 0)
@@ -145,19 +147,19 @@ def _external(spec: Spec) -> Iterator[Problem]:
                     f"decide_within of {stream.name} must exceed {'max_delay and ' if ordered else ''}the timeout of "
                     f"'{prop.id}', for whose oracle every decision waits that comes after an event that it hears"
                 )
-                yield Problem(("streams", j, "decide_within"), message)
+                yield SpecProblem(("streams", j, "decide_within"), message)
 
 
-def _atoms(spec: Spec) -> Iterator[Problem]:
+def _atoms(spec: Spec) -> Iterator[SpecProblem]:
     held = frozenset[str]().union(*(s.hold for s in spec.streams))
     for i, prop in enumerate(spec.properties):
         for atom in prop.atoms:
             reason = _why_never(atom, spec, held)
             if reason:
-                yield Problem(("properties", i, "formula"), f"formula of '{prop.id}': {reason}", atom.at)
+                yield SpecProblem(("properties", i, "formula"), f"formula of '{prop.id}': {reason}", atom.at)
 
 
-def _gaps(spec: Spec) -> Iterator[Problem]:
+def _gaps(spec: Spec) -> Iterator[SpecProblem]:
     """The streams at whose events a formula over numbers lacks some."""
     held = frozenset[str]().union(*(s.hold for s in spec.streams))
     for i, prop in enumerate(spec.properties):
@@ -169,7 +171,7 @@ def _gaps(spec: Spec) -> Iterator[Problem]:
         where = ", ".join(f"{stream} ({', '.join(keys)})" for stream, keys in lacking.items() if keys)
         if where:
             message = f"property '{prop.id}' is unknown where a signal is missing: {where}; `hold` keeps the last value"
-            yield Problem(("properties", i, "formula"), message, severity="warning")
+            yield SpecProblem(("properties", i, "formula"), message, severity="warning")
 
 
 def _why_never(atom: Atom, spec: Spec, held: frozenset[str]) -> str | None:
@@ -199,23 +201,27 @@ def _has(stream: StreamSpec, key: str, held: frozenset[str]) -> bool:
     return stream.signals is None or key in stream.signals or key in held
 
 
-def _causes(spec: Spec) -> Iterator[Problem]:
+def _causes(spec: Spec) -> Iterator[SpecProblem]:
     names = {s.name for s in spec.streams}
     for i, stream in enumerate(spec.streams):
         for name in stream.causes:
             if name not in names and stream.kind != "response":
                 message = f"{stream.name} causes '{name}', which is no stream of this spec"
-                yield Problem(("streams", i, "causes"), message)
+                yield SpecProblem(("streams", i, "causes"), message)
 
 
-def _undoing(spec: Spec) -> Iterator[Problem]:
+def _undoing(spec: Spec) -> Iterator[SpecProblem]:
     for i, stream in enumerate(spec.streams):
         if stream.on_deny != "undo" or stream.kind == "response":
             continue
         path = ("streams", i, "on_deny")
         if stream.intercept == "subscriber":
-            yield Problem(path, "`undo` is for what no one has seen: requests, and topics with `intercept: publisher`")
+            yield SpecProblem(
+                path, "`undo` is for what no one has seen: requests, and topics with `intercept: publisher`"
+            )
         if spec.ordering.by == "both":
-            yield Problem(path, "`undo` needs one order: `by: both` judges an event by arrival before it is decided")
+            yield SpecProblem(
+                path, "`undo` needs one order: `by: both` judges an event by arrival before it is decided"
+            )
         if stream.on_unavailable == "pass":
-            yield Problem(path, "`undo` needs `on_unavailable: deny`: what passed without a decision did happen")
+            yield SpecProblem(path, "`undo` needs `on_unavailable: deny`: what passed without a decision did happen")

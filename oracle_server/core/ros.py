@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Literal
 
-from oracle_server.core.errors import Problem
+from oracle_server.core.errors import SpecProblem
 from oracle_server.core.spec import Spec
 
 Ros = Literal[1, 2]
@@ -21,7 +21,7 @@ _WITHOUT_STAMP = {
 }  # fmt: skip
 
 
-def ros_hazards(spec: Spec, ros: Ros) -> Iterator[Problem]:
+def ros_hazards(spec: Spec, ros: Ros) -> Iterator[SpecProblem]:
     """What `check --ros` warns of."""
     if ros == 1:
         yield from _arrival_times(spec)
@@ -29,11 +29,11 @@ def ros_hazards(spec: Spec, ros: Ros) -> Iterator[Problem]:
         yield from _denied_responses(spec)
 
 
-def _denied_responses(spec: Spec) -> Iterator[Problem]:
+def _denied_responses(spec: Spec) -> Iterator[SpecProblem]:
     """ROS 2 has no service errors: without a word from the spec a denied call is answered by the type's defaults."""
     for i, stream in enumerate(spec.streams):
         if stream.kind == "request" and stream.action == "filter" and stream.denied_response is None:
-            yield Problem(
+            yield SpecProblem(
                 ("streams", i, "action"),
                 f"{stream.name} is filtered without a `denied_response`: on ROS 2 a denied call is answered by the "
                 "defaults of the response's type, which a client may take for a success",
@@ -41,7 +41,7 @@ def _denied_responses(spec: Spec) -> Iterator[Problem]:
             )
 
 
-def _arrival_times(spec: Spec) -> Iterator[Problem]:
+def _arrival_times(spec: Spec) -> Iterator[SpecProblem]:
     """ROS 1 carries no publication time: a topic whose messages hold none is ordered as it arrives.
 
     Services are left out: the adapter is where requests and responses pass, so that its clock is exact for them.
@@ -50,7 +50,7 @@ def _arrival_times(spec: Spec) -> Iterator[Problem]:
         return
     for i, stream in enumerate(spec.streams):
         if stream.kind == "topic" and stream.ordered and stream.stamp is None and _has_no_stamp(stream.type):
-            yield Problem(
+            yield SpecProblem(
                 ("streams", i, "topic"),
                 f"{stream.name} is ordered by its arrival on ROS 1, which carries no publication time: {stream.type} "
                 "has neither `header.stamp` nor `stamp`; name the field under `stamp`, or say `ordered: false`",

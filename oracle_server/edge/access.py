@@ -8,11 +8,11 @@ from typing import NoReturn, cast
 from fastapi import HTTPException
 from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Receive, Send
-from starlette.types import Scope as Connection
+from starlette.types import Scope as ConnectionScope
 
 from oracle_server.edge.problems import refuse
 from oracle_server.edge.tokens import Grant, Scope, Tokens
-from oracle_server.sessions.registry import Known, Registry
+from oracle_server.sessions.registry import KnownSession, Registry
 
 _OPEN = re.compile(r"/(healthz|readyz|(dashboard/.*)?|docs(/.*)?|openapi\.json)")
 """What says nothing of any robot: it is told to all."""
@@ -24,7 +24,7 @@ class Access:
     def __init__(self, app: ASGIApp, tokens: Tokens) -> None:
         self._app, self._tokens = app, tokens
 
-    async def __call__(self, scope: Connection, receive: Receive, send: Send) -> None:
+    async def __call__(self, scope: ConnectionScope, receive: Receive, send: Send) -> None:
         """Refuse a request or WebSocket, or hand it on with its grant."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
@@ -63,7 +63,7 @@ def demand_spec(connection: HTTPConnection, spec_id: str) -> None:
         raise HTTPException(403, "the token is bound to other specs")
 
 
-def demand_session(connection: HTTPConnection, registry: Registry, session_id: str) -> Known:
+def demand_session(connection: HTTPConnection, registry: Registry, session_id: str) -> KnownSession:
     """A session that is known and that the sender's token covers. Raises 404 or 403."""
     known = registry.known(session_id)
     demand(connection, spec=known and known.spec, session=session_id)
@@ -75,7 +75,7 @@ def unknown_session(session_id: str) -> NoReturn:
     raise HTTPException(404, f"no session '{session_id}' is known")
 
 
-def _needed(scope: Connection) -> Scope | None:
+def _needed(scope: ConnectionScope) -> Scope | None:
     """The scope that a request needs, None where it needs no token."""
     path, method = scope["path"], scope.get("method")
     if scope["type"] == "websocket":
@@ -85,7 +85,7 @@ def _needed(scope: Connection) -> Scope | None:
     return "submit" if method == "POST" and path == "/api/v1/sessions" else "admin"
 
 
-def _bearer(scope: Connection) -> str | None:
+def _bearer(scope: ConnectionScope) -> str | None:
     found = [value for name, value in scope["headers"] if name == b"authorization"]
     if len(found) != 1:
         return None

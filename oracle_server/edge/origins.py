@@ -12,7 +12,7 @@ from oracle_server.edge.problems import refuse
 _LOOPBACK = ("localhost", "127.0.0.1", "::1")
 
 
-class Gate:
+class Origins:
     """Answers 421 to a foreign Host and 403 to a foreign Origin, for HTTP and WebSockets alike.
 
     Being bound to loopback is not enough: any page in a browser on this machine can connect to it.

@@ -15,11 +15,12 @@ from websockets.exceptions import ConnectionClosed, WebSocketException
 
 from oracle_server.core.asking import Ask
 from oracle_server.core.engine import Answer
+from oracle_server.core.errors import OracleError
 from oracle_server.core.spec import SECOND, External
 from oracle_server.core.verdicts import Outcome
 from oracle_server.remote.replies import OtherEventError, read_reply
 from oracle_server.wire.flat import as_flat
-from oracle_server.wire.incoming import encode
+from oracle_server.wire.json import encode
 
 _RETRY_AFTER = 1.0
 """Seconds after which an oracle that could not be reached is tried again; until then nothing waits for it."""
@@ -29,7 +30,7 @@ _MAX_REPLY = 2**20
 log = structlog.get_logger()
 
 
-class _UnreachableError(Exception):
+class UnreachableError(OracleError):
     """No connection can be made at present."""
 
 
@@ -66,7 +67,7 @@ class ExternalOracle:
             return self._failed(f"did not answer within {self.timeout:g} s")
         except ConnectionClosed:
             return self._failed("closed the connection before it answered")
-        except _UnreachableError as error:
+        except UnreachableError as error:
             return self._failed(f"can't be reached: {error}")
         except OtherEventError:
             return self._failed("answered about another event")
@@ -82,7 +83,7 @@ class ExternalOracle:
                 await self._connected()
         except TimeoutError:
             return self._failed(f"can't be reached within {self.timeout:g} s").said
-        except _UnreachableError as error:
+        except UnreachableError as error:
             return self._failed(f"can't be reached: {error}").said
         return None
 
@@ -116,7 +117,7 @@ class ExternalOracle:
     async def _connect(self) -> ClientConnection:
         loop = asyncio.get_running_loop()
         if loop.time() < self._retry_at:
-            raise _UnreachableError(self._unreachable)
+            raise UnreachableError(self._unreachable)
         self._retry_at, self._unreachable = loop.time() + self.timeout + _RETRY_AFTER, "it does not answer"
         try:
             socket = await connect(
@@ -125,7 +126,7 @@ class ExternalOracle:
             )  # fmt: skip
         except (OSError, WebSocketException, ValueError, EOFError) as error:
             self._retry_at, self._unreachable = loop.time() + _RETRY_AFTER, str(error) or type(error).__name__
-            raise _UnreachableError(self._unreachable) from None
+            raise UnreachableError(self._unreachable) from None
         self._retry_at = 0.0
         return socket
 

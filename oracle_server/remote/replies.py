@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from oracle_server.core.engine import Answer
+from oracle_server.core.errors import OracleError
 from oracle_server.core.verdicts import Outcome
 
 _WORDS = {
@@ -24,7 +25,7 @@ _LONGEST = 100
 _SAME_TIME = 1e-3
 
 
-class OtherEventError(Exception):
+class OtherEventError(OracleError):
     """A reply that is about another event than was asked about."""
 
 

@@ -58,7 +58,7 @@ def explained(store: Store, session: int, n: int) -> dict[str, Any] | None:
     _demand_explicable(record, properties[index], rows[0])
     undoing = [key.name for key, stream in ready.streams.items() if stream.undoes]
     target = _decided(store, session, record, properties[index], before + 1, index, undoing)
-    return {**record, "explanation": _Again(store, session, ready, index).explain(record["order"], target)}
+    return {**record, "explanation": _Explaining(store, session, ready, index).explain(record["order"], target)}
 
 
 def _demand_explicable(record: dict[str, Any], prop: Property, row: Row) -> None:
@@ -90,7 +90,7 @@ def _decided(
     return found or position
 
 
-class _Again:
+class _Explaining:
     """A session judged again, one property of it by the native engine."""
 
     def __init__(self, store: Store, session: int, ready: Plan, index: int) -> None:

@@ -30,7 +30,7 @@ log = structlog.get_logger()
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class KnownMonitor:
     """A monitor as it was; `lost` are events that were not told yet with one that was judged."""
 
     instance: str
@@ -51,7 +51,7 @@ class Restored:
     core: Session
     position: int
     refused: int
-    monitors: dict[str, Known]
+    monitors: dict[str, KnownMonitor]
     held: list[tuple[Step, int]]
 
 
@@ -74,7 +74,7 @@ def restore(store: Store, number: int, plan: Plan) -> Restored:
     """Go on from a session's last snapshot, and judge the steps after it again: call it off the event loop."""
     saved = _saved(store, number)
     core, position = _begin(store, number, plan, saved)
-    again = _Again(core, plan)
+    again = _Rejudging(core, plan)
     sql = "SELECT monitor, seq, gap FROM steps WHERE session = ? AND position > ? AND position <= ? AND kind != 'tick'"
     for monitor, seq, gap in store.read(sql, (number, saved.settled, position)):
         again.used[monitor].append((seq, gap, JUDGED))
@@ -94,7 +94,7 @@ def restore(store: Store, number: int, plan: Plan) -> Restored:
     return Restored(core, position, len(refused), monitors, [*again.waiting.values()])
 
 
-class _Again:
+class _Rejudging:
     """Judges a session's steps again, in their sequence, and finds which numbers are used up and what was held."""
 
     def __init__(self, core: Session, plan: Plan) -> None:
@@ -165,7 +165,7 @@ def _begin(store: Store, number: int, plan: Plan, saved: _Saved) -> tuple[Sessio
     return core, first - 1
 
 
-def _known(row: Row, numbering: Numbering) -> Known:
+def _known(row: Row, numbering: Numbering) -> KnownMonitor:
     instance, streams, attached, clock = row
     claimed = tuple(StreamKey(*key) for key in msgspec.json.decode(streams))
-    return Known(instance, claimed, bool(attached), clock, numbering, numbering.lost)
+    return KnownMonitor(instance, claimed, bool(attached), clock, numbering, numbering.lost)

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
 
 from oracle_server.core.tally import HoldTimes
 from oracle_server.history.sqlite.schema import OUTCOMES, STEP_COLUMNS, Row
-
-if TYPE_CHECKING:
-    from oracle_server.sessions.live import LiveSession
 
 _OUTCOMES = STEP_COLUMNS.index("outcomes")
 _US = 1_000
@@ -35,7 +31,7 @@ class Times:
         self.total += time
 
 
-class Tally:
+class Counters:
     """One server's numbers. What sessions count themselves is added up when it is asked for."""
 
     def __init__(self) -> None:
@@ -58,42 +54,30 @@ class Tally:
         for letter in self.outcomes:
             self.outcomes[letter] += letters.count(letter)
 
-    def restored(self, session: LiveSession) -> None:
+    def restored(self, counts: Counter[str]) -> None:
         """Leave out what a session had counted before this server started."""
-        self._past.subtract(counts(session))
+        self._past.subtract(counts)
 
-    def closed(self, session: LiveSession) -> None:
+    def closed(self, counts: Counter[str], holds: HoldTimes) -> None:
         """Keep what a session has counted."""
-        self._past.update(counts(session))
-        _add(self._held, session)
+        self._past.update(counts)
+        _add(self._held, holds)
 
-    def counters(self, sessions: Sequence[LiveSession]) -> Counter[str]:
-        """What all sessions have counted, those that are open and those that were."""
+    def summed(self, counts: Iterable[Counter[str]]) -> Counter[str]:
+        """What all sessions have counted: the open ones, whose `counts` are given, and those that were."""
         summed = Counter(self._past)
-        for session in sessions:
-            summed.update(counts(session))
+        for one in counts:
+            summed.update(one)
         return summed
 
-    def held(self, sessions: Sequence[LiveSession]) -> HoldTimes:
-        """How long events were held in the order, over all sessions."""
+    def held(self, holds: Iterable[HoldTimes]) -> HoldTimes:
+        """How long events were held in the order: in the open sessions, whose `holds` these are, and closed ones."""
         summed = HoldTimes(list(self._held.buckets), self._held.total)
-        for session in sessions:
-            _add(summed, session)
+        for one in holds:
+            _add(summed, one)
         return summed
 
 
-def counts(session: LiveSession) -> Counter[str]:
-    """What one session has counted in the order that decides."""
-    judge = next(iter(session.core.judges.values()))
-    found = Counter({name: getattr(judge.counters, name) for name in ("late", "skewed", "skipped", "lost", "denied")})
-    found["duplicates"] = sum(count.duplicates for count in session.core.counts.values())
-    found["refused"] = session.ledger.refused
-    found["violations"] = sum(p.violations for p in judge.properties)
-    found["engine_failures"] = sum(p.broken is not None for j in session.core.judges.values() for p in j.properties)
-    return found
-
-
-def _add(times: HoldTimes, session: LiveSession) -> None:
-    own = session.core.holds
-    times.buckets[:] = [a + b for a, b in zip(times.buckets, own.buckets, strict=True)]
-    times.total += own.total
+def _add(times: HoldTimes, more: HoldTimes) -> None:
+    times.buckets[:] = [a + b for a, b in zip(times.buckets, more.buckets, strict=True)]
+    times.total += more.total

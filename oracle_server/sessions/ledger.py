@@ -13,12 +13,13 @@ from oracle_server.history.sqlite.schema import step_row
 from oracle_server.history.sqlite.store import Store
 from oracle_server.process.clock import Clock
 from oracle_server.sessions.commits import News
-from oracle_server.sessions.counters import Tally
+from oracle_server.sessions.counters import Counters
 from oracle_server.sessions.identity import Identity
 from oracle_server.sessions.monitor import Monitor
 from oracle_server.sessions.snapshots import Snapshots
 from oracle_server.sessions.standing import Frame, Standing
-from oracle_server.wire.incoming import AnyEvent, Outcome, QuickOutcome, WireError
+from oracle_server.wire.errors import WireError
+from oracle_server.wire.incoming import AnyEvent, Handling, QuickHandling
 
 _WRITE_AFTER = 0.01
 """Seconds after a decision in which others go before the history, and what the adapter did is heard of most."""
@@ -31,7 +32,7 @@ class Ledger:
     """Writes one session's steps and refusals. An ack means committed, and so does a verdict that a monitor is told."""
 
     def __init__(
-        self, identity: Identity, core: Session, store: Store, clock: Clock, tally: Tally,
+        self, identity: Identity, core: Session, store: Store, clock: Clock, counters: Counters,
         monitors: Mapping[str, Monitor],
     ) -> None:  # fmt: skip
         """Write for a session that has these monitors, and those that will come."""
@@ -41,7 +42,7 @@ class Ledger:
         self.refused = 0
         """How many events were refused."""
         self._session, self._monitors = identity.number, monitors
-        self._core, self._store, self._clock, self._tally = core, store, clock, tally
+        self._core, self._store, self._clock, self._counters = core, store, clock, counters
         self._properties = [p.id for p in core.plan.spec.properties]
         self._deciding, judge = next(iter(core.judges.items()))
         self._standing = Standing(judge)
@@ -76,7 +77,7 @@ class Ledger:
             rows.append(step_row(self._session, self._position, gap, item, outcome))
             violations += [{"type": "violation", **record(item, v)} for v in item.verdicts if v.explanation]
         if rows:
-            self._tally.judged(rows)
+            self._counters.judged(rows)
             standing, position = self._standing.changed(self._last_verdict), self._position
             self._store.append("steps", rows, lambda: self._committed(used, position, violations, standing))
             if self.snapshots.is_due(self._position):
@@ -99,7 +100,7 @@ class Ledger:
         self._store.append("refused", [row], lambda: self._settle([(monitor, seq, gap, lost)]))
         return WireError(code, message, seq=seq)
 
-    def amend(self, monitor: Monitor, message: Outcome | QuickOutcome) -> None:
+    def amend(self, monitor: Monitor, message: Handling | QuickHandling) -> None:
         """Add what the adapter did about an event that is written already."""
         monitor.unsettled += 1
         self._store.execute(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections import Counter
 from collections.abc import Callable
 
 import structlog
@@ -17,20 +18,13 @@ from oracle_server.history.sqlite.store import Store
 from oracle_server.process.clock import Clock
 from oracle_server.remote.live import Oracles
 from oracle_server.review.restore import Restored
-from oracle_server.sessions.counters import Tally
+from oracle_server.sessions.counters import Counters
 from oracle_server.sessions.identity import Identity
 from oracle_server.sessions.ledger import Ledger, let_go
 from oracle_server.sessions.monitor import Monitor, Outbox, check_time, claimed
-from oracle_server.wire.incoming import (
-    AnyClock,
-    AnyEvent,
-    Attach,
-    Outcome,
-    QuickOutcome,
-    ReportMessage,
-    WireError,
-    encode,
-)
+from oracle_server.wire.errors import WireError
+from oracle_server.wire.incoming import AnyClock, AnyEvent, Attach, Handling, QuickHandling, ReportMessage
+from oracle_server.wire.json import encode
 
 log = structlog.get_logger()
 
@@ -39,7 +33,7 @@ class LiveSession:
     """One open session. All methods run on the event loop's thread, and none awaits."""
 
     def __init__(
-        self, identity: Identity, core: Session, store: Store, clock: Clock, tally: Tally, resume_within: float,
+        self, identity: Identity, core: Session, store: Store, clock: Clock, counters: Counters, resume_within: float,
         on_over: Callable[[LiveSession], None],
     ) -> None:  # fmt: skip
         """Run a session; `on_over` is called when it is to be closed: its last monitor gone, or its time gone back."""
@@ -47,11 +41,11 @@ class LiveSession:
         self.core, self.spec = core, core.plan.spec
         self.monitors: dict[str, Monitor] = {}
         self.credit = Credit(self.spec.ordering.capacity)
-        self.ledger = Ledger(identity, core, store, clock, tally, self.monitors)
+        self.ledger = Ledger(identity, core, store, clock, counters, self.monitors)
         self.closing = False
         self.clock_went_back = False
         """Whether its simulation began anew, so that it takes nothing more."""
-        self._store, self._clock, self._tally = store, clock, tally
+        self._store, self._clock, self._counters = store, clock, counters
         self._resume_within, self._on_over = resume_within, on_over
         self.oracles = None if core.asking is None else Oracles(core, self._enter, self._deliver)
         self._timer: asyncio.TimerHandle | None = None
@@ -149,7 +143,7 @@ class LiveSession:
                 raise WireError("unknown_stream", "the report names a stream that was not claimed at attach")
             monitor.reports[key] = said
 
-    def outcome(self, monitor: Monitor, message: Outcome | QuickOutcome) -> None:
+    def outcome(self, monitor: Monitor, message: Handling | QuickHandling) -> None:
         """Keep what the adapter did about an event that it asked about."""
         if message.seq in monitor.gaps:
             monitor.outcomes[message.seq] = (message.passed, message.why)
@@ -211,6 +205,17 @@ class LiveSession:
             monitor.gaps[step.event.seq] = gap
             self._deliver(self.core.hold(step))
 
+    def counts(self) -> Counter[str]:
+        """What it has counted so far, in the order that decides, by the names of the metrics."""
+        judge = next(iter(self.core.judges.values()))
+        names = ("late", "skewed", "skipped", "lost", "denied")
+        found = Counter({name: getattr(judge.counters, name) for name in names})
+        found["duplicates"] = sum(count.duplicates for count in self.core.counts.values())
+        found["refused"] = self.ledger.refused
+        found["violations"] = sum(p.violations for p in judge.properties)
+        found["engine_failures"] = sum(p.broken is not None for j in self.core.judges.values() for p in j.properties)
+        return found
+
     @property
     def _takes_no_more(self) -> bool:
         return self.closing or self.clock_went_back
@@ -266,7 +271,7 @@ class LiveSession:
                 answer = monitor.answers[item.step.event.seq] = decision_frame(item)
                 if monitor.outbox:
                     monitor.outbox.send(answer)
-                self._tally.decisions.add(self._clock.now() - item.step.event.came)
+                self._counters.decisions.add(self._clock.now() - item.step.event.came)
         if self.oracles is not None:
             self.oracles.ask()
         if judged:

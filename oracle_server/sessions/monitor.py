@@ -10,7 +10,8 @@ from oracle_server.core.events import StreamKey
 from oracle_server.core.numbering import Numbering
 from oracle_server.core.simulated import TimeBase
 from oracle_server.core.spec import Spec
-from oracle_server.wire.incoming import Attach, StreamReport, WireError
+from oracle_server.wire.errors import WireError
+from oracle_server.wire.incoming import Attach, StreamReport
 
 
 class Outbox(Protocol):

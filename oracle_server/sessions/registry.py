@@ -21,14 +21,15 @@ from oracle_server.history.sqlite.schema import Row
 from oracle_server.history.sqlite.store import Store
 from oracle_server.process.clock import Clock
 from oracle_server.review.restore import restore
-from oracle_server.sessions.counters import Tally
+from oracle_server.sessions.counters import Counters
 from oracle_server.sessions.identity import Identity
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.monitor import Monitor, Outbox, claimed
 from oracle_server.sessions.status import session_state
 from oracle_server.specfiles.library import Entry, Library, UnknownSpecError
 from oracle_server.specfiles.load import parse_spec
-from oracle_server.wire.incoming import Attach, WireError
+from oracle_server.wire.errors import WireError
+from oracle_server.wire.incoming import Attach
 
 _OPENED = "number, id, spec, text, digest, properties, private, opened, asked"
 
@@ -40,7 +41,7 @@ _ANEW = ".run"
 log = structlog.get_logger()
 
 
-class Known(NamedTuple):
+class KnownSession(NamedTuple):
     """A session's number in the history, its spec, and the ids of its properties in their order there."""
 
     number: int
@@ -58,7 +59,7 @@ class Registry:
     def __init__(self, store: Store, library: Library, clock: Clock, resume_within: float) -> None:
         """Hold no sessions yet; `resume_within` is how long, in seconds, a lost monitor keeps its place."""
         self.open: dict[str, LiveSession] = {}
-        self.tally = Tally()
+        self.counters = Counters()
         self._store, self._library, self._clock, self._resume_within = store, library, clock, resume_within
         self._opening = asyncio.Lock()
         self._closing: dict[int, asyncio.Task[None]] = {}
@@ -98,13 +99,26 @@ class Registry:
                 raise SessionExistsError(f"a session '{session_id}' is there already")
             return await self._open(entry, session_id, private=private, by=by)
 
-    def known(self, session_id: str) -> Known | None:
+    async def room(self) -> None:
+        """Wait until the history takes more: no monitor is read meanwhile."""
+        await self._store.room()
+
+    @property
+    def has_room(self) -> bool:
+        """Whether the history takes more."""
+        return self._store.has_room
+
+    async def flush(self) -> None:
+        """Wait until all that was given to the history is committed."""
+        await self._store.flush()
+
+    def known(self, session_id: str) -> KnownSession | None:
         """What the history needs to be asked about a session, None where there is none of that name."""
         live = self.open.get(session_id)
         if live is not None:
-            return Known(live.number, live.spec.id, [p.id for p in live.spec.properties])
+            return KnownSession(live.number, live.spec.id, [p.id for p in live.spec.properties])
         rows = self._store.read("SELECT number, spec, properties FROM sessions WHERE id = ?", (session_id,))
-        return Known(rows[0][0], rows[0][1], msgspec.json.decode(rows[0][2])) if rows else None
+        return KnownSession(rows[0][0], rows[0][1], msgspec.json.decode(rows[0][2])) if rows else None
 
     def state(self, session_id: str) -> dict[str, Any] | None:
         """How a session stands, or stood when it was closed; None where it is not known."""
@@ -142,7 +156,7 @@ class Registry:
         self._store.execute(sql, (now, msgspec.json.encode(state).decode(), session.number))
         await self._store.flush()
         self.open.pop(session.id, None)
-        self.tally.closed(session)
+        self.counters.closed(session.counts(), session.core.holds)
         session.ledger.news.end()
         if session.clock_went_back:
             reason = _ended(session.id, successor)
@@ -230,11 +244,11 @@ class Registry:
         live.resume(restored)
         if live.oracles is not None and restored.position:
             live.oracles.resume()
-        self.tally.restored(live)
+        self.counters.restored(live.counts())
         log.info("session restored", session=session_id, steps=restored.position)
 
     def _live(self, identity: Identity, core: Session) -> LiveSession:
-        live = LiveSession(identity, core, self._store, self._clock, self.tally, self._resume_within, self._on_over)
+        live = LiveSession(identity, core, self._store, self._clock, self.counters, self._resume_within, self._on_over)
         self.open[live.id] = live
         return live
 

@@ -11,7 +11,7 @@ import structlog
 from oracle_server.core.session import Session
 from oracle_server.history.sqlite.store import Store
 from oracle_server.sessions.monitor import Monitor
-from oracle_server.wire.incoming import encode
+from oracle_server.wire.json import encode
 
 _SAVE_AFTER = 10_000
 """Steps until the first snapshot, and at least between two that nobody asked for."""

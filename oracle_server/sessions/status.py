@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from itertools import accumulate
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from oracle_server.core.events import Step
 from oracle_server.core.reorder import Source
 from oracle_server.core.session import Session
 from oracle_server.core.tally import BOUNDS, HoldTimes, StreamCounts
 from oracle_server.core.verdicts import json_number
-
-if TYPE_CHECKING:
-    from oracle_server.sessions.live import LiveSession
+from oracle_server.sessions.live import LiveSession
 
 
 def session_state(session: LiveSession, now: int) -> dict[str, Any]:
@@ -69,17 +67,12 @@ def _properties(core: Session) -> Iterator[dict[str, Any]]:
 
 
 def _counters(session: LiveSession) -> dict[str, int]:
-    """What was counted, over both orders where there are two."""
-    core = session.core
-    counted = [judge.counters for judge in core.judges.values()]
+    """What was counted in the order that decides, as the metrics have it: each event once."""
+    core, counts = session.core, session.counts()
     return {
-        "steps": max(counters.steps for counters in counted),
+        "steps": max(judge.counters.steps for judge in core.judges.values()),
         "held": len(core.buffer),
-        "refused": session.ledger.refused,
-        **{
-            name: sum(getattr(counters, name) for counters in counted)
-            for name in ("late", "skewed", "skipped", "lost", "denied")
-        },
+        **{name: counts[name] for name in ("refused", "late", "skewed", "skipped", "lost", "denied")},
     }
 
 

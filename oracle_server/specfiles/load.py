@@ -14,7 +14,7 @@ from urllib.parse import urlsplit
 from pydantic import ValidationError
 
 from oracle_server.core.dependencies import GraphNode
-from oracle_server.core.errors import EngineError, Finding, FormulaError, Problem, SpecError
+from oracle_server.core.errors import EngineError, Finding, FormulaError, SpecError, SpecProblem
 from oracle_server.core.formula.tree import Formula
 from oracle_server.core.hazards import inspect
 from oracle_server.core.ros import Ros, ros_hazards
@@ -184,23 +184,23 @@ def _channel(model: ChannelModel) -> dict[str, Any]:
     return {"stamp": model.stamp, "hold": frozenset(model.hold), "signals": model.signals}
 
 
-def _engines(spec: Spec) -> Iterator[Problem]:
+def _engines(spec: Spec) -> Iterator[SpecProblem]:
     for i, prop in enumerate(spec.properties):
         reason = refusal(prop)
         if reason:
             key = "engine" if prop.engine != "reelay" else "time" if prop.time != "steps" else "formula"
-            yield Problem(("properties", i, key), f"property '{prop.id}': {reason}")
+            yield SpecProblem(("properties", i, key), f"property '{prop.id}': {reason}")
         if goes_back(prop):
             continue
         native = f"takes an engine that can go back, and `engine: {prop.engine}` can't; `native` can"
         if prop.blame == "caused":
-            yield Problem(("properties", i, "blame"), f"`blame: caused` {native}")
+            yield SpecProblem(("properties", i, "blame"), f"`blame: caused` {native}")
         for j, stream in enumerate(spec.streams):
             if stream.on_deny == "undo" and stream.kind != "response":
-                yield Problem(("streams", j, "on_deny"), f"`on_deny: undo` {native} (property '{prop.id}')")
+                yield SpecProblem(("streams", j, "on_deny"), f"`on_deny: undo` {native} (property '{prop.id}')")
 
 
-def _finding(document: Document, problem: Problem, spec: Spec) -> Finding:
+def _finding(document: Document, problem: SpecProblem, spec: Spec) -> Finding:
     place = document.place(_in_file(problem.path, spec), problem.within)
     return Finding(document.file, *place, problem.message, problem.severity)
 

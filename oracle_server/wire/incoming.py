@@ -1,13 +1,11 @@
-"""The wire's messages, as the contract has them: what a monitor sends, checked, and what it is sent."""
+"""What a monitor sends, as models: the contract of these frames, and the same in a form that is read faster."""
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterable
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal
 
 import msgspec
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from oracle_server.core.events import Kind
 from oracle_server.core.simulated import TimeBase
@@ -92,7 +90,7 @@ class QuickEvents(msgspec.Struct, frozen=True, gc=False, tag_field="type", tag="
 Why = Literal["decision", "timeout", "unavailable"]
 
 
-class Outcome(_Message):
+class Handling(_Message):
     """What the adapter did after an ask."""
 
     seq: Seq
@@ -100,17 +98,17 @@ class Outcome(_Message):
     why: Why
 
 
-class OutcomeMessage(Outcome):
+class HandlingMessage(Handling):
     """The same, in a frame of its own."""
 
     type: Literal["outcome"]
 
 
-class OutcomesMessage(_Message):
+class HandlingsMessage(_Message):
     """What the adapter did after several asks."""
 
     type: Literal["outcomes"]
-    outcomes: Annotated[list[Outcome], Field(max_length=MAX_BATCH)]
+    outcomes: Annotated[list[Handling], Field(max_length=MAX_BATCH)]
 
 
 class ClockStamp(_Message):
@@ -148,18 +146,18 @@ class ReportMessage(_Message):
     streams: list[StreamReport]
 
 
-class QuickOutcome(msgspec.Struct, frozen=True, gc=False):
-    """The same as `Outcome`."""
+class QuickHandling(msgspec.Struct, frozen=True, gc=False):
+    """The same as `Handling`."""
 
     seq: Annotated[int, msgspec.Meta(ge=1, lt=2**53)]
     passed: bool
     why: Why
 
 
-class QuickOutcomes(msgspec.Struct, frozen=True, gc=False, tag_field="type", tag="outcomes"):
-    """The same as `OutcomesMessage`."""
+class QuickHandlings(msgspec.Struct, frozen=True, gc=False, tag_field="type", tag="outcomes"):
+    """The same as `HandlingsMessage`."""
 
-    outcomes: Annotated[list[QuickOutcome], msgspec.Meta(max_length=MAX_BATCH)]
+    outcomes: Annotated[list[QuickHandling], msgspec.Meta(max_length=MAX_BATCH)]
 
 
 class QuickStamp(msgspec.Struct, frozen=True, gc=False):
@@ -182,150 +180,10 @@ class Detach(_Message):
     type: Literal["detach"]
 
 
-Message = Attach | EventMessage | Events | OutcomeMessage | OutcomesMessage | ClockMessage | ReportMessage | Detach
+Message = Attach | EventMessage | Events | HandlingMessage | HandlingsMessage | ClockMessage | ReportMessage | Detach
 Incoming = Annotated[Message, Field(discriminator="type")]
-
-
-class WireError(Exception):
-    """Something that is answered by an `error` frame; a fatal one closes the connection."""
-
-    def __init__(
-        self, code: str, message: str, *, seq: int | None = None, fatal: bool = False, session: str | None = None
-    ) -> None:
-        super().__init__(message)
-        self.code, self.message, self.seq, self.fatal, self.session = code, message, seq, fatal, session
-
-    def frame(self) -> dict[str, Any]:
-        """The frame that says so."""
-        frame: dict[str, Any] = {"type": "error", "code": self.code, "message": self.message, "fatal": self.fatal}
-        more = {"seq": self.seq, "session": self.session}
-        return frame | {key: value for key, value in more.items() if value is not None}
 
 
 AnyEvent = EventMessage | QuickEvent
 AnyClock = ClockMessage | QuickClock
-Quick = QuickEvent | QuickEvents | QuickOutcomes | QuickClock
-_quick: msgspec.json.Decoder[Quick] = msgspec.json.Decoder(Quick)
-_incoming: TypeAdapter[Message] = TypeAdapter(Incoming)
-_event = TypeAdapter(EventMessage)
-_OFTEN = ('{"type":"event",', '{"type":"events",', '{"type":"outcomes",', '{"type":"clock",')
-"""How these begin where their writer puts the type first and no blanks, as most do; others are read all the same."""
-_LOWEST, _HIGHEST = -(2**63), 2**64 - 1
-_INTEGERS = range(_LOWEST, _HIGHEST + 1)
-_TAGS = frozenset({"attach", "events", "outcome", "outcomes", "clock", "report", "detach"})
-
-
-class Frame(NamedTuple):
-    """A frame's message; the data of a suspicious one may hold too many keys."""
-
-    message: Message | Quick
-    suspicious: bool
-
-
-def decode(text: str) -> Frame:
-    """A frame as a message; the events of a batch are left unchecked where one may be bad. Raises `WireError`."""
-    odd = suspicious(text)
-    if not odd and text.startswith(_OFTEN):
-        try:
-            message = _quick.decode(text)
-        except (msgspec.MsgspecError, ValueError, RecursionError):
-            pass  # to be said in words
-        else:
-            if _holds_no_misfit(message):
-                return Frame(message, odd)
-    try:
-        value = msgspec.json.decode(text)
-    except (msgspec.DecodeError, ValueError) as error:
-        raise WireError("malformed", f"not JSON: {error}") from None
-    except RecursionError:
-        raise WireError("malformed", f"nested more than {MAX_DEPTH} deep") from None
-    if not isinstance(value, dict):
-        raise WireError("malformed", "expected a JSON object")
-    if value.get("type") == "event":
-        return Frame(event_of(value, suspicious=odd), odd)
-    try:
-        return Frame(_incoming.validate_python(value), odd)
-    except ValidationError as error:
-        raise WireError("malformed", _reason(error), seq=_seq(value)) from None
-
-
-def suspicious(text: str) -> bool:
-    """Whether a frame may carry an event with too many keys."""
-    return text.count(":") > MAX_KEYS
-
-
-def event_of(value: Any, *, suspicious: bool) -> AnyEvent:
-    """An event of a batch, checked. Raises `WireError`."""
-    if not suspicious:
-        with contextlib.suppress(msgspec.ValidationError):  # to be said in words
-            quick = msgspec.convert(value, QuickEvent)
-            if _fits(quick.data, MAX_DEPTH):
-                return quick
-    try:
-        event = _event.validate_python(value)
-    except ValidationError as error:
-        raise WireError("bad_event", _reason(error), seq=_seq(value)) from None
-    reason = _unfit(event.data)
-    if reason:
-        raise WireError("bad_event", reason, seq=event.seq)
-    return event
-
-
-def _holds_no_misfit(message: Quick) -> bool:
-    if type(message) is QuickEvent:
-        return _fits(message.data, MAX_DEPTH)
-    return type(message) is not QuickEvents or all(_fits(event.data, MAX_DEPTH) for event in message.events)
-
-
-def _fits(data: dict[str, Any] | list[Any], depth: int) -> bool:
-    """Whether data is nested no deeper, and its integers have no more than 64 bits."""
-    if depth == 0:
-        return False
-    values: Iterable[Any] = data.values() if isinstance(data, dict) else data
-    for value in values:
-        kind = type(value)
-        if kind is int:
-            if not _LOWEST <= value <= _HIGHEST:
-                return False
-        elif (kind is dict or kind is list) and not _fits(value, depth - 1):
-            return False
-    return True
-
-
-def encode(frame: Any) -> str:
-    """A frame, or any plain value, as JSON text."""
-    return encode_bytes(frame).decode()
-
-
-def encode_bytes(frame: Any) -> bytes:
-    """The same in UTF-8."""
-    return msgspec.json.encode(frame)
-
-
-def _unfit(data: dict[str, Any]) -> str | None:
-    """Why an event's data can't be judged, None where it can."""
-    level: list[Any] = [data]
-    keys = 0
-    for _ in range(MAX_DEPTH):
-        keys += sum(len(outer) for outer in level if isinstance(outer, dict))
-        if keys > MAX_KEYS:
-            return f"data: more than {MAX_KEYS} keys"
-        values = [v for outer in level for v in (outer.values() if isinstance(outer, dict) else outer)]
-        if any(type(v) is int and v not in _INTEGERS for v in values):
-            return "data: an integer of more than 64 bits"
-        level = [v for v in values if isinstance(v, dict | list)]
-        if not level:
-            return None
-    return f"data: nested more than {MAX_DEPTH} deep"
-
-
-def _seq(value: Any) -> int | None:
-    seq = value.get("seq") if isinstance(value, dict) else None
-    return seq if type(seq) is int and 1 <= seq < 2**53 else None
-
-
-def _reason(error: ValidationError) -> str:
-    first = error.errors()[0]
-    place = first["loc"][1:] if first["loc"] and first["loc"][0] in _TAGS else first["loc"]
-    where = ".".join(str(part) for part in place)
-    return f"{where}: {first['msg']}" if where else str(first["msg"])
+Quick = QuickEvent | QuickEvents | QuickHandlings | QuickClock

@@ -99,7 +99,7 @@ class ViolationFrame(_Frame):
     explanation: dict[str, Any]
 
 
-class Standing(_Frame):
+class PropertyStanding(_Frame):
     """How one property stands; `level` and `text` say it as diagnostics do, `first_violation` is a record's `n`."""
 
     outcome: Outcome
@@ -118,7 +118,7 @@ class VerdictsFrame(_Frame):
     type: Literal["verdicts"]
     n: int
     worst: Outcome
-    properties: dict[str, Standing]
+    properties: dict[str, PropertyStanding]
 
 
 class ErrorFrame(_Frame):

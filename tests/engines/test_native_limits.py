@@ -10,7 +10,7 @@ from oracle_server.core.engine import MAX_WORK, MAX_WORK_ON_AVERAGE
 from oracle_server.core.errors import EngineError
 from oracle_server.core.formula.parse import Time, parse_formula
 from oracle_server.core.formula.tree import Formula, Scalar
-from oracle_server.engines.native import NativeEngine, clock
+from oracle_server.engines.native import NativeEngine, timeline
 from tests.brute import TimedSignals
 from tests.engines.test_against_brute import matches
 
@@ -57,7 +57,7 @@ def test_an_engine_gives_up_before_a_step_costs_too_much(text: str) -> None:
 
 
 def test_what_is_told_apart_has_an_end_though_steps_may_cost_much(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(clock, "MAX_APART", 500)
+    monkeypatch.setattr(timeline, "MAX_APART", 500)
     formula = parse_formula(EXPLODING[2], "steps")
     with pytest.raises(EngineError, match=r"more than 500 .* told apart"):
         run(NativeEngine(formula, share=10**6), formula, traffic(1_000))

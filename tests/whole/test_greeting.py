@@ -7,7 +7,7 @@ import json
 from typing import Any, cast
 
 from oracle_server.attach.connection import Connection
-from oracle_server.wire.incoming import WireError
+from oracle_server.wire.errors import WireError
 
 
 class Socket:

@@ -10,18 +10,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import (
     MAX_BATCH,
     ClockMessage,
     EventMessage,
-    OutcomesMessage,
+    HandlingsMessage,
     QuickClock,
     QuickEvent,
-    QuickOutcomes,
-    WireError,
-    decode,
-    event_of,
+    QuickHandlings,
 )
+from oracle_server.wire.reading import decode, event_of
 
 PLAIN = {"type": "event", "seq": 1, "stream": "/a", "data": {}}
 FIELDS: dict[str, list[Any]] = {
@@ -98,7 +97,7 @@ ODD: list[Any] = [None, 0, -1, 1.0, 2**53, 2**63 - 1, 2**63, True, "x", "timeout
 @pytest.mark.parametrize("name", ["seq", "passed", "why", "more"])
 @pytest.mark.parametrize("value", ODD)
 def test_each_field_of_an_outcome(name: str, value: object) -> None:
-    as_slow(OutcomesMessage, {"type": "outcomes", "outcomes": [OUTCOME, OUTCOME | {name: value}]})
+    as_slow(HandlingsMessage, {"type": "outcomes", "outcomes": [OUTCOME, OUTCOME | {name: value}]})
 
 
 @pytest.mark.parametrize("name", ["stream", "kind", "stamp", "more"])
@@ -109,10 +108,10 @@ def test_each_field_of_a_clock(name: str, value: object) -> None:
 
 @pytest.mark.parametrize("outcomes", [None, {}, [OUTCOME] * MAX_BATCH, [OUTCOME] * (MAX_BATCH + 1)])
 def test_no_more_outcomes_than_may_be_in_a_frame(outcomes: object) -> None:
-    as_slow(OutcomesMessage, {"type": "outcomes", "outcomes": outcomes})
+    as_slow(HandlingsMessage, {"type": "outcomes", "outcomes": outcomes})
 
 
-def as_slow(model: type[OutcomesMessage] | type[ClockMessage], frame: dict[str, Any]) -> None:
+def as_slow(model: type[HandlingsMessage] | type[ClockMessage], frame: dict[str, Any]) -> None:
     try:
         slow: Any = model.model_validate(frame).model_dump()
     except ValueError:
@@ -120,7 +119,7 @@ def as_slow(model: type[OutcomesMessage] | type[ClockMessage], frame: dict[str, 
             decode(json.dumps(frame, separators=(",", ":")))
         return
     read = decode(json.dumps(frame, separators=(",", ":"))).message
-    assert isinstance(read, QuickOutcomes | QuickClock | OutcomesMessage | ClockMessage)
+    assert isinstance(read, QuickHandlings | QuickClock | HandlingsMessage | ClockMessage)
     assert (
         read.model_dump() if isinstance(read, model) else {"type": frame["type"], **msgspec.to_builtins(read)}
     ) == slow

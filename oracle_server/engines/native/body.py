@@ -7,9 +7,9 @@ from itertools import chain, product
 from math import prod
 from typing import Any, Protocol
 
-from oracle_server.engines.native.clock import FEW, Clock
 from oracle_server.engines.native.keys import ALL, Key, Region, Text, Variables, fresh_key, key_of, picker, texts_of
 from oracle_server.engines.native.nodes import Node
+from oracle_server.engines.native.timeline import FEW, Timeline
 
 _MOST_APART = 256
 """Keys that are looked at, at each step, to find out that a quantifier has settled."""
@@ -190,11 +190,11 @@ class Body:
     """One expression or more under a node, over the variables of all of them."""
 
     __slots__ = (
-        "_clock",
         "_cost",
         "_fresh",
         "_leaves",
         "_parts",
+        "_timeline",
         "at",
         "can_settle",
         "flat",
@@ -203,7 +203,7 @@ class Body:
         "variables",
     )
 
-    def __init__(self, clock: Clock, *expressions: Expression) -> None:
+    def __init__(self, timeline: Timeline, *expressions: Expression) -> None:
         self.variables = variables_of(*expressions)
         self._parts = [_part(e, self.variables) for e in expressions]
         self.at = [part.at for part in self._parts]
@@ -217,7 +217,7 @@ class Body:
         """Whether the values differ from those at the fresh key at finitely many keys without fresh values."""
         self._leaves = [(n, [self.variables.index(v) for v in n.variables]) for n in self.nodes]
         self._fresh = fresh_key(size)
-        self._clock = clock
+        self._timeline = timeline
         self._cost = 1 + len(self._leaves) ** 2 // 16
         """What it takes to look at a region: each operator looks at all below it, and so does each below."""
         if not self.flat:
@@ -230,7 +230,7 @@ class Body:
         At the first step, and where all values may have changed, these are the keys that are told apart here, those of
         `own`, and the fresh one.
         """
-        if self._clock.first:
+        if self._timeline.first:
             return self._everything(own)
         if not self.flat:
             return self._mixed(own)
@@ -250,7 +250,7 @@ class Body:
     def look_at(self, keys: int) -> None:
         """Count keys that the node above looks at. Raises `EngineError` where they cost too much."""
         if keys > FEW:
-            self._clock.spend(keys)
+            self._timeline.spend(keys)
 
     def all_settled(self, value: bool, *, some: bool, own: Sequence[Text] = ()) -> bool:
         """Whether the first expression has settled on a value at all keys that begin with these texts, or at `some`.
@@ -276,7 +276,7 @@ class Body:
             return self._resolve([[ALL] * len(self.variables)], own)
         keys = set(own.points()).union(*(part.points() for part in self._parts))
         if len(keys) > FEW:
-            self._clock.spend(len(keys))
+            self._timeline.spend(len(keys))
         keys.discard(self._fresh)
         return [*keys, self._fresh]
 
@@ -314,7 +314,7 @@ class Body:
         texts: set[str | None] = {None, *own.spread(region, place)}.union(*told)
         for part in self._parts:
             texts.update(part.spread(region, place))
-        self._clock.spend(self._cost + len(texts) + len(told))
+        self._timeline.spend(self._cost + len(texts) + len(told))
         for text in texts:
             inner = region.copy()
             inner[place] = text

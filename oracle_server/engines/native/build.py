@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.tree import Atom, Bound, Formula
 from oracle_server.engines.native.body import Body, Expression, negated, variables_of
-from oracle_server.engines.native.clock import Clock
 from oracle_server.engines.native.ever import Ever
 from oracle_server.engines.native.guarded import SomeGuarded, guard_of
 from oracle_server.engines.native.latest import Latest
 from oracle_server.engines.native.nodes import AtomNode
 from oracle_server.engines.native.previous import Previous
 from oracle_server.engines.native.some import Some, SomeOf
+from oracle_server.engines.native.timeline import Timeline
 from oracle_server.engines.native.window import Window
 
 Scope = Mapping[str, int]
@@ -28,7 +28,7 @@ Operator = Ever | Latest | Window | Previous | Some | SomeOf | SomeGuarded
 class Network:
     """The nodes of a formula: atoms with their places among the formula's, and operators, each after those below it."""
 
-    clock: Clock
+    timeline: Timeline
     atoms: list[tuple[int, AtomNode]] = field(default_factory=list)
     operators: list[Operator] = field(default_factory=list)
     places: dict[Path, AtomNode | Operator] = field(default_factory=dict)
@@ -38,17 +38,17 @@ class Network:
     root: Body = field(init=False)
 
 
-def build(formula: Formula, clock: Clock) -> Network:
+def build(formula: Formula, timeline: Timeline) -> Network:
     """The nodes of a formula, before its first step."""
-    network = Network(clock)
+    network = Network(timeline)
     builder = _Builder(formula, network)
-    network.root = Body(clock, builder.expression(formula, {}, ()))
+    network.root = Body(timeline, builder.expression(formula, {}, ()))
     return network
 
 
 class _Builder:
     def __init__(self, formula: Formula, network: Network) -> None:
-        self._network, self._clock = network, network.clock
+        self._network, self._timeline = network, network.timeline
         self._places = {atom: i for i, atom in enumerate(tree.atoms(formula))}
         self._atoms: dict[tuple[int, tuple[int, ...]], AtomNode] = {}
         self._quantifiers = 0
@@ -88,7 +88,7 @@ class _Builder:
         match node:
             case tree.Pre(operand):
                 return self._add(
-                    path, Previous(Body(self._clock, self.expression(operand, scope, (*path, 0))), self._clock)
+                    path, Previous(Body(self._timeline, self.expression(operand, scope, (*path, 0))), self._timeline)
                 )
             case tree.Once(operand, bound):
                 return self._once(path, self.expression(operand, scope, (*path, 0)), bound)
@@ -96,10 +96,10 @@ class _Builder:
                 return ("not", self._once(path, negated(self.expression(operand, scope, (*path, 0))), bound))
             case tree.Since(left, right, bound):
                 sides = self.expression(right, scope, (*path, 1)), self.expression(left, scope, (*path, 0))
-                body = Body(self._clock, sides[0])
+                body = Body(self._timeline, sides[0])
                 if not bound.lower and _is_slim(body, sides[0]) and {*variables_of(sides[1])} <= {*body.variables}:
-                    return self._add(path, Latest(body, Body(self._clock, sides[1]), bound.upper, self._clock))
-                return self._add(path, Window(Body(self._clock, *sides), bound, self._clock))
+                    return self._add(path, Latest(body, Body(self._timeline, sides[1]), bound.upper, self._timeline))
+                return self._add(path, Window(Body(self._timeline, *sides), bound, self._timeline))
 
     def _atom(self, atom: Atom, scope: Scope, path: Path) -> AtomNode:
         refs = tuple(scope[name] for _, name in atom.refs)
@@ -112,12 +112,12 @@ class _Builder:
         return node
 
     def _once(self, path: Path, operand: Expression, bound: Bound) -> Expression:
-        body = Body(self._clock, operand)
+        body = Body(self._timeline, operand)
         if bound.upper is None and (not body.variables or _is_slim(body, operand)):
-            return self._add(path, Ever(body, bound.lower, self._clock))
+            return self._add(path, Ever(body, bound.lower, self._timeline))
         if not bound.lower and _is_slim(body, operand):
-            return self._add(path, Latest(body, None, bound.upper, self._clock))
-        return self._add(path, Window(body, bound, self._clock))
+            return self._add(path, Latest(body, None, bound.upper, self._timeline))
+        return self._add(path, Window(body, bound, self._timeline))
 
     def _some(self, node: tree.Exists | tree.Forall, scope: Scope, path: Path) -> Expression:
         """A quantifier, and those of its kind that follow directly; for all is none for which not."""
@@ -140,10 +140,10 @@ class _Builder:
             return operand
         guard = guard_of(operand, variables_of(operand)) if used == len(variables_of(operand)) else None
         if guard is not None:
-            return self._add(path, SomeGuarded(guard, operand, self._clock))
-        whole = Body(self._clock, operand)
+            return self._add(path, SomeGuarded(guard, operand, self._timeline))
+        whole = Body(self._timeline, operand)
         closed = used == len(whole.variables)
-        return self._add(path, Some(whole, self._clock) if closed else SomeOf(whole, used, self._clock))
+        return self._add(path, Some(whole, self._timeline) if closed else SomeOf(whole, used, self._timeline))
 
     def _add(self, path: Path, operator: Operator) -> Operator:
         self._network.operators.append(operator)

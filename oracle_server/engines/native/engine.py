@@ -13,8 +13,8 @@ from oracle_server.core.formula.tree import Formula
 from oracle_server.core.past import NO_PAST, Past
 from oracle_server.core.verdicts import Outcome
 from oracle_server.engines.native.build import build
-from oracle_server.engines.native.clock import Clock
 from oracle_server.engines.native.explain import explain
+from oracle_server.engines.native.timeline import Timeline
 
 _NEVER = 2**63
 FORMAT = 2
@@ -28,8 +28,8 @@ class NativeEngine:
         """`share` is how much of what an engine may cost this one may: where there are many, they share."""
         self._formula, self._time = formula, time
         self._timed = time == "seconds"
-        self._clock = Clock(timed=self._timed, share=share)
-        network = self._network = build(formula, self._clock)
+        self._timeline = Timeline(timed=self._timed, share=share)
+        network = self._network = build(formula, self._timeline)
         self._atoms, self._operators = network.atoms, network.operators
         (self._holds,), (self._settled,) = network.root.at, network.root.settled
         self._can_settle = any(network.root.can_settle[0](frozenset()))
@@ -43,7 +43,7 @@ class NativeEngine:
         """Judge the next step; see `Engine.step`."""
         self._steps += 1
         now = time if self._timed else self._steps
-        self._clock.move(now)
+        self._timeline.move(now)
         silent = matches.count(None) == len(matches)
         if silent and now < self._due:
             return self._last
@@ -53,7 +53,7 @@ class NativeEngine:
                 atom.take(match)
         for operator in self._operators:
             operator.step()
-        self._clock.first = False
+        self._timeline.first = False
         self._due = self._next_due() if silent else 0
         self._last = self._outcome()
         return self._last
@@ -66,7 +66,7 @@ class NativeEngine:
 
     def next_deadline(self, after: int) -> int | None:
         """The first time (ns) later than `after` at which the outcome may change without a step, None for never."""
-        if not self._timed or self._clock.first:
+        if not self._timed or self._timeline.first:
             return None
         deadlines = [d for operator in self._operators if (d := operator.next_deadline(after)) is not None]
         return min(deadlines, default=None)
@@ -74,7 +74,7 @@ class NativeEngine:
     @property
     def work(self) -> int:
         """What the last step cost, in values that were looked at."""
-        return self._clock.work
+        return self._timeline.work
 
     def explain(self, past: Past = NO_PAST) -> Why:
         """Why the formula holds, or does not, at the last step; see `Explaining.explain`."""
@@ -85,7 +85,7 @@ class NativeEngine:
         nodes = [*(atom for _, atom in self._atoms), *self._operators]
         return {
             "format": FORMAT,
-            "clock": self._clock.snapshot(),
+            "clock": self._timeline.snapshot(),
             "nodes": [node.snapshot() for node in nodes],
             "steps": self._steps,
             "due": self._due,
@@ -99,7 +99,7 @@ class NativeEngine:
         """
         if data.get("format") != FORMAT:
             raise EngineError(f"a snapshot of format {data.get('format')}, and this version reads {FORMAT}")
-        self._clock.restore(data["clock"])
+        self._timeline.restore(data["clock"])
         nodes = [*(atom for _, atom in self._atoms), *self._operators]
         for node, state in zip(nodes, data["nodes"], strict=True):
             node.restore(state)
@@ -116,7 +116,7 @@ class NativeEngine:
                 atom.current = current
 
         self._journals.append([back])
-        self._clock.journal = self._journals[-1]
+        self._timeline.journal = self._journals[-1]
 
     def back(self) -> None:
         """Take back all steps since the last mark."""
@@ -126,12 +126,12 @@ class NativeEngine:
     def keep(self) -> None:
         """Let the steps since the last mark stand."""
         journal = self._close()
-        if self._clock.journal is not None:
-            self._clock.journal += journal
+        if self._timeline.journal is not None:
+            self._timeline.journal += journal
 
     def _close(self) -> list[Callable[[], object]]:
         journal = self._journals.pop()
-        self._clock.journal = self._journals[-1] if self._journals else None
+        self._timeline.journal = self._journals[-1] if self._journals else None
         return journal
 
     def _next_due(self) -> int:

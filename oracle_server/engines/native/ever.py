@@ -10,26 +10,37 @@ from itertools import chain
 from typing import Any
 
 from oracle_server.engines.native.body import NOTHING, Body
-from oracle_server.engines.native.clock import FEW, Clock
 from oracle_server.engines.native.held import Held
 from oracle_server.engines.native.keys import Key, Region, read_key
 from oracle_server.engines.native.nodes import texts_at
+from oracle_server.engines.native.timeline import FEW, Timeline
 
 
 class Ever:
     """Once it holds at a key, it holds there for ever."""
 
     __slots__ = (
-        "_at", "_body", "_clock", "_held", "_lower", "at", "changes", "flat", "held", "variables", "waiting", "waits",
+        "_at",
+        "_body",
+        "_held",
+        "_lower",
+        "_timeline",
+        "at",
+        "changes",
+        "flat",
+        "held",
+        "variables",
+        "waiting",
+        "waits",
     )  # fmt: skip
 
-    def __init__(self, body: Body, lower: int, clock: Clock) -> None:
-        self._body, self._lower, self._clock = body, lower, clock
+    def __init__(self, body: Body, lower: int, timeline: Timeline) -> None:
+        self._body, self._lower, self._timeline = body, lower, timeline
         self._at = body.at[0]
         self.variables = body.variables
         self.flat = True
         self.changes: list[Key] = []
-        self._held = Held(len(self.variables), clock)
+        self._held = Held(len(self.variables), timeline)
         self.held = self._held.times
         """Where it holds, and the first time at which the operand did."""
         self.waiting: deque[tuple[int, Key]] = deque()
@@ -47,7 +58,7 @@ class Ever:
             for key in keys:
                 if key not in held and at(key):
                     if not self._lower:
-                        self._hold(key, self._clock.now)
+                        self._hold(key, self._timeline.now)
                     elif key not in self.waits:
                         self._wait(key)
         if self.waiting:
@@ -110,22 +121,22 @@ class Ever:
         self._held.index()
 
     def _release(self) -> None:
-        now, released = self._clock.now, 0
+        now, released = self._timeline.now, 0
         while self.waiting and self.waiting[0][0] <= now:
             released += 1
             if released > FEW:
-                self._clock.spend(1)
+                self._timeline.spend(1)
             entry = self.waiting.popleft()
             self.waits.discard(entry[1])
-            if self._clock.journal is not None:
-                self._clock.journal.append(partial(self._wait_again, entry))
+            if self._timeline.journal is not None:
+                self._timeline.journal.append(partial(self._wait_again, entry))
             self._hold(entry[1], entry[0] - self._lower)
 
     def _wait(self, key: Key) -> None:
         self.waits.add(key)
-        self.waiting.append((self._clock.now + self._lower, key))
-        if self._clock.journal is not None:
-            self._clock.journal.append(self._wait_no_more)
+        self.waiting.append((self._timeline.now + self._lower, key))
+        if self._timeline.journal is not None:
+            self._timeline.journal.append(self._wait_no_more)
 
     def _wait_again(self, entry: tuple[int, Key]) -> None:
         self.waiting.appendleft(entry)

@@ -35,7 +35,7 @@ _MOST_TOLD = 3
 def explain(formula: Formula, network: Network, time: Time, last: int, past: Past) -> Why:
     """Why the formula holds, or does not, at the last step, number `last`; `past` is what is remembered."""
     part = Part(formula, (), {}, {})
-    explainer = _Explainer(network, Recall(formula, network, time, last, past), Wording(time, network.clock.now))
+    explainer = _Explainer(network, Recall(formula, network, time, last, past), Wording(time, network.timeline.now))
     holds = explainer.holds(part)
     deciding = None
     if isinstance(formula, tree.Exists | tree.Forall) and holds is isinstance(formula, tree.Exists):
@@ -163,7 +163,7 @@ class _Explainer:
         known = before[0] >= self._recall.first
         if not known and [*steps] != [self._now]:
             return self._plain(part, steps, holds)
-        times = self._times(before) if known else [self._network.clock.before]
+        times = self._times(before) if known else [self._network.timeline.before]
         parts = self._deeper([(operand, holds, before)]) if known else ()
         text = f"its operand {self._wording.held(times, holds=holds)}"
         return self._reason(part, steps, holds, text, times, before if known else (), parts=parts)
@@ -252,7 +252,7 @@ class _Explainer:
         if when is None:
             return self._plain(part, steps, True)
         text = f"its right side {self._wording.held([when], holds=True)}"
-        return self._reason(part, steps, True, text, [when], window=(when, self._network.clock.now))
+        return self._reason(part, steps, True, text, [when], window=(when, self._network.timeline.now))
 
     def _since_not(self, part: Part, left: Part, right: Part, steps: Steps) -> Reason:
         assert isinstance(part.formula, tree.Since)  # noqa: S101 -- see `reasons`

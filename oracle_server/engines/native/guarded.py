@@ -7,20 +7,20 @@ from functools import partial
 from typing import Any
 
 from oracle_server.engines.native.body import Body, Expression
-from oracle_server.engines.native.clock import Clock
 from oracle_server.engines.native.keys import Key, Region, Variables, read_key
 from oracle_server.engines.native.nodes import AtomNode
 from oracle_server.engines.native.some import settled_over
+from oracle_server.engines.native.timeline import Timeline
 
 
 class SomeGuarded:
     """A quantifier that binds all variables of its body, one conjunct of which is an atom with all of them."""
 
-    __slots__ = ("_body", "_clock", "_guard", "_operand", "changes", "flat", "held", "variables")
+    __slots__ = ("_body", "_guard", "_operand", "_timeline", "changes", "flat", "held", "variables")
 
-    def __init__(self, guard: AtomNode, operand: Expression, clock: Clock) -> None:
-        self._guard, self._clock = guard, clock
-        self._body = Body(clock, operand)
+    def __init__(self, guard: AtomNode, operand: Expression, timeline: Timeline) -> None:
+        self._guard, self._timeline = guard, timeline
+        self._body = Body(timeline, operand)
         self._operand = self._body.at[0]
         self.variables: Variables = ()
         self.flat = True
@@ -35,8 +35,8 @@ class SomeGuarded:
     def step(self) -> None:
         """Look again: nowhere else can the body hold."""
         guard, before = self._guard, self.held
-        if self._clock.journal is not None:
-            self._clock.journal.append(partial(setattr, self, "held", before))
+        if self._timeline.journal is not None:
+            self._timeline.journal.append(partial(setattr, self, "held", before))
         self.held = [guard.current] if guard.holds and self._operand(guard.current) else []
         if self.changes:
             self.changes = []

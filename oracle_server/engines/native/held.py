@@ -5,31 +5,31 @@ from __future__ import annotations
 from collections.abc import Collection
 from functools import partial
 
-from oracle_server.engines.native.clock import Clock
 from oracle_server.engines.native.keys import ALL, Key, Region, key_of
 from oracle_server.engines.native.tables import Index
+from oracle_server.engines.native.timeline import Timeline
 
 
 class Held:
     """Keys without fresh values, each with a time."""
 
-    __slots__ = ("_clock", "_index", "_size", "times")
+    __slots__ = ("_index", "_size", "_timeline", "times")
 
-    def __init__(self, size: int, clock: Clock) -> None:
-        self._size, self._clock = size, clock
+    def __init__(self, size: int, timeline: Timeline) -> None:
+        self._size, self._timeline = size, timeline
         self.times: dict[Key, int] = {}
         self._index: Index | None = None
 
     def add(self, key: Key, time: int) -> None:
         """Take in a key that is not there."""
         self._put(key, time)
-        if self._clock.journal is not None:
-            self._clock.journal.append(partial(self._take, key))
+        if self._timeline.journal is not None:
+            self._timeline.journal.append(partial(self._take, key))
 
     def remove(self, key: Key) -> None:
         """Forget a key that is there."""
-        if self._clock.journal is not None:
-            self._clock.journal.append(partial(self._put, key, self.times[key]))
+        if self._timeline.journal is not None:
+            self._timeline.journal.append(partial(self._put, key, self.times[key]))
         self._take(key)
 
     def spread(self, region: Region, place: int) -> Collection[str]:
@@ -50,7 +50,7 @@ class Held:
     def index(self) -> None:
         """Be asked for `spread`."""
         if self._size > 1 and self._index is None:
-            self._index = Index(self._size, self._clock)
+            self._index = Index(self._size, self._timeline)
             for key in self.times:
                 self._index.add(key)
 

@@ -10,10 +10,10 @@ from itertools import chain
 from typing import Any
 
 from oracle_server.engines.native.body import NOTHING, Body
-from oracle_server.engines.native.clock import FEW, Clock
 from oracle_server.engines.native.held import Held
 from oracle_server.engines.native.keys import Key, Region, is_fresh, picker, read_key
 from oracle_server.engines.native.nodes import texts_at
+from oracle_server.engines.native.timeline import FEW, Timeline
 
 
 class Latest:
@@ -23,13 +23,24 @@ class Latest:
     """
 
     __slots__ = (
-        "_body", "_clock", "_ended", "_held", "_leaving", "_left", "_pick", "_right", "_upper", "at", "changes", "flat",
+        "_body",
+        "_ended",
+        "_held",
+        "_leaving",
+        "_left",
+        "_pick",
+        "_right",
+        "_timeline",
+        "_upper",
+        "at",
+        "changes",
+        "flat",
         "variables",
     )  # fmt: skip
 
-    def __init__(self, right: Body, left: Body | None, upper: int | None, clock: Clock) -> None:
+    def __init__(self, right: Body, left: Body | None, upper: int | None, timeline: Timeline) -> None:
         """`right` is flat; `left`, where there is one, has no other variables."""
-        self._body, self._upper, self._clock = right, upper, clock
+        self._body, self._upper, self._timeline = right, upper, timeline
         self.variables = right.variables
         self._right = right.at[0]
         self._left = left
@@ -38,7 +49,7 @@ class Latest:
             self._pick = picker([self.variables.index(v) for v in left.variables], len(self.variables))
         self.flat = True
         self.changes: list[Key] = []
-        self._held = Held(len(self.variables), clock)
+        self._held = Held(len(self.variables), timeline)
         """Where it holds, and since when."""
         self._ended: dict[Key, int] = {}
         """Where it holds although the right side does not any more, and when that last did."""
@@ -55,7 +66,7 @@ class Latest:
         keys = self._body.touched(self)
         if keys:
             self._touch(keys)
-        if self._leaving and self._leaving[0][0] <= self._clock.now:
+        if self._leaving and self._leaving[0][0] <= self._timeline.now:
             self._expire()
 
     def due(self) -> int | None:
@@ -67,7 +78,7 @@ class Latest:
         if self._upper is None:
             return None
         # what holds at the last step may not hold at the next one, and so end there
-        ending = self._clock.now + self._upper + 1
+        ending = self._timeline.now + self._upper + 1
         deadlines = [ending] if ending > after and len(self._ended) < len(self._held.times) else []
         for place in range(bisect_right(self._leaving, after, key=_deadline), len(self._leaving)):
             if self._last(*self._leaving[place]):
@@ -89,7 +100,7 @@ class Latest:
 
     def when(self, key: Key) -> int | None:
         """The time of a step that makes it hold at a key; None where it does not."""
-        return self._ended.get(key, self._clock.now) if key in self._held.times else None
+        return self._ended.get(key, self._timeline.now) if key in self._held.times else None
 
     def snapshot(self) -> Any:
         """The state as plain data."""
@@ -133,7 +144,7 @@ class Latest:
         for key in keys:
             if right(key):
                 if key not in held:
-                    self._held.add(key, self._clock.now)
+                    self._held.add(key, self._timeline.now)
                     self.changes.append(key)
                 elif key in ended:
                     self._forget(key)
@@ -152,7 +163,7 @@ class Latest:
         else:
             everywhere = any(node.changes for node in left.nodes)
         if everywhere and len(self._ended) > FEW:
-            self._clock.spend(len(self._ended))
+            self._timeline.spend(len(self._ended))
         for key in list(self._ended) if everywhere else keys:
             if key in self._ended and not left.at[0](self._of_left(key)):
                 self._forget(key)
@@ -162,14 +173,14 @@ class Latest:
         return key if self._pick is None else self._pick(key)
 
     def _expire(self) -> None:
-        now, left = self._clock.now, 0
+        now, left = self._timeline.now, 0
         while self._leaving and self._leaving[0][0] <= now:
             left += 1
             if left > FEW:
-                self._clock.spend(1)
+                self._timeline.spend(1)
             entry = self._leaving.popleft()
-            if self._clock.journal is not None:
-                self._clock.journal.append(partial(self._leaving.appendleft, entry))
+            if self._timeline.journal is not None:
+                self._timeline.journal.append(partial(self._leaving.appendleft, entry))
             if self._last(*entry):
                 self._forget(entry[1])
                 self._drop(entry[1])
@@ -180,20 +191,20 @@ class Latest:
 
     def _end(self, key: Key) -> None:
         """Note that the right side held with the step before for the last time."""
-        before = self._clock.before
+        before = self._timeline.before
         self._ended[key] = before
-        if self._clock.journal is not None:
-            self._clock.journal.append(partial(self._ended.pop, key))
+        if self._timeline.journal is not None:
+            self._timeline.journal.append(partial(self._ended.pop, key))
         if self._upper is not None:
             self._leaving.append((before + self._upper + 1, key))
-            if self._clock.journal is not None:
-                self._clock.journal.append(self._leaving.pop)
+            if self._timeline.journal is not None:
+                self._timeline.journal.append(self._leaving.pop)
 
     def _forget(self, key: Key) -> None:
         """Note that what ended counts no more."""
         time = self._ended.pop(key)
-        if self._clock.journal is not None:
-            self._clock.journal.append(partial(self._ended.__setitem__, key, time))
+        if self._timeline.journal is not None:
+            self._timeline.journal.append(partial(self._ended.__setitem__, key, time))
 
     def _drop(self, key: Key) -> None:
         self._held.remove(key)

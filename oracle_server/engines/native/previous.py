@@ -8,10 +8,10 @@ from itertools import chain
 from typing import Any
 
 from oracle_server.engines.native.body import Body
-from oracle_server.engines.native.clock import Clock
 from oracle_server.engines.native.keys import ALL, Key, Region, is_fresh, key_of, read_key
 from oracle_server.engines.native.nodes import texts_at
 from oracle_server.engines.native.tables import table
+from oracle_server.engines.native.timeline import Timeline
 
 
 class _Value:
@@ -31,12 +31,12 @@ def _same(one: _Value, other: _Value) -> bool:
 class Previous:
     """Keeps what its operand was, and at the next step becomes that."""
 
-    def __init__(self, body: Body, clock: Clock) -> None:
-        self._body, self._clock = body, clock
+    def __init__(self, body: Body, timeline: Timeline) -> None:
+        self._body, self._timeline = body, timeline
         self._operand = body.at[0]
         self.variables, self.flat = body.variables, body.flat
         self.changes: list[Key] = []
-        self._table = table(len(self.variables), _Value(False), _Value.copy, clock, flat=self.flat)
+        self._table = table(len(self.variables), _Value(False), _Value.copy, timeline, flat=self.flat)
         self.next: list[tuple[Key, bool]] = []
         """What the operand became with the last step, keys with fresh values last."""
 
@@ -48,8 +48,8 @@ class Previous:
         """Become what the operand was, and take what it became."""
         if self.changes:
             self.changes = []
-        if self._clock.journal is not None:
-            self._clock.journal.append(partial(setattr, self, "next", self.next))
+        if self._timeline.journal is not None:
+            self._timeline.journal.append(partial(setattr, self, "next", self.next))
         if self.next:
             self._become()
         self.next = [(key, self._operand(key)) for key in self._body.touched(self._table)]
@@ -110,11 +110,11 @@ class Previous:
             state = self._table.own(key)
             if state.value is not value:
                 state.value = value
-                if self._clock.journal is not None:
-                    self._clock.journal.append(partial(setattr, state, "value", not value))
+                if self._timeline.journal is not None:
+                    self._timeline.journal.append(partial(setattr, state, "value", not value))
                 self.changes.append(key)
             fresh = fresh or is_fresh(key)
         if fresh:
-            self._clock.spend(len(self._table.states))
+            self._timeline.spend(len(self._table.states))
         for key in self._table.keys() if fresh else [key for key, _ in self.next]:
             self._table.drop(key, _same)

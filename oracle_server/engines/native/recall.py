@@ -35,7 +35,7 @@ class Recall:
         self._timed = time == "seconds"
         self.last = last
         self.first = last - max(len(past.times), 1) + 1
-        self._times: Sequence[int] = past.times or (network.clock.now,)
+        self._times: Sequence[int] = past.times or (network.timeline.now,)
         self._places = {atom: i for i, atom in enumerate(tree.atoms(formula))}
         self._known: dict[tuple[Path, int, tuple[Text, ...]], Tri] = {}
         self._free: dict[Path, tuple[int, ...]] = {}

@@ -8,7 +8,6 @@ from itertools import chain, product
 from typing import Any
 
 from oracle_server.engines.native.body import Body
-from oracle_server.engines.native.clock import FEW, Clock
 from oracle_server.engines.native.keys import (
     ALL,
     Key,
@@ -23,6 +22,7 @@ from oracle_server.engines.native.keys import (
 )
 from oracle_server.engines.native.nodes import texts_at
 from oracle_server.engines.native.tables import Flat, Tree, table
+from oracle_server.engines.native.timeline import FEW, Timeline
 
 
 class Some:
@@ -31,10 +31,10 @@ class Some:
     Of the keys at which the body holds, `held` has those that no more general one of them stands for.
     """
 
-    __slots__ = ("_body", "_clock", "_operand", "changes", "flat", "held", "variables")
+    __slots__ = ("_body", "_operand", "_timeline", "changes", "flat", "held", "variables")
 
-    def __init__(self, body: Body, clock: Clock) -> None:
-        self._body, self._clock = body, clock
+    def __init__(self, body: Body, timeline: Timeline) -> None:
+        self._body, self._timeline = body, timeline
         self._operand = body.at[0]
         self.variables: Variables = ()
         self.flat = True
@@ -54,12 +54,12 @@ class Some:
             held, operand = self.held, self._operand
             before = bool(held)
             for key in _general_first(keys):
-                if (operand(key) and not _covered(key, held, self._clock)) is not (key in held):
+                if (operand(key) and not _covered(key, held, self._timeline)) is not (key in held):
                     _turn(held, key)
-                    if self._clock.journal is not None:
-                        self._clock.journal.append(partial(_turn, held, key))
+                    if self._timeline.journal is not None:
+                        self._timeline.journal.append(partial(_turn, held, key))
             if not self._body.flat:
-                self._clock.tell_apart(len(held))
+                self._timeline.tell_apart(len(held))
             if bool(held) is not before:
                 self.changes = [()]
 
@@ -77,7 +77,7 @@ class Some:
 
     def spread(self, region: Region, place: int) -> Collection[str]:
         """The texts at a place of these keys in a region."""
-        return _texts(self.held, region, place, self._clock)
+        return _texts(self.held, region, place, self._timeline)
 
     def constant(self, region: Region) -> bool | None:  # noqa: ARG002
         """The value."""
@@ -139,16 +139,16 @@ def _same(one: _Held, other: _Held) -> bool:
 class SomeOf:
     """A quantifier whose body has free variables: what `Some` is, for each of their keys."""
 
-    def __init__(self, body: Body, bound: int, clock: Clock) -> None:
+    def __init__(self, body: Body, bound: int, timeline: Timeline) -> None:
         """`bound` is how many of the body's variables it binds, which are the last ones."""
-        self._body, self._clock = body, clock
+        self._body, self._timeline = body, timeline
         self._operand = body.at[0]
         self._own = len(body.variables) - bound
         self.variables = body.variables[: self._own]
         self.flat = body.flat or self._own == 1
         self.changes: list[Key] = []
-        self._table = table(self._own, _Held(), _Held.copy, clock, flat=self.flat)
-        self._asked = _Asked(self._table, self._own, bound, clock)
+        self._table = table(self._own, _Held(), _Held.copy, timeline, flat=self.flat)
+        self._asked = _Asked(self._table, self._own, bound, timeline)
 
     def at(self, key: Key) -> bool:
         """The value at a key of the free variables."""
@@ -166,12 +166,12 @@ class SomeOf:
             own = key_of(key[: self._own])
             held = owns[own] = self._table.own(own)
             rest = key[self._own :]
-            if (self._operand(key) and not _covered(rest, held.keys, self._clock)) is not (rest in held.keys):
+            if (self._operand(key) and not _covered(rest, held.keys, self._timeline)) is not (rest in held.keys):
                 _turn(held.keys, rest)
                 if not self._body.flat:
-                    self._clock.tell_apart(len(held.keys))
-                if self._clock.journal is not None:
-                    self._clock.journal.append(partial(_turn, held.keys, rest))
+                    self._timeline.tell_apart(len(held.keys))
+                if self._timeline.journal is not None:
+                    self._timeline.journal.append(partial(_turn, held.keys, rest))
         self._tell(owns)
 
     def _tell(self, owns: dict[Key, _Held]) -> None:
@@ -180,12 +180,12 @@ class SomeOf:
         for own, held in owns.items():
             if bool(held.keys) is not held.value:
                 held.value = not held.value
-                if self._clock.journal is not None:
-                    self._clock.journal.append(partial(setattr, held, "value", not held.value))
+                if self._timeline.journal is not None:
+                    self._timeline.journal.append(partial(setattr, held, "value", not held.value))
                 self.changes.append(own)
             fresh = fresh or is_fresh(own)
         if fresh:
-            self._clock.spend(len(self._table.states))
+            self._timeline.spend(len(self._table.states))
         for own in self._table.keys() if fresh else list(owns):
             self._table.drop(own, _same)
 
@@ -200,7 +200,7 @@ class SomeOf:
         for key in keys:
             self._table.own(key_of(key[: self._own]))
         rest = last[self._own :]
-        self._clock.spend(len(self._table.states))
+        self._timeline.spend(len(self._table.states))
         return [*keys, *((*texts_of(own), *rest) for own in self._table.points())]
 
     def due(self) -> int | None:
@@ -270,14 +270,14 @@ class SomeOf:
 class _Asked:
     """What a `SomeOf` tells apart, as keys of all variables of its body."""
 
-    def __init__(self, table: Flat[_Held] | Tree[_Held], own: int, bound: int, clock: Clock) -> None:
-        self._table, self._own, self._clock = table, own, clock
+    def __init__(self, table: Flat[_Held] | Tree[_Held], own: int, bound: int, timeline: Timeline) -> None:
+        self._table, self._own, self._timeline = table, own, timeline
         self._fresh = texts_of(fresh_key(bound))
 
     def points(self) -> Collection[Key]:
         found: set[Key] = set()
         for own, held in self._table.items():
-            self._clock.spend(1 + len(held.keys))
+            self._timeline.spend(1 + len(held.keys))
             texts = texts_of(own)
             found.update((*texts, *bound) for bound in held.keys)
             found.add((*texts, *self._fresh))
@@ -287,7 +287,7 @@ class _Asked:
         if place < self._own:
             return self._table.spread(region[: self._own], place)
         held = self._table.get(key_of(region[: self._own]))
-        return _texts(held.keys, region[self._own :], place - self._own, self._clock)
+        return _texts(held.keys, region[self._own :], place - self._own, self._timeline)
 
 
 def settled_over(body: Body, held: Collection[Key], own: Sequence[Text] = ()) -> bool | None:
@@ -306,13 +306,13 @@ def _general_first(keys: Collection[Key]) -> Collection[Key]:
     return keys if len(keys) < 2 else sorted(keys, key=lambda key: [text is not None for text in texts_of(key)])
 
 
-def _covered(key: Key, held: set[Key], clock: Clock) -> bool:
+def _covered(key: Key, held: set[Key], timeline: Timeline) -> bool:
     """Whether a more general key is among those held."""
     if not isinstance(key, tuple):
         return key is not None and None in held
     if len(held) < 2 ** len(key):
         if len(held) > FEW:
-            clock.spend(len(held))
+            timeline.spend(len(held))
         return any(general != key and _covers(general, key) for general in held)
     choices = [(text,) if text is None else (text, None) for text in key]
     return any(general in held for general in product(*choices) if general != key)
@@ -331,10 +331,10 @@ def _turn(keys: set[Key], key: Key) -> None:
         keys.add(key)
 
 
-def _texts(keys: Collection[Key], region: Region, place: int, clock: Clock) -> Collection[str]:
+def _texts(keys: Collection[Key], region: Region, place: int, timeline: Timeline) -> Collection[str]:
     """The texts at a place of the keys in a region."""
     if len(keys) > FEW:
-        clock.spend(len(keys))
+        timeline.spend(len(keys))
     fixed = [(i, text) for i, text in enumerate(region) if text is not ALL and i != place]
     return {
         text

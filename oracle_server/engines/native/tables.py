@@ -6,8 +6,8 @@ from collections.abc import Callable, Collection, Iterator
 from functools import partial
 from typing import Any, Generic, TypeVar
 
-from oracle_server.engines.native.clock import FEW, Clock
 from oracle_server.engines.native.keys import ALL, Key, Region, fresh_key
+from oracle_server.engines.native.timeline import FEW, Timeline
 
 S = TypeVar("S")
 _NO_TEXTS: frozenset[str] = frozenset()
@@ -16,10 +16,10 @@ _NO_TEXTS: frozenset[str] = frozenset()
 class Index:
     """Keys of two variables and more by the texts in them."""
 
-    __slots__ = ("_by", "_clock")
+    __slots__ = ("_by", "_timeline")
 
-    def __init__(self, size: int, clock: Clock) -> None:
-        self._clock = clock
+    def __init__(self, size: int, timeline: Timeline) -> None:
+        self._timeline = timeline
         self._by: list[dict[str, Key | set[Key]]] = [{} for _ in range(size)]
         """A key by itself where it is the only one with a text, as most are: a set for each would take 200 bytes."""
 
@@ -50,7 +50,7 @@ class Index:
             return self._by[place]
         fewest = min((self._keys(i, text) if text is not None else () for i, text in fixed), key=len)
         if len(fewest) > FEW:
-            self._clock.spend(len(fewest))
+            self._timeline.spend(len(fewest))
         return {key[place] for key in fewest if all(key[i] == text for i, text in fixed)}
 
     def _keys(self, place: int, text: Any) -> Collection[Key]:
@@ -61,11 +61,11 @@ class Index:
 class Flat(Generic[S]):
     """States that differ from the fresh key's at finitely many keys without fresh values."""
 
-    __slots__ = ("_clock", "_copy", "_fresh_key", "_index", "_size", "fresh", "states")
+    __slots__ = ("_copy", "_fresh_key", "_index", "_size", "_timeline", "fresh", "states")
     flat = True
 
-    def __init__(self, size: int, fresh: S, copy: Callable[[S], S], clock: Clock) -> None:
-        self.fresh, self._clock = fresh, clock
+    def __init__(self, size: int, fresh: S, copy: Callable[[S], S], timeline: Timeline) -> None:
+        self.fresh, self._timeline = fresh, timeline
         self.states: dict[Key, S] = {}
         self._fresh_key = fresh_key(size)
         self._copy = copy
@@ -84,8 +84,8 @@ class Flat(Generic[S]):
         if state is None:
             state = self._copy(self.fresh)
             self._put(key, state)
-            if self._clock.journal is not None:
-                self._clock.journal.append(partial(self._remove, key))
+            if self._timeline.journal is not None:
+                self._timeline.journal.append(partial(self._remove, key))
         return state
 
     def drop(self, key: Key, same: Callable[[S, S], bool]) -> None:
@@ -93,8 +93,8 @@ class Flat(Generic[S]):
         state = self.states.get(key)
         if state is not None and same(state, self.fresh):
             self._remove(key)
-            if self._clock.journal is not None:
-                self._clock.journal.append(partial(self._put, key, state))
+            if self._timeline.journal is not None:
+                self._timeline.journal.append(partial(self._put, key, state))
 
     def known(self, key: Key) -> S | None:
         """The state of a key that is told apart, None for others."""
@@ -118,8 +118,8 @@ class Flat(Generic[S]):
         if self._size == 1:
             return self.states.keys()
         if self._index is None:
-            self._clock.spend(len(self.states))
-            return Index.spread(_indexed(self._size, self.states, self._clock), region, place)
+            self._timeline.spend(len(self.states))
+            return Index.spread(_indexed(self._size, self.states, self._timeline), region, place)
         return self._index.spread(region, place)
 
     def load(self, states: list[tuple[Key, S]]) -> None:
@@ -135,7 +135,7 @@ class Flat(Generic[S]):
     def index(self) -> None:
         """Be asked for `spread`, before anything is told apart."""
         if self._size > 1 and self._index is None:
-            self._index = _indexed(self._size, self.states, self._clock)
+            self._index = _indexed(self._size, self.states, self._timeline)
 
     def _put(self, key: Key, state: S) -> None:
         self.states[key] = state
@@ -148,8 +148,8 @@ class Flat(Generic[S]):
             self._index.remove(key)
 
 
-def _indexed(size: int, keys: Collection[Key], clock: Clock) -> Index:
-    index = Index(size, clock)
+def _indexed(size: int, keys: Collection[Key], timeline: Timeline) -> Index:
+    index = Index(size, timeline)
     for key in keys:
         index.add(key)
     return index
@@ -161,11 +161,11 @@ class Tree(Generic[S]):
     A value that is told apart at a place has a branch of its own; others share the fresh one's.
     """
 
-    __slots__ = ("_branches", "_clock", "_copy", "_fresh", "_size", "states")
+    __slots__ = ("_branches", "_copy", "_fresh", "_size", "_timeline", "states")
     flat = False
 
-    def __init__(self, size: int, fresh: S, copy: Callable[[S], S], clock: Clock) -> None:
-        self._size, self._copy, self._clock = size, copy, clock
+    def __init__(self, size: int, fresh: S, copy: Callable[[S], S], timeline: Timeline) -> None:
+        self._size, self._copy, self._timeline = size, copy, timeline
         self._fresh = fresh_key(size)
         self.states: dict[Key, S] = {self._fresh: fresh}
         self._branches: dict[Key, set[str]] = {}
@@ -235,10 +235,10 @@ class Tree(Generic[S]):
 
     def _note(self) -> None:
         """Let all be taken back as it is."""
-        if self._clock.journal is not None:
-            self._clock.spend(len(self.states))
+        if self._timeline.journal is not None:
+            self._timeline.spend(len(self.states))
             branches = {path: set(texts) for path, texts in self._branches.items()}
-            self._clock.journal.append(partial(self._reset, dict(self.states), branches))
+            self._timeline.journal.append(partial(self._reset, dict(self.states), branches))
 
     def _reset(self, states: dict[Key, S], branches: dict[Key, set[str]]) -> None:
         self.states, self._branches = states, branches
@@ -252,8 +252,8 @@ class Tree(Generic[S]):
     def _grow(self, source: Key, target: Key) -> None:
         """Copy all that grows on one branch to another."""
         if len(source) == self._size:
-            self._clock.spend(1)
-            self._clock.tell_apart(len(self.states) + 1)
+            self._timeline.spend(1)
+            self._timeline.tell_apart(len(self.states) + 1)
             self.states[target] = self._copy(self.states[source])
             return
         texts = self._branches.get(source, set())
@@ -281,6 +281,6 @@ class Tree(Generic[S]):
             self._prune((*path, text))
 
 
-def table(size: int, fresh: S, copy: Callable[[S], S], clock: Clock, *, flat: bool) -> Flat[S] | Tree[S]:
+def table(size: int, fresh: S, copy: Callable[[S], S], timeline: Timeline, *, flat: bool) -> Flat[S] | Tree[S]:
     """A table for keys of `size` variables."""
-    return Flat(size, fresh, copy, clock) if flat or size < 2 else Tree(size, fresh, copy, clock)
+    return Flat(size, fresh, copy, timeline) if flat or size < 2 else Tree(size, fresh, copy, timeline)

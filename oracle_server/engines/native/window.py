@@ -16,10 +16,10 @@ from typing import Any
 
 from oracle_server.core.formula.tree import Bound
 from oracle_server.engines.native.body import Body
-from oracle_server.engines.native.clock import FEW, Clock
 from oracle_server.engines.native.keys import ALL, Key, Region, is_fresh, key_of, read_key
 from oracle_server.engines.native.nodes import texts_at
 from oracle_server.engines.native.tables import table
+from oracle_server.engines.native.timeline import FEW, Timeline
 
 
 class Runs:
@@ -64,9 +64,9 @@ class Runs:
 class Window:
     """`left since[a:b] right`, or `once[a:b] right` where there is no left side."""
 
-    def __init__(self, body: Body, bound: Bound, clock: Clock) -> None:
+    def __init__(self, body: Body, bound: Bound, timeline: Timeline) -> None:
         """`body` has the right side, and the left one after it where there is one."""
-        self._body, self._clock = body, clock
+        self._body, self._timeline = body, timeline
         self._lower, self._upper = bound.lower, bound.upper
         self._right = body.at[0]
         self._left = body.at[1] if len(body.at) > 1 else None
@@ -76,16 +76,16 @@ class Window:
         fresh = Runs()
         if self._all:
             fresh.starts, fresh.ends = deque(), deque()
-        self._table = table(len(self.variables), fresh, Runs.copy, clock, flat=self.flat)
+        self._table = table(len(self.variables), fresh, Runs.copy, timeline, flat=self.flat)
         self._entering: deque[tuple[int, Key]] = deque()
         self._leaving: deque[tuple[int, Key]] = deque()
         self._new_entering: list[tuple[int, Key]] = []
         self._new_leaving: list[tuple[int, Key]] = []
-        self._sparse = self._all and clock.timed
+        self._sparse = self._all and timeline.timed
         """Whether the window may hold no step at all."""
         self._peopled = True
         if self._sparse and bound.upper is not None:
-            clock.keep(bound.upper)
+            timeline.keep(bound.upper)
 
     def at(self, key: Key) -> bool:
         """The value at a key."""
@@ -101,9 +101,9 @@ class Window:
         keys = self._body.touched(self._table)
         peopled = self._peopled
         if self._sparse and self._upper is not None:
-            if self._clock.journal is not None:
-                self._clock.journal.append(partial(setattr, self, "_peopled", peopled))
-            self._peopled = self._clock.any_between(self._lower, self._upper)
+            if self._timeline.journal is not None:
+                self._timeline.journal.append(partial(setattr, self, "_peopled", peopled))
+            self._peopled = self._timeline.any_between(self._lower, self._upper)
         if keys:
             self._touch(keys)
         if self._peopled is not peopled:
@@ -113,19 +113,19 @@ class Window:
 
     def _step_alone(self) -> None:
         """What `step` does, where there is one key only."""
-        runs, clock = self._table.fresh, self._clock
-        if clock.journal is not None:
+        runs, timeline = self._table.fresh, self._timeline
+        if timeline.journal is not None:
             self._note(runs)
         if self._sparse and self._upper is not None:
-            self._peopled = clock.any_between(self._lower, self._upper)
+            self._peopled = timeline.any_between(self._lower, self._upper)
         right, left = self._right(()), self._left is None or self._left(())
         if right is not runs.right or left is not runs.left or not left:
             if self._move((), runs, left, right) and self._upper is not None:
-                self._leaving.append((clock.before + self._upper + 1, ()))
+                self._leaving.append((timeline.before + self._upper + 1, ()))
             self._entering.extend(self._new_entering)
             self._new_entering.clear()
         for queue in (self._entering, self._leaving):
-            while queue and queue[0][0] <= clock.now:
+            while queue and queue[0][0] <= timeline.now:
                 queue.popleft()
         value = self._value(runs)
         if value is not runs.value:
@@ -134,7 +134,7 @@ class Window:
 
     def _note(self, runs: Runs) -> None:
         """Let all of the one key be taken back as it is."""
-        journal = self._clock.journal
+        journal = self._timeline.journal
         if journal is not None:
             self._copied(runs, len(self._entering) + len(self._leaving))
             journal.append(partial(runs.become, runs.copy()))
@@ -154,14 +154,16 @@ class Window:
         while self._leaving and not self._all and self._stale(*self._leaving[0]):
             self._leaving.popleft()
         # what holds at the last step may not hold at the next one, so that a run ends, or begins to count, there
-        deadlines = [self._clock.now + d for d in (self._lower, None if self._upper is None else self._upper + 1) if d]
+        deadlines = [
+            self._timeline.now + d for d in (self._lower, None if self._upper is None else self._upper + 1) if d
+        ]
         deadlines = [deadline for deadline in deadlines if deadline > after]
         for queue in (self._entering, self._leaving):
             place = bisect_right(queue, after, key=_deadline)
             if place < len(queue):
                 deadlines.append(queue[place][0])
         if self._sparse and self._upper is not None:
-            turn = self._clock.next_change(self._lower, self._upper, after)
+            turn = self._timeline.next_change(self._lower, self._upper, after)
             if turn is not None:
                 deadlines.append(turn)
         return min(deadlines, default=None)
@@ -189,21 +191,21 @@ class Window:
 
     def when(self, key: Key) -> int | None:  # noqa: PLR0911 -- a case a kind of bound
         """The time of a step that makes it hold at a key; None where it does not."""
-        runs, clock = self._table.get(key), self._clock
+        runs, timeline = self._table.get(key), self._timeline
         if not runs.value:
             return None
         if not runs.starts:
-            return clock.now  # the left side fails now, and the right one holds
-        nearest = clock.now - self._lower
+            return timeline.now  # the left side fails now, and the right one holds
+        nearest = timeline.now - self._lower
         if self._upper is None:
             return runs.starts[0]
         if not runs.ends or (not self._lower and runs.right):
-            return clock.latest(nearest) if self._sparse else nearest
+            return timeline.latest(nearest) if self._sparse else nearest
         if not self._lower:
             return runs.ends[-1]
         if runs.ends[0] <= nearest:
             return runs.ends[0]
-        return clock.latest(nearest) if self._sparse else nearest
+        return timeline.latest(nearest) if self._sparse else nearest
 
     def snapshot(self) -> Any:
         """The state as plain data."""
@@ -234,7 +236,7 @@ class Window:
         if right is False and not runs.starts:
             return False
         if right is True and left is True and self._all and not self._sparse and len(runs.starts) > len(runs.ends):
-            return True if runs.starts[-1] <= self._clock.now - self._lower else None
+            return True if runs.starts[-1] <= self._timeline.now - self._lower else None
         return False if left is False and (right is False or self._lower) else None
 
     def can_settle(self, fresh: frozenset[int]) -> tuple[bool, bool]:
@@ -252,15 +254,15 @@ class Window:
         fresh = False
         for key in keys:
             runs = self._table.own(key)
-            if self._clock.journal is not None:
+            if self._timeline.journal is not None:
                 self._copied(runs)
-                self._clock.journal.append(partial(runs.become, runs.copy()))
+                self._timeline.journal.append(partial(runs.become, runs.copy()))
             left = self._left is None or self._left(key)
             closed = self._move(key, runs, left, self._right(key))
             self._refresh(key, runs)
             other = self._table.fresh
             if self._upper is not None and (closed or (runs.left is other.left and runs.right is other.right)):
-                self._new_leaving.append((self._clock.before + self._upper + 1, key))
+                self._new_leaving.append((self._timeline.before + self._upper + 1, key))
             fresh = fresh or is_fresh(key)
         if fresh:
             self._refresh_all()
@@ -271,8 +273,8 @@ class Window:
             if new:
                 new.sort(key=_deadline)
                 queue.extend(new)
-                if self._clock.journal is not None:
-                    self._clock.journal.append(partial(_shorten, queue, len(new)))
+                if self._timeline.journal is not None:
+                    self._timeline.journal.append(partial(_shorten, queue, len(new)))
                 new.clear()
 
     def _move(self, key: Key, runs: Runs, left: bool, right: bool) -> bool:
@@ -283,12 +285,12 @@ class Window:
             runs.ends.clear()
         elif not runs.left:
             if held:
-                self._open(key, runs, self._clock.before)
+                self._open(key, runs, self._timeline.before)
                 closed = not right
             elif right:
-                self._open(key, runs, self._clock.now)
+                self._open(key, runs, self._timeline.now)
         elif right and not held:
-            self._open(key, runs, self._clock.now)
+            self._open(key, runs, self._timeline.now)
         elif held and not right:
             closed = True
         if closed:
@@ -309,12 +311,12 @@ class Window:
 
     def _close(self, runs: Runs) -> None:
         if self._upper is not None:
-            runs.ends.append(self._clock.before)
+            runs.ends.append(self._timeline.before)
 
     def _refresh(self, key: Key, runs: Runs) -> None:
-        if self._clock.journal is not None:
+        if self._timeline.journal is not None:
             self._copied(runs)
-            self._clock.journal.append(partial(runs.become, runs.copy()))
+            self._timeline.journal.append(partial(runs.become, runs.copy()))
         value = self._value(runs)
         if value is not runs.value:
             runs.value = value
@@ -324,17 +326,17 @@ class Window:
         """Count what is copied so that it can be taken back: numbers, of which a hundred cost what a key does."""
         size = len(runs.starts) + len(runs.ends) + more
         if size > FEW:
-            self._clock.spend(size // 100)
+            self._timeline.spend(size // 100)
 
     def _value(self, runs: Runs) -> bool:
         if not runs.left:
             return runs.right and not self._lower
-        farthest = None if self._upper is None else self._clock.now - self._upper
+        farthest = None if self._upper is None else self._timeline.now - self._upper
         if farthest is not None:
             while runs.ends and runs.ends[0] < farthest:
                 del runs.ends[0]
                 del runs.starts[0]
-        nearest = self._clock.now - self._lower
+        nearest = self._timeline.now - self._lower
         if not runs.starts or runs.starts[0] > nearest:
             return False
         if not self._sparse or self._peopled or farthest is None:
@@ -346,27 +348,27 @@ class Window:
         if runs.left is not other.left or runs.right is not other.right or len(runs.starts) != len(other.starts):
             return False
         # before here, when a run began makes no difference any more
-        past = self._clock.now - (self._lower if self._upper is None else self._upper)
+        past = self._timeline.now - (self._lower if self._upper is None else self._upper)
         begun = zip(runs.starts, other.starts, strict=True)
         return all(p == q or max(p, q) <= past for p, q in begun) and list(runs.ends) == list(other.ends)
 
     def _refresh_all(self) -> None:
-        self._clock.spend(len(self._table.states))
+        self._timeline.spend(len(self._table.states))
         for key, runs in self._table.items():
             self._refresh(key, runs)
         for key in self._table.keys():  # noqa: SIM118 -- a table is no mapping
             self._table.drop(key, self._same)
 
     def _pop(self, queue: deque[tuple[int, Key]]) -> None:
-        now, popped = self._clock.now, 0
+        now, popped = self._timeline.now, 0
         while queue and queue[0][0] <= now:
             popped += 1
             if popped > FEW:
-                self._clock.spend(1)
+                self._timeline.spend(1)
             entry = queue.popleft()
             key = entry[1]
-            if self._clock.journal is not None:
-                self._clock.journal.append(partial(queue.appendleft, entry))
+            if self._timeline.journal is not None:
+                self._timeline.journal.append(partial(queue.appendleft, entry))
             if is_fresh(key):
                 self._refresh_all()
                 continue

@@ -17,7 +17,7 @@ from oracle_server.core.past import NO_PAST, Past
 from oracle_server.core.verdicts import Outcome
 from oracle_server.engines.stl.numbers import nodes
 from oracle_server.engines.stl.parse import Stl, read_stl
-from oracle_server.engines.stl.windows import Clock, Historically, Iff, Once, Since, Xor
+from oracle_server.engines.stl.windows import Historically, Iff, Once, Position, Since, Xor
 
 _TIMED = {TimedOnce: Once, TimedHistorically: Historically, TimedSince: Since}
 
@@ -34,7 +34,7 @@ class StlEngine:
         stl = read_stl(text, time)
         self._text, self._timed = text, time == "seconds"
         self._names = tuple(stl.signals)
-        self._clock = Clock()
+        self._clock = Position()
         self._monitor, self._numbers = _monitor(stl, self._clock), stl.numbers
         self._samples = 0
         self._values: dict[str, float] = {}
@@ -72,7 +72,7 @@ class StlEngine:
         return [*values.items(), *numbers.items()]
 
 
-def _monitor(stl: Stl, clock: Clock) -> Any:
+def _monitor(stl: Stl, clock: Position) -> Any:
     """What rtamt makes of a formula, with an operator a node: it shares one among equal parts, to see samples twice."""
     root = stl.root
     bounds = {}

@@ -10,7 +10,7 @@ import math
 from collections import deque
 
 
-class Clock:
+class Position:
     """Where the present sample stands: its number, or its time in nanoseconds."""
 
     __slots__ = ("now",)
@@ -22,7 +22,7 @@ class Clock:
 class Since:
     """`φ since[begin:end] ψ`: the largest of ψ at samples in the window, each no more than φ's least value after it."""
 
-    def __init__(self, clock: Clock, begin: int, end: int) -> None:
+    def __init__(self, clock: Position, begin: int, end: int) -> None:
         self._clock, self._begin, self._end = clock, begin, end
         self._count = 0
         self._least: deque[tuple[int, float]] = deque()
@@ -66,7 +66,7 @@ class Since:
 class Once:
     """`once[begin:end] φ`."""
 
-    def __init__(self, clock: Clock, begin: int, end: int) -> None:
+    def __init__(self, clock: Position, begin: int, end: int) -> None:
         self._since = Since(clock, begin, end)
 
     def update(self, sample: float) -> float:
@@ -77,7 +77,7 @@ class Once:
 class Historically:
     """`historically[begin:end] φ`."""
 
-    def __init__(self, clock: Clock, begin: int, end: int) -> None:
+    def __init__(self, clock: Position, begin: int, end: int) -> None:
         self._since = Since(clock, begin, end)
 
     def update(self, sample: float) -> float:

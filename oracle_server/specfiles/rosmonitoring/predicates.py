@@ -5,11 +5,13 @@ from __future__ import annotations
 import ast
 from dataclasses import dataclass, field
 
+from oracle_server.core.errors import OracleError
+
 _COMPARE = {ast.Eq: "==", ast.NotEq: "!=", ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
 _ARITHMETIC = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*"}
 
 
-class UntranslatableError(Exception):
+class UntranslatableError(OracleError):
     """Python that has no plain counterpart in CEL."""
 
 

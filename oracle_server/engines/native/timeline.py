@@ -1,4 +1,4 @@
-"""The clock that the nodes of one engine share, the journal by which a step is taken back, and what a step costs."""
+"""The timeline that the nodes of one engine share, the journal by which a step is taken back, and what a step costs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MAX_APART = 200_000
 """Keys of several variables, which multiply, that a node may tell apart: each takes some 500 bytes."""
 
 
-class Clock:
+class Timeline:
     """A step's time is its number or, where `timed`, nanoseconds; steps are then any time apart, or none.
 
     `now` is the present step's time, `before` that of the step before it; `first` tells the first step.
@@ -98,7 +98,7 @@ class Clock:
         return None
 
     def snapshot(self) -> Any:
-        """The clock as plain data."""
+        """The timeline as plain data."""
         return [self.now, self.before, self.first, self._times, self._owed]
 
     def restore(self, data: Any) -> None:
