@@ -41,7 +41,9 @@ from oracle_server.core.judge import Judge
 from oracle_server.core.plan import Plan, plan
 from oracle_server.core.session import orders
 from oracle_server.engines.table import make_engines
-from oracle_server.history.sqlite.schema import DDL, STEP_COLUMNS, Row, step_row
+from oracle_server.history.records import stored
+from oracle_server.history.sqlite.rows import Row, step_row
+from oracle_server.history.sqlite.schema import DDL, STEP_COLUMNS
 from oracle_server.specfiles.load import parse_spec
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -237,7 +239,7 @@ def judged_row(ready: Plan, judge: Judge, event: Frame) -> Row:
     now = time.time_ns()
     signals, failed = ready.streams[key].project(event["data"])
     seen = Event(key, "m", event["seq"], event["stamp"], now, event["data"], "", event.get("call"))
-    return step_row(1, event["seq"], 0, judge.judge(Step(seen, signals, failed, event["stamp"]), now), None)
+    return step_row(1, stored(event["seq"], 0, judge.judge(Step(seen, signals, failed, event["stamp"]), now)))
 
 
 def insert(database: sqlite3.Connection, rows: Sequence[Row]) -> None:

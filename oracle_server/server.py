@@ -26,8 +26,9 @@ from oracle_server.edge.bodies import Bodies
 from oracle_server.edge.origins import Origins
 from oracle_server.edge.tokens import Tokens
 from oracle_server.edge.transport import WebSocketTransport, bounded
+from oracle_server.history.port import History
 from oracle_server.history.retention import Pruner
-from oracle_server.history.sqlite.store import Store
+from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.process.clock import Clock
 from oracle_server.process.garbage import look_seldom
 from oracle_server.process.logs import set_up_logs
@@ -66,11 +67,11 @@ def serve(settings: Settings) -> None:
             library.get(settings.legacy)  # refuses one that is not on hand
         listener = _listen(settings.host, settings.port)
         try:
-            store = Store(settings.data_dir, settings.durability)
+            history = SqliteHistory(settings.data_dir, settings.durability)
             try:
-                asyncio.run(_serve(settings, library, store, _Door(tokens, tls, pid_file, listener)))
+                asyncio.run(_serve(settings, library, history, _Door(tokens, tls, pid_file, listener)))
             finally:
-                store.close()
+                history.close()
         finally:
             listener.close()
     finally:
@@ -86,20 +87,19 @@ class _Door(NamedTuple):
     listener: socket.socket
 
 
-async def _serve(settings: Settings, library: Library, store: Store, door: _Door) -> None:
+async def _serve(settings: Settings, library: Library, history: History, door: _Door) -> None:
     _take_all_files(settings.max_connections)
     sys.setswitchinterval(_TURN)
     tls = door.tls
-    store.start(asyncio.get_running_loop())
-    (latest,) = store.read("SELECT max(judged) FROM steps")[0]
-    clock = Clock(at_least=latest or 0)
-    registry = Registry(store, library, clock, settings.resume_within)
+    history.start(asyncio.get_running_loop())
+    clock = Clock(at_least=await history.last_time())
+    registry = Registry(history, library, clock, settings.resume_within)
     bounds = Retention(settings.retain_age, settings.retain_events, settings.retain_size)
-    pruner = Pruner(store, library, clock, bounds, registry.save)
+    pruner = Pruner(history, bounds, library.retention, clock.now, registry.save)
     with Watchdog() as watchdog:
         await registry.restore_all()
         look_seldom()
-        app = build_app(registry, library, store, watchdog, legacy=settings.legacy, max_rate=settings.max_rate)
+        app = build_app(registry, library, history, watchdog, legacy=settings.legacy, max_rate=settings.max_rate)
         config = uvicorn.Config(
             _guarded(app, settings, door.tokens),
             http=bounded(settings.max_connections),

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import AsyncIterator
+from contextlib import aclosing
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Body, FastAPI, HTTPException, Query, Request, Response, WebSocket
@@ -19,9 +21,9 @@ from oracle_server.core.errors import SpecError
 from oracle_server.core.verdicts import Outcome
 from oracle_server.edge import problems
 from oracle_server.edge.access import demand, demand_session, demand_spec, grant_of, unknown_session
+from oracle_server.history.pages import find
+from oracle_server.history.port import History
 from oracle_server.history.query import Query as Question
-from oracle_server.history.query import find
-from oracle_server.history.sqlite.store import Store
 from oracle_server.process.watchdog import Watchdog
 from oracle_server.review.explanation import NoExplanationError, explained
 from oracle_server.review.trace import trace_lines
@@ -47,7 +49,7 @@ class NewSession(BaseModel):
 def build_app(
     registry: Registry,
     library: Library,
-    store: Store,
+    store: History,
     watchdog: Watchdog,
     *,
     legacy: str | None = None,
@@ -79,7 +81,7 @@ def build_app(
     return app
 
 
-def _health(store: Store) -> APIRouter:
+def _health(store: History) -> APIRouter:
     router = APIRouter(tags=["health"])
 
     @router.get("/healthz")
@@ -147,7 +149,7 @@ def _specs(library: Library) -> APIRouter:
     return router
 
 
-def _sessions(registry: Registry, store: Store) -> APIRouter:
+def _sessions(registry: Registry, store: History) -> APIRouter:
     router = APIRouter()
 
     @router.get("/sessions", response_model=Page)
@@ -172,33 +174,33 @@ def _sessions(registry: Registry, store: Store) -> APIRouter:
                 await store.flush()
         except TimeoutError:
             raise HTTPException(503, "the history can't be written; the session is open but not kept yet") from None
-        return registry.state(session.id) or {}
+        return await registry.state(session.id) or {}
 
     @router.get("/sessions/{session_id}")
     async def get_session(session_id: str, request: Request) -> dict[str, Any]:
         """Tell how a session stands."""
-        demand_session(request, registry, session_id)
-        return registry.state(session_id) or unknown_session(session_id)
+        await demand_session(request, registry, session_id)
+        return await registry.state(session_id) or unknown_session(session_id)
 
     @router.delete("/sessions/{session_id}")
     async def close_session(session_id: str, request: Request) -> dict[str, Any]:
         """Judge what a session holds, and close it; its history stays."""
-        demand_session(request, registry, session_id)
+        await demand_session(request, registry, session_id)
         session = registry.open.get(session_id)
         if session is not None and not await registry.closed_within(session, _CLOSE_WITHIN):
             raise HTTPException(503, "the history can't be written; the session is closed as soon as it can")
-        return registry.state(session_id) or unknown_session(session_id)
+        return await registry.state(session_id) or unknown_session(session_id)
 
     return router
 
 
-def _verdicts(registry: Registry, store: Store) -> APIRouter:
+def _verdicts(registry: Registry, store: History) -> APIRouter:
     router = APIRouter()
     explaining = asyncio.Lock()
 
     async def page(request: Request, session_id: str, question: Question) -> Page:
-        known = demand_session(request, registry, session_id)
-        items, after = await asyncio.to_thread(find, store, known.number, known.properties, question)
+        known = await demand_session(request, registry, session_id)
+        items, after = await find(store, known, question)
         return {"items": items, "next": after}
 
     @router.get("/sessions/{session_id}/verdicts")
@@ -223,10 +225,10 @@ def _verdicts(registry: Registry, store: Store) -> APIRouter:
         request: Request, session_id: str, n: Annotated[int, PathParameter(ge=1, lt=2**63)]
     ) -> dict[str, Any]:
         """A verdict with its explanation, positive ones too: all that came before is judged again, one at a time."""
-        known = demand_session(request, registry, session_id)
+        known = await demand_session(request, registry, session_id)
         try:
             async with explaining:
-                record = await asyncio.to_thread(explained, store, known.number, n)
+                record = await explained(store, known.number, n)
         except NoExplanationError as error:
             raise HTTPException(409, str(error)) from None
         if record is None:
@@ -258,11 +260,16 @@ def _verdicts(registry: Registry, store: Store) -> APIRouter:
     )
     async def get_trace(request: Request, session_id: str) -> StreamingResponse:
         """Give what was judged as JSON Lines that `replay` takes: the events in the order of their arrival."""
-        known = demand_session(request, registry, session_id)
-        lines = (encode(line) + "\n" for line in trace_lines(store, known.number))
-        return StreamingResponse(lines, media_type="application/jsonl")
+        known = await demand_session(request, registry, session_id)
+        return StreamingResponse(_lines(store, known.number), media_type="application/jsonl")
 
     return router
+
+
+async def _lines(store: History, session: int) -> AsyncIterator[str]:
+    async with aclosing(trace_lines(store, session)) as pages:
+        async for lines in pages:
+            yield "".join(encode(line) + "\n" for line in lines)
 
 
 async def _text(request: Request) -> str:

@@ -10,8 +10,7 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Histo
 from prometheus_client.registry import Collector
 
 from oracle_server.core.tally import BOUNDS
-from oracle_server.history.sqlite.schema import OUTCOMES
-from oracle_server.history.sqlite.store import Store
+from oracle_server.history.port import Writing
 from oracle_server.process.watchdog import Watchdog
 from oracle_server.sessions.counters import TIMES
 from oracle_server.sessions.registry import Registry
@@ -30,10 +29,10 @@ _SESSION_COUNTERS = {
 _CONTENT = "text/plain; version=0.0.4; charset=utf-8"
 
 
-def router(registry: Registry, store: Store, watchdog: Watchdog) -> APIRouter:
+def router(registry: Registry, history: Writing, watchdog: Watchdog) -> APIRouter:
     """The route of the metrics."""
     collectors = CollectorRegistry()
-    collectors.register(ServerCollector(registry, store, watchdog))
+    collectors.register(ServerCollector(registry, history, watchdog))
     ProcessCollector(registry=collectors)
     made = APIRouter(tags=["health"])
 
@@ -48,8 +47,8 @@ def router(registry: Registry, store: Store, watchdog: Watchdog) -> APIRouter:
 class ServerCollector(Collector):
     """What one server has to tell."""
 
-    def __init__(self, registry: Registry, store: Store, watchdog: Watchdog) -> None:
-        self._registry, self._store, self._watchdog = registry, store, watchdog
+    def __init__(self, registry: Registry, history: Writing, watchdog: Watchdog) -> None:
+        self._registry, self._history, self._watchdog = registry, history, watchdog
 
     def collect(self) -> Iterator[Metric]:
         """All metrics, as they are now."""
@@ -65,8 +64,8 @@ class ServerCollector(Collector):
         counters = self._registry.counters
         yield CounterMetricFamily("oracle_events", "Events judged or skipped, in each order", counters.steps)
         verdicts = CounterMetricFamily("oracle_verdicts", "Verdicts, by outcome", labels=["outcome"])
-        for letter, count in counters.outcomes.items():
-            verdicts.add_metric([OUTCOMES[letter].value], count)
+        for outcome, count in counters.outcomes.items():
+            verdicts.add_metric([outcome.value], count)
         yield verdicts
         counts = counters.summed([session.counts() for session in self._registry.open.values()])
         for name, what in _SESSION_COUNTERS.items():
@@ -82,13 +81,13 @@ class ServerCollector(Collector):
         outboxes = [m.outbox for s in sessions for m in s.monitors.values() if m.outbox]
         depths = GaugeMetricFamily("oracle_queue_depth", "What waits, by where", labels=["queue"])
         depths.add_metric(["order"], sum(len(s.core.buffer) for s in sessions))
-        depths.add_metric(["history"], self._store.pending)
+        depths.add_metric(["history"], self._history.pending)
         depths.add_metric(["monitors"], sum(getattr(outbox, "queued", 0) for outbox in outboxes))
         yield depths
         yield GaugeMetricFamily("oracle_sessions", "Open sessions", len(sessions))
         yield GaugeMetricFamily("oracle_monitors", "Monitors that are connected", len(outboxes))
-        yield GaugeMetricFamily("oracle_history_lag_seconds", "Age of the oldest row not committed", self._store.lag)
-        writable = self._store.failure is None
+        yield GaugeMetricFamily("oracle_history_lag_seconds", "Age of the oldest row not committed", self._history.lag)
+        writable = self._history.failure is None
         yield GaugeMetricFamily("oracle_history_writable", "Whether the history can be written", int(writable))
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from oracle_server.api.app import build_app
-from oracle_server.history.sqlite.store import Store
+from oracle_server.history.memory import MemoryHistory
 from oracle_server.process.clock import Clock
 from oracle_server.process.watchdog import Watchdog
 from oracle_server.sessions.registry import Registry
@@ -19,11 +19,8 @@ from oracle_server.specfiles.library import Library
 def description() -> dict[str, Any]:
     """The OpenAPI document of a server without specs."""
     with tempfile.TemporaryDirectory() as folder:
-        store, library = Store(Path(folder)), Library(None, Path(folder))
-        try:
-            return build_app(Registry(store, library, Clock(), 10.0), library, store, Watchdog()).openapi()
-        finally:
-            store.close()
+        history, library = MemoryHistory(), Library(None, Path(folder))
+        return build_app(Registry(history, library, Clock(), 10.0), library, history, Watchdog()).openapi()
 
 
 if __name__ == "__main__":

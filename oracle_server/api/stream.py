@@ -16,10 +16,11 @@ from fastapi.responses import StreamingResponse
 
 from oracle_server.core.verdicts import Outcome
 from oracle_server.edge.access import demand_session
+from oracle_server.history.pages import find, latest
+from oracle_server.history.port import Reading
 from oracle_server.history.query import Query as Question
-from oracle_server.history.query import find, latest
-from oracle_server.history.sqlite.store import Store
-from oracle_server.sessions.registry import KnownSession, Registry
+from oracle_server.history.records import SessionRecord
+from oracle_server.sessions.registry import Registry
 from oracle_server.wire.json import encode
 
 _PAGE = 100
@@ -30,7 +31,7 @@ _GATHER = 0.05
 """Seconds between two looks at the history, so that a busy session's readers cost little."""
 
 
-def router(registry: Registry, store: Store) -> APIRouter:
+def router(registry: Registry, store: Reading) -> APIRouter:
     """The route of the stream."""
     made = APIRouter()
 
@@ -50,7 +51,7 @@ def router(registry: Registry, store: Store) -> APIRouter:
         last_event_id: Annotated[str | None, Header()] = None,
     ) -> StreamingResponse:
         """The verdicts behind `after`, or behind Last-Event-ID, and all that come; `closed` tells that none will."""
-        known = demand_session(request, registry, session_id)
+        known = await demand_session(request, registry, session_id)
         begin = after if last_event_id is None else _number(last_event_id)
         wanted = Question(
             frozenset(property), frozenset(outcome), stream, after=begin, limit=_PAGE, violations=violations
@@ -62,13 +63,13 @@ def router(registry: Registry, store: Store) -> APIRouter:
 
 
 async def _events(
-    registry: Registry, store: Store, session_id: str, known: KnownSession, wanted: Question
+    registry: Registry, store: Reading, session_id: str, known: SessionRecord, wanted: Question
 ) -> AsyncIterator[str]:
     yield ": the verdicts of a session\n\n"
     while True:
         live = registry.open.get(session_id)
         upcoming = live.ledger.news.next() if live else None
-        text, seen, more = await asyncio.to_thread(_page, store, known, wanted)
+        text, seen, more = await _page(store, known, wanted)
         if text:
             yield text
         wanted = replace(wanted, after=max(seen, wanted.after or 0))
@@ -84,10 +85,10 @@ async def _events(
         await asyncio.sleep(_GATHER)
 
 
-def _page(store: Store, known: KnownSession, wanted: Question) -> tuple[str, int, bool]:
+async def _page(store: Reading, known: SessionRecord, wanted: Question) -> tuple[str, int, bool]:
     """Events for what comes next in the history, the `n` up to which that is all, and whether there is more."""
-    seen = latest(store, known.number, len(known.properties))
-    items, more = find(store, known.number, known.properties, wanted)
+    seen = await latest(store, known)
+    items, more = await find(store, known, wanted)
     if more is not None:
         seen = more
     elif items:

@@ -14,7 +14,7 @@ from oracle_server.attach.patience import Patience
 from oracle_server.attach.throttle import Throttle
 from oracle_server.edge.access import grant_of
 from oracle_server.edge.transport import DIRECT, WebSocketTransport
-from oracle_server.history.sqlite.store import Store
+from oracle_server.history.port import Writing
 from oracle_server.sessions.greeting import attached_frame
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.monitor import Monitor
@@ -54,7 +54,7 @@ log = structlog.get_logger()
 class Connection:
     """Serves one WebSocket until it ends."""
 
-    def __init__(self, socket: WebSocket, registry: Registry, store: Store, max_rate: float = 0) -> None:
+    def __init__(self, socket: WebSocket, registry: Registry, store: Writing, max_rate: float = 0) -> None:
         """Serve a socket whose monitor may send `max_rate` events a second on average; 0 for any number."""
         self._socket, self._registry, self._store = socket, registry, store
         self._throttle, self._throttled = Throttle(max_rate), False

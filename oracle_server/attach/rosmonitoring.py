@@ -17,7 +17,7 @@ from oracle_server.core.stamps import stamp_in
 from oracle_server.core.verdicts import NEGATIVE, Judged, Outcome, worst
 from oracle_server.edge.access import grant_of
 from oracle_server.edge.problems import problem
-from oracle_server.history.sqlite.store import Store
+from oracle_server.history.port import Writing
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.monitor import Monitor
 from oracle_server.sessions.registry import Registry
@@ -35,7 +35,7 @@ _STALLED = 5.0
 log = structlog.get_logger()
 
 
-def legacy_routes(registry: Registry, store: Store, spec: str | None, max_rate: float = 0) -> APIRouter:
+def legacy_routes(registry: Registry, store: Writing, spec: str | None, max_rate: float = 0) -> APIRouter:
     """The addresses that old monitors connect to; `/` is that of `spec`, and refused without one.
 
     Each may send `max_rate` events a second on average; 0 for any number.
@@ -56,7 +56,7 @@ def legacy_routes(registry: Registry, store: Store, spec: str | None, max_rate: 
     return router
 
 
-async def _serve(socket: WebSocket, registry: Registry, store: Store, spec_id: str, max_rate: float) -> None:
+async def _serve(socket: WebSocket, registry: Registry, store: Writing, spec_id: str, max_rate: float) -> None:
     if not grant_of(socket).covers(spec=spec_id):
         await _refuse(socket, "the token is bound to other specs or sessions", 403)
         return
@@ -75,7 +75,7 @@ async def _refuse(socket: WebSocket, reason: str, status: int = 404) -> None:
 class LegacyConnection:
     """Serves one old monitor, in a session of its own, until either side ends it."""
 
-    def __init__(self, socket: WebSocket, session: LiveSession, store: Store, max_rate: float = 0) -> None:
+    def __init__(self, socket: WebSocket, session: LiveSession, store: Writing, max_rate: float = 0) -> None:
         self._throttle = Throttle(max_rate)
         self._socket, self._session, self._store = socket, session, store
         self._seq = 0

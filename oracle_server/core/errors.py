@@ -6,6 +6,7 @@
     - `SpecError`: a spec that is refused, with every problem found
     - `TraceError`: a recording that can't be used
     - `EngineError`: an engine that can't judge any more
+    - `HistoryError`: a history that can't be opened or read
 
 and, where they are raised:
 
@@ -13,7 +14,7 @@ and, where they are raised:
   `UntranslatableError`, of what ROSMonitoring was configured with
 - `wire`: `WireError`, what is answered by an `error` frame
 - `process`: `SettingsError`, `LogError`, `PidFileError`, `DaemonError`
-- `history`: `StoreError`, `FormatError`, of a data directory that can't be used
+- `history`: `FormatError`, a `HistoryError` of a format that this version does not read
 - `remote`: `UnreachableError`, `OtherEventError`, of an oracle elsewhere
 - `review`: `NoExplanationError`
 - `sessions`: `SessionExistsError`
@@ -96,3 +97,7 @@ class TraceError(OracleError):
 
 class EngineError(OracleError):
     """An engine that can't judge any more: its verdicts are unknown from here on."""
+
+
+class HistoryError(OracleError):
+    """A history that can't be opened or read."""

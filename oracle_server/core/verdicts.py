@@ -157,13 +157,12 @@ def explain(judged: Judged, verdict: Verdict) -> dict[str, Any] | None:
     }
 
 
-def decision_frame(judged: Judged) -> dict[str, Any]:
-    """What a monitor is told that has asked, as plain data."""
-    assert judged.decision is not None  # noqa: S101 -- called for decisions only
+def decision_frame(seq: int, decision: Decision, verdicts: Mapping[str, Outcome]) -> dict[str, Any]:
+    """What a monitor is answered that has asked about its event number `seq`, as plain data."""
     return {
         "type": "decision",
-        "seq": judged.step.event.seq,
-        "decision": judged.decision.choice,
-        "denied_by": list(judged.decision.denied_by),
-        "verdicts": {v.property: v.outcome.value for v in judged.verdicts},
+        "seq": seq,
+        "decision": decision.choice,
+        "denied_by": list(decision.denied_by),
+        "verdicts": {name: outcome.value for name, outcome in verdicts.items()},
     }

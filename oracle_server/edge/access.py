@@ -12,7 +12,8 @@ from starlette.types import Scope as ConnectionScope
 
 from oracle_server.edge.problems import refuse
 from oracle_server.edge.tokens import Grant, Scope, Tokens
-from oracle_server.sessions.registry import KnownSession, Registry
+from oracle_server.history.records import SessionRecord
+from oracle_server.sessions.registry import Registry
 
 _OPEN = re.compile(r"/(healthz|readyz|(dashboard/.*)?|docs(/.*)?|openapi\.json)")
 """What says nothing of any robot: it is told to all."""
@@ -63,9 +64,9 @@ def demand_spec(connection: HTTPConnection, spec_id: str) -> None:
         raise HTTPException(403, "the token is bound to other specs")
 
 
-def demand_session(connection: HTTPConnection, registry: Registry, session_id: str) -> KnownSession:
+async def demand_session(connection: HTTPConnection, registry: Registry, session_id: str) -> SessionRecord:
     """A session that is known and that the sender's token covers. Raises 404 or 403."""
-    known = registry.known(session_id)
+    known = await registry.known(session_id)
     demand(connection, spec=known and known.spec, session=session_id)
     return known or unknown_session(session_id)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sqlite3
 from http import HTTPStatus
 from typing import Any
 
@@ -14,7 +13,7 @@ from pydantic import BaseModel
 from starlette.exceptions import HTTPException
 from starlette.types import Receive, Scope, Send
 
-from oracle_server.core.errors import SpecError
+from oracle_server.core.errors import HistoryError, SpecError
 
 log = structlog.get_logger()
 
@@ -75,10 +74,10 @@ def install(app: FastAPI) -> None:
         found = [{"line": f.line, "column": f.column, "message": f.message} for f in error.findings]
         return problem(422, str(error), errors=found)
 
-    @app.exception_handler(sqlite3.Error)
-    async def _history(_: Request, error: sqlite3.Error) -> JSONResponse:
-        log.error("the history can't be read", reason=str(error))
-        return problem(503, f"the history can't be read: {error}")
+    @app.exception_handler(HistoryError)
+    async def _history(_: Request, error: HistoryError) -> JSONResponse:
+        log.error("a question can't be answered", reason=str(error))
+        return problem(503, str(error))
 
     @app.exception_handler(Exception)
     async def _bug(_: Request, __: Exception) -> JSONResponse:

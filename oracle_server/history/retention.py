@@ -6,46 +6,43 @@ What an open session would be restored from is never taken away: all until it is
 from __future__ import annotations
 
 import asyncio
-from bisect import bisect_left, bisect_right
+from bisect import bisect_right
 from collections import defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import structlog
 
+from oracle_server.core.errors import HistoryError
 from oracle_server.core.spec import Retention
-from oracle_server.history.sqlite.store import Store
-from oracle_server.process.clock import Clock
-from oracle_server.specfiles.library import Library
+from oracle_server.history.port import History
+from oracle_server.history.records import Extent
 
 _CHUNK = 2_000
 """Rows that are deleted with one commit, so that none waits long for it."""
 _WORTH_A_SNAPSHOT = 10
-_OF_A_SESSION = (("refused", "session"), ("monitors", "session"), ("snapshots", "session"), ("sessions", "number"))
-"""The tables besides `steps` that have rows of a session, and their columns with its number; itself at last."""
+
+_Older = Mapping[tuple[int, int], int]
+"""How many steps of a session (by its number) are older than an age (ns)."""
 
 log = structlog.get_logger()
 
 
 @dataclass(slots=True)
 class _Kept:
-    """One session: its events from position `first` to `last` are in the history; `closed` (ns) is None while open.
+    """One session, and how much of it is to go."""
 
-    Of an open one, those up to `settled` are not needed to restore it.
-    """
-
-    number: int
-    spec: str
-    closed: int | None
-    settled: int
-    first: int
-    last: int
+    extent: Extent
     cut: int = 0
     """How many of its oldest events go; of one that goes as a whole, all and one more."""
 
     @property
+    def is_open(self) -> bool:
+        return self.extent.closed is None
+
+    @property
     def size(self) -> int:
-        return self.last - self.first + 1
+        return self.extent.last - self.extent.first + 1
 
     @property
     def left(self) -> int:
@@ -53,7 +50,9 @@ class _Kept:
 
     def make_room(self, count: int) -> int:
         """Let so many more of its oldest events go, or as many as may; how many those are."""
-        free = self.size if self.closed is not None else min(self.settled, self.last - 1) - self.first + 1
+        free = self.size
+        if self.is_open:
+            free = min(self.extent.settled, self.extent.last - 1) - self.extent.first + 1
         more = max(0, min(count, free - self.cut))
         self.cut += more
         return more
@@ -63,70 +62,74 @@ class Pruner:
     """Keeps one server's history within its bounds and those of its specs."""
 
     def __init__(
-        self, store: Store, library: Library, clock: Clock, bounds: Retention, save: Callable[[int], None]
+        self,
+        history: History,
+        bounds: Retention,
+        of_specs: Callable[[], dict[str, Retention]],
+        now: Callable[[], int],
+        save: Callable[[int], None],
     ) -> None:
-        """`save` saves an open session, by its number, so that less is needed to restore it."""
-        self._store, self._library, self._clock, self._bounds, self._save = store, library, clock, bounds, save
+        """Prune by the server's `bounds`, and those `of_specs` by their ids; `now` is in nanoseconds.
+
+        `save` saves an open session, by its number, so that less is needed to restore it.
+        """
+        self._history, self._bounds, self._of_specs, self._now, self._save = history, bounds, of_specs, now, save
 
     async def run(self, every: float) -> None:
-        """Look every so many seconds, for ever."""
+        """Look every so many seconds, for ever: what fails is logged, and tried again the next time."""
         while True:
             await asyncio.sleep(every)
-            if self._store.failure is None:
+            if self._history.failure is not None:
+                continue
+            try:
                 await self.prune()
+            except HistoryError as error:
+                log.error("the history can't be pruned now", reason=str(error))
+            except Exception:  # whatever it is: without this task the disk would fill up, and nobody would know
+                log.exception("the history can't be pruned now")
 
     async def prune(self) -> None:
         """Delete what is beyond the bounds, and have sessions saved of which more should go than may."""
-        bounds = {spec: self._bounds_of(spec) for spec in self._library.ids()}
-        going, wanted = await asyncio.to_thread(self._choose_all, bounds)
-        for number in wanted:
+        sessions = [_Kept(extent) for extent in await self._history.extents()]
+        size, bounds = await self._history.size(), self._of_specs()
+        older = await self._older(sessions, {b.age for b in (*bounds.values(), self._bounds) if b.age is not None})
+        for number in await asyncio.to_thread(self._choose_all, sessions, size, bounds, older):
             self._save(number)
-        for session in going:
-            await self._delete(session)
+        for session in sessions:
+            if session.cut:
+                await self._delete(session)
 
-    def _choose_all(self, bounds: dict[str, Retention]) -> tuple[list[_Kept], set[int]]:
-        """The sessions of which something goes, and the numbers of those that are to be saved."""
-        sessions, row_size = self._look()
+    async def _older(self, sessions: list[_Kept], ages: set[int]) -> _Older:
+        now = self._now()
+        return {
+            (session.extent.number, age): await self._history.judged_before(session.extent, now - age)
+            for session in sessions
+            if session.is_open
+            for age in ages
+        }
+
+    def _choose_all(self, sessions: list[_Kept], size: int, bounds: dict[str, Retention], older: _Older) -> set[int]:
+        """Mark what goes; the numbers of the open sessions that are to be saved. It takes long for many sessions."""
+        row_size = size / max(1, sum(session.size for session in sessions))
         groups = defaultdict(list)
         for session in sessions:
-            groups[session.spec].append(session)
+            groups[session.extent.spec].append(session)
         wanted: set[int] = set()
         for spec, group in groups.items():
-            wanted |= self._choose(bounds.get(spec, Retention()), group, row_size)
-        wanted |= self._choose(self._bounds, sessions, row_size)
-        return [session for session in sessions if session.cut], wanted
+            wanted |= self._choose(bounds.get(spec, Retention()), group, row_size, older)
+        return wanted | self._choose(self._bounds, sessions, row_size, older)
 
-    def _look(self) -> tuple[list[_Kept], float]:
-        """All sessions, the oldest first, and how many bytes an event takes."""
-        rows = self._store.read(
-            "SELECT s.number, s.spec, s.closed, coalesce(saved.settled, 0) "
-            "FROM sessions s LEFT JOIN snapshots saved ON saved.session = s.number ORDER BY s.number"
-        )
-        span = "SELECT min(position), max(position) FROM steps WHERE session = ?"
-        sessions = []
-        for number, spec, closed, settled in rows:
-            first, last = self._store.read(span, (number,))[0]
-            sessions.append(_Kept(number, spec, closed, settled, first or 1, last or 0))
-        used = self._store.read(
-            "SELECT (p.page_count - f.freelist_count) * s.page_size FROM pragma_page_count p, "
-            "pragma_freelist_count f, pragma_page_size s"
-        )
-        return sessions, used[0][0] / max(1, sum(s.size for s in sessions))
-
-    def _bounds_of(self, spec: str) -> Retention:
-        return self._library.last(spec).plan.spec.retention
-
-    def _choose(self, bounds: Retention, group: list[_Kept], row_size: float) -> set[int]:
+    def _choose(self, bounds: Retention, group: list[_Kept], row_size: float, older: _Older) -> set[int]:
         """Let go what is beyond some bounds; the open sessions of which that may not go yet."""
-        closed = [s for s in group if s.closed is not None]
-        live = [s for s in group if s.closed is None]
+        closed = [s for s in group if not s.is_open]
+        live = [s for s in group if s.is_open]
         wanted: set[int] = set()
         if bounds.age is not None:
-            oldest = self._clock.now() - bounds.age
+            oldest = self._now() - bounds.age
             for session in closed:
-                if (session.closed or 0) < oldest:
+                if (session.extent.closed or 0) < oldest:
                     session.cut = session.size + 1
-            wanted |= _cut((session, self._older(session, oldest) - session.cut) for session in live)
+            wanted |= _cut((session, older[session.extent.number, bounds.age] - session.cut) for session in live)
         for limit in (bounds.events, None if bounds.size is None else int(bounds.size / row_size)):
             excess = 0 if limit is None else sum(s.left for s in group) - limit
             for session in closed:
@@ -137,26 +140,13 @@ class Pruner:
             wanted |= _cut((session, session.left - level) for session in live)
         return wanted
 
-    def _older(self, session: _Kept, time: int) -> int:
-        """How many of a session's events were judged before a time (ns)."""
-        sql = "SELECT judged FROM steps WHERE session = ? AND position = ?"
-        positions = range(session.first, session.last + 1)
-        return bisect_left(positions, time, key=lambda p: self._store.read(sql, (session.number, p))[0][0])
-
     async def _delete(self, session: _Kept) -> None:
-        count = session.cut
-        for start in range(session.first, session.first + min(count, session.size), _CHUNK):
-            end = min(start + _CHUNK, session.first + count)
-            await self._do("DELETE FROM steps WHERE session = ? AND position < ?", (session.number, end))
+        extent, count = session.extent, session.cut
+        for start in range(extent.first, extent.first + min(count, session.size), _CHUNK):
+            await self._history.forget_steps(extent.number, min(start + _CHUNK, extent.first + count))
         if count > session.size:
-            for table, key in _OF_A_SESSION:
-                await self._do(f"DELETE FROM {table} WHERE {key} = ?", (session.number,))  # noqa: S608
-        log.info("history deleted", session=session.number, events=min(count, session.size))
-
-    async def _do(self, sql: str, values: tuple[int, ...]) -> None:
-        done = asyncio.Event()
-        self._store.execute(sql, values, done.set)
-        await done.wait()
+            await self._history.forget_session(extent.number)
+        log.info("history deleted", session=extent.number, events=min(count, session.size))
 
 
 def _cut(sessions: Iterable[tuple[_Kept, int]]) -> set[int]:
@@ -164,8 +154,8 @@ def _cut(sessions: Iterable[tuple[_Kept, int]]) -> set[int]:
     wanted = set()
     for session, count in sessions:
         missing = count - session.make_room(count)
-        if missing > session.left // _WORTH_A_SNAPSHOT and session.settled < session.last - 1:
-            wanted.add(session.number)
+        if missing > session.left // _WORTH_A_SNAPSHOT and session.extent.settled < session.extent.last - 1:
+            wanted.add(session.extent.number)
     return wanted
 
 

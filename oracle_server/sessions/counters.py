@@ -5,11 +5,11 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from itertools import chain
 
 from oracle_server.core.tally import HoldTimes
-from oracle_server.history.sqlite.schema import OUTCOMES, STEP_COLUMNS, Row
+from oracle_server.core.verdicts import Outcome
 
-_OUTCOMES = STEP_COLUMNS.index("outcomes")
 _US = 1_000
 TIMES = tuple(
     us * _US
@@ -35,8 +35,8 @@ class Counters:
     """One server's numbers. What sessions count themselves is added up when it is asked for."""
 
     def __init__(self) -> None:
-        self.outcomes = dict.fromkeys(OUTCOMES, 0)
-        """Verdicts, by the letter of their outcome."""
+        self.outcomes: Counter[Outcome] = Counter(dict.fromkeys(Outcome, 0))
+        """Verdicts, by their outcome."""
         self.steps = 0
         self.decisions = Times()
         """From an event's arrival to its decision's leaving."""
@@ -47,12 +47,10 @@ class Counters:
         self._past: Counter[str] = Counter()
         self._held = HoldTimes()
 
-    def judged(self, rows: Sequence[Row]) -> None:
-        """Count steps as they go to the history."""
-        self.steps += len(rows)
-        letters = "".join([row[_OUTCOMES] for row in rows])
-        for letter in self.outcomes:
-            self.outcomes[letter] += letters.count(letter)
+    def judged(self, steps: Sequence[Sequence[Outcome]]) -> None:
+        """Count steps as they go to the history: the outcomes of each."""
+        self.steps += len(steps)
+        self.outcomes.update(chain.from_iterable(steps))
 
     def restored(self, counts: Counter[str]) -> None:
         """Leave out what a session had counted before this server started."""

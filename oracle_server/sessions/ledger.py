@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Mapping
+from functools import partial
 
 from oracle_server.core.numbering import JUDGED
 from oracle_server.core.session import Session
 from oracle_server.core.verdicts import Judged, record
-from oracle_server.history.query import recorded_answer
-from oracle_server.history.sqlite.schema import step_row
-from oracle_server.history.sqlite.store import Store
+from oracle_server.history.port import History
+from oracle_server.history.records import Refusal, SessionRecord, stored
 from oracle_server.process.clock import Clock
+from oracle_server.sessions.answers import Answers
 from oracle_server.sessions.commits import News
 from oracle_server.sessions.counters import Counters
-from oracle_server.sessions.identity import Identity
 from oracle_server.sessions.monitor import Monitor
 from oracle_server.sessions.snapshots import Snapshots
 from oracle_server.sessions.standing import Frame, Standing
@@ -32,18 +32,19 @@ class Ledger:
     """Writes one session's steps and refusals. An ack means committed, and so does a verdict that a monitor is told."""
 
     def __init__(
-        self, identity: Identity, core: Session, store: Store, clock: Clock, counters: Counters,
+        self, opened: SessionRecord, core: Session, history: History, clock: Clock, counters: Counters,
         monitors: Mapping[str, Monitor],
     ) -> None:  # fmt: skip
         """Write for a session that has these monitors, and those that will come."""
         self.news = News()
         """Told at each commit."""
-        self.snapshots = Snapshots(identity.id, identity.number, core, store)
+        self.snapshots = Snapshots(opened.id, opened.number, core, history)
+        self.answers = Answers(history, opened.number, [p.id for p in core.plan.spec.properties])
         self.refused = 0
         """How many events were refused."""
-        self._session, self._monitors = identity.number, monitors
-        self._core, self._store, self._clock, self._counters = core, store, clock, counters
-        self._properties = [p.id for p in core.plan.spec.properties]
+        self._session, self._monitors = opened.number, monitors
+        self._core, self._history, self._clock, self._counters = core, history, clock, counters
+        self._width = len(core.plan.spec.properties)
         self._deciding, judge = next(iter(core.judges.items()))
         self._standing = Standing(judge)
         self._position = 0
@@ -63,23 +64,24 @@ class Ledger:
     def write(self) -> None:
         """Give what was judged to the history."""
         judged, self._unwritten = self._unwritten, []
-        rows, used, violations = [], [], []
+        steps, used, violations = [], [], []
         for item in judged:
             self._position += 1
-            event, gap, outcome = item.step.event, 0, None
+            event, gap, handling = item.step.event, 0, None
             if event.monitor:
                 monitor = self._monitors[event.monitor]
                 gap = monitor.gaps.get(event.seq, 0)
                 if item.order == self._deciding:
                     monitor.gaps.pop(event.seq, None)
-                    outcome = monitor.outcomes.pop(event.seq, None)
+                    handling = monitor.handlings.pop(event.seq, None)
                     used.append((monitor, event.seq, gap, JUDGED))
-            rows.append(step_row(self._session, self._position, gap, item, outcome))
+            steps.append(stored(self._position, gap, item, handling))
             violations += [{"type": "violation", **record(item, v)} for v in item.verdicts if v.explanation]
-        if rows:
-            self._counters.judged(rows)
+        if steps:
+            self._counters.judged([step.outcomes for step in steps])
             standing, position = self._standing.changed(self._last_verdict), self._position
-            self._store.append("steps", rows, lambda: self._committed(used, position, violations, standing))
+            done = partial(self._committed, used, position, violations, standing)
+            self._history.append(self._session, steps, done)
             if self.snapshots.is_due(self._position):
                 self.save()
 
@@ -96,28 +98,25 @@ class Ledger:
         monitor.lost += lost
         if lost:
             self._core.note_refusal()
-        row = (self._session, monitor.name, seq, gap, self._clock.now(), code, message)
-        self._store.append("refused", [row], lambda: self._settle([(monitor, seq, gap, lost)]))
+        refusal = Refusal(monitor.name, seq, gap, self._clock.now(), code, message)
+        self._history.refuse(self._session, refusal, partial(self._settle, [(monitor, seq, gap, lost)]))
         return WireError(code, message, seq=seq)
 
     def amend(self, monitor: Monitor, message: Handling | QuickHandling) -> None:
         """Add what the adapter did about an event that is written already."""
         monitor.unsettled += 1
-        self._store.execute(
-            "UPDATE steps SET passed = ?, why = ? WHERE session = ? AND monitor = ? AND seq = ?",
-            (message.passed, message.why, self._session, monitor.name, message.seq),
-            lambda: self._amended(monitor),
-        )
+        handling = (message.passed, message.why)
+        self._history.amend(self._session, monitor.name, message.seq, handling, partial(self._amended, monitor))
 
     def answer_again(self, monitor: Monitor, message: AnyEvent) -> None:
         """Tell a monitor what it was told, or was to be told, of an event that it sends again."""
-        if message.ask and monitor.outbox:
-            answer = monitor.answers.get(message.seq)
-            if answer is None and message.seq not in monitor.gaps:
-                answer = recorded_answer(self._store, self._session, self._properties, monitor.name, message.seq)
-            if answer is not None:
-                monitor.outbox.send(answer)
-        _acknowledge(monitor)
+        outbox, answer = monitor.outbox, monitor.answers.get(message.seq)
+        if message.ask and outbox and answer is not None:
+            outbox.send(answer)
+        elif message.ask and outbox and message.seq not in monitor.gaps:
+            self.answers.want(monitor, outbox, message.seq)
+            return
+        monitor.acknowledge()
 
     def follow_verdicts(self) -> None:
         """Begin to tell the monitors that want to know it how the properties stand."""
@@ -131,7 +130,7 @@ class Ledger:
 
     @property
     def _last_verdict(self) -> int:
-        return self._position * len(self._properties)
+        return self._position * self._width
 
     def _committed(self, used: list[_Used], position: int, violations: list[Frame], standing: Frame | None) -> None:
         self.snapshots.committed(position)
@@ -155,20 +154,9 @@ class Ledger:
             monitor.answers.pop(seq, None)
             touched[monitor.name] = monitor
         for monitor in touched.values():
-            _acknowledge(monitor)
-            let_go(monitor)
+            monitor.acknowledge()
+            monitor.let_go()
 
     def _amended(self, monitor: Monitor) -> None:
         monitor.unsettled -= 1
-        let_go(monitor)
-
-
-def let_go(monitor: Monitor) -> None:
-    """Tell a monitor that wants to leave that it may, once all that it sent is committed."""
-    if monitor.detaching and monitor.unsettled == 0 and monitor.outbox:
-        monitor.outbox.finish({"type": "detached"})
-
-
-def _acknowledge(monitor: Monitor) -> None:
-    if monitor.outbox:
-        monitor.outbox.send({"type": "ack", "upto": monitor.numbering.upto})
+        monitor.let_go()

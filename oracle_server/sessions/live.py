@@ -14,17 +14,16 @@ from oracle_server.core.numbering import Numbering
 from oracle_server.core.session import Session
 from oracle_server.core.simulated import ClockReading, SimulatedTime
 from oracle_server.core.verdicts import Judged, decision_frame
-from oracle_server.history.sqlite.store import Store
+from oracle_server.history.port import History
+from oracle_server.history.records import MonitorRecord, SessionRecord
 from oracle_server.process.clock import Clock
 from oracle_server.remote.live import Oracles
 from oracle_server.review.restore import Restored
 from oracle_server.sessions.counters import Counters
-from oracle_server.sessions.identity import Identity
-from oracle_server.sessions.ledger import Ledger, let_go
+from oracle_server.sessions.ledger import Ledger
 from oracle_server.sessions.monitor import Monitor, Outbox, check_time, claimed
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import AnyClock, AnyEvent, Attach, Handling, QuickHandling, ReportMessage
-from oracle_server.wire.json import encode
 
 log = structlog.get_logger()
 
@@ -33,19 +32,20 @@ class LiveSession:
     """One open session. All methods run on the event loop's thread, and none awaits."""
 
     def __init__(
-        self, identity: Identity, core: Session, store: Store, clock: Clock, counters: Counters, resume_within: float,
-        on_over: Callable[[LiveSession], None],
+        self, record: SessionRecord, core: Session, history: History, clock: Clock, counters: Counters,
+        resume_within: float, on_over: Callable[[LiveSession], None],
     ) -> None:  # fmt: skip
         """Run a session; `on_over` is called when it is to be closed: its last monitor gone, or its time gone back."""
-        self.id, self.number, self.private, self.opened = identity
+        self.record = record
+        self.id, self.number, self.private, self.opened = record.id, record.number, record.private, record.opened
         self.core, self.spec = core, core.plan.spec
         self.monitors: dict[str, Monitor] = {}
         self.credit = Credit(self.spec.ordering.capacity)
-        self.ledger = Ledger(identity, core, store, clock, counters, self.monitors)
+        self.ledger = Ledger(record, core, history, clock, counters, self.monitors)
         self.closing = False
         self.clock_went_back = False
         """Whether its simulation began anew, so that it takes nothing more."""
-        self._store, self._clock, self._counters = store, clock, counters
+        self._history, self._clock, self._counters = history, clock, counters
         self._resume_within, self._on_over = resume_within, on_over
         self.oracles = None if core.asking is None else Oracles(core, self._enter, self._deliver)
         self._timer: asyncio.TimerHandle | None = None
@@ -79,6 +79,16 @@ class LiveSession:
         self.credit.open(monitor.name)
         self._deliver(self.core.attach(monitor.name, streams, self._enter()))
         return monitor
+
+    @property
+    def has_room(self) -> bool:
+        """Whether it takes more events; else its monitors are not read until it does."""
+        return self._history.has_room and self.ledger.answers.has_room
+
+    async def room(self) -> None:
+        """Wait until it takes more events."""
+        await self._history.room()
+        await self.ledger.answers.room()
 
     def tell_verdicts(self, monitor: Monitor) -> None:
         """Tell a monitor that wants to know how the properties stand; to be called once its past is committed."""
@@ -146,7 +156,7 @@ class LiveSession:
     def outcome(self, monitor: Monitor, message: Handling | QuickHandling) -> None:
         """Keep what the adapter did about an event that it asked about."""
         if message.seq in monitor.gaps:
-            monitor.outcomes[message.seq] = (message.passed, message.why)
+            monitor.handlings[message.seq] = (message.passed, message.why)
         else:
             self.ledger.amend(monitor, message)
 
@@ -154,7 +164,7 @@ class LiveSession:
         """Let a monitor go: it is told once all that it sent is committed."""
         monitor.detaching = True
         self._leave(monitor)
-        let_go(monitor)
+        monitor.let_go()
 
     def disconnected(self, monitor: Monitor, outbox: Outbox) -> None:
         """Keep the place of a monitor whose connection is lost, for a while."""
@@ -228,14 +238,13 @@ class LiveSession:
 
     def _enter(self) -> int:
         """The present time, in nanoseconds; while the history can't be written, the core judges nothing."""
-        self.core.suspended = self._store.failure is not None
+        self.core.suspended = self._history.failure is not None
         return self._clock.now()
 
     def _set_attached(self, monitor: Monitor, *, attached: bool) -> None:
         monitor.attached = attached
-        streams = encode([list(key) for key in monitor.streams])
-        values = (self.number, monitor.name, monitor.instance, streams, attached, monitor.clock)
-        self._store.execute("INSERT OR REPLACE INTO monitors VALUES (?, ?, ?, ?, ?, ?)", values)
+        record = MonitorRecord(monitor.name, monitor.instance, monitor.streams, attached, monitor.clock)
+        self._history.set_monitor(self.number, record)
 
     def _look_who_is_back(self) -> None:
         """After a restart: hear all of whom a place was kept, once they are back or their time is over."""
@@ -268,7 +277,8 @@ class LiveSession:
         for item in judged:
             if item.decision:
                 monitor = self.monitors[item.step.event.monitor]
-                answer = monitor.answers[item.step.event.seq] = decision_frame(item)
+                seq, verdicts = item.step.event.seq, {v.property: v.outcome for v in item.verdicts}
+                answer = monitor.answers[seq] = decision_frame(seq, item.decision, verdicts)
                 if monitor.outbox:
                     monitor.outbox.send(answer)
                 self._counters.decisions.add(self._clock.now() - item.step.event.came)

@@ -56,11 +56,21 @@ class Monitor:
     """Events that are not on their way to the history yet, by number: how many numbers before each never came."""
     answers: dict[int, dict[str, Any]] = field(default_factory=dict)
     """Decisions on events that are not committed yet, by number."""
-    outcomes: dict[int, tuple[bool, str]] = field(default_factory=dict)
+    handlings: dict[int, tuple[bool, str]] = field(default_factory=dict)
     """What the adapter did about events that are not on their way to the history yet, by number."""
     reports: dict[StreamKey, StreamReport] = field(default_factory=dict)
     """What it says of its streams."""
     expiry: asyncio.TimerHandle | None = None
+
+    def acknowledge(self) -> None:
+        """Send up to which number all is committed."""
+        if self.outbox:
+            self.outbox.send({"type": "ack", "upto": self.numbering.upto})
+
+    def let_go(self) -> None:
+        """Confirm that it may leave, where it wants to, once all that it sent is committed."""
+        if self.detaching and self.unsettled == 0 and self.outbox:
+            self.outbox.finish({"type": "detached"})
 
 
 def claimed(spec: Spec, names: list[str] | None) -> tuple[StreamKey, ...]:

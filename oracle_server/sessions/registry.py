@@ -7,9 +7,9 @@ import contextlib
 import itertools
 import secrets
 import time
-from typing import Any, NamedTuple
+from collections.abc import Iterator
+from typing import Any
 
-import msgspec
 import structlog
 
 from oracle_server.core.errors import OracleError, SpecError
@@ -17,12 +17,11 @@ from oracle_server.core.plan import judged_by, plan
 from oracle_server.core.session import Session
 from oracle_server.core.spec import By
 from oracle_server.engines.table import make_engines
-from oracle_server.history.sqlite.schema import Row
-from oracle_server.history.sqlite.store import Store
+from oracle_server.history.port import History
+from oracle_server.history.records import Document, SessionRecord
 from oracle_server.process.clock import Clock
 from oracle_server.review.restore import restore
 from oracle_server.sessions.counters import Counters
-from oracle_server.sessions.identity import Identity
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.monitor import Monitor, Outbox, claimed
 from oracle_server.sessions.status import session_state
@@ -31,22 +30,14 @@ from oracle_server.specfiles.load import parse_spec
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import Attach
 
-_OPENED = "number, id, spec, text, digest, properties, private, opened, asked"
-
+_LISTED = 1_000
+"""Closed sessions that are listed."""
 _GOODBYE_WITHIN = 2.0
 _FLUSH_WITHIN = 10.0
 _ANEW = ".run"
 """Stands between a session's name and a number where its simulation has begun anew: `s1`, `s1.run2`, `s1.run3`."""
 
 log = structlog.get_logger()
-
-
-class KnownSession(NamedTuple):
-    """A session's number in the history, its spec, and the ids of its properties in their order there."""
-
-    number: int
-    spec: str
-    properties: list[str]
 
 
 class SessionExistsError(OracleError):
@@ -56,11 +47,11 @@ class SessionExistsError(OracleError):
 class Registry:
     """The open sessions, and what the history knows of the closed ones."""
 
-    def __init__(self, store: Store, library: Library, clock: Clock, resume_within: float) -> None:
+    def __init__(self, history: History, library: Library, clock: Clock, resume_within: float) -> None:
         """Hold no sessions yet; `resume_within` is how long, in seconds, a lost monitor keeps its place."""
         self.open: dict[str, LiveSession] = {}
         self.counters = Counters()
-        self._store, self._library, self._clock, self._resume_within = store, library, clock, resume_within
+        self._history, self._library, self._clock, self._resume_within = history, library, clock, resume_within
         self._opening = asyncio.Lock()
         self._closing: dict[int, asyncio.Task[None]] = {}
         self._stopping = False
@@ -68,12 +59,12 @@ class Registry:
 
     async def restore_all(self) -> None:
         """Bring the open sessions back from the history."""
-        self._last = (self._store.read("SELECT max(number) FROM sessions")[0][0]) or 0
-        for row in self._store.read(f"SELECT {_OPENED} FROM sessions WHERE closed IS NULL ORDER BY number"):  # noqa: S608
+        self._last = await self._history.last_number()
+        for opened in await self._history.open_sessions():
             try:
-                await self._restore(row)
+                await self._restore(opened)
             except OracleError as error:
-                log.error("a session can't be restored", session=row[1], reason=str(error))
+                log.error("a session can't be restored", session=opened.id, reason=str(error))
 
     async def attach(self, wanted: Attach, outbox: Outbox) -> tuple[LiveSession, Monitor]:
         """Attach a monitor to the session that it wants. Raises a fatal `WireError` where that can't be."""
@@ -94,39 +85,33 @@ class Registry:
         """
         async with self._opening:
             entry = self._library.get(spec_id)
-            session_id = session_id or self._new_name(spec_id)
-            if self.known(session_id) is not None:
+            session_id = session_id or await self._new_name(spec_id)
+            if await self.known(session_id) is not None:
                 raise SessionExistsError(f"a session '{session_id}' is there already")
             return await self._open(entry, session_id, private=private, by=by)
 
     async def room(self) -> None:
         """Wait until the history takes more: no monitor is read meanwhile."""
-        await self._store.room()
+        await self._history.room()
 
     @property
     def has_room(self) -> bool:
         """Whether the history takes more."""
-        return self._store.has_room
+        return self._history.has_room
 
     async def flush(self) -> None:
         """Wait until all that was given to the history is committed."""
-        await self._store.flush()
+        await self._history.flush()
 
-    def known(self, session_id: str) -> KnownSession | None:
-        """What the history needs to be asked about a session, None where there is none of that name."""
+    async def known(self, session_id: str) -> SessionRecord | None:
+        """A session that is open or was, None where there is none of that name. Raises `HistoryError`."""
         live = self.open.get(session_id)
-        if live is not None:
-            return KnownSession(live.number, live.spec.id, [p.id for p in live.spec.properties])
-        rows = self._store.read("SELECT number, spec, properties FROM sessions WHERE id = ?", (session_id,))
-        return KnownSession(rows[0][0], rows[0][1], msgspec.json.decode(rows[0][2])) if rows else None
+        return live.record if live is not None else await self._history.session(session_id)
 
-    def state(self, session_id: str) -> dict[str, Any] | None:
-        """How a session stands, or stood when it was closed; None where it is not known."""
+    async def state(self, session_id: str) -> Document | None:
+        """How a session stands, or stood when it was closed; None where it is not known. Raises `HistoryError`."""
         live = self.open.get(session_id)
-        if live is not None:
-            return session_state(live, self._clock.now())
-        rows = self._store.read("SELECT state FROM sessions WHERE id = ? AND closed IS NOT NULL", (session_id,))
-        return _decode(rows[0][0]) if rows else None
+        return session_state(live, self._clock.now()) if live else await self._history.closed_state(session_id)
 
     async def states(self) -> list[dict[str, Any]]:
         """Every session's state, the newest first; the open ones as of now, so that one that closes is told once."""
@@ -135,12 +120,8 @@ class Registry:
             live.append(session_state(session, self._clock.now()))
             await asyncio.sleep(0)  # so that decisions wait for one state, not for a thousand
         told = {state["id"] for state in live}
-        closed = await asyncio.to_thread(self._closed_states)
+        closed = await self._history.closed_states(_LISTED)
         return [*live, *(state for state in closed if state["id"] not in told)]
-
-    def _closed_states(self) -> list[dict[str, Any]]:
-        sql = "SELECT state FROM sessions WHERE closed IS NOT NULL ORDER BY number DESC LIMIT 1000"
-        return [_decode(row[0]) for row in self._store.read(sql)]
 
     async def _close(self, session: LiveSession) -> None:
         """Judge what a session holds, and close it for good, unless the server stops: then it goes on with the next."""
@@ -149,12 +130,11 @@ class Registry:
         session.close()
         await session.settle()
         now = self._clock.now()
-        successor = self._successor(session) if session.clock_went_back else None
+        successor = await self._successor(session) if session.clock_went_back else None
         state = session_state(session, now) | {"status": "closed", "closed": now, "continued_by": successor}
         state["clock_went_back"] = session.clock_went_back
-        sql = "UPDATE sessions SET closed = ?, state = ? WHERE number = ?"
-        self._store.execute(sql, (now, msgspec.json.encode(state).decode(), session.number))
-        await self._store.flush()
+        self._history.close_session(session.number, now, state)
+        await self._history.flush()
         self.open.pop(session.id, None)
         self.counters.closed(session.counts(), session.core.holds)
         session.ledger.news.end()
@@ -187,7 +167,7 @@ class Registry:
             session.ledger.save()
         try:
             async with asyncio.timeout(_FLUSH_WITHIN):
-                await self._store.flush()
+                await self._history.flush()
         except TimeoutError:
             log.error("the server stops without its last events in the history; their monitors send them again")
         for session in self.open.values():
@@ -205,8 +185,8 @@ class Registry:
             await asyncio.wait((self._closing[live.number],))  # only then it is known what comes after it
         elif live is not None:
             return live
-        if wanted.session and self.known(wanted.session) is not None:
-            state = self.state(wanted.session) or {}
+        if wanted.session and await self.known(wanted.session) is not None:
+            state = await self.state(wanted.session) or {}
             if state.get("clock_went_back"):
                 raise _ended(wanted.session, state["continued_by"])
             raise WireError("session_closed", f"session '{wanted.session}' is closed; it can only be read", fatal=True)
@@ -227,45 +207,48 @@ class Registry:
         ready = judged_by(entry.plan, by)
         core = Session(ready, await asyncio.to_thread(make_engines, ready))
         self._last += 1
-        live = self._live(Identity(session_id, self._last, private, self._clock.now()), core)
-        properties = msgspec.json.encode([p.id for p in spec.properties]).decode()
-        self._store.execute(
-            f"INSERT INTO sessions ({_OPENED}) VALUES (?,?,?,?,?,?,?,?,?)",  # noqa: S608
-            (live.number, session_id, spec.id, entry.file.text, spec.digest, properties, private, live.opened, by),
+        properties = tuple(p.id for p in spec.properties)
+        record = SessionRecord(
+            self._last, session_id, spec.id, entry.file.text, spec.digest, properties, private, self._clock.now(), by
         )
+        live = self._live(record, core)
+        self._history.open_session(record)
         log.info("session opened", session=session_id, spec=spec.id)
         return live
 
-    async def _restore(self, row: Row) -> None:
-        number, session_id, _, text, _, _, private, opened, by = row
-        ready = judged_by(plan(parse_spec(text, session_id).spec), by)
-        restored = await asyncio.to_thread(restore, self._store, number, ready)
-        live = self._live(Identity(session_id, number, bool(private), opened), restored.core)
+    async def _restore(self, opened: SessionRecord) -> None:
+        ready = judged_by(plan(parse_spec(opened.text, opened.id).spec), opened.by)
+        restored = await restore(self._history, opened.number, ready)
+        live = self._live(opened, restored.core)
         live.resume(restored)
         if live.oracles is not None and restored.position:
             live.oracles.resume()
         self.counters.restored(live.counts())
-        log.info("session restored", session=session_id, steps=restored.position)
+        log.info("session restored", session=opened.id, steps=restored.position)
 
-    def _live(self, identity: Identity, core: Session) -> LiveSession:
-        live = LiveSession(identity, core, self._store, self._clock, self.counters, self._resume_within, self._on_over)
+    def _live(self, record: SessionRecord, core: Session) -> LiveSession:
+        live = LiveSession(record, core, self._history, self._clock, self.counters, self._resume_within, self._on_over)
         self.open[live.id] = live
         return live
 
-    def _new_name(self, spec_id: str) -> str:
+    async def _new_name(self, spec_id: str) -> str:
         """A name that no session has: many may be opened within a second."""
         stem = f"{spec_id[:40]}-{time.strftime('%Y%m%d-%H%M%S')}"
-        names = (f"{stem}-{secrets.token_hex(2)}" for _ in itertools.count())
-        return next(name for name in names if self.known(name) is None)
+        return await self._first_free(f"{stem}-{secrets.token_hex(2)}" for _ in itertools.count())
 
-    def _successor(self, session: LiveSession) -> str | None:
+    async def _successor(self, session: LiveSession) -> str | None:
         """The name under which a session goes on once its simulation has begun anew; a private one has none."""
         if session.private:
             return None
         stem, mark, number = session.id.rpartition(_ANEW)
         stem, first = (stem, int(number) + 1) if mark and number.isdecimal() else (session.id, 2)
-        names = (f"{stem[: 60 - len(str(n))]}{_ANEW}{n}" for n in itertools.count(first))
-        return next(name for name in names if self.known(name) is None)
+        return await self._first_free(f"{stem[: 60 - len(str(n))]}{_ANEW}{n}" for n in itertools.count(first))
+
+    async def _first_free(self, names: Iterator[str]) -> str:
+        for name in names:
+            if await self.known(name) is None:
+                return name
+        raise AssertionError  # there is no end of names
 
     def _on_over(self, session: LiveSession) -> None:
         self._begin_to_close(session)
@@ -285,7 +268,3 @@ def _stops() -> WireError:
 def _ended(session: str, successor: str | None) -> WireError:
     message = f"the simulated time of session '{session}' went back; attach to {successor or 'a new one'}"
     return WireError("session_ended", message, fatal=True, session=successor)
-
-
-def _decode(state: str) -> dict[str, Any]:
-    return msgspec.json.decode(state, type=dict[str, Any])

@@ -9,9 +9,9 @@ from collections.abc import Mapping
 import structlog
 
 from oracle_server.core.session import Session
-from oracle_server.history.sqlite.store import Store
+from oracle_server.history.port import Writing
+from oracle_server.history.records import SnapshotRecord
 from oracle_server.sessions.monitor import Monitor
-from oracle_server.wire.json import encode
 
 _SAVE_AFTER = 10_000
 """Steps until the first snapshot, and at least between two that nobody asked for."""
@@ -24,9 +24,9 @@ log = structlog.get_logger()
 class Snapshots:
     """Saves one session, ever more seldom as it grows: what a snapshot takes grows with it."""
 
-    def __init__(self, session: str, number: int, core: Session, store: Store) -> None:
+    def __init__(self, session: str, number: int, core: Session, history: Writing) -> None:
         """Save a session under its `number` in the history."""
-        self._session, self._number, self._core, self._store = session, number, core, store
+        self._session, self._number, self._core, self._history = session, number, core, history
         self._next = _SAVE_AFTER
         self._committed = 0
         self._broken = 0
@@ -76,10 +76,7 @@ class Snapshots:
         if data is None:
             return
         numbers = {name: monitor.numbering.saved() for name, monitor in monitors.items()}
-        self._store.execute(
-            "INSERT OR REPLACE INTO snapshots (session, position, data, settled, numbers) VALUES (?,?,?,?,?)",
-            (self._number, position, encode(data), self._committed, encode(numbers)),
-        )
+        self._history.save_snapshot(self._number, SnapshotRecord(position, data, self._committed, numbers))
 
     @property
     def rested(self) -> bool:

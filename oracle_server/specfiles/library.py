@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple
 
 from oracle_server.core.errors import Finding, OracleError, SpecError
 from oracle_server.core.plan import Plan, plan
+from oracle_server.core.spec import Retention
 from oracle_server.specfiles.load import SpecFile, load_spec, parse_spec
 
 
@@ -60,6 +61,10 @@ class Library:
     def last(self, spec_id: str) -> Entry:
         """A spec of `ids` as it was last read and found sound."""
         return self._entries[spec_id]
+
+    def retention(self) -> dict[str, Retention]:
+        """How long histories are kept, by the specs' ids."""
+        return {spec_id: entry.plan.spec.retention for spec_id, entry in self._entries.copy().items()}
 
     def get(self, spec_id: str) -> Entry:
         """A spec as it is now. Raises `UnknownSpecError`, or `SpecError` where its file has become unsound."""

@@ -19,7 +19,7 @@ from tests.processes import PATIENCE, reserved_port
 __all__ = ["PATIENCE", "Served", "reviving"]
 
 _MAIN = "from oracle_server.cli.commands import main; main()"
-_OFTEN = "from oracle_server.history.sqlite import store; store.PERIOD = 0"
+_OFTEN = "from oracle_server.history.sqlite import writer; writer.PERIOD = 0"
 """Commits as they come and not gathered: there are the more moments to strike at."""
 
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import sqlite3
 import subprocess
-from collections.abc import Iterator, Sequence
+from collections.abc import AsyncGenerator
 from typing import Any
 
 import pytest
 
-from oracle_server.history.sqlite.store import Store
+from oracle_server.history.records import StoredStep
+from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.review.explanation import NoExplanationError, explained
 from tests.whole.client import attached, make_clock, make_event
 from tests.whole.conftest import Starts
@@ -108,14 +110,16 @@ async def test_what_cannot_be_explained_is_said(start: Starts) -> None:
         assert (answer.status_code, answer.json()["detail"]) == (status, detail)
 
 
-class Pruned(Store):
+class Pruned(SqliteHistory):
     """A history of which something goes while it is read."""
 
     going = "false"
 
-    def each(self, sql: str, values: Sequence[Any] = ()) -> Iterator[tuple[Any, ...]]:
-        self._writer.execute(f"DELETE FROM steps WHERE {self.going}")
-        return super().each(sql, values)
+    async def steps(self, session: int, after: int, upto: int | None = None) -> AsyncGenerator[list[StoredStep], None]:
+        with contextlib.closing(sqlite3.connect(self.path)) as database, database:
+            database.execute(f"DELETE FROM steps WHERE {self.going}")
+        async for page in super().steps(session, after, upto):
+            yield page
 
 
 @pytest.mark.parametrize("going", ["position < 3", "true"])
@@ -124,11 +128,11 @@ async def test_what_goes_while_it_is_explained_is_not_explained_without_it(start
     await tell(server)
     n = number(server, 4, "granted_in_time")
     assert server.stop() == 0
-    with contextlib.closing(Pruned(server.data)) as store:
-        assert explained(store, 1, n) is not None
-        store.going = going
+    with contextlib.closing(Pruned(server.data)) as history:
+        assert await explained(history, 1, n) is not None
+        history.going = going
         with pytest.raises(NoExplanationError, match="not kept any more"):
-            explained(store, 1, n)
+            await explained(history, 1, n)
 
 
 async def test_an_explanation_survives_a_restart_and_is_printed_as_a_tree(start: Starts) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 
-from oracle_server.core.errors import OracleError
+from oracle_server.core.errors import HistoryError
 from oracle_server.history.sqlite.schema import DDL, VERSION
 
 _STEPS = {
@@ -19,7 +19,7 @@ _STEPS = {
 """By the version that they start from: statements that lead to the next one."""
 
 
-class FormatError(OracleError):
+class FormatError(HistoryError):
     """A history in a format that this version of the server does not read."""
 
 

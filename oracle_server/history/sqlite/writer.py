@@ -1,4 +1,4 @@
-"""The history on disk: SQLite in WAL mode, one writer thread, whatever has piled up in one commit.
+"""Writing to SQLite in WAL mode: one thread, and whatever has piled up in one commit.
 
 Rows are inserted many to a statement: the writer needs the interpreter once a statement, and each time would have to
 wait for the event loop to let go of it.
@@ -12,16 +12,17 @@ import sqlite3
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
 import structlog
 
-from oracle_server.core.errors import OracleError
+from oracle_server.core.errors import HistoryError
 from oracle_server.history.sqlite.migrations import migrate
-from oracle_server.history.sqlite.schema import REFUSED_COLUMNS, STEP_COLUMNS, VERSION, Row
+from oracle_server.history.sqlite.rows import Row
+from oracle_server.history.sqlite.schema import REFUSED_COLUMNS, STEP_COLUMNS, VERSION
 
 Durability = Literal["full", "normal"]
 MAX_PENDING = 20_000
@@ -37,10 +38,6 @@ _CHUNK = 512
 log = structlog.get_logger()
 
 
-class StoreError(OracleError):
-    """The data directory or its database can't be used."""
-
-
 @dataclass(slots=True)
 class _Batch:
     """What waits for the next commit, in the order in which it must be done."""
@@ -50,17 +47,17 @@ class _Batch:
     size: int = 0
 
 
-class Store:
+class Writer:
     """Appends to the history from the event loop's thread; each append tells when it is committed."""
 
-    def __init__(self, folder: Path, durability: Durability = "full") -> None:
-        """Open a folder's database, which must be nobody else's. Raises `StoreError` where it can't be used."""
-        self.path = folder / "history.sqlite"
+    def __init__(self, path: Path, durability: Durability) -> None:
+        """Open a database, which must be nobody else's. Raises `HistoryError` where it can't be used."""
+        self.path = path
         try:
             self._writer = sqlite3.connect(self.path, isolation_level=None, check_same_thread=False)
             _prepare(self._writer, durability)
         except sqlite3.Error as error:
-            raise StoreError(f"{self.path}: can't be used as a database: {error}") from None
+            raise HistoryError(f"{self.path}: can't be used as a database: {error}") from None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._room = asyncio.Event()
         self._batch = _Batch()
@@ -122,17 +119,6 @@ class Store:
         if self._thread.is_alive():
             self._thread.join()
         self._writer.close()
-
-    def read(self, sql: str, values: Sequence[Any] = ()) -> list[Row]:
-        """Rows as of the last commit, on a connection of their own: reading never waits for writing."""
-        with contextlib.closing(sqlite3.connect(f"file:{self.path}?mode=ro", uri=True)) as reader:
-            return reader.execute(sql, values).fetchall()
-
-    def each(self, sql: str, values: Sequence[Any] = ()) -> Iterator[Row]:
-        """The same, row by row; each may be asked for in another thread."""
-        uri = f"file:{self.path}?mode=ro"
-        with contextlib.closing(sqlite3.connect(uri, uri=True, check_same_thread=False)) as reader:
-            yield from reader.execute(sql, values)
 
     def _add(self, what: str, values: Any, done: Callable[[], None] | None, size: int) -> None:
         if not self._batch.work:

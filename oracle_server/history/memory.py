@@ -1,0 +1,300 @@
+"""A history that ends with its process: for tests, and for trials that leave nothing behind."""
+
+from __future__ import annotations
+
+import asyncio
+from bisect import bisect_left
+from collections.abc import AsyncGenerator, Callable, Sequence
+from dataclasses import dataclass, field
+from operator import attrgetter
+from typing import Any
+
+import msgspec
+
+from oracle_server.core.events import Order
+from oracle_server.core.verdicts import FINAL
+from oracle_server.history.port import Done
+from oracle_server.history.query import Query
+from oracle_server.history.records import (
+    Document,
+    Extent,
+    MonitorRecord,
+    Refusal,
+    SessionRecord,
+    SnapshotRecord,
+    StoredStep,
+)
+
+_PAGE = 1_000
+_STEP = 1_000
+"""Bytes that a step is taken to need."""
+_FORGOTTEN = SessionRecord(0, "", "", "", "", (), private=False, opened=0)
+
+
+@dataclass(slots=True)
+class _Kept:
+    """All that is kept of one session."""
+
+    record: SessionRecord
+    closed: int | None = None
+    state: Document | None = None
+    steps: list[StoredStep] = field(default_factory=list)
+    monitors: dict[str, MonitorRecord] = field(default_factory=dict)
+    refusals: list[Refusal] = field(default_factory=list)
+    snapshot: SnapshotRecord | None = None
+
+    def index(self, position: int) -> int:
+        """Where the step at a position, or the next one, stands in `steps`."""
+        return bisect_left(self.steps, position, key=attrgetter("position"))
+
+
+class MemoryHistory:
+    """A `History` that is lost when the process ends: what is given is committed with the loop's next turn."""
+
+    failure: str | None = None
+    has_room = True
+    lag = 0.0
+
+    def __init__(self) -> None:
+        """Keep nothing yet."""
+        self._kept: dict[int, _Kept] = {}
+        self._given: list[tuple[Callable[[], object], Done | None]] = []
+        self._loop: asyncio.AbstractEventLoop | None = None
+
+    def start(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Begin to write; callbacks run on `loop`."""
+        self._loop = loop
+        loop.call_soon(self._commit)
+
+    def close(self) -> None:
+        """Commit what waits."""
+        self._commit()
+
+    @property
+    def pending(self) -> int:
+        """Commands that wait for the loop's next turn."""
+        return len(self._given)
+
+    async def room(self) -> None:
+        """There always is room."""
+
+    async def flush(self) -> None:
+        """Wait until all that was given is committed."""
+        await self._done(lambda: None)
+
+    # commands
+
+    def open_session(self, session: SessionRecord) -> None:
+        """Keep a new session."""
+        self._do(lambda: self._kept.update({session.number: _Kept(session)}))
+
+    def close_session(self, session: int, at: int, state: Document) -> None:
+        """Keep that a session was closed."""
+        document = _plain(state)
+
+        def close() -> None:
+            kept = self._of(session)
+            kept.closed, kept.state = at, document
+
+        self._do(close)
+
+    def set_monitor(self, session: int, monitor: MonitorRecord) -> None:
+        """Keep a monitor of a session."""
+        self._do(lambda: self._of(session).monitors.update({monitor.name: monitor}))
+
+    def append(self, session: int, steps: Sequence[StoredStep], done: Done) -> None:
+        """Keep steps that were judged, without their data."""
+        kept = [_without_data(step) for step in steps]
+        self._do(lambda: self._of(session).steps.extend(kept), done)
+
+    def refuse(self, session: int, refusal: Refusal, done: Done) -> None:
+        """Keep that an event was refused."""
+        self._do(lambda: self._of(session).refusals.append(refusal), done)
+
+    def amend(self, session: int, monitor: str, seq: int, handling: tuple[bool, str], done: Done) -> None:
+        """Add to an event's steps what the adapter did."""
+
+        def amend() -> None:
+            steps = self._of(session).steps
+            passed, why = handling
+            for i, step in enumerate(steps):
+                if (step.step.event.monitor, step.step.event.seq) == (monitor, seq):
+                    steps[i] = msgspec.structs.replace(step, passed=passed, why=why)
+
+        self._do(amend, done)
+
+    def save_snapshot(self, session: int, snapshot: SnapshotRecord) -> None:
+        """Keep a snapshot in place of the last one."""
+        kept = snapshot._replace(data=_plain(snapshot.data), numbers=_plain(snapshot.numbers))
+
+        def save() -> None:
+            self._of(session).snapshot = kept
+
+        self._do(save)
+
+    async def forget_steps(self, session: int, before: int) -> None:
+        """Delete a session's steps before a position."""
+
+        def forget() -> None:
+            kept = self._of(session)
+            del kept.steps[: kept.index(before)]
+
+        await self._done(forget)
+
+    async def forget_session(self, session: int) -> None:
+        """Delete all that is left of a session."""
+        await self._done(lambda: self._kept.pop(session, None))
+
+    def _do(self, work: Callable[[], object], done: Done | None = None) -> None:
+        self._given.append((work, done))
+        if self._loop is not None and len(self._given) == 1:
+            self._loop.call_soon(self._commit)
+
+    async def _done(self, work: Callable[[], object]) -> None:
+        committed = asyncio.Event()
+        self._do(work, committed.set)
+        await committed.wait()
+
+    def _commit(self) -> None:
+        given, self._given = self._given, []
+        for work, _ in given:
+            work()
+        for _, done in given:
+            if done is not None:
+                done()
+
+    # queries
+
+    async def last_number(self) -> int:
+        """The largest number of a session."""
+        return max(self._kept, default=0)
+
+    async def last_time(self) -> int:
+        """The latest time at which something was judged."""
+        return max((step.judged for kept in self._kept.values() for step in kept.steps), default=0)
+
+    async def open_sessions(self) -> list[SessionRecord]:
+        """The sessions that are not closed."""
+        return [kept.record for _, kept in sorted(self._kept.items()) if kept.closed is None]
+
+    async def session(self, name: str | int) -> SessionRecord | None:
+        """A session by its id or number."""
+        return next((kept.record for kept in self._kept.values() if name in (kept.record.id, kept.record.number)), None)
+
+    async def closed_state(self, name: str) -> Document | None:
+        """How a closed session stood."""
+        return next((kept.state for kept in self._kept.values() if kept.record.id == name), None)
+
+    async def closed_states(self, limit: int) -> list[Document]:
+        """How the closed sessions stood, the newest first."""
+        states = [kept.state for _, kept in sorted(self._kept.items(), reverse=True) if kept.state is not None]
+        return states[:limit]
+
+    async def monitors(self, session: int) -> list[MonitorRecord]:
+        """The monitors of a session."""
+        return list(self._of(session).monitors.values())
+
+    async def refusals(self, session: int) -> list[Refusal]:
+        """The refused events of a session."""
+        return list(self._of(session).refusals)
+
+    async def snapshot(self, session: int) -> SnapshotRecord | None:
+        """The snapshot of a session."""
+        return self._of(session).snapshot
+
+    async def extent(self, session: int) -> tuple[int, int]:
+        """The first and the last position of a session's steps."""
+        steps = self._steps(session)
+        return (steps[0].position, steps[-1].position) if steps else (1, 0)
+
+    async def step(self, session: int, position: int) -> StoredStep | None:
+        """The step at a position."""
+        return next((step for step in self._steps(session) if step.position == position), None)
+
+    async def asked_step(self, session: int, monitor: str, seq: int) -> StoredStep | None:
+        """The step of an event at which it was decided."""
+        return next(
+            (
+                step
+                for step in self._steps(session)
+                if step.decision is not None and (step.step.event.monitor, step.step.event.seq) == (monitor, seq)
+            ),
+            None,
+        )
+
+    async def steps(self, session: int, after: int, upto: int | None = None) -> AsyncGenerator[list[StoredStep], None]:
+        """The steps behind a position, up to another, by pages."""
+        found = [s for s in self._steps(session) if s.position > after and (upto is None or s.position <= upto)]
+        for start in range(0, len(found), _PAGE):
+            yield found[start : start + _PAGE]
+
+    async def by_arrival(self, session: int) -> AsyncGenerator[list[StoredStep], None]:
+        """All steps by pages, by arrival."""
+        found = sorted(self._steps(session), key=_arrival)
+        for start in range(0, len(found), _PAGE):
+            yield found[start : start + _PAGE]
+
+    async def matching(self, session: int, query: Query, position: int) -> list[StoredStep]:
+        """Steps that may hold a record that a query asks for."""
+        steps = self._steps(session)
+        if query.ascending:
+            found = [s for s in steps if s.position >= position and query.may_match(s)]
+        else:
+            found = [s for s in reversed(steps) if s.position <= position and query.may_match(s)]
+        return found[: query.limit + 1]
+
+    async def first_final(self, session: int, order: Order, index: int, upto: int) -> int | None:
+        """The position of the first step at which a property is final."""
+        steps = (s for s in self._steps(session) if s.order == order and s.position <= upto)
+        return next((s.position for s in steps if s.outcomes[index] in FINAL), None)
+
+    async def last_counted(self, session: int, order: Order, upto: int, undoing: Sequence[str]) -> int | None:
+        """The position of the last step that later ones build on."""
+        steps = (s for s in reversed(self._steps(session)) if s.order == order and s.position <= upto)
+        return next((s.position for s in steps if s.number is not None and not _is_undone(s, undoing)), None)
+
+    async def extents(self) -> list[Extent]:
+        """What is kept of each session."""
+        found = []
+        for number, kept in sorted(self._kept.items()):
+            settled = kept.snapshot.settled if kept.snapshot else 0
+            found.append(Extent(number, kept.record.spec, kept.closed, settled, *await self.extent(number)))
+        return found
+
+    async def judged_before(self, extent: Extent, time: int) -> int:
+        """How many of a session's steps were judged before a time."""
+        return sum(step.judged < time for step in self._steps(extent.number))
+
+    async def size(self) -> int:
+        """Bytes that the steps are taken to need."""
+        return sum(len(kept.steps) for kept in self._kept.values()) * _STEP
+
+    def _of(self, session: int) -> _Kept:
+        """What is kept of a session; of one that was forgotten, nothing, and what is added is lost."""
+        return self._kept.get(session) or _Kept(_FORGOTTEN)
+
+    def _steps(self, session: int) -> list[StoredStep]:
+        return self._of(session).steps
+
+
+def _plain(value: Any) -> Any:
+    """A copy of a plain value as JSON carries it, as any other backend would give it back."""
+    return msgspec.json.decode(msgspec.json.encode(value))
+
+
+def _without_data(stored: StoredStep) -> StoredStep:
+    event = msgspec.structs.replace(stored.step.event, data=None, stamp=stored.step.stamp, received=None)
+    step = msgspec.structs.replace(stored.step, event=event)
+    explanations = {i: _plain(why) for i, why in stored.explanations.items()}
+    return msgspec.structs.replace(stored, step=step, explanations=explanations)
+
+
+def _arrival(stored: StoredStep) -> tuple[int, str, int, int]:
+    event = stored.step.event
+    return event.arrived, event.monitor, event.seq, stored.position
+
+
+def _is_undone(stored: StoredStep, undoing: Sequence[str]) -> bool:
+    stream = stored.step.event.stream
+    denied = stored.decision is not None and stored.decision.choice == "deny"
+    return denied and stream.kind != "response" and stream.name in undoing

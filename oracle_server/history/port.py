@@ -1,0 +1,203 @@
+"""What a history must do, whatever keeps it.
+
+Commands are given on the event loop's thread, return at once, and are done in the order in which they were given.
+`done` is called on that thread once a command is committed: from then on every query finds what it wrote, and it
+outlives the process where the backend keeps anything that long. Queries are awaited, never block the event loop, and
+see what is committed. They raise `HistoryError` where the history can't be read.
+
+Sessions are named by their number, steps by their position (1, 2, 3… in each session). Times are integer nanoseconds.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncGenerator, Callable, Sequence
+from typing import Protocol
+
+from oracle_server.core.events import Order
+from oracle_server.history.query import Query
+from oracle_server.history.records import (
+    Document,
+    Extent,
+    MonitorRecord,
+    Refusal,
+    SessionRecord,
+    SnapshotRecord,
+    StoredStep,
+)
+
+Done = Callable[[], None]
+
+
+class Writing(Protocol):
+    """Commands, and how the writing goes."""
+
+    @property
+    def failure(self) -> str | None:
+        """Why nothing can be written at the moment, None where it can."""
+        ...
+
+    @property
+    def has_room(self) -> bool:
+        """Whether more may be given; else monitors are not read until there is room."""
+        ...
+
+    @property
+    def pending(self) -> int:
+        """Rows that were given and are not committed yet."""
+        ...
+
+    @property
+    def lag(self) -> float:
+        """Seconds for which the oldest of them has waited."""
+        ...
+
+    async def room(self) -> None:
+        """Wait until there is room."""
+        ...
+
+    async def flush(self) -> None:
+        """Wait until all that was given is committed: without an end while nothing can be written."""
+        ...
+
+    def open_session(self, session: SessionRecord) -> None:
+        """Keep a new session; its number and id are no other's."""
+        ...
+
+    def close_session(self, session: int, at: int, state: Document) -> None:
+        """Keep that a session was closed, and how it stood then."""
+        ...
+
+    def set_monitor(self, session: int, monitor: MonitorRecord) -> None:
+        """Keep a monitor of a session, in place of the one of that name."""
+        ...
+
+    def append(self, session: int, steps: Sequence[StoredStep], done: Done) -> None:
+        """Keep steps that were judged; their positions follow the last one's."""
+        ...
+
+    def refuse(self, session: int, refusal: Refusal, done: Done) -> None:
+        """Keep that an event was refused."""
+        ...
+
+    def amend(self, session: int, monitor: str, seq: int, handling: tuple[bool, str], done: Done) -> None:
+        """Add to an event's steps whether the adapter let it pass, and why."""
+        ...
+
+    def save_snapshot(self, session: int, snapshot: SnapshotRecord) -> None:
+        """Keep a snapshot in place of the last one. Its data is read before this returns."""
+        ...
+
+    async def forget_steps(self, session: int, before: int) -> None:
+        """Delete a session's steps before a position; return once that is committed."""
+        ...
+
+    async def forget_session(self, session: int) -> None:
+        """Delete a session and all that is left of it; return once that is committed."""
+        ...
+
+
+class Reading(Protocol):
+    """Queries."""
+
+    async def last_number(self) -> int:
+        """The largest number of a session, 0 where there is none."""
+        ...
+
+    async def last_time(self) -> int:
+        """The latest time at which something was judged, 0 where nothing was."""
+        ...
+
+    async def open_sessions(self) -> list[SessionRecord]:
+        """The sessions that are not closed, by number."""
+        ...
+
+    async def session(self, name: str | int) -> SessionRecord | None:
+        """A session by its id or number, open or closed."""
+        ...
+
+    async def closed_state(self, name: str) -> Document | None:
+        """How a closed session stood, None where none of that id is closed."""
+        ...
+
+    async def closed_states(self, limit: int) -> list[Document]:
+        """How the sessions stood that were opened last and are closed, the newest first."""
+        ...
+
+    async def monitors(self, session: int) -> list[MonitorRecord]:
+        """The monitors of a session."""
+        ...
+
+    async def refusals(self, session: int) -> list[Refusal]:
+        """The refused events of a session."""
+        ...
+
+    async def snapshot(self, session: int) -> SnapshotRecord | None:
+        """The snapshot of a session; its data is None where it can't be decoded."""
+        ...
+
+    async def extent(self, session: int) -> tuple[int, int]:
+        """The first and the last position of a session's steps; (1, 0) where there are none."""
+        ...
+
+    async def step(self, session: int, position: int) -> StoredStep | None:
+        """The step at a position."""
+        ...
+
+    async def asked_step(self, session: int, monitor: str, seq: int) -> StoredStep | None:
+        """The step of an event at which it was decided."""
+        ...
+
+    def steps(self, session: int, after: int, upto: int | None = None) -> AsyncGenerator[list[StoredStep], None]:
+        """The steps behind a position, up to another, by pages in their sequence."""
+        ...
+
+    def by_arrival(self, session: int) -> AsyncGenerator[list[StoredStep], None]:
+        """All steps by pages: by arrival, monitor, sequence number and position. The memory needed does not grow.
+
+        Nothing is kept open between two pages that a writer would wait for.
+        """
+        ...
+
+    async def matching(self, session: int, query: Query, position: int) -> list[StoredStep]:
+        """Steps that may hold a record that a query asks for, from a position on, in the direction of its order.
+
+        At most a page of them, empty where there are no more. Its stream, times, outcomes and violations are looked at;
+        properties and `after` need not be.
+        """
+        ...
+
+    async def first_final(self, session: int, order: Order, index: int, upto: int) -> int | None:
+        """The position of the first step at which a property (by index) is `true` or `false` for good, None if none."""
+        ...
+
+    async def last_counted(self, session: int, order: Order, upto: int, undoing: Sequence[str]) -> int | None:
+        """The position of the last step that later ones build on: no tick, not skipped, no denied attempt.
+
+        A denied topic message or request counts for itself alone on the streams `undoing`.
+        """
+        ...
+
+    async def extents(self) -> list[Extent]:
+        """What is kept of each session, by number."""
+        ...
+
+    async def judged_before(self, extent: Extent, time: int) -> int:
+        """How many of a session's steps were judged before a time."""
+        ...
+
+    async def size(self) -> int:
+        """Bytes that the history takes."""
+        ...
+
+
+class History(Writing, Reading, Protocol):
+    """A history."""
+
+    def start(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Begin to write; `done` is called on `loop`."""
+        ...
+
+    def close(self) -> None:
+        """Commit what waits, and let go of everything. To be called off the event loop, once."""
+        ...

@@ -1,0 +1,139 @@
+"""What a history keeps, as values. Times are integer nanoseconds since the epoch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import msgspec
+
+from oracle_server.core.events import Order, Step, StreamKey
+from oracle_server.core.simulated import TimeBase
+from oracle_server.core.spec import By
+from oracle_server.core.verdicts import UNDECIDED, Decision, Judged, Outcome, Verdict, explain, record
+
+Document = dict[str, Any]
+
+
+class SessionRecord(NamedTuple):
+    """A session as it was opened.
+
+    `text` is its spec's YAML, `properties` are their ids in the order of a step's outcomes; a `private` session is
+    closed with its last monitor; `by` is the order that was asked for instead of the spec's.
+    """
+
+    number: int
+    id: str
+    spec: str
+    text: str
+    digest: str
+    properties: tuple[str, ...]
+    private: bool
+    opened: int
+    by: By | None = None
+
+
+class MonitorRecord(NamedTuple):
+    """A monitor of a session, and the streams that it claimed."""
+
+    name: str
+    instance: str
+    streams: tuple[StreamKey, ...]
+    attached: bool
+    clock: TimeBase
+
+
+class Refusal(NamedTuple):
+    """An event that could not be judged; `gap` are the sequence numbers before it that never came."""
+
+    monitor: str
+    seq: int
+    gap: int
+    at: int
+    code: str
+    message: str
+
+
+class SnapshotRecord(NamedTuple):
+    """A session as it stood after the step at `position`, as plain data.
+
+    `numbers` are the monitors' sequence numbers as of `settled`: a restart needs no step up to there.
+    """
+
+    position: int
+    data: Any
+    settled: int = 0
+    numbers: Mapping[str, Any] | None = None
+
+
+class Extent(NamedTuple):
+    """Which steps of a session are kept: from position `first` to `last`, where `last` < `first` if there are none.
+
+    `closed` is None while it is open; of an open one, the steps up to `settled` are not needed to restore it.
+    """
+
+    number: int
+    spec: str
+    closed: int | None
+    settled: int
+    first: int
+    last: int
+
+
+class StoredStep(msgspec.Struct, frozen=True, gc=False):
+    """A judged step as it is kept, without the event's data.
+
+    `position` counts 1, 2, 3… in the sequence in which the session judged, over all orders; `number` is the step's own,
+    None for ticks and where it was skipped; `gap` are the sequence numbers before the event that never came; `judged`
+    is the time of judgement. `outcomes` and `degraded` have an entry a property, `explanations` one for each violation,
+    by the property's index. `passed` and `why` are what the adapter did, None while it is not known.
+    """
+
+    position: int
+    order: Order
+    number: int | None
+    step: Step
+    gap: int
+    judged: int
+    decision: Decision | None
+    outcomes: tuple[Outcome, ...]
+    degraded: tuple[bool, ...]
+    explanations: Mapping[int, Document] = {}
+    robustness: tuple[float | None, ...] | None = None
+    passed: bool | None = None
+    why: str | None = None
+
+    @property
+    def is_tick(self) -> bool:
+        """Whether it is a deadline that ran out, and no event."""
+        return self.step.event.stream.kind == "tick"
+
+
+def stored(position: int, gap: int, judged: Judged, handling: tuple[bool, str] | None = None) -> StoredStep:
+    """A judged step as it is kept; `handling` is what the adapter did and why, where that is known already."""
+    verdicts = judged.verdicts
+    passed, why = handling or (None, None)
+    return StoredStep(
+        position, judged.order, judged.number, judged.step, gap, judged.judged, judged.decision,
+        tuple([v.outcome for v in verdicts]), tuple([v.degraded for v in verdicts]),
+        {i: explain(judged, v) or {} for i, v in enumerate(verdicts) if v.explanation is not None},
+        None if all(v.robustness is None for v in verdicts) else tuple([v.robustness for v in verdicts]),
+        passed, why,
+    )  # fmt: skip
+
+
+def records(step: StoredStep, properties: tuple[str, ...]) -> list[Document]:
+    """The verdict records of a stored step, one a property."""
+    judged = Judged(step.step, step.number, step.order, step.judged, (), step.decision)
+    first = (step.position - 1) * len(properties) + 1
+    found = []
+    for i, name in enumerate(properties):
+        robustness = step.robustness[i] if step.robustness else None
+        verdict = Verdict(first + i, name, step.outcomes[i], step.degraded[i], None, robustness)
+        made = record(judged, verdict)
+        made["passed"], made["violation"] = step.passed, i in step.explanations
+        made["explanation"] = step.explanations.get(i)
+        if step.why in UNDECIDED:
+            made["kind"] = "unavailable"
+        found.append(made)
+    return found

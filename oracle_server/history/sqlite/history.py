@@ -1,0 +1,287 @@
+"""The history in an SQLite database: commands are statements for the writer, queries have connections of their own."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import sqlite3
+from bisect import bisect_left
+from collections.abc import AsyncGenerator, Sequence
+from pathlib import Path
+
+from oracle_server.core.events import Order
+from oracle_server.core.verdicts import Outcome
+from oracle_server.history.port import Done
+from oracle_server.history.query import Query
+from oracle_server.history.records import (
+    Document,
+    Extent,
+    MonitorRecord,
+    Refusal,
+    SessionRecord,
+    SnapshotRecord,
+    StoredStep,
+)
+from oracle_server.history.sqlite.reader import Reader
+from oracle_server.history.sqlite.rows import (
+    LETTERS,
+    conditions,
+    document_of,
+    monitor_of,
+    monitor_row,
+    session_of,
+    session_row,
+    snapshot_of,
+    step_of,
+    step_row,
+    text,
+)
+from oracle_server.history.sqlite.schema import MONITOR_COLUMNS, REFUSED_COLUMNS, SESSION_COLUMNS, STEP_COLUMNS
+from oracle_server.history.sqlite.writer import Durability, Writer
+
+_PAGE = 1_000
+_STEPS = f"SELECT {','.join(STEP_COLUMNS)} FROM steps"  # noqa: S608 -- no value is written into a statement
+_SESSIONS = f"SELECT {','.join(SESSION_COLUMNS)} FROM sessions"  # noqa: S608
+_UPTO = "session = ? AND position <= ? AND ord = ?"
+_EXTENT = "SELECT coalesce(min(position), 1), coalesce(max(position), 0) FROM steps WHERE session = ?"
+_KEPT = (
+    "SELECT s.number, s.spec, s.closed, coalesce(saved.settled, 0) "
+    "FROM sessions s LEFT JOIN snapshots saved ON saved.session = s.number ORDER BY s.number"
+)
+_LAST = 2**62
+"""A position behind every step."""
+_FINAL = LETTERS[Outcome.TRUE], LETTERS[Outcome.FALSE]
+_OF_A_SESSION = (
+    ("steps", "session"), ("refused", "session"), ("monitors", "session"), ("snapshots", "session"),
+    ("sessions", "number"),
+)  # fmt: skip
+"""The tables that have rows of a session, and their columns with its number; itself at last."""
+_SIZE = (
+    "SELECT (p.page_count - f.freelist_count) * s.page_size FROM pragma_page_count p, pragma_freelist_count f, "
+    "pragma_page_size s"
+)
+
+
+class SqliteHistory:
+    """A `History` in one file, for one process."""
+
+    def __init__(self, folder: Path, durability: Durability = "full") -> None:
+        """Open a folder's database, which must be nobody else's. Raises `HistoryError` where it can't be used."""
+        self.path = folder / "history.sqlite"
+        self._writer = Writer(self.path, durability)
+        self._reader = Reader(self.path)
+
+    def start(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Begin to write; callbacks run on `loop`."""
+        self._writer.start(loop)
+
+    def close(self) -> None:
+        """Commit what waits and close the database. Call it off the event loop."""
+        self._writer.close()
+
+    # how the writing goes
+
+    @property
+    def failure(self) -> str | None:
+        """Why nothing can be written at the moment."""
+        return self._writer.failure
+
+    @property
+    def has_room(self) -> bool:
+        """Whether more may be given."""
+        return self._writer.has_room
+
+    @property
+    def pending(self) -> int:
+        """Rows that wait for the disk."""
+        return self._writer.pending
+
+    @property
+    def lag(self) -> float:
+        """Seconds for which the oldest row has waited for its commit."""
+        return self._writer.lag
+
+    async def room(self) -> None:
+        """Wait until there is room."""
+        await self._writer.room()
+
+    async def flush(self) -> None:
+        """Wait until all that was given is committed."""
+        await self._writer.flush()
+
+    # commands
+
+    def open_session(self, session: SessionRecord) -> None:
+        """Keep a new session."""
+        self._writer.execute(_insert("INSERT INTO sessions", SESSION_COLUMNS), session_row(session))
+
+    def close_session(self, session: int, at: int, state: Document) -> None:
+        """Keep that a session was closed."""
+        self._writer.execute("UPDATE sessions SET closed = ?, state = ? WHERE number = ?", (at, text(state), session))
+
+    def set_monitor(self, session: int, monitor: MonitorRecord) -> None:
+        """Keep a monitor of a session."""
+        self._writer.execute(_insert("INSERT OR REPLACE INTO monitors", MONITOR_COLUMNS), monitor_row(session, monitor))
+
+    def append(self, session: int, steps: Sequence[StoredStep], done: Done) -> None:
+        """Keep steps that were judged."""
+        self._writer.append("steps", [step_row(session, step) for step in steps], done)
+
+    def refuse(self, session: int, refusal: Refusal, done: Done) -> None:
+        """Keep that an event was refused."""
+        self._writer.append("refused", [(session, *refusal)], done)
+
+    def amend(self, session: int, monitor: str, seq: int, handling: tuple[bool, str], done: Done) -> None:
+        """Add to an event's steps what the adapter did."""
+        sql = "UPDATE steps SET passed = ?, why = ? WHERE session = ? AND monitor = ? AND seq = ?"
+        self._writer.execute(sql, (*handling, session, monitor, seq), done)
+
+    def save_snapshot(self, session: int, snapshot: SnapshotRecord) -> None:
+        """Keep a snapshot in place of the last one."""
+        numbers = None if snapshot.numbers is None else text(snapshot.numbers)
+        self._writer.execute(
+            "INSERT OR REPLACE INTO snapshots (session, position, data, settled, numbers) VALUES (?,?,?,?,?)",
+            (session, snapshot.position, text(snapshot.data), snapshot.settled, numbers),
+        )
+
+    async def forget_steps(self, session: int, before: int) -> None:
+        """Delete a session's steps before a position."""
+        await self._do("DELETE FROM steps WHERE session = ? AND position < ?", (session, before))
+
+    async def forget_session(self, session: int) -> None:
+        """Delete all that is left of a session."""
+        for table, key in _OF_A_SESSION:
+            await self._do(f"DELETE FROM {table} WHERE {key} = ?", (session,))  # noqa: S608
+
+    async def _do(self, sql: str, values: tuple[int, ...]) -> None:
+        done = asyncio.Event()
+        self._writer.execute(sql, values, done.set)
+        await done.wait()
+
+    # queries
+
+    async def last_number(self) -> int:
+        """The largest number of a session."""
+        (number,) = await self._reader.row("SELECT coalesce(max(number), 0) FROM sessions")
+        return int(number)
+
+    async def last_time(self) -> int:
+        """The latest time at which something was judged."""
+        (time,) = await self._reader.row("SELECT coalesce(max(judged), 0) FROM steps")
+        return int(time)
+
+    async def open_sessions(self) -> list[SessionRecord]:
+        """The sessions that are not closed."""
+        return await self._reader.all(session_of, f"{_SESSIONS} WHERE closed IS NULL ORDER BY number")
+
+    async def session(self, name: str | int) -> SessionRecord | None:
+        """A session by its id or number."""
+        key = "id" if isinstance(name, str) else "number"
+        return await self._reader.one(session_of, f"{_SESSIONS} WHERE {key} = ?", (name,))
+
+    async def closed_state(self, name: str) -> Document | None:
+        """How a closed session stood."""
+        sql = "SELECT state FROM sessions WHERE id = ? AND closed IS NOT NULL"
+        return await self._reader.one(document_of, sql, (name,))
+
+    async def closed_states(self, limit: int) -> list[Document]:
+        """How the closed sessions stood, the newest first."""
+        sql = "SELECT state FROM sessions WHERE closed IS NOT NULL ORDER BY number DESC LIMIT ?"
+        return await self._reader.all(document_of, sql, (limit,))
+
+    async def monitors(self, session: int) -> list[MonitorRecord]:
+        """The monitors of a session."""
+        sql = f"SELECT {','.join(MONITOR_COLUMNS)} FROM monitors WHERE session = ?"  # noqa: S608
+        return await self._reader.all(monitor_of, sql, (session,))
+
+    async def refusals(self, session: int) -> list[Refusal]:
+        """The refused events of a session."""
+        sql = f"SELECT {','.join(REFUSED_COLUMNS)} FROM refused WHERE session = ?"  # noqa: S608
+        return await self._reader.all(lambda row: Refusal(*row[1:]), sql, (session,))
+
+    async def snapshot(self, session: int) -> SnapshotRecord | None:
+        """The snapshot of a session."""
+        sql = "SELECT position, data, settled, numbers FROM snapshots WHERE session = ?"
+        return await self._reader.one(snapshot_of, sql, (session,))
+
+    async def extent(self, session: int) -> tuple[int, int]:
+        """The first and the last position of a session's steps."""
+        first, last = await self._reader.row(_EXTENT, (session,))
+        return first, last
+
+    async def step(self, session: int, position: int) -> StoredStep | None:
+        """The step at a position."""
+        return await self._reader.one(step_of, f"{_STEPS} WHERE session = ? AND position = ?", (session, position))
+
+    async def asked_step(self, session: int, monitor: str, seq: int) -> StoredStep | None:
+        """The step of an event at which it was decided."""
+        where = "WHERE session = ? AND monitor = ? AND seq = ? AND decision IS NOT NULL"
+        return await self._reader.one(step_of, f"{_STEPS} {where}", (session, monitor, seq))
+
+    async def steps(self, session: int, after: int, upto: int | None = None) -> AsyncGenerator[list[StoredStep], None]:
+        """The steps behind a position, up to another, by pages."""
+        sql = f"{_STEPS} WHERE session = ? AND position > ? AND position <= ? ORDER BY position LIMIT {_PAGE}"
+        last = _LAST if upto is None else upto
+        while page := await self._reader.all(step_of, sql, (session, after, last)):
+            yield page
+            after = page[-1].position
+
+    async def by_arrival(self, session: int) -> AsyncGenerator[list[StoredStep], None]:
+        """All steps by pages, by arrival."""
+        keys = "SELECT session, position FROM steps WHERE session = ? ORDER BY arrived, monitor, seq, position"
+        columns = ",".join(f"steps.{name}" for name in STEP_COLUMNS)
+        page = (
+            f"SELECT {columns} FROM sorted JOIN steps USING (session, position) "  # noqa: S608
+            "WHERE session = ? AND sorted.rowid BETWEEN ? AND ? ORDER BY sorted.rowid"
+        )
+        async with contextlib.aclosing(self._reader.pages(step_of, keys, page, (session,), _PAGE)) as pages:
+            async for steps in pages:
+                yield steps
+
+    async def matching(self, session: int, query: Query, position: int) -> list[StoredStep]:
+        """Steps that may hold a record that a query asks for."""
+        where, values = conditions(session, query, position)
+        limit = min(2 * _PAGE, max(query.limit, 50) + 1)  # one more tells whether there are more
+        sql = f"{_STEPS} WHERE {where} ORDER BY position {query.order.upper()} LIMIT {limit}"
+        return await self._reader.all(step_of, sql, values)
+
+    async def first_final(self, session: int, order: Order, index: int, upto: int) -> int | None:
+        """The position of the first step at which a property is final."""
+        sql = f"SELECT min(position) FROM steps WHERE {_UPTO} AND substr(outcomes, ?, 1) IN (?, ?)"  # noqa: S608
+        (position,) = await self._reader.row(sql, (session, upto, order, index + 1, *_FINAL))
+        return None if position is None else int(position)
+
+    async def last_counted(self, session: int, order: Order, upto: int, undoing: Sequence[str]) -> int | None:
+        """The position of the last step that later ones build on."""
+        undone = f"decision IS 'deny' AND kind != 'response' AND stream IN ({','.join('?' * len(undoing))})"
+        sql = f"SELECT max(position) FROM steps WHERE {_UPTO} AND number IS NOT NULL AND NOT ({undone})"  # noqa: S608
+        (position,) = await self._reader.row(sql, (session, upto, order, *undoing))
+        return None if position is None else int(position)
+
+    async def extents(self) -> list[Extent]:
+        """What is kept of each session."""
+        return await self._reader.run(
+            lambda reader: [
+                Extent(number, *rest, *reader.execute(_EXTENT, (number,)).fetchone())
+                for number, *rest in reader.execute(_KEPT).fetchall()
+            ]
+        )
+
+    async def judged_before(self, extent: Extent, time: int) -> int:
+        """How many of a session's steps were judged before a time."""
+        sql = "SELECT judged FROM steps WHERE session = ? AND position = ?"
+        positions = range(extent.first, extent.last + 1)
+
+        def search(reader: sqlite3.Connection) -> int:
+            return bisect_left(positions, time, key=lambda p: reader.execute(sql, (extent.number, p)).fetchone()[0])
+
+        return await self._reader.run(search)
+
+    async def size(self) -> int:
+        """Bytes that the history takes."""
+        (size,) = await self._reader.row(_SIZE)
+        return int(size)
+
+
+def _insert(verb: str, columns: Sequence[str]) -> str:
+    return f"{verb} ({','.join(columns)}) VALUES ({','.join('?' * len(columns))})"

@@ -1,0 +1,75 @@
+"""Reading from SQLite: each query on a connection of its own and in a thread, so that nothing waits for it."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import sqlite3
+from collections.abc import AsyncGenerator, Callable, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+from oracle_server.core.errors import HistoryError
+from oracle_server.history.sqlite.rows import Row
+
+T = TypeVar("T")
+Values = Sequence[object]
+
+
+class Reader:
+    """Reads what is committed. Every method raises `HistoryError` where the database can't be read."""
+
+    def __init__(self, path: Path) -> None:
+        """Read a database, whose file is there."""
+        self._uri = f"file:{path}?mode=ro"
+
+    async def all(self, make: Callable[[Row], T], sql: str, values: Values = ()) -> list[T]:
+        """What is made of each row, in the thread that reads them."""
+        return await self.run(lambda reader: [make(row) for row in reader.execute(sql, values)])
+
+    async def one(self, make: Callable[[Row], T], sql: str, values: Values = ()) -> T | None:
+        """What is made of the first row, None where there is none."""
+        found = await self.all(make, sql, values)
+        return found[0] if found else None
+
+    async def row(self, sql: str, values: Values = ()) -> Row:
+        """The row of a query that always has one."""
+        return (await self.all(tuple, sql, values))[0]
+
+    async def run(self, work: Callable[[sqlite3.Connection], T]) -> T:
+        """Read with a connection that is closed afterwards, in a thread."""
+
+        def run() -> T:
+            with contextlib.closing(self._connect()) as reader:
+                return work(reader)
+
+        return await _in_thread(run)
+
+    async def pages(
+        self, make: Callable[[Row], T], order: str, page: str, values: Values, size: int
+    ) -> AsyncGenerator[list[T], None]:
+        """What is made of rows, by pages, in an order that no index has.
+
+        `order` selects the rows' keys, which are put into a temporary table of this reader's own; `page` selects rows
+        with those keys whose places there are from one number to another. So no read stays open between two pages: the
+        database's log could not be taken in meanwhile, and would grow without bound.
+        """
+        reader = await _in_thread(self._connect)
+        try:
+            await _in_thread(lambda: reader.execute(f"CREATE TEMP TABLE sorted AS {order}", values).fetchall())
+            (count,) = await _in_thread(lambda: reader.execute("SELECT count(*) FROM sorted").fetchone())
+            for first in range(1, count + 1, size):
+                bounds = (*values, first, first + size - 1)
+                yield await _in_thread(lambda bounds=bounds: [make(row) for row in reader.execute(page, bounds)])  # type: ignore[misc]
+        finally:
+            reader.close()
+
+    def _connect(self) -> sqlite3.Connection:
+        return sqlite3.connect(self._uri, uri=True, isolation_level=None, check_same_thread=False)
+
+
+async def _in_thread(work: Callable[[], T]) -> T:
+    try:
+        return await asyncio.to_thread(work)
+    except sqlite3.Error as error:
+        raise HistoryError(f"the history can't be read: {error}") from None

@@ -1,0 +1,132 @@
+"""What the history keeps, as rows of its tables, and back."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import Any
+
+import msgspec
+
+from oracle_server.core.events import Event, Step, StreamKey
+from oracle_server.core.verdicts import Decision, Outcome, json_number
+from oracle_server.history.query import Query
+from oracle_server.history.records import Document, MonitorRecord, SessionRecord, SnapshotRecord, StoredStep
+from oracle_server.history.sqlite.schema import STEP_COLUMNS
+
+Row = tuple[Any, ...]
+
+LETTERS = {
+    Outcome.TRUE: "T",
+    Outcome.CURRENTLY_TRUE: "t",
+    Outcome.CURRENTLY_FALSE: "f",
+    Outcome.FALSE: "F",
+    Outcome.UNKNOWN: "u",
+}
+_OUTCOMES = {letter: outcome for outcome, letter in LETTERS.items()}
+
+_encode = msgspec.json.Encoder().encode
+_decode = msgspec.json.decode
+
+
+def text(value: object) -> str:
+    """A plain value as JSON."""
+    return _encode(value).decode()
+
+
+def step_row(session: int, stored: StoredStep) -> Row:
+    """A step as a row of its table, in the order of `STEP_COLUMNS`."""
+    step, event = stored.step, stored.step.event
+    return (
+        session, stored.position, stored.order, stored.number, event.stream.name, event.stream.kind, event.monitor,
+        event.seq, stored.gap, step.stamp, event.arrived, stored.judged, step.late, step.skewed, step.forced,
+        event.lost, event.source, event.call, event.ask, stored.decision.choice if stored.decision else None,
+        text(stored.decision.denied_by) if stored.decision else "[]", stored.passed, stored.why, text(step.signals),
+        "[]" if not step.failed else text(sorted(step.failed)),
+        "".join([LETTERS[outcome] for outcome in stored.outcomes]),
+        "".join(["1" if degraded else "0" for degraded in stored.degraded]),
+        text({str(i): why for i, why in stored.explanations.items()}) if stored.explanations else None,
+        None if stored.robustness is None else text([json_number(value) for value in stored.robustness]),
+    )  # fmt: skip
+
+
+def step_of(row: Row) -> StoredStep:
+    """A row of the table of steps as what it was made of."""
+    r = dict(zip(STEP_COLUMNS, row, strict=True))
+    event = Event(
+        StreamKey(r["stream"], r["kind"]), r["monitor"], r["seq"], r["stamp"], r["arrived"], None, r["source"],
+        r["call"], r["lost"], bool(r["ask"]),
+    )  # fmt: skip
+    step = Step(
+        event, _decode(r["signals"]), frozenset(_decode(r["failed"])), r["stamp"], bool(r["skewed"]), bool(r["late"]),
+        bool(r["forced"]), r["number"] is None,
+    )  # fmt: skip
+    why = _decode(r["explanations"]) if r["explanations"] else {}
+    return StoredStep(
+        r["position"], r["ord"], r["number"], step, r["gap"], r["judged"],
+        None if r["decision"] is None else Decision(r["decision"], tuple(_decode(r["denied_by"]))),
+        tuple([_OUTCOMES[letter] for letter in r["outcomes"]]), tuple([digit == "1" for digit in r["degraded"]]),
+        {int(i): it for i, it in why.items()}, _robustness(r["robustness"]),
+        None if r["passed"] is None else bool(r["passed"]), r["why"],
+    )  # fmt: skip
+
+
+def _robustness(value: str | None) -> tuple[float | None, ...] | None:
+    if value is None:
+        return None
+    return tuple([None if number is None else float(number) for number in _decode(value)])
+
+
+def session_row(session: SessionRecord) -> Row:
+    """A session as a row of its table, in the order of `SESSION_COLUMNS`."""
+    number, name, spec, yaml, digest, properties, private, opened, by = session
+    return number, name, spec, yaml, digest, text(properties), private, opened, by
+
+
+def session_of(row: Row) -> SessionRecord:
+    """The same, back."""
+    number, name, spec, yaml, digest, properties, private, opened, by = row
+    return SessionRecord(number, name, spec, yaml, digest, tuple(_decode(properties)), bool(private), opened, by)
+
+
+def monitor_row(session: int, monitor: MonitorRecord) -> Row:
+    """A monitor as a row of its table, in the order of `MONITOR_COLUMNS`."""
+    streams = text([list(key) for key in monitor.streams])
+    return session, monitor.name, monitor.instance, streams, monitor.attached, monitor.clock
+
+
+def monitor_of(row: Row) -> MonitorRecord:
+    """The same, back."""
+    _, name, instance, streams, attached, clock = row
+    return MonitorRecord(name, instance, tuple([StreamKey(*key) for key in _decode(streams)]), bool(attached), clock)
+
+
+def snapshot_of(row: Row) -> SnapshotRecord:
+    """A snapshot of its position, data, `settled` and numbers; data that is not JSON is None."""
+    position, data, settled, numbers = row
+    plain = None
+    with contextlib.suppress(ValueError):
+        plain = _decode(data)
+    return SnapshotRecord(position, plain, settled, None if numbers is None else _decode(numbers))
+
+
+def document_of(row: Row) -> Document:
+    """A plain document of its JSON."""
+    return _decode(row[0], type=Document)
+
+
+def conditions(session: int, query: Query, position: int) -> tuple[str, list[object]]:
+    """What the rows fulfil that may hold what a query asks for from a position on, and the values in it."""
+    wanted: list[tuple[str, object]] = [
+        ("session = ?", session),
+        ("position >= ?" if query.ascending else "position <= ?", position),
+    ]
+    if query.stream is not None:
+        wanted.append(("stream = ?", query.stream))
+    if query.since is not None:
+        wanted.append(("stamp >= ?", query.since))
+    if query.until is not None:
+        wanted.append(("stamp <= ?", query.until))
+    if query.outcomes:
+        wanted.append(("outcomes GLOB ?", f"*[{''.join(sorted(LETTERS[o] for o in query.outcomes))}]*"))
+    where = " AND ".join(condition for condition, _ in wanted)
+    return where + " AND explanations IS NOT NULL" * query.violations, [value for _, value in wanted]

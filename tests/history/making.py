@@ -1,0 +1,81 @@
+"""Sessions and steps for histories."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from hypothesis import strategies as st
+
+from oracle_server.core.events import Event, Step, StepKind, StreamKey
+from oracle_server.core.verdicts import Decision, Outcome
+from oracle_server.history.port import History
+from oracle_server.history.records import SessionRecord, StoredStep
+
+PROPERTIES = ("p", "q")
+
+
+def opened(number: int = 1, name: str = "s", *, private: bool = False) -> SessionRecord:
+    """A session of two properties."""
+    return SessionRecord(number, name, "spec", "id: spec", "digest", PROPERTIES, private, 1000 + number, None)
+
+
+def step(
+    position: int,
+    *,
+    monitor: str = "m",
+    seq: int | None = None,
+    stream: str = "/a",
+    kind: StepKind = "topic",
+    stamp: int | None = None,
+    arrived: int | None = None,
+    outcomes: Sequence[Outcome] = (Outcome.CURRENTLY_TRUE, Outcome.CURRENTLY_TRUE),
+    decision: Decision | None = None,
+    violated: Sequence[int] = (),
+    number: int | None = 0,
+) -> StoredStep:
+    """A step; where nothing else is named, its numbers follow from its position."""
+    tick = kind == "tick"
+    event = Event(
+        StreamKey("" if tick else stream, kind), "" if tick else monitor, position if seq is None else seq,
+        10 * position if stamp is None else stamp, 10 * position if arrived is None else arrived, None,
+        ask=decision is not None,
+    )  # fmt: skip
+    assert event.stamp is not None
+    made = Step(event, {"v": position}, frozenset(), event.stamp, skipped=number is None)
+    explanations = {i: {"text": f"{PROPERTIES[i]} does not hold"} for i in violated}
+    return StoredStep(
+        position, "publication", position if number == 0 else number, made, 0, 100 * position, decision,
+        tuple(outcomes), (False, True), explanations,
+    )  # fmt: skip
+
+
+async def add(history: History, *steps: StoredStep, session: int = 1) -> None:
+    """Keep steps, and wait until they are committed."""
+    history.append(session, steps, lambda: None)
+    await history.flush()
+
+
+OUTCOMES = st.tuples(st.sampled_from(Outcome), st.sampled_from(Outcome))
+DECISIONS = st.sampled_from([None, Decision("allow", ()), Decision("deny", ("p",))])
+
+
+@st.composite
+def some_steps(draw: st.DrawFn) -> list[StoredStep]:
+    """Steps as a session may have judged them, in their sequence."""
+    count = draw(st.integers(0, 12))
+    return [
+        step(
+            position,
+            monitor=draw(st.sampled_from("mn")),
+            seq=position,
+            stream=draw(st.sampled_from(["/a", "/b"])),
+            kind=draw(st.sampled_from(["topic", "request", "tick"])),
+            stamp=draw(st.integers(0, 60)),
+            arrived=draw(st.integers(0, 60)),
+            outcomes=draw(OUTCOMES),
+            decision=draw(DECISIONS),
+            violated=sorted(draw(st.sets(st.sampled_from([0, 1])))),
+            number=draw(st.sampled_from([None, 0])),
+        )
+        for position in range(1, count + 1)
+    ]

@@ -1,0 +1,286 @@
+"""What the port promises holds for every backend."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from collections.abc import AsyncGenerator
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import oracle_server
+from oracle_server.core.events import StreamKey
+from oracle_server.core.verdicts import FINAL, Decision, Outcome
+from oracle_server.history.memory import MemoryHistory
+from oracle_server.history.pages import find, latest
+from oracle_server.history.port import History
+from oracle_server.history.query import Query
+from oracle_server.history.records import (
+    Extent,
+    MonitorRecord,
+    Refusal,
+    SnapshotRecord,
+    StoredStep,
+    records,
+)
+from oracle_server.history.sqlite.history import SqliteHistory
+from tests.history.making import PROPERTIES, add, opened, some_steps, step
+
+FALSE, TRUE, HELD = Outcome.CURRENTLY_FALSE, Outcome.TRUE, Outcome.CURRENTLY_TRUE
+
+
+async def collected(pages: AsyncGenerator[list[StoredStep], None]) -> list[StoredStep]:
+    return [stored async for page in pages for stored in page]
+
+
+async def test_an_empty_history_knows_nothing(history: History) -> None:
+    assert await history.last_number() == await history.last_time() == 0
+    assert await history.open_sessions() == []
+    assert await history.session("s") is None
+    assert await history.closed_state("s") is None
+    assert await history.closed_states(10) == []
+    assert await history.extents() == []
+    assert await history.extent(1) == (1, 0)
+    assert await collected(history.steps(1, 0)) == []
+    assert not await history.monitors(1)
+    assert not await history.refusals(1)
+    assert await history.snapshot(1) is None
+    assert history.failure is None
+
+
+async def test_done_is_called_once_what_was_given_is_found(history: History) -> None:
+    history.open_session(opened())
+    done = asyncio.Event()
+    history.append(1, [step(1), step(2)], done.set)
+    assert not done.is_set()
+    await done.wait()
+    assert await history.extent(1) == (1, 2)
+    assert history.pending == 0
+
+
+async def test_commands_are_done_in_the_order_in_which_they_were_given(history: History) -> None:
+    told: list[int] = []
+    history.open_session(opened())
+    history.append(1, [step(1)], lambda: told.append(1))
+    history.amend(1, "m", 1, (True, "decision"), lambda: told.append(2))
+    history.refuse(1, Refusal("m", 2, 0, 5, "bad_event", "data: no"), lambda: told.append(3))
+    history.append(1, [step(2, seq=3)], lambda: told.append(4))
+    await history.flush()
+    assert told == [1, 2, 3, 4]
+    first = await history.step(1, 1)
+    assert first is not None
+    assert (first.passed, first.why) == (True, "decision")
+
+
+async def test_a_session_is_open_until_it_is_closed(history: History) -> None:
+    first, second = opened(1, "one"), opened(2, "two", private=True)
+    history.open_session(first)
+    history.open_session(second)
+    await history.flush()
+    assert await history.open_sessions() == [first, second]
+    assert await history.session("two") == await history.session(2) == second
+    history.close_session(1, 77, {"id": "one", "closed": 77})
+    await history.flush()
+    assert await history.open_sessions() == [second]
+    assert await history.session("one") == first
+    assert await history.closed_state("one") == {"id": "one", "closed": 77}
+    assert await history.closed_state("two") is None
+    assert await history.last_number() == 2
+
+
+async def test_closed_sessions_are_listed_the_newest_first(history: History) -> None:
+    for number in (1, 2, 3):
+        history.open_session(opened(number, f"s{number}"))
+        history.close_session(number, number, {"id": f"s{number}"})
+    await history.flush()
+    assert await history.closed_states(2) == [{"id": "s3"}, {"id": "s2"}]
+
+
+async def test_a_monitor_takes_the_place_of_the_one_of_its_name(history: History) -> None:
+    history.open_session(opened())
+    streams = (StreamKey("/a", "topic"), StreamKey("/s", "request"))
+    for instance, attached in (("i", True), ("j", False)):
+        history.set_monitor(1, MonitorRecord("m", instance, streams, attached, "sim"))
+    await history.flush()
+    assert await history.monitors(1) == [MonitorRecord("m", "j", streams, attached=False, clock="sim")]
+
+
+async def test_a_snapshot_takes_the_place_of_the_last_one_and_is_read_when_it_is_given(history: History) -> None:
+    history.open_session(opened())
+    data = {"judges": {"publication": [1, 2]}}
+    history.save_snapshot(1, SnapshotRecord(3, {}, 1))
+    history.save_snapshot(1, SnapshotRecord(5, data, 2, {"m": [1, 0, []]}))
+    data.clear()
+    await history.flush()
+    assert await history.snapshot(1) == SnapshotRecord(5, {"judges": {"publication": [1, 2]}}, 2, {"m": [1, 0, []]})
+
+
+async def test_the_step_of_a_decided_event_is_found_by_its_number(history: History) -> None:
+    history.open_session(opened())
+    decided = step(2, seq=8, decision=Decision("deny", ("q",)))
+    await add(history, step(1, seq=7), decided)
+    assert await history.asked_step(1, "m", 8) == decided
+    assert await history.asked_step(1, "m", 7) is None
+    assert await history.asked_step(1, "n", 8) is None
+    assert await history.asked_step(2, "m", 8) is None
+
+
+async def test_steps_come_whole_over_many_pages(history: History) -> None:
+    history.open_session(opened())
+    made = [step(position, arrived=10_000 - position) for position in range(1, 2502)]
+    await add(history, *made)
+    assert await collected(history.steps(1, 0)) == made
+    assert await collected(history.steps(1, 1000, 2001)) == made[1000:2001]
+    assert await collected(history.by_arrival(1)) == made[::-1]
+
+
+async def test_what_is_forgotten_is_gone_and_nothing_else(history: History) -> None:
+    for number in (1, 2):
+        history.open_session(opened(number, f"s{number}"))
+        history.set_monitor(number, MonitorRecord("m", "i", (), attached=True, clock="wall"))
+        history.refuse(number, Refusal("m", 9, 0, 5, "bad_event", "no"), lambda: None)
+        history.save_snapshot(number, SnapshotRecord(2, {}))
+        await add(history, *(step(i) for i in range(1, 6)), session=number)
+    await history.forget_steps(1, 4)
+    assert await history.extents() == [Extent(1, "spec", None, 0, 4, 5), Extent(2, "spec", None, 0, 1, 5)]
+    await history.forget_session(1)
+    assert await history.extents() == [Extent(2, "spec", None, 0, 1, 5)]
+    assert await history.session(1) is None
+    assert await history.snapshot(1) is None
+    assert not await history.monitors(1)
+    assert not await history.refusals(1)
+    assert len(await history.monitors(2)) == len(await history.refusals(2)) == 1
+
+
+async def test_times_are_found_by_bisection(history: History) -> None:
+    history.open_session(opened())
+    await add(history, *(step(i) for i in range(1, 8)))
+    (extent,) = await history.extents()
+    assert [await history.judged_before(extent, time) for time in (0, 100, 101, 701)] == [0, 0, 1, 7]
+    assert await history.last_time() == 700
+    assert await history.size() > 0
+
+
+async def test_the_deciding_step_is_found(history: History) -> None:
+    history.open_session(opened())
+    deny = Decision("deny", ("p",))
+    await add(
+        history,
+        step(1),
+        step(2, kind="request", stream="/s", decision=Decision("allow", ())),
+        step(3, kind="request", stream="/s", decision=deny),
+        step(4, number=None),
+        step(5, kind="tick", number=None, outcomes=(HELD, TRUE)),
+        step(6, outcomes=(HELD, TRUE)),
+    )
+    assert await history.first_final(1, "publication", 1, 6) == 5
+    assert await history.first_final(1, "publication", 1, 4) is None
+    assert await history.first_final(1, "publication", 0, 6) is None
+    assert await history.first_final(1, "arrival", 1, 6) is None
+    assert await history.last_counted(1, "publication", 5, ["/s"]) == 2
+    assert await history.last_counted(1, "publication", 5, []) == 3
+    assert await history.last_counted(1, "arrival", 5, []) is None
+
+
+ROBUST = msgspec.structs.replace(step(1), robustness=(float("inf"), -0.5), passed=False, why="timeout")
+
+
+@pytest.mark.parametrize("kept", [ROBUST, msgspec.structs.replace(step(1), robustness=(None, float("-inf")))])
+async def test_a_step_is_kept_whole(history: History, kept: StoredStep) -> None:
+    history.open_session(opened())
+    await add(history, kept)
+    assert await history.step(1, 1) == kept
+
+
+async def test_the_data_of_an_event_is_not_kept(history: History) -> None:
+    history.open_session(opened())
+    whole = step(1)
+    event = msgspec.structs.replace(whole.step.event, data={"image": "…"})
+    await add(history, msgspec.structs.replace(whole, step=msgspec.structs.replace(whole.step, event=event)))
+    assert await history.step(1, 1) == whole
+
+
+Direction = Literal["asc", "desc"]
+
+
+@st.composite
+def queries(draw: st.DrawFn) -> Query:
+    times = st.none() | st.integers(0, 60)
+    return Query(
+        draw(st.frozensets(st.sampled_from(PROPERTIES))),
+        draw(st.frozensets(st.sampled_from(Outcome))),
+        draw(st.none() | st.sampled_from(["/a", "/b"])),
+        draw(times),
+        draw(times),
+        draw(st.none() | st.integers(0, 30)),
+        draw(st.integers(1, 30)),
+        draw(st.sampled_from(["asc", "desc"])),
+        draw(st.booleans()),
+    )
+
+
+def expected(steps: list[StoredStep], query: Query) -> list[dict[str, object]]:
+    """The records that a query asks for, by its words: over all of them, one by one."""
+    wanted = []
+    for stored in steps:
+        for record in records(stored, PROPERTIES):
+            n = record["n"]
+            behind = query.after is None or (n > query.after if query.order == "asc" else n < query.after)
+            if (
+                behind
+                and (not query.properties or record["property"] in query.properties)
+                and (not query.outcomes or record["outcome"] in query.outcomes)
+                and (query.stream is None or record["stream"] == query.stream)
+                and (query.since is None or record["stamp"] >= query.since)
+                and (query.until is None or record["stamp"] <= query.until)
+                and (not query.violations or record["violation"])
+            ):
+                wanted.append(record)
+    return wanted if query.order == "asc" else wanted[::-1]
+
+
+@given(steps=some_steps(), query=queries())
+@settings(max_examples=60)
+def test_backends_answer_a_query_as_it_says(
+    steps: list[StoredStep], query: Query, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    async def ask(history: History) -> None:
+        history.start(asyncio.get_running_loop())
+        session = opened()
+        history.open_session(session)
+        await add(history, *steps)
+        found, after = await find(history, session, query)
+        wanted = expected(steps, query)
+        assert found == wanted[: query.limit]
+        assert after == (found[-1]["n"] if len(wanted) > query.limit else None)
+        assert await latest(history, session) == len(steps) * len(PROPERTIES)
+        ordered = sorted(
+            steps, key=lambda s: (s.step.event.arrived, s.step.event.monitor, s.step.event.seq, s.position)
+        )
+        assert await collected(history.by_arrival(1)) == ordered
+        for index in (0, 1):
+            final = next((s.position for s in steps if s.outcomes[index] in FINAL), None)
+            assert await history.first_final(1, "publication", index, len(steps)) == final
+        await asyncio.to_thread(history.close)
+
+    folder: Path = tmp_path_factory.mktemp("history")
+    for history in (MemoryHistory(), SqliteHistory(folder)):
+        asyncio.run(ask(history))
+
+
+def test_no_statement_stands_outside_a_backend() -> None:
+    """A second backend needs no other file than its own."""
+    package = Path(oracle_server.__file__).parent
+    statement = re.compile(r"\b(SELECT .* FROM|INSERT INTO|UPDATE \w+ SET|DELETE FROM|CREATE TABLE|PRAGMA)\b")
+    backends = package / "history" / "sqlite"
+    assert [
+        path
+        for path in package.rglob("*.py")
+        if backends not in path.parents and statement.search(path.read_text(encoding="utf-8"))
+    ] == []
+    assert statement.search((backends / "history.py").read_text(encoding="utf-8"))

@@ -1,0 +1,86 @@
+"""What is SQLite's own: what a commit survives, and what a reader keeps waiting."""
+
+from __future__ import annotations
+
+import asyncio
+import sqlite3
+from contextlib import aclosing, closing
+from pathlib import Path
+
+import pytest
+
+from oracle_server.core.errors import HistoryError
+from oracle_server.history.records import MonitorRecord
+from oracle_server.history.sqlite.history import SqliteHistory
+from oracle_server.history.sqlite.writer import Durability, Writer
+from tests.history.making import add, opened, step
+from tests.whole.harness import PATIENCE, failed
+
+
+@pytest.mark.parametrize(("durability", "synchronous"), [("normal", 1), ("full", 2)])
+def test_the_database_waits_for_the_disk_as_is_asked(tmp_path: Path, durability: Durability, synchronous: int) -> None:
+    """SQLite waits for the disk at each commit where `synchronous` is 2, and at checkpoints only where it is 1."""
+    with closing(Writer(tmp_path / "history.sqlite", durability)) as writer:
+        assert writer._writer.execute("PRAGMA synchronous").fetchone() == (synchronous,)
+        assert writer._writer.execute("PRAGMA journal_mode").fetchone() == ("wal",)
+
+
+def test_a_durability_that_there_is_not_is_told(tmp_path: Path) -> None:
+    assert "ORACLE_DURABILITY" in failed("serve", "--data-dir", tmp_path, "--port", "0", ORACLE_DURABILITY="off")
+
+
+async def failing(folder: Path) -> SqliteHistory:
+    """A history that can't write what it was given."""
+    history = SqliteHistory(folder)
+    history.start(asyncio.get_running_loop())
+    history.amend(2**64, "m", 1, (True, "decision"), lambda: None)
+    async with asyncio.timeout(PATIENCE):
+        while history.failure is None:
+            await asyncio.sleep(0.01)
+    return history
+
+
+async def test_what_can_not_be_written_for_whatever_reason_is_told(tmp_path: Path) -> None:
+    history = await failing(tmp_path)
+    assert history.failure is not None
+    assert "too large" in history.failure
+    await asyncio.to_thread(history.close)
+
+
+async def test_nothing_is_written_behind_what_could_not_be_written(tmp_path: Path) -> None:
+    """Where it is closed meanwhile, a gap in the history would be left."""
+    history = await failing(tmp_path)
+    history.set_monitor(1, MonitorRecord("m", "i", (), attached=True, clock="wall"))
+    await asyncio.to_thread(history.close)
+    with closing(sqlite3.connect(history.path)) as database:
+        assert database.execute("SELECT * FROM monitors").fetchall() == []
+
+
+async def test_what_can_not_be_read_is_an_error_of_the_history(tmp_path: Path) -> None:
+    history = SqliteHistory(tmp_path)
+    history.start(asyncio.get_running_loop())
+    await history.flush()
+    await asyncio.to_thread(history.close)
+    history.path.write_text("no database, by now")
+    with pytest.raises(HistoryError, match="can't be read"):
+        await history.last_number()
+    with pytest.raises(HistoryError, match="can't be read"):
+        await history.by_arrival(1).asend(None)
+
+
+async def test_a_reader_that_stands_still_keeps_the_log_from_nothing(tmp_path: Path) -> None:
+    """A read that stays open keeps all that is written since in the database's log, which then grows without bound."""
+    history = SqliteHistory(tmp_path)
+    history.start(asyncio.get_running_loop())
+    history.open_session(opened())
+    await add(history, *(step(i) for i in range(1, 2501)))
+    for reading in (history.by_arrival(1), history.steps(1, 0)):
+        async with aclosing(reading) as pages:
+            assert len(await anext(pages)) == 1000  # and it asks for no more for now
+            _, last = await history.extent(1)
+            await add(history, *(step(last + i) for i in range(1, 501)))
+            with closing(sqlite3.connect(history.path)) as database:
+                busy, _, _ = database.execute("PRAGMA wal_checkpoint(RESTART)").fetchone()
+            assert not busy
+            assert sum([len(page) async for page in pages]) >= 1500
+    await asyncio.to_thread(history.close)
