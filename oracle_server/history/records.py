@@ -112,13 +112,15 @@ class StoredStep(msgspec.Struct, frozen=True, gc=False):
 def stored(position: int, gap: int, judged: Judged, handling: tuple[bool, str] | None = None) -> StoredStep:
     """A judged step as it is kept; `handling` is what the adapter did and why, where that is known already."""
     verdicts = judged.verdicts
+    whys, robustness = [v.explanation for v in verdicts], [v.robustness for v in verdicts]
+    explanations = {}
+    if any(whys):
+        explanations = {i: explain(judged, v) or {} for i, v in enumerate(verdicts) if v.explanation}
     passed, why = handling or (None, None)
     return StoredStep(
         position, judged.order, judged.number, judged.step, gap, judged.judged, judged.decision,
-        tuple([v.outcome for v in verdicts]), tuple([v.degraded for v in verdicts]),
-        {i: explain(judged, v) or {} for i, v in enumerate(verdicts) if v.explanation is not None},
-        None if all(v.robustness is None for v in verdicts) else tuple([v.robustness for v in verdicts]),
-        passed, why,
+        tuple([v.outcome for v in verdicts]), tuple([v.degraded for v in verdicts]), explanations,
+        None if robustness.count(None) == len(robustness) else tuple(robustness), passed, why,
     )  # fmt: skip
 
 

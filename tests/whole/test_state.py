@@ -47,3 +47,13 @@ async def test_the_state_names_what_the_orders_disagree_on(server: Server, sessi
         await monitor.send(make_clock("/a", at=30), make_clock("/b", at=30))
         await monitor.acked(2)
     assert server.get(f"sessions/{session}")["disagree"] == ["b_after_a"]
+
+
+async def test_an_event_is_counted_once_in_whatever_orders_it_is_judged(server: Server, session: str) -> None:
+    year = 365 * 86_400 * 10**3  # ms
+    async with attached(server, session=session, spec="both", streams=["/a"]) as monitor:
+        await monitor.send(make_event(1, "/a", at=10, lost=2), make_event(2, "/a", at=30 * year))
+        await monitor.acked(2)
+        state = server.get(f"sessions/{session}")
+        assert [stream["lost"] for stream in state["streams"]] == [2]
+        assert (state["counters"]["lost"], state["counters"]["skewed"], state["counters"]["steps"]) == (2, 1, 2)

@@ -40,10 +40,10 @@ def step_row(session: int, stored: StoredStep) -> Row:
         session, stored.position, stored.order, stored.number, event.stream.name, event.stream.kind, event.monitor,
         event.seq, stored.gap, step.stamp, event.arrived, stored.judged, step.late, step.skewed, step.forced,
         event.lost, event.source, event.call, event.ask, stored.decision.choice if stored.decision else None,
-        text(stored.decision.denied_by) if stored.decision else "[]", stored.passed, stored.why, text(step.signals),
-        "[]" if not step.failed else text(sorted(step.failed)),
+        text(stored.decision.denied_by) if stored.decision else "[]", stored.passed, stored.why,
+        _encode(step.signals).decode(), "[]" if not step.failed else text(sorted(step.failed)),
         "".join([LETTERS[outcome] for outcome in stored.outcomes]),
-        "".join(["1" if degraded else "0" for degraded in stored.degraded]),
+        "".join(["1" if it else "0" for it in stored.degraded]),
         text({str(i): why for i, why in stored.explanations.items()}) if stored.explanations else None,
         None if stored.robustness is None else text([json_number(value) for value in stored.robustness]),
     )  # fmt: skip
