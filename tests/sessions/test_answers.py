@@ -1,0 +1,118 @@
+"""An event that is sent again is answered from the history, and nothing else waits for that."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from oracle_server.core.errors import HistoryError
+from oracle_server.history.memory import MemoryHistory
+from oracle_server.history.records import StoredStep
+from oracle_server.sessions import answers
+from tests.sessions.making import GUARD, Kept, attach, event, registry
+
+
+class Stuck(MemoryHistory):
+    """A history whose answers come when they are let go."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.going = asyncio.Event()
+        self.asked = 0
+
+    async def asked_step(self, session: int, monitor: str, seq: int) -> StoredStep | None:
+        self.asked += 1
+        await self.going.wait()
+        return await super().asked_step(session, monitor, seq)
+
+
+async def test_nothing_waits_for_an_answer_that_the_history_has(tmp_path: Path) -> None:
+    history = Stuck()
+    sessions = registry(history, tmp_path, GUARD)
+    first = Kept()
+    live, monitor = await sessions.attach(attach("s", "guard"), first)
+    live.ingest(monitor, event(1, ask=True, speed=9))
+    (denied,) = await first.expect("decision")
+    assert denied["decision"] == "deny"
+    await first.expect("ack")
+    second = Kept()
+    live, monitor = await sessions.attach(attach("s", "guard"), second)
+    live.ingest(monitor, event(1, ask=True, speed=9))
+    live.ingest(monitor, event(2, ask=True, speed=1))
+    (allowed,) = await second.expect("decision")
+    assert (allowed["seq"], allowed["decision"]) == (2, "allow")
+    history.going.set()
+    _, again = await second.expect("decision", 2)
+    assert again == denied
+    assert (await second.expect("ack"))[-1]["upto"] >= 1
+
+
+async def test_what_waits_for_answers_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(answers, "_MOST", 10)
+    history = Stuck()
+    sessions = registry(history, tmp_path, GUARD)
+    outbox = Kept()
+    live, monitor = await sessions.attach(attach("s", "guard"), outbox)
+    for seq in range(1, 31):
+        live.ingest(monitor, event(seq, ask=True, speed=seq))
+    await outbox.expect("decision", 30)
+    await history.flush()
+    live.ledger.write()
+    await history.flush()
+    for seq in range(1, 31):
+        live.ingest(monitor, event(seq, ask=True, speed=seq))
+    assert not live.has_room, "its monitors are not read meanwhile"
+    history.going.set()
+    async with asyncio.timeout(10):
+        await live.room()
+    found = await outbox.expect("decision", 60)
+    assert found[30:] == found[:30]
+
+
+async def test_a_connection_that_is_gone_is_answered_nothing(tmp_path: Path) -> None:
+    history = Stuck()
+    sessions = registry(history, tmp_path, GUARD)
+    first = Kept()
+    live, monitor = await sessions.attach(attach("s", "guard"), first)
+    live.ingest(monitor, event(1, ask=True, speed=9))
+    await first.expect("ack")
+    live.ingest(monitor, event(1, ask=True, speed=9))
+    live.ingest(monitor, event(1, ask=True, speed=9))
+    await asyncio.sleep(0)
+    live.disconnected(monitor, first)
+    second = Kept()
+    await sessions.attach(attach("s", "guard"), second)
+    history.going.set()
+    live.ingest(monitor, event(1, ask=True, speed=9))
+    await second.expect("decision")
+    assert len(await first.expect("decision")) <= 2
+    assert len(await second.expect("decision")) == 1
+
+
+async def test_a_history_that_can_not_be_read_ends_no_session(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    history = MemoryHistory()
+    sessions = registry(history, tmp_path, GUARD)
+    outbox = Kept()
+    live, monitor = await sessions.attach(attach("s", "guard"), outbox)
+    live.ingest(monitor, event(1, ask=True, speed=9))
+    await outbox.expect("ack")
+
+    failed = asyncio.Event()
+
+    async def fails(*_: object) -> None:
+        failed.set()
+        raise HistoryError("the history can't be read: disk I/O error")
+
+    monkeypatch.setattr(history, "asked_step", fails)
+    live.ingest(monitor, event(1, ask=True, speed=9))
+    live.ingest(monitor, event(2, ask=True, speed=1))
+    assert [frame["seq"] for frame in await outbox.expect("decision", 2)] == [1, 2]
+    await failed.wait()
+    monkeypatch.undo()
+    live.ingest(monitor, event(1, ask=True, speed=9))
+    assert [frame["seq"] for frame in await outbox.expect("decision", 3)] == [1, 2, 1]
+    assert "disk I/O error" in capsys.readouterr().out
