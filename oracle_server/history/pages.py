@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
+import asyncio
+from collections.abc import Sequence
+from itertools import islice
 
 from oracle_server.history.port import Reading
 from oracle_server.history.query import Query
-from oracle_server.history.records import Document, SessionRecord, records
+from oracle_server.history.records import Document, SessionRecord, StoredStep, records
 
 
 async def find(history: Reading, session: SessionRecord, query: Query) -> tuple[list[Document], int | None]:
     """The records that a query asks for, and the `n` to go on after, None where there are no more."""
     found: list[Document] = []
-    async for record in _matching(history, session, query):
-        if len(found) == query.limit:
+    position = query.start(len(session.properties))
+    while steps := await history.matching(session.number, query, position):
+        # in a thread: a thousand records take their time, and decisions would wait
+        found += await asyncio.to_thread(_matching, steps, session.properties, query, query.limit + 1 - len(found))
+        if len(found) > query.limit:
+            del found[query.limit :]
             return found, found[-1]["n"]
-        found.append(record)
+        position = steps[-1].position + (1 if query.ascending else -1)
     return found, None
 
 
@@ -25,12 +31,7 @@ async def latest(history: Reading, session: SessionRecord) -> int:
     return last * len(session.properties)
 
 
-async def _matching(history: Reading, session: SessionRecord, query: Query) -> AsyncIterator[Document]:
-    position = query.start(len(session.properties))
-    while steps := await history.matching(session.number, query, position):
-        for step in steps:
-            made = records(step, session.properties)
-            for record in made if query.ascending else reversed(made):
-                if query.matches(record):
-                    yield record
-        position = steps[-1].position + (1 if query.ascending else -1)
+def _matching(steps: Sequence[StoredStep], properties: tuple[str, ...], query: Query, most: int) -> list[Document]:
+    direction = 1 if query.ascending else -1
+    made = (record for step in steps for record in records(step, properties)[::direction])
+    return list(islice(filter(query.matches, made), most))
