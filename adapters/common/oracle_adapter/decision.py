@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, Mapping, Optional, Tuple
 
 if TYPE_CHECKING:
-    from oracle_adapter.outbox import Queued
+    from oracle_adapter.queued import Queued
 
 Why = Literal["decision", "timeout", "unavailable"]
 Policy = Literal["deny", "pass"]

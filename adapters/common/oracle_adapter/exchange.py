@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
     from oracle_adapter.decision import Why
     from oracle_adapter.marks import ClockStamp
-    from oracle_adapter.outbox import Queued
     from oracle_adapter.protocol import Notice
+    from oracle_adapter.queued import Queued
     from oracle_adapter.stats import Stats
 
 State = Literal["attached", "disconnected", "ended"]

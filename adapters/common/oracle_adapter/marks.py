@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Deque, Dict, Iterable, Iterator, List, Optiona
 from oracle_adapter.jsonvalues import dumps
 
 if TYPE_CHECKING:
-    from oracle_adapter.outbox import Queued
+    from oracle_adapter.queued import Queued
 
 ClockStamp = Tuple[str, str, int]
 """A stream's name, its kind, and the publication time (ns) before which nothing more will come."""

@@ -11,6 +11,7 @@ from collections import deque
 from typing import TYPE_CHECKING, Callable, Deque, Dict, Iterable, List, Optional
 
 from oracle_adapter.marks import ClockStamp, Marks
+from oracle_adapter.queued import HEAD, Queued
 
 if TYPE_CHECKING:
     from oracle_adapter.stats import Stats
@@ -19,34 +20,8 @@ MAX_FRAME = 1 << 20
 """Bytes of a frame, where the server names no limit."""
 BATCH = 1 << 17
 """Bytes of a batch of events: larger ones save nothing, and keep pings waiting on a slow line."""
-HEAD = 128
-"""More bytes than stand in an event before its body."""
 FULL = 3 / 4
 """How full the queue may get before events go without credit: losing them is worse."""
-
-
-class Queued:
-    """One event on its way; `number` counts what was queued, `seq` is its number on the wire."""
-
-    __slots__ = ("body", "lost", "number", "seq", "stamp", "waiting")
-
-    def __init__(
-        self, number: int, stamp: Optional[int], body: str, *, lost: int, waiting: bool
-    ) -> None:
-        self.number, self.stamp, self.body = number, stamp, body
-        self.lost, self.waiting = lost, waiting
-        self.seq: Optional[int] = None
-
-    @property
-    def size(self) -> int:
-        """Bytes in a frame, at most."""
-        return HEAD + len(self.body)
-
-    def text(self) -> str:
-        """The event as a frame of its own, or as one of a batch."""
-        stamp = "" if self.stamp is None else f'"stamp":{self.stamp},'
-        lost = f'"lost":{self.lost},' if self.lost else ""
-        return f'{{"type":"event","seq":{self.seq},{stamp}{lost}{self.body}'
 
 
 class Outbox:

@@ -26,7 +26,8 @@ from oracle_adapter.decision import Answer
 from oracle_adapter.errors import ENDING, LinkError
 from oracle_adapter.jsonvalues import dumps
 from oracle_adapter.losses import Losses, too_large
-from oracle_adapter.outbox import FULL, MAX_FRAME, Outbox, Queued
+from oracle_adapter.outbox import FULL, MAX_FRAME, Outbox
+from oracle_adapter.queued import Queued
 from oracle_adapter.stats import Stats
 
 if TYPE_CHECKING:
