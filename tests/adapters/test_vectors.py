@@ -62,10 +62,10 @@ class Adapter:
             case "clock":
                 self.protocol.clock([(s["stream"], s.get("kind", "topic"), s["stamp"]) for s in frame["stamps"]])
             case "outcome":
-                self.protocol.outcome(self.answers[frame["seq"]], frame["passed"], frame["why"])
+                self.protocol.handled(self.answers[frame["seq"]], frame["passed"], frame["why"])
             case "outcomes":
                 for told in frame["outcomes"]:
-                    self.protocol.outcome(self.answers[told["seq"]], told["passed"], told["why"])
+                    self.protocol.handled(self.answers[told["seq"]], told["passed"], told["why"])
             case "detach":
                 self.protocol.detach()
 

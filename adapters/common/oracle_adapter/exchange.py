@@ -32,8 +32,8 @@ Stamp = Union[int, None, Callable[[], Optional[int]]]
 Then = Callable[[Answer], None]
 """What is done with the answer to an ask, mostly in the link's thread."""
 
-OUTCOMES_AFTER = 0.003
-"""Seconds in which outcomes are gathered: many in a frame cost little more than one."""
+HANDLINGS_AFTER = 0.003
+"""Seconds in which handlings are gathered: many in a frame cost little more than one."""
 
 _log = logging.getLogger("oracle_adapter")
 
@@ -55,7 +55,7 @@ class Exchange:
         self._changed = threading.Condition(self._lock)  # opened, attached or ended
         self._protocol = protocol
         self._asks: Dict[int, Tuple[Queued, Then]] = {}
-        self._outcomes: List[Tuple[Answer, bool, Why]] = []
+        self._handlings: List[Tuple[Answer, bool, Why]] = []
         self._deadlines = Deadlines()
         self._timer: Optional[asyncio.TimerHandle] = None
         self._loop: Optional[asyncio.AbstractEventLoop] = None
@@ -104,12 +104,12 @@ class Exchange:
         if isinstance(asked, Answer):
             _call(then, asked)
 
-    def outcome(self, answer: Answer, passed: bool, why: Why) -> None:
-        """Queue what was done with an ask, to be told with others of the next moments."""
+    def handled(self, answer: Answer, passed: bool, why: Why) -> None:
+        """Queue what was done with an ask, to be sent with others of the next moments."""
         with self._lock:
-            self._outcomes.append((answer, passed, why))
-            if len(self._outcomes) == 1:
-                self._soon(self._gather_outcomes)
+            self._handlings.append((answer, passed, why))
+            if len(self._handlings) == 1:
+                self._soon(self._gather_handlings)
 
     def clock(
         self, stamps: Union[Iterable[ClockStamp], Callable[[], Iterable[ClockStamp]]]
@@ -143,7 +143,7 @@ class Exchange:
             notices = self._protocol.take_notices()
         self._deliver(notices)
         with self._lock:
-            self._put_outcomes()
+            self._put_handlings()
             self._protocol.detach()
             self._awake = False  # there may be no event to write, yet something to do
             self._wake()
@@ -243,15 +243,15 @@ class Exchange:
             notices = self._protocol.take_notices()
         self._deliver(notices)
 
-    def _tell_outcomes(self) -> None:
+    def _send_handlings(self) -> None:
         with self._lock:
-            self._put_outcomes()
+            self._put_handlings()
             self._wake()
 
-    def _put_outcomes(self) -> None:
-        for answer, passed, why in self._outcomes:
-            self._protocol.outcome(answer, passed, why)
-        self._outcomes.clear()
+    def _put_handlings(self) -> None:
+        for answer, passed, why in self._handlings:
+            self._protocol.handled(answer, passed, why)
+        self._handlings.clear()
 
     def _wake(self) -> None:
         if self._loop is not None and not self._awake:
@@ -267,8 +267,8 @@ class Exchange:
         else:
             self._loop.call_soon_threadsafe(call)
 
-    def _gather_outcomes(self) -> None:
-        asyncio.get_running_loop().call_later(OUTCOMES_AFTER, self._tell_outcomes)
+    def _gather_handlings(self) -> None:
+        asyncio.get_running_loop().call_later(HANDLINGS_AFTER, self._send_handlings)
 
     def _deliver(self, notices: List[Notice]) -> None:
         for notice in notices:

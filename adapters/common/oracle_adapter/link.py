@@ -148,9 +148,9 @@ class Link:
         body = _body(stream, kind, data, ask=True, **more)
         self._exchange.ask(stamp, body, more.get("lost") or 0, decide_within, then)
 
-    def outcome(self, answer: Answer, passed: bool, why: Why) -> None:
+    def handled(self, answer: Answer, passed: bool, why: Why) -> None:
         """Report what was done with an ask; nothing where its event was never queued."""
-        self._exchange.outcome(answer, passed, why)
+        self._exchange.handled(answer, passed, why)
 
     def clock(
         self, stamps: Union[Iterable[ClockStamp], Callable[[], Iterable[ClockStamp]]]

@@ -43,7 +43,7 @@ class Passing:
         try:
             passed = may and give(what)
         finally:
-            self._link.outcome(answer, passed, why)
+            self._link.handled(answer, passed, why)
         return passed, ", ".join(answer.denied_by) or answer.reason or "the monitor ends"
 
 

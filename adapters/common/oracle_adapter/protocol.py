@@ -150,10 +150,10 @@ class Protocol:
         else:
             self._unavailable(event, "no connection to the oracle")
 
-    def outcome(self, answer: Answer, passed: bool, why: Why) -> None:
+    def handled(self, answer: Answer, passed: bool, why: Why) -> None:
         """Report what was done with an ask, where there is an event to report on."""
         if answer.event is not None and self.ended is None:
-            self._outbox.marks.outcome(answer.event, passed, why)
+            self._outbox.marks.handled(answer.event, passed, why)
 
     def clock(self, stamps: Any) -> None:
         """Queue the latest clocks."""
@@ -299,7 +299,7 @@ class Protocol:
             if event.waiting:
                 self._unavailable(event, "the event was lost in a reconnect")
         self._outbox.credit = None if self._detaching else limits.get("credit")
-        self._outbox.marks.max_outcomes = int(limits.get("max_outcomes") or 1)
+        self._outbox.marks.max_handlings = int(limits.get("max_outcomes") or 1)
         self.attached = attached
         self._unreported = set(self._reports)
         # To resume this session, or have it made anew from its spec where the server has lost it.

@@ -147,7 +147,7 @@ class Wire(RuleBasedStateMachine):
         number = min(set(self.answers) - set(self.reported))
         self.reported[number] = passed
         answer = self.answers[number]
-        self.protocol.outcome(answer, passed, answer.why)
+        self.protocol.handled(answer, passed, answer.why)
 
     # The network
 
