@@ -9,51 +9,22 @@ from __future__ import annotations
 import re
 import threading
 import time
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, Callable, Dict, List, Mapping, Sequence, Tuple
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any, Callable, Dict, List, Mapping, Tuple
 
 from oracle_adapter.decision import should_pass
 from oracle_adapter.outage import Outages
+from oracle_adapter.screen import ERROR, LEVELS, OK, STALE, SafeScreen, Status
 
 if TYPE_CHECKING:
-    from typing import Protocol
-
     from oracle_adapter.decision import Answer, Policy, Why
     from oracle_adapter.exchange import State
+    from oracle_adapter.screen import Screen
     from oracle_adapter.stats import Stats
 
-    class Screen(Protocol):
-        """What an adapter lends to the board; called in any thread."""
-
-        def verdict(self, outcome: str) -> None:
-            """Publish the worst outcome over the properties on `monitor_verdict`."""
-
-        def error(self, text: str) -> None:
-            """Log an error, and publish it on `monitor_error`."""
-
-        def info(self, text: str) -> None:
-            """Log a text."""
-
-        def diagnostics(self, statuses: Sequence[Status]) -> None:
-            """Publish these on `/diagnostics`."""
-
-
-OK, WARN, ERROR, STALE = 0, 1, 2, 3
-"""The levels of `diagnostic_msgs/DiagnosticStatus`."""
-LEVELS = {"ok": OK, "warn": WARN, "error": ERROR, "stale": STALE}
 UNKNOWN = "unknown"
 PERIOD = 1.0
 """Seconds between diagnostics where nothing changes, as those who watch them expect."""
-
-
-@dataclass(frozen=True)
-class Status:
-    """One `diagnostic_msgs/DiagnosticStatus`; its `hardware_id` is the monitor's name."""
-
-    name: str
-    level: int
-    message: str
-    values: Tuple[Tuple[str, str], ...] = ()
 
 
 def graph_name(monitor: str) -> str:
@@ -65,7 +36,8 @@ def graph_name(monitor: str) -> str:
 def violation_text(record: Mapping[str, Any]) -> str:
     """A violation's record in one line: the property, the event, and why."""
     explanation = record.get("explanation") or {}
-    event = "{stream} ({kind} {seq} of {monitor})".format_map(_Known(record))
+    known = {**dict.fromkeys(("stream", "kind", "seq", "monitor"), "?"), **record}
+    event = "{stream} ({kind} {seq} of {monitor})".format_map(known)
     text = explanation.get("text") or f"{record.get('property')} does not hold at {event}"
     return f"violation {record.get('n')}: {text}"
 
@@ -77,16 +49,17 @@ class Board:
         self, monitor: str, screen: Screen, clock: Callable[[], float] = time.monotonic
     ) -> None:
         """Show nothing yet but that nothing is known. `clock` gives seconds."""
-        self._monitor, self._screen, self._clock = monitor, screen, clock
+        self._monitor, self._screen, self._clock = monitor, SafeScreen(screen), clock
         self._lock = threading.Lock()  # over what follows; nothing is shown under it
         self._outages = Outages(clock)
         self._attached, self._detail = False, "not attached yet"
         self._properties: Mapping[str, Mapping[str, Any]] = {}
         self._troubles: Dict[str, str] = {}
+        self._failures: Dict[str, int] = {}  # events that could not be passed on, by stream
         self._shown: List[Tuple[str, int, str]] = []
         self._shown_at = -PERIOD
         self._verdict = UNKNOWN
-        screen.verdict(UNKNOWN)
+        self._screen.verdict(UNKNOWN)
 
     # For the link, as its callbacks
 
@@ -136,6 +109,14 @@ class Board:
             self._screen.error(f"denied {event}: {', '.join(answer.denied_by) or answer.reason}")
         return passed, why
 
+    def failed(self, stream: str, event: str, error: Exception) -> None:
+        """Count an event that could not be passed on, and show the first one of a stream."""
+        with self._lock:
+            count = self._failures[stream] = self._failures.get(stream, 0) + 1
+        if count == 1:
+            more = "more of this stream is counted and not shown"
+            self._screen.error(f"{event} could not be passed on: {error!r}; {more}")
+
     def error(self, text: str) -> None:
         """Show an error of the adapter's own."""
         self._screen.error(text)
@@ -179,6 +160,7 @@ class Board:
             **asdict(stats),
             "passed without a decision": self._outages.total.passed,
             "denied without a decision": self._outages.total.denied,
+            "failed to pass on": sum(self._failures.values()),
         }
         level, message = OK, f"attached to session {self._detail}"
         if not self._attached:
@@ -204,10 +186,3 @@ class Board:
             Status(f"{self._monitor}: {name}", ERROR if text else OK, text or "well again")
             for name, text in self._troubles.items()
         ]
-
-
-class _Known(Dict[str, Any]):
-    """A record in which whatever is not told is a question mark."""
-
-    def __missing__(self, key: str) -> str:
-        return "?"

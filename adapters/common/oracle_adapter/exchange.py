@@ -7,11 +7,11 @@ and alone calls back. No callback is called under the lock.
 from __future__ import annotations
 
 import asyncio
-import logging
 import threading
 from operator import index
 from typing import TYPE_CHECKING, Any, Callable, Dict, Literal, Optional, Union
 
+from oracle_adapter import logs
 from oracle_adapter.deadlines import Deadlines
 from oracle_adapter.decision import Answer
 from oracle_adapter.errors import LinkError
@@ -34,8 +34,6 @@ Then = Callable[[Answer], None]
 
 HANDLINGS_AFTER = 0.003
 """Seconds in which handlings are gathered: many in a frame cost little more than one."""
-
-_log = logging.getLogger("oracle_adapter")
 
 
 class Exchange:
@@ -176,10 +174,13 @@ class Exchange:
 
     def receive(self, frame: bytes) -> bool:
         """Take in one frame, and say whether it was the last; raises what ends the connection."""
-        with self._lock:
-            self._protocol.receive(frame)
-            notices = self._protocol.take_notices()
-        self._deliver(notices)
+        try:
+            with self._lock:
+                self._protocol.receive(frame)
+        finally:  # what a bad frame had as its effect before it failed must not wait for the next
+            with self._lock:
+                notices = self._protocol.take_notices()
+            self._deliver(notices)
         for notice in notices:
             if isinstance(notice, LinkError) and notice.fatal:
                 raise notice
@@ -226,7 +227,7 @@ class Exchange:
     def report(self, error: LinkError) -> None:
         """Pass an error on to whom it may concern."""
         if self._on_error is None:
-            _log.warning("%s", error)
+            logs.warn("%s", error)
         _call(self._on_error, error)
 
     def _set_timer(self, loop: asyncio.AbstractEventLoop) -> None:
@@ -310,4 +311,4 @@ def _call(callback: Optional[Callable[..., None]], *arguments: Any) -> None:
     try:
         callback(*arguments)
     except Exception:  # noqa: BLE001 - whatever it is
-        _log.exception("a callback of the link failed")
+        logs.failure("a callback of the link failed")

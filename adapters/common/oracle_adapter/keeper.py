@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 import random
 import threading
 from typing import TYPE_CHECKING, Iterator, Optional
 
+from oracle_adapter import logs
 from oracle_adapter.connection import FAILURES, Conversation, open_connection
 from oracle_adapter.errors import LinkError
 
 if TYPE_CHECKING:
     from oracle_adapter.connection import Address, Timing
     from oracle_adapter.exchange import Exchange
-
-_log = logging.getLogger("oracle_adapter")
 
 
 class Keeper:
@@ -61,7 +59,7 @@ class Keeper:
             end = error
             self._exchange.report(error)
         except Exception as error:  # noqa: BLE001 - the asks must be answered all the same
-            _log.exception("the link failed")
+            logs.failure("the link failed")
             end = LinkError("internal", repr(error), fatal=True)
             self._exchange.report(end)
         finally:

@@ -34,17 +34,21 @@ class Passing:
         """Whether it passed, and why not, in words; the server is told what was done.
 
         What may pass is given to `give`, which says whether it went on: an adapter that ends, or
-        makes room for another, forwards nothing more, and history must not say that it did.
+        makes room for another, forwards nothing more, and history must not say that it did. What
+        `give` raises goes no further: the event did not pass.
         """
         word = "message" if self._kind == "topic" else self._kind
         event = f"a {word} of {self._name}" + (f", call {call}" if call else "")
         may, why = self._board.settle(answer, self._policy, event)
-        passed = False
-        try:
-            passed = may and give(what)
-        finally:
-            self._link.handled(answer, passed, why)
-        return passed, ", ".join(answer.denied_by) or answer.reason or "the monitor ends"
+        passed, reason = False, ", ".join(answer.denied_by) or answer.reason or "the monitor ends"
+        if may:
+            try:
+                passed = give(what)
+            except Exception as error:  # noqa: BLE001 - others wait behind this one
+                reason = f"it could not be passed on: {error!r}"
+                self._board.failed(self._name, event, error)
+        self._link.handled(answer, passed, why)
+        return passed, reason
 
 
 class _Waiting:

@@ -6,7 +6,7 @@ from typing import Any, Dict, List, Sequence, Tuple
 
 import pytest
 from oracle_adapter import Answer, Board, Stats, Status, graph_name
-from oracle_adapter.board import ERROR, OK, STALE, WARN
+from oracle_adapter.screen import ERROR, OK, STALE, WARN
 
 DENIED = Answer("decision", "deny", ("p", "q"))
 ALLOWED = Answer("decision", "allow")
