@@ -59,20 +59,29 @@ class Exchange:
         self._loop: Optional[asyncio.AbstractEventLoop] = None
         self._pump: Callable[[], None] = _nothing
         self._thread = 0
+        self._opened = False  # the link's thread has been ready
         self._awake = False  # the queue will be looked at
         self._trouble: Optional[LinkError] = None  # why there is no connection
 
     # From robot threads
 
-    def wait_opened(self) -> None:
-        """Wait for the link's thread to be ready."""
+    def wait_opened(self, timeout: float) -> None:
+        """Wait up to `timeout` seconds for the link's thread; raises `LinkError` without it."""
         with self._changed:
-            self._changed.wait_for(lambda: self._loop or self._protocol.ended)
+            self._changed.wait_for(lambda: self._opened or self._protocol.ended, timeout)
+            if self._opened:
+                return
+            if self._protocol.ended is not None:
+                raise self._protocol.ended
+        message = f"the link's thread was not ready within {timeout} s"
+        raise LinkError("internal", message, fatal=True)
 
     def wait_attached(self, timeout: Optional[float]) -> Attached:
-        """Wait for a connection, up to `timeout` seconds."""
+        """Wait for a connection, up to `timeout` seconds; None: until there is one, or the end."""
         protocol = self._protocol
         with self._changed:
+            if self._loop is None and protocol.ended is None:
+                raise _not_started()
             self._changed.wait_for(lambda: protocol.attached or protocol.ended, timeout)
             if protocol.attached is not None:
                 return protocol.attached
@@ -92,7 +101,7 @@ class Exchange:
         """Queue an event that wants an answer; `then` gets it within that time, maybe at once."""
         with self._lock:
             if self._loop is None and self._protocol.ended is None:
-                raise LinkError("closed", "the link was not started")
+                raise _not_started()
             asked = self._protocol.ask(_read(stamp), body, lost)
             if self._loop is not None and not isinstance(asked, Answer):
                 self._asks[asked.number] = asked, then
@@ -158,6 +167,7 @@ class Exchange:
         """Call `pump`, on its loop, whenever there is something to write."""
         with self._changed:
             self._loop, self._pump, self._thread = loop, pump, threading.get_ident()
+            self._opened = True
             self._changed.notify_all()
 
     def hello(self) -> str:
@@ -215,9 +225,11 @@ class Exchange:
         return self._protocol.detached
 
     def end(self, error: LinkError) -> None:
-        """No connection will come any more."""
+        """No connection will come any more; nothing where that is known."""
         with self._changed:
             self._loop = None
+            if self._protocol.ended is not None:
+                return
             self._protocol.end(error)
             notices = self._protocol.take_notices()
             self._changed.notify_all()
@@ -293,6 +305,10 @@ class Exchange:
                 _call(self._on_verdicts, notice.frame)
             elif not notice.fatal:  # a fatal one is reported when all is over
                 self.report(notice)
+
+
+def _not_started() -> LinkError:
+    return LinkError("closed", "the link was not started")
 
 
 def _nothing() -> None:

@@ -16,18 +16,32 @@ if TYPE_CHECKING:
     from oracle_adapter.exchange import Exchange
 
 
+READY_WITHIN = 10.0
+"""Seconds that the thread may take until it is ready to connect."""
+
+
 class Keeper:
     """One thread with a loop of its own, from `start` to `stop`."""
 
     def __init__(self, address: Address, timing: Timing, exchange: Exchange) -> None:
         self._address, self._timing, self._exchange = address, timing, exchange
         self._conversation: Optional[Conversation] = None  # the latest
+        self._work: Optional[asyncio.Future[None]] = None
         self._thread = threading.Thread(target=self._run, name="oracle-link", daemon=True)
 
     def start(self) -> None:
-        """Start the thread, once."""
-        self._thread.start()
-        self._exchange.wait_opened()
+        """Start the thread, once; raises `LinkError` where it does not get ready."""
+        if self._thread.ident is not None:
+            raise RuntimeError("a link starts once")
+        try:
+            self._thread.start()
+        except RuntimeError as error:
+            self._exchange.end(_failed(error))
+        try:
+            self._exchange.wait_opened(READY_WITHIN)
+        except LinkError as error:
+            self._exchange.end(error)
+            raise
 
     def stop(self, timeout: float) -> bool:
         """Detach and end the thread, after `timeout` seconds anyway; True where it detached."""
@@ -39,12 +53,17 @@ class Keeper:
             return False
         self._exchange.call_soon(self._hurry)
         self._thread.join(timeout)
-        self._exchange.call_soon(self._work.cancel)
+        self._exchange.call_soon(self._cancel)
         self._thread.join(self._timing.close_timeout)  # it hangs only in a callback that does
         return self._exchange.detached
 
     def _run(self) -> None:
-        asyncio.run(self._main())
+        main = self._main()
+        try:
+            asyncio.run(main)
+        except Exception as error:  # noqa: BLE001 - whoever waits for the thread must learn of it
+            main.close()
+            self._exchange.end(_failed(error))
 
     async def _main(self) -> None:
         self._closing = asyncio.get_running_loop().create_future()
@@ -60,7 +79,7 @@ class Keeper:
             self._exchange.report(error)
         except Exception as error:  # noqa: BLE001 - the asks must be answered all the same
             logs.failure("the link failed")
-            end = LinkError("internal", repr(error), fatal=True)
+            end = _failed(error)
             self._exchange.report(end)
         finally:
             self._exchange.end(end)
@@ -105,6 +124,10 @@ class Keeper:
             yield delay * random.uniform(0.5, 1.0)  # noqa: S311 - no secret
             delay = min(2 * delay, self._timing.backoff_last)
 
+    def _cancel(self) -> None:
+        if self._work is not None:
+            self._work.cancel()
+
     def _hurry(self) -> None:
         if not self._closing.done():
             self._closing.set_result(None)
@@ -115,6 +138,10 @@ class Keeper:
             await asyncio.sleep(seconds)
         else:
             await asyncio.wait([self._closing], timeout=seconds)
+
+
+def _failed(error: Exception) -> LinkError:
+    return LinkError("internal", repr(error), fatal=True)
 
 
 def _closed() -> LinkError:

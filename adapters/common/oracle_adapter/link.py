@@ -86,11 +86,17 @@ class Link:
         self._keeper = Keeper(address, timing or Timing(), self._exchange)
 
     def start(self) -> None:
-        """Begin to connect, and return at once. A link starts once."""
+        """Begin to connect, and return at once. A link starts once.
+
+        Raises `LinkError` where the link's thread can't be made, or is not ready within 10 s.
+        """
         self._keeper.start()
 
     def wait_attached(self, timeout: Optional[float] = None) -> Attached:
-        """Wait up to `timeout` seconds for a connection; raises `LinkError` where none comes."""
+        """Wait up to `timeout` seconds for a connection; raises `LinkError` where none comes.
+
+        None: until there is one, or the link is over. A link that was not started is an error.
+        """
         return self._exchange.wait_attached(timeout)
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
+from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, Callable, Deque, Mapping, Optional, Tuple
 
 if TYPE_CHECKING:
@@ -11,6 +12,10 @@ if TYPE_CHECKING:
     from oracle_adapter.decision import Answer
     from oracle_adapter.exchange import Stamp, Then
     from oracle_adapter.link import Link
+
+
+GRACE = 5.0
+"""Seconds beyond `decide_within` in which the link answers, unless its thread hangs."""
 
 
 class Passing:
@@ -49,6 +54,29 @@ class Passing:
                 self._board.failed(self._name, event, error)
         self._link.handled(answer, passed, why)
         return passed, reason
+
+    def ask_and_wait(
+        self, stamp: Stamp, data: Any, call: int, then: Callable[[], None]
+    ) -> Tuple[bool, str]:
+        """Ask about a call, call `then`, and wait for what `settle` returns.
+
+        Where the link's thread hangs, the wait ends `GRACE` seconds after the time for a decision;
+        then the call does not pass, whatever the answer will be.
+        """
+        settled: SimpleQueue[Tuple[bool, str]] = SimpleQueue()
+        passed = threading.Lock()  # taken by what comes first: the answer, or the end of the wait
+
+        def answered(answer: Answer) -> None:
+            settled.put(self.settle(answer, lambda _: passed.acquire(blocking=False), None, call))
+
+        self.ask(stamp, data, answered, call=call)
+        then()
+        try:
+            return settled.get(timeout=self._within + GRACE)
+        except Empty:
+            if passed.acquire(blocking=False):
+                return False, "there is no answer from the link"
+            return True, ""
 
 
 class _Waiting:

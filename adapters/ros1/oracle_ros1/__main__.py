@@ -42,7 +42,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
             sys.stdout.write(json.dumps(dump_graph(), indent=2) + "\n")
             return 0
         return _run(_completed(options), stopping)
-    except (CodecError, ValueError) as error:
+    except (CodecError, LinkError, ValueError) as error:
         rospy.logfatal(str(error))
         return 2
     finally:

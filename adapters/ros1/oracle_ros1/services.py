@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import itertools
-from queue import SimpleQueue
-from typing import Any, List, Mapping, Tuple
+from typing import Any, List, Mapping
 
 import rospy
-from oracle_adapter import Answer, Board, ClockStamp, Link, Names
+from oracle_adapter import Board, ClockStamp, Link, Names
 from oracle_adapter.passing import Passing
 
 from oracle_ros1.codec import reader
@@ -57,14 +56,8 @@ class ProxiedService:
         if not side.filtered:
             self._link.send(self.name, side.kind, stamp, data, call=call)
             return
-        settled: SimpleQueue[Tuple[bool, str]] = SimpleQueue()
-
-        def settle(answer: Answer) -> None:  # in the link's thread, which may end before this one goes on
-            settled.put(side.passing.settle(answer, lambda _: True, message, call))
-
-        side.passing.ask(stamp, data, settle, call=call)
-        self._link.clock(self._stamps)  # or the decision would wait for the monitor's next one
-        passed, reason = settled.get()
+        # the clocks go at once, or the decision would wait for the monitor's next ones
+        passed, reason = side.passing.ask_and_wait(stamp, data, call, lambda: self._link.clock(self._stamps))
         if not passed:
             raise rospy.ServiceException(f"the oracle denied the {side.kind} of {self.name}: {reason}")
 

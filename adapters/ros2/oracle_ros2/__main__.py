@@ -99,7 +99,7 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
             _observe(node, link, board, options.names, stopping)
         finally:
             close(link, log.error)
-    except (CodecError, ValueError) as error:
+    except (CodecError, LinkError, ValueError) as error:
         log.fatal(str(error))
         return 2
     finally:
