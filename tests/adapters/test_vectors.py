@@ -12,7 +12,7 @@ from oracle_adapter.protocol import Answered, Hello, Protocol
 Frame = dict[str, Any]
 FOLDER = Path(__file__).parents[1] / "vectors"
 STANDS_FOR = {"<text>": "text", "<integer>": 2**20, "<time>": 1732147200000000000, "<list>": []}
-VECTORS = [path for path in sorted(FOLDER.glob("*.json")) if json.loads(path.read_text())["adapter"]]
+VECTORS = [path for path in sorted(FOLDER.glob("*.json")) if json.loads(path.read_text(encoding="utf-8"))["adapter"]]
 
 
 def sent(frame: Any) -> Any:
@@ -87,7 +87,7 @@ class Adapter:
 
 @pytest.mark.parametrize("path", VECTORS, ids=lambda path: path.stem)
 def test_the_adapter_says_what_is_written(path: Path) -> None:
-    turns = json.loads(path.read_text())["conversation"]
+    turns = json.loads(path.read_text(encoding="utf-8"))["conversation"]
     adapters: dict[str, Adapter] = {}
     current = ""
     said = 0

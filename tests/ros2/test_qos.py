@@ -52,7 +52,7 @@ def profile(reliability: Any = RELIABLE, durability: Any = VOLATILE, depth: int 
 def scene(tmp_path: Path) -> Any:
     specs = tmp_path / "specs"
     specs.mkdir()
-    (specs / "gate.yaml").write_text(SPEC)
+    (specs / "gate.yaml").write_text(SPEC, encoding="utf-8")
     with Scene(tmp_path, specs) as scene:
         yield scene
 

@@ -50,7 +50,9 @@ class LogFile:
         self._stats = Stats()
         self._seq = self._arrived = 0
         try:
-            self._file: IO[str] = open(path, "a", encoding="utf-8", buffering=1)  # noqa: SIM115
+            self._file: IO[str] = open(  # noqa: SIM115 - `close` closes it
+                path, "a", encoding="utf-8", newline="\n", buffering=1
+            )
         except OSError as error:
             raise ValueError(f"--log {path}: can't be written: {error.strerror}") from None
 
