@@ -7,6 +7,8 @@ from collections import deque
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, Callable, Deque, Mapping, Optional, Tuple
 
+from oracle_adapter.kinds import KINDS
+
 if TYPE_CHECKING:
     from oracle_adapter.board import Board
     from oracle_adapter.decision import Answer
@@ -23,14 +25,14 @@ class Passing:
 
     def __init__(self, link: Link, board: Board, stream: Mapping[str, Any]) -> None:
         self._link, self._board = link, board
-        self._name, self._kind = stream["name"], stream["kind"]
+        self._name, self._kind = stream["name"], KINDS[stream["kind"]]
         self._within = stream["decide_within"] / 10**9
         self._policy = stream["on_unavailable"]
 
     def ask(self, stamp: Stamp, data: Any, then: Then, **more: Any) -> None:
         """Ask about an event; `then` and `more` are what `Link.ask_then` takes."""
         self._link.ask_then(
-            self._name, self._kind, stamp, data, then, decide_within=self._within, **more
+            self._name, self._kind.name, stamp, data, then, decide_within=self._within, **more
         )
 
     def settle(
@@ -42,8 +44,9 @@ class Passing:
         makes room for another, forwards nothing more, and history must not say that it did. What
         `give` raises goes no further: the event did not pass.
         """
-        word = "message" if self._kind == "topic" else self._kind
-        event = f"a {word} of {self._name}" + (f", call {call}" if call else "")
+        event = f"a {self._kind.event} of {self._name}"
+        if self._kind.has_call:
+            event += f", call {call}"
         may, why = self._board.settle(answer, self._policy, event)
         passed, reason = False, ", ".join(answer.denied_by) or answer.reason or "the monitor ends"
         if may:

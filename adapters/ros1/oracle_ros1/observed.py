@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from typing import Any, Callable, Dict, Iterable, Iterator, List, Mapping, Optional, Tuple, Union
 
 import rospy
-from oracle_adapter import TimeSource
+from oracle_adapter import Stamp, TimeSource
 
 from oracle_ros1.codec import CodecError, Read, reader
 from oracle_ros1.definitions import Definition, installed_message, ros1_name, sent_definition
 from oracle_ros1.stamps import Now, stamp_reader
 
 Header = Mapping[str, str]
-Stamp = Union[int, Now]
 
 
 @dataclass(frozen=True)
@@ -38,6 +37,7 @@ class Observed:
 
     def __init__(self, stream: Mapping[str, Any], now: Now) -> None:
         self.name: str = stream["name"]
+        self.kind: str = stream["kind"]
         self.latency: int = stream["latency"]
         self._type = ros1_name(stream["type"]) if stream["type"] else ""
         self._fields, self._path, self._now = stream["fields"], stream["stamp"], now

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 from oracle_adapter import Attention
 from oracle_adapter.command import unknown_remap
+from oracle_adapter.interfaces import interfaces_of, report_unknown
 from rclpy.clock import Clock, ClockType
 
-from oracle_ros2.graph import past_proxy
-from oracle_ros2.services import ProxiedService
+from oracle_ros2.parts import make_part
+from oracle_ros2.shared import Shared
 from oracle_ros2.stamps import on_back, simulated, time_of
-from oracle_ros2.topics import FilteredTopic, LoggedTopic
 
 if TYPE_CHECKING:
     from oracle_adapter import Attached, Board, ClockStamp, Link, Names
@@ -41,29 +41,18 @@ class Monitor:
         self._watch = None
         if simulated(node):
             self._watch = on_back(node, lambda: link.renew(lambda: self._readings(self._now())))
-        # None: stamped here
-        self._latencies = {
-            (s["name"], s["kind"]): s["latency"] if s["kind"] == "topic" or s["stamp"] else None for s in streams
-        }
-        by_key = {(s["name"], s["kind"]): s for s in streams}
-        self._topics = [
-            FilteredTopic(node, link, board, names, s) if s["action"] == "filter" else LoggedTopic(node, link, names, s)
-            for s in streams
-            if s["kind"] == "topic"
-        ]
-        self._services = [
-            ProxiedService(node, link, board, names, s, by_key[s["name"], "response"])
-            for s in streams
-            if s["kind"] == "request"
-        ]
-        self._proxies = {s["name"]: (names[s["name"]], names[s["proxy"]]) for s in streams if s["kind"] == "request"}
+        shared = Shared(node, link, board, names)
+        self._parts = [make_part(shared, interface) for interface in interfaces_of(streams)]
+        self._observed = [stream for part in self._parts for stream in part.streams]
+        report_unknown(streams, board, link)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
         self._timers = [
             node.create_timer(LOOK_PERIOD, self._look, clock=steady),
             node.create_timer(CLOCK_PERIOD, self._tell_time, clock=steady),
             node.create_timer(SHOW_PERIOD, lambda: board.tick(link.stats()), clock=steady),
         ]
-        self._report()
+        for stream in self._observed:
+            link.report(stream.name, stream.kind, time_source=stream.time_source)
         node.get_logger().info(f"observing {len(streams)} streams for session {attached.session}")
 
     @property
@@ -81,26 +70,14 @@ class Monitor:
             self._watch.unregister()
         for timer in self._timers:
             self._node.destroy_timer(timer)
-        for part in (*self._topics, *self._services):
+        for part in self._parts:
             part.stop()
 
     def _look(self) -> None:
-        for topic in self._topics:
-            self._tell_trouble(topic.name, "topic", topic.look())
-        for name, (service, proxy) in self._proxies.items():
-            self._tell_trouble(name, "request", past_proxy(self._node, service, proxy))
-
-    def _tell_trouble(self, name: str, kind: str, trouble: str) -> None:
-        self._board.trouble(name, trouble)
-        self._link.report(name, kind, trouble=trouble)
-
-    def _report(self) -> None:
-        """Tell where the streams' times come from."""
-        for topic in self._topics:
-            self._link.report(topic.name, "topic", time_source=topic.time_source)
-        for (name, kind), latency in self._latencies.items():
-            if kind != "topic":
-                self._link.report(name, kind, time_source="arrival" if latency is None else "field")
+        for part in self._parts:
+            trouble, first = part.look(), part.streams[0]
+            self._board.trouble(first.name, trouble)
+            self._link.report(first.name, first.kind, trouble=trouble)
 
     def _tell_time(self) -> None:
         """Say how far each stream has come: exactly where messages are stamped here, else less a delay.
@@ -109,11 +86,9 @@ class Monitor:
         Where the middleware may be held up, others are not spoken for.
         """
         heard: int | None = self._now()
-        for topic in self._topics:
-            topic.heard.take_all()
-        for service in self._services:
-            service.tend()
-        if not self._attention.is_paid(time.monotonic(), sum(topic.observed.count for topic in self._topics)):
+        for part in self._parts:
+            part.catch_up()
+        if not self._attention.is_paid(time.monotonic(), sum(part.received for part in self._parts)):
             heard = None
         self._link.clock(lambda: self._readings(heard))
 
@@ -122,7 +97,7 @@ class Monitor:
         if not now:
             return []  # simulated time has not begun
         return [
-            (name, kind, now if latency is None or heard is None else max(0, heard - latency))
-            for (name, kind), latency in self._latencies.items()
-            if latency is None or heard is not None
+            (s.name, s.kind, now if s.latency is None or heard is None else max(0, heard - s.latency))
+            for s in self._observed
+            if s.latency is None or heard is not None
         ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping
 
-from oracle_adapter import PROXY, Board, Link
+from oracle_adapter import PROXY
 from oracle_adapter.passing import Gate, Passing
 from rclpy.serialization import deserialize_message
 
@@ -13,9 +13,11 @@ from oracle_ros2.endpoints import Forwarded, Heard
 from oracle_ros2.stamps import simulated, stamp_reader, time_of
 
 if TYPE_CHECKING:
-    from oracle_adapter import Names
-    from oracle_adapter.protocol import TimeSource
+    from oracle_adapter import TimeSource
+    from oracle_adapter.interfaces import Interface
     from rclpy.node import Node
+
+    from oracle_ros2.shared import Shared
 
 
 class Observed:
@@ -27,6 +29,8 @@ class Observed:
         # the middleware's time is the wall's: in a simulation the time of arrival comes nearer
         self._now = time_of(node) if simulated(node) else None
         self.name: str = stream["name"]
+        self.kind: str = stream["kind"]
+        self.latency: int = stream["latency"]
         self.type = load_type(stream["type"])
         self._stamp = stamp_reader(self.type, stream["stamp"])
         self.time_source: TimeSource = "field" if self._stamp else "arrival" if self._now else "middleware"
@@ -83,11 +87,20 @@ class Observed:
 class LoggedTopic:
     """Reports every message of a topic."""
 
-    def __init__(self, node: Node, link: Link, names: Names, stream: Mapping[str, Any]) -> None:
-        self._link = link
-        self.observed = Observed(node, stream)
-        self.name, self.time_source = self.observed.name, self.observed.time_source
-        self.heard = Heard(node, self.observed.type, names[self.name], self._take)
+    def __init__(self, shared: Shared, topic: Interface) -> None:
+        self._link = shared.link
+        self.observed = Observed(shared.node, topic.first)
+        self.streams = [self.observed]
+        self.heard = Heard(shared.node, self.observed.type, shared.names[topic.name], self._take)
+
+    @property
+    def received(self) -> int:
+        """How many messages have come."""
+        return self.observed.count
+
+    def catch_up(self) -> None:
+        """Take every message that has come by now."""
+        self.heard.take_all()
 
     def look(self) -> str:
         """Look at the other nodes again, and tell what is wrong."""
@@ -102,7 +115,7 @@ class LoggedTopic:
         event = self.observed.event(message, info)
         if event is not None:
             stamp, data, more = event
-            self._link.send(self.name, "topic", stamp, data, **more)
+            self._link.send(self.observed.name, self.observed.kind, stamp, data, **more)
 
 
 class FilteredTopic:
@@ -111,14 +124,24 @@ class FilteredTopic:
     `intercept: publisher` takes X_mon and gives X, `subscriber` takes X and gives X_mon.
     """
 
-    def __init__(self, node: Node, link: Link, board: Board, names: Names, stream: Mapping[str, Any]) -> None:
+    def __init__(self, shared: Shared, topic: Interface) -> None:
+        node, stream = shared.node, topic.first
         self.observed = Observed(node, stream, self._match)
-        self.name, self.time_source = self.observed.name, self.observed.time_source
-        plain, beside = names[self.name], names[self.name + PROXY]
+        self.streams = [self.observed]
+        plain, beside = shared.names[topic.name], shared.names[topic.name + PROXY]
         source, target = (beside, plain) if stream["intercept"] == "publisher" else (plain, beside)
         self._forwarded = Forwarded(node, self.observed.type, target)
-        self._gate = Gate(Passing(link, board, stream), self._forwarded.publish)
+        self._gate = Gate(Passing(shared.link, shared.board, stream), self._forwarded.publish)
         self.heard = Heard(node, self.observed.type, source, self._take)
+
+    @property
+    def received(self) -> int:
+        """How many messages have come."""
+        return self.observed.count
+
+    def catch_up(self) -> None:
+        """Take every message that has come by now."""
+        self.heard.take_all()
 
     def look(self) -> str:
         """Look at the other nodes again, and tell what is wrong."""
