@@ -1,4 +1,4 @@
-"""The link from a ROS adapter to an oracle server; it knows no ROS."""
+"""The link from a ROS adapter to an oracle server; it does not depend on ROS."""
 
 from oracle_adapter.attention import Attention
 from oracle_adapter.board import Board, graph_name

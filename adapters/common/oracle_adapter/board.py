@@ -1,7 +1,7 @@
 """What people see of the oracle on the robot: verdict, errors, diagnostics, as texts and levels.
 
-The server words how properties stand; here is only added whether it can be heard. A ROS adapter
-hands a `Board` to its `Link`, and publishes what the board says.
+The server describes the state of properties; the board adds whether the server is connected. A ROS
+adapter passes the callbacks of a `Board` to its `Link`, and a `Screen` to the board.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from oracle_adapter.stats import Stats
 
 UNKNOWN = "unknown"
-PERIOD = 1.0
-"""Seconds between diagnostics where nothing changes, as those who watch them expect."""
+DIAGNOSTICS_PERIOD = 1.0
+"""Seconds between diagnostics where nothing changes: their viewers expect one a second."""
 
 
 def graph_name(monitor: str) -> str:
@@ -43,28 +43,28 @@ def violation_text(record: Mapping[str, Any]) -> str:
 
 
 class Board:
-    """Takes what the link tells and what was done with events, and shows it on a screen."""
+    """Takes the link's news and what was done with events, and shows it on a screen."""
 
     def __init__(
         self, monitor: str, screen: Screen, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        """Show nothing yet but that nothing is known. `clock` gives seconds."""
+        """Show an unknown verdict. `clock` returns seconds."""
         self._monitor, self._screen, self._clock = monitor, SafeScreen(screen), clock
-        self._lock = threading.Lock()  # over what follows; nothing is shown under it
+        self._lock = threading.Lock()  # guards what follows; nothing is shown under it
         self._outages = Outages(clock)
         self._attached, self._detail = False, "not attached yet"
         self._properties: Mapping[str, Mapping[str, Any]] = {}
         self._troubles: Dict[str, str] = {}
         self._failures: Dict[str, int] = {}  # events that could not be passed on, by stream
         self._shown: List[Tuple[str, int, str]] = []
-        self._shown_at = -PERIOD
+        self._shown_at = -DIAGNOSTICS_PERIOD
         self._verdict = UNKNOWN
         self._screen.verdict(UNKNOWN)
 
     # For the link, as its callbacks
 
     def on_verdicts(self, frame: Mapping[str, Any]) -> None:
-        """Show how the properties stand."""
+        """Show the state of the properties."""
         with self._lock:
             self._properties = frame["properties"]
         self._show_verdict(str(frame["worst"]))
@@ -74,7 +74,7 @@ class Board:
         self._screen.error(violation_text(record))
 
     def on_state(self, state: State, detail: str) -> None:
-        """Show whether the oracle is there; while it is away no verdict is known."""
+        """Show whether the oracle is connected; without a connection the verdict is unknown."""
         with self._lock:
             self._attached, self._detail = state == "attached", detail
             over = self._outages.over() if self._attached else None
@@ -87,10 +87,10 @@ class Board:
     # For the adapter
 
     def settle(self, answer: Answer, on_unavailable: Policy, event: str) -> Tuple[bool, Why]:
-        """Say whether an event passes and why, and tell what is denied.
+        """Return whether an event passes and why, and show it where it is denied.
 
-        `event` names it for people, as in `a request of /SetLED, call 3`. What becomes of events
-        while the oracle is away is told for the first of them only, and counted.
+        `event` names it for people, as in `a request of /SetLED, call 3`. Without an oracle, what
+        is done with events is shown for the first of them only, and counted.
         """
         passed, why = should_pass(answer, on_unavailable)
         if why != "decision":
@@ -98,7 +98,7 @@ class Board:
                 begins = self._outages.undecided(passed=passed)
             if begins:
                 done = "passed" if passed else "denied"
-                more = "until the oracle is back, more of this is counted and not told"
+                more = "until the oracle is back, more of this is counted and not shown"
                 self._screen.error(f"{done} {event}: {answer.reason}; {more}")
             return passed, why
         with self._lock:
@@ -122,7 +122,7 @@ class Board:
         self._screen.error(text)
 
     def trouble(self, subject: str, text: str) -> bool:
-        """Show what is wrong with a stream, an empty text for nothing; true where that is new."""
+        """Show what is wrong with a stream, an empty text for nothing; return whether it is new."""
         with self._lock:
             before = self._troubles.get(subject, "")
             if text or before:
@@ -132,7 +132,7 @@ class Board:
         if text:
             self._screen.error(f"{subject}: {text}")
         else:
-            self._screen.info(f"{subject}: well again")
+            self._screen.info(f"{subject}: recovered")
         return True
 
     def tick(self, stats: Stats) -> None:
@@ -142,7 +142,7 @@ class Board:
             statuses += self._property_statuses() + self._trouble_statuses()
             shown = [(status.name, status.level, status.message) for status in statuses]
             now = self._clock()
-            if shown == self._shown and now - self._shown_at < PERIOD:
+            if shown == self._shown and now - self._shown_at < DIAGNOSTICS_PERIOD:
                 return
             self._shown, self._shown_at = shown, now
         self._screen.diagnostics(statuses)
@@ -171,18 +171,18 @@ class Board:
         return Status(f"{self._monitor}: oracle", level, message, values)
 
     def _property_statuses(self) -> List[Status]:
-        return [self._property_status(name, told) for name, told in self._properties.items()]
+        return [self._property_status(name, state) for name, state in self._properties.items()]
 
-    def _property_status(self, name: str, told: Mapping[str, Any]) -> Status:
-        level, message = LEVELS.get(told["level"], STALE), str(told["text"])
+    def _property_status(self, name: str, state: Mapping[str, Any]) -> Status:
+        level, message = LEVELS.get(state["level"], STALE), str(state["text"])
         if not self._attached:
-            level, message = STALE, f"the oracle is away; when it was last heard: {message}"
+            level, message = STALE, f"the oracle is away; when it was last connected: {message}"
         keys = ("outcome", "violations", "first_violation")
-        values = tuple((key, str(told.get(key))) for key in keys)
+        values = tuple((key, str(state.get(key))) for key in keys)
         return Status(f"{self._monitor}: {name}", level, message, values)
 
     def _trouble_statuses(self) -> List[Status]:
         return [
-            Status(f"{self._monitor}: {name}", ERROR if text else OK, text or "well again")
+            Status(f"{self._monitor}: {name}", ERROR if text else OK, text or "recovered")
             for name, text in self._troubles.items()
         ]

@@ -1,7 +1,7 @@
-"""The protocol's state shared by threads: one lock around it, callbacks for answers and news.
+"""The protocol's state shared by threads: one lock around it, callbacks for answers and notices.
 
-Robot threads put events in and never wait; the link's own thread takes frames out, puts frames in,
-and alone calls back. No callback is called under the lock.
+Robot threads put events in and never wait; the link's own thread writes and reads frames, and calls
+the callbacks. None is called under the lock.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Exchange:
     ) -> None:
         self._on_violation, self._on_state, self._on_error = on_violation, on_state, on_error
         self._on_verdicts = on_verdicts
-        self._lock = threading.Lock()  # over all that follows
+        self._lock = threading.Lock()  # guards all that follows
         self._changed = threading.Condition(self._lock)  # opened, attached or ended
         self._protocol = protocol
         self._asks: Dict[int, Tuple[Queued, Then]] = {}
@@ -93,7 +93,7 @@ class Exchange:
     def send(self, stamp: Stamp, body: str, lost: int) -> bool:
         """Queue an event; False where it is lost instead."""
         with self._lock:
-            queued = self._protocol.send(_read(stamp), body, lost)
+            queued = self._protocol.send(_stamp_value(stamp), body, lost)
             self._wake()
         return queued
 
@@ -102,7 +102,7 @@ class Exchange:
         with self._lock:
             if self._loop is None and self._protocol.ended is None:
                 raise _not_started()
-            asked = self._protocol.ask(_read(stamp), body, lost)
+            asked = self._protocol.ask(_stamp_value(stamp), body, lost)
             if self._loop is not None and not isinstance(asked, Answer):
                 self._asks[asked.number] = asked, then
                 if self._deadlines.add(self._loop.time() + seconds, asked.number):
@@ -132,10 +132,10 @@ class Exchange:
             self._protocol.renew(stamps())
             self._wake()
 
-    def describe(self, stream: str, kind: str, said: Mapping[str, Any]) -> None:
-        """Queue what is said of a stream."""
+    def describe(self, stream: str, kind: str, facts: Mapping[str, Any]) -> None:
+        """Queue a report about a stream."""
         with self._lock:
-            if self._protocol.report(stream, kind, **said):
+            if self._protocol.report(stream, kind, **facts):
                 self._wake()
 
     def stats(self) -> Stats:
@@ -183,11 +183,11 @@ class Exchange:
             return frame
 
     def receive(self, frame: bytes) -> bool:
-        """Take in one frame, and say whether it was the last; raises what ends the connection."""
+        """Take in one frame; True where it was the last. Raises what ends the connection."""
         try:
             with self._lock:
                 self._protocol.receive(frame)
-        finally:  # what a bad frame had as its effect before it failed must not wait for the next
+        finally:  # what a bad frame changed before it failed is delivered at once
             with self._lock:
                 notices = self._protocol.take_notices()
             self._deliver(notices)
@@ -197,7 +197,7 @@ class Exchange:
         return self._protocol.detached
 
     def disconnected(self, error: LinkError) -> None:
-        """Note that there is no connection, and tell of it."""
+        """Note that there is no connection, and report it."""
         with self._lock:
             was_attached = self._protocol.attached is not None
             self._protocol.disconnected()
@@ -237,7 +237,7 @@ class Exchange:
         _call(self._on_state, "ended", str(error))
 
     def report(self, error: LinkError) -> None:
-        """Pass an error on to whom it may concern."""
+        """Pass an error to `on_error`, else log it."""
         if self._on_error is None:
             logs.warn("%s", error)
         _call(self._on_error, error)
@@ -315,13 +315,13 @@ def _nothing() -> None:
     pass
 
 
-def _read(stamp: Stamp) -> Optional[int]:
+def _stamp_value(stamp: Stamp) -> Optional[int]:
     value = stamp() if callable(stamp) else stamp
     return None if value is None else index(value)
 
 
 def _call(callback: Optional[Callable[..., None]], *arguments: Any) -> None:
-    """Call what the user gave; its errors are its own and don't touch the link."""
+    """Call what the adapter gave; its exceptions are logged and don't disturb the link."""
     if callback is None:
         return
     try:

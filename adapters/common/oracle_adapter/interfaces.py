@@ -56,6 +56,8 @@ def report_unknown(streams: Iterable[Stream], board: Board, link: Link) -> None:
     for stream in streams:
         name, kind = stream["name"], stream["kind"]
         if kind not in KINDS:
-            trouble = f"it is not observed: this adapter knows no streams of the kind '{kind}'"
+            trouble = (
+                f"it is not observed: this adapter does not support streams of the kind '{kind}'"
+            )
             board.trouble(name, trouble)
             link.report(name, kind, trouble=trouble)

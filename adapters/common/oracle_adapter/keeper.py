@@ -1,4 +1,4 @@
-"""The link's thread: it connects, talks, and connects again until there is nothing left to do."""
+"""The link's thread: it connects, and connects again until there is nothing left to send."""
 
 from __future__ import annotations
 
@@ -54,14 +54,14 @@ class Keeper:
         self._exchange.call_soon(self._hurry)
         self._thread.join(timeout)
         self._exchange.call_soon(self._cancel)
-        self._thread.join(self._timing.close_timeout)  # it hangs only in a callback that does
+        self._thread.join(self._timing.close_timeout)  # only a callback that hangs takes longer
         return self._exchange.detached
 
     def _run(self) -> None:
         main = self._main()
         try:
             asyncio.run(main)
-        except Exception as error:  # noqa: BLE001 - whoever waits for the thread must learn of it
+        except Exception as error:  # noqa: BLE001 - those who wait for the thread get it
             main.close()
             self._exchange.end(_failed(error))
 
@@ -77,7 +77,7 @@ class Keeper:
         except LinkError as error:
             end = error
             self._exchange.report(error)
-        except Exception as error:  # noqa: BLE001 - the asks must be answered all the same
+        except Exception as error:  # noqa: BLE001 - asks are answered in any case
             logs.failure("the link failed")
             end = _failed(error)
             self._exchange.report(end)
@@ -85,7 +85,7 @@ class Keeper:
             self._exchange.end(end)
 
     async def _keep_up(self) -> None:
-        """Raise the `LinkError` after which connecting again makes no sense."""
+        """Raise the `LinkError` after which another connection is useless."""
         delays, clock = self._delays(), asyncio.get_running_loop().time
         while not self._exchange.done:
             began = clock()
@@ -99,7 +99,9 @@ class Keeper:
                 message = str(failure) or "timed out"
                 error = LinkError(code, f"{self._address.url}: {message}")
             self._exchange.disconnected(error)
-            if clock() - began > self._timing.backoff_last:  # it held: this trouble is a new one
+            if (
+                clock() - began > self._timing.backoff_last
+            ):  # the connection lasted: this is a new failure
                 delays = self._delays()
             if error.fatal:
                 raise error

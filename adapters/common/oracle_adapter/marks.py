@@ -20,7 +20,7 @@ ClockStamp = Tuple[str, str, int]
 
 
 @dataclass
-class _Clock:
+class _ClockMark:
     after: int
     stamps: Dict[Tuple[str, str], int]
 
@@ -46,7 +46,7 @@ class Marks:
         self.max_handlings = 1
         """How many handlings a frame may have."""
         self._capacity = capacity
-        self._clocks: List[_Clock] = []
+        self._clocks: List[_ClockMark] = []
         self._handlings: Deque[Handling] = deque()
         self._reported: Deque[Handling] = deque(maxlen=capacity)
 
@@ -55,21 +55,21 @@ class Marks:
 
     @property
     def barrier(self) -> Optional[int]:
-        """The event after which the next clock stands: later ones are sent behind it."""
+        """The event that the next clock follows: later events are sent after that clock."""
         return self._clocks[0].after if self._clocks else None
 
     def clock(self, stamps: Iterable[ClockStamp], after: int) -> None:
-        """Place clocks behind an event, replacing older ones of the same streams."""
+        """Place clocks after an event, replacing older ones of the same streams."""
         fresh = {(stream, kind): stamp for stream, kind, stamp in stamps}
         # The newest takes over only what waits in the second place. The first keeps its place:
         # moved back each time, it would never be sent while events keep coming.
         if len(self._clocks) == 2:
             fresh = {**self._clocks.pop().stamps, **fresh}
         if fresh:
-            self._clocks.append(_Clock(after, fresh))
+            self._clocks.append(_ClockMark(after, fresh))
 
     def handled(self, event: Queued, passed: bool, why: str) -> None:
-        """Place what was done with an ask behind its event."""
+        """Place what was done with an ask after its event."""
         if len(self._handlings) < self._capacity:
             self._handlings.append(Handling(event, passed, why))
 
@@ -108,7 +108,7 @@ class Marks:
         self._reported.clear()
 
     def of_later(self, last: int) -> Marks:
-        """Those of the next session: handlings of events behind the `last` one of this."""
+        """Those of the next session: handlings of events after the `last` one of this."""
         marks = Marks(self._capacity)
         marks._handlings.extend(item for item in self._handlings if item.event.number > last)
         return marks
@@ -126,7 +126,7 @@ def _handlings_text(handlings: List[Handling]) -> str:
     return dumps({"type": "outcomes", "outcomes": items})
 
 
-def _clock_text(clock: _Clock) -> str:
+def _clock_text(clock: _ClockMark) -> str:
     stamps = [
         {"stream": stream, "kind": kind, "stamp": stamp}
         for (stream, kind), stamp in clock.stamps.items()

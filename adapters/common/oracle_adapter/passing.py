@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import threading
-from collections import deque
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING, Any, Callable, Deque, Mapping, Optional, Tuple
+from typing import TYPE_CHECKING, Any, Callable, Mapping, Optional, Tuple
 
 from oracle_adapter.kinds import KINDS
 
@@ -38,11 +37,11 @@ class Passing:
     def settle(
         self, answer: Answer, give: Callable[[Any], bool], what: Any, call: Optional[int] = None
     ) -> Tuple[bool, str]:
-        """Whether it passed, and why not, in words; the server is told what was done.
+        """Return whether it passed, and a text why not; report the handling to the server.
 
-        What may pass is given to `give`, which says whether it went on: an adapter that ends, or
-        makes room for another, forwards nothing more, and history must not say that it did. What
-        `give` raises goes no further: the event did not pass.
+        What may pass is given to `give`, which returns whether it was passed on: an adapter that
+        ends, or is replaced, forwards nothing more, and the history must not claim that it did. An
+        exception of `give` is counted and shown: the event did not pass.
         """
         event = f"a {self._kind.event} of {self._name}"
         if self._kind.has_call:
@@ -80,47 +79,3 @@ class Passing:
             if passed.acquire(blocking=False):
                 return False, "there is no answer from the link"
             return True, ""
-
-
-class _Waiting:
-    __slots__ = ("answer", "message")
-
-    def __init__(self, message: Any) -> None:
-        self.message = message
-        self.answer: Optional[Answer] = None
-
-
-class Gate:
-    """Forwards what may pass of a topic, in its order; nobody waits for a decision."""
-
-    def __init__(self, passing: Passing, forward: Callable[[Any], bool]) -> None:
-        """Call `forward` with each message that may pass, mostly in the link's thread.
-
-        It says whether the message went on.
-        """
-        self._passing, self._forward = passing, forward
-        self._waiting: Deque[_Waiting] = deque()
-        self._entering, self._leaving = threading.Lock(), threading.Lock()
-
-    def take(self, message: Any, stamp: Stamp, data: Any, **more: Any) -> None:
-        """Ask about a message that came, from any thread; `more` is as for `Link.ask`."""
-        waiting = _Waiting(message)
-
-        def answered(answer: Answer) -> None:
-            waiting.answer = answer
-            self._settle()
-
-        with self._entering:  # or two publishers' messages could change places on the way
-            self._passing.ask(stamp, data, answered, **more)
-            self._waiting.append(waiting)
-        if waiting.answer is not None:  # before it had its place
-            self._settle()
-
-    def _settle(self) -> None:
-        """Settle the messages at the head of the queue whose answers are there."""
-        with self._leaving:
-            while self._waiting:
-                answer = self._waiting[0].answer
-                if answer is None:
-                    break
-                self._passing.settle(answer, self._forward, self._waiting.popleft().message)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Optional
 
 HEAD = 128
-"""More bytes than stand in an event before its body."""
+"""More bytes than an event has before its body."""
 
 
 class Queued:

@@ -1,4 +1,4 @@
-"""TLS for a link that is given none: as the environment says, so that adapters need no options."""
+"""TLS for a link that is given none: by environment variables, so that adapters need no options."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ def _split(arguments: Sequence[str]) -> Tuple[List[str], List[str]]:
 
 
 def _completed(options: argparse.Namespace) -> argparse.Namespace:
-    """What the command line does not say is a private parameter, or the default."""
+    """Take what the command line does not give from a private parameter, or by default."""
     for name, value in vars(options).items():
         if value is None:
             found = rospy.get_param(f"~{name}", "")

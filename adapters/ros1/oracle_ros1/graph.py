@@ -1,4 +1,4 @@
-"""Who publishes and serves what, as the master tells."""
+"""Who publishes and serves what, according to the master."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ SERVICES = ("/get_loggers", "/set_logger_level")  # that every node has
 
 
 class _TimedTransport(Transport):
-    """HTTP with a time limit: a machine that vanishes leaves connections open on which nothing ever comes."""
+    """HTTP with a time limit: a machine that vanishes leaves connections open that stay silent."""
 
     def make_connection(self, host: Any) -> HTTPConnection:
-        """Connect as ever, and wait for no reply longer than `REPLY_WITHIN`."""
+        """Make a connection that waits `REPLY_WITHIN` for a reply."""
         connection = super().make_connection(host)
         connection.timeout = REPLY_WITHIN
         return connection
@@ -50,7 +50,7 @@ def master_proxy() -> Any:
 def dump_graph() -> Dict[str, Any]:
     """The graph without this node, as `oracle-server check --ros-graph` reads it: types by the names of topics.
 
-    ROS 1 does not tell who calls a service.
+    ROS 1 does not know who calls a service.
     """
     master = master_proxy()
     _, _, types = master.getTopicTypes()
@@ -91,7 +91,7 @@ class Graph:
         return sorted(set(self._publishers.get(topic, ())) - {rospy.get_name()})
 
     def not_serving(self, service: str) -> str:
-        """Why calls of a service of this node's do not reach it, as of the master's last word; empty where they do.
+        """Why calls of a service of this node's do not reach it, as last read from the master; empty where they do.
 
         The name of a service is its last server's. Who calls a service is not known to the master.
         """
@@ -106,7 +106,7 @@ class Graph:
     def _ask(self) -> None:
         master = master_proxy()
         while not self._stopping.wait(ASK_PERIOD):
-            with suppress(Exception):  # no master, or none that makes sense
+            with suppress(Exception):  # no master, or a reply that can't be read
                 self._look(master)
 
     def _look(self, master: Any) -> None:
@@ -129,7 +129,7 @@ class Graph:
         )
 
     def _register_again(self, missing: Sequence[Tuple[Register, str, str]]) -> None:
-        """Tell the master what it does not know of this node, as after its restart: rospy never does that.
+        """Register at the master what it lacks of this node, as after its restart: rospy never does that.
 
         Raises what the master raises; what is missing then is found again.
         """

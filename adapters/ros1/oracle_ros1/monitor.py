@@ -46,18 +46,18 @@ class Monitor:
 
     @property
     def outdated(self) -> bool:
-        """Whether the oracle wants other streams by now: a session that was made anew has the spec of today."""
+        """Whether the server wants other streams by now, as where the session was made again from a changed spec."""
         attached = self._link.attached
         return attached is not None and attached.streams != self._streams
 
     def turn(self) -> None:
-        """Tell the clocks and, now and then, how the streams are; to be called every `CLOCK_PERIOD`."""
+        """Send the clocks and, every `LOOK_EVERY` turns, the streams' state; to be called every `CLOCK_PERIOD`."""
         if next(self._turns) % LOOK_EVERY == 0:
             self._look()
         self._link.clock(self._stamps)
 
     def stop(self) -> None:
-        """Take nothing more, and forward nothing more: what waits is not passed, and history is told so."""
+        """Take nothing more, and forward nothing more: what waits is reported as not passed."""
         self._graph.stop()
         if self._jumps is not None:
             self._jumps.unregister()
@@ -65,7 +65,7 @@ class Monitor:
             part.stop()
 
     def _look(self) -> None:
-        """Tell how the streams are."""
+        """Report the streams' state."""
         for part in self._parts:
             trouble, first = part.look(), part.streams[0]
             self._board.trouble(first.name, trouble)

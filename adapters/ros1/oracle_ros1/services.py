@@ -51,7 +51,7 @@ class ProxiedService:
 
     def _judge(self, side: "_Side", message: Any, call: int) -> None:
         """Raise `ServiceException`, which is the client's, where this must not pass."""
-        # stamped under the link's lock, so that no clock can say that nothing older will come
+        # stamped under the link's lock, so that no clock can exclude it before it is queued
         stamp = (side.stamp and side.stamp(message)) or self._now
         data = side.read(message)
         if side.passing is None:

@@ -10,8 +10,9 @@ from typing import Dict, List, Tuple, Union
 
 import rospy
 from oracle_adapter import PROXY
+from oracle_adapter.forwarding import ForwardQueue
 from oracle_adapter.interfaces import Interface
-from oracle_adapter.passing import Gate, Passing
+from oracle_adapter.passing import Passing
 
 from oracle_ros1.observed import Decoder, Header, Observed, header_of, headers
 from oracle_ros1.shared import Shared
@@ -28,7 +29,7 @@ class LoggedTopic:
         self._subscriber = rospy.Subscriber(shared.names[topic.name], rospy.AnyMsg, self._take, tcp_nodelay=True)
 
     def look(self) -> str:
-        """Learn what its publishers say of themselves, and tell what is wrong."""
+        """Read its publishers' connection headers, and return what is wrong."""
         return "; ".join(self._observed.troubles(headers(self._subscriber)))
 
     def stop(self) -> None:
@@ -60,7 +61,7 @@ class FilteredTopic:
         self.streams = [self._observed]
         name, proxy = shared.names[topic.name], shared.names[topic.name + PROXY]
         taken, self._given = (proxy, name) if stream["intercept"] == "publisher" else (name, proxy)
-        self._gate = Gate(Passing(shared.link, shared.board, stream), self._forward)
+        self._queue = ForwardQueue(Passing(shared.link, shared.board, stream), self._forward)
         self._making = threading.Lock()
         self._publishers: List[rospy.Publisher] = []
         self._latched = self._stopped = False
@@ -70,7 +71,7 @@ class FilteredTopic:
         self._subscriber = rospy.Subscriber(taken, rospy.AnyMsg, self._take, tcp_nodelay=True)
 
     def look(self) -> str:
-        """Learn what its publishers say of themselves, and tell what is wrong.
+        """Read its publishers' connection headers, and return what is wrong.
 
         What it gives is published from here on, so that there are subscribers before the first message.
         """
@@ -98,7 +99,7 @@ class FilteredTopic:
         event = self._observed.event(message, decoder)
         if event is not None:
             stamp, data, lost = event
-            self._gate.take(message, stamp, data, source=header.get("callerid"), lost=lost)
+            self._queue.take(message, stamp, data, source=header.get("callerid"), lost=lost)
 
     def _prepared(self, header: Header) -> Union[Decoder, str]:
         """What decodes the messages of a publisher, now that they can be given, or why they can't."""

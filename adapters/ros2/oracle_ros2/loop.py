@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
 BURST = 100
-"""Messages of one subscription that are taken before others have their turn."""
+"""Messages of one subscription that are taken before others are looked at."""
 
 Reply = Callable[[Any], None]
 
@@ -75,7 +75,7 @@ class Loop:
 
 
 def _is_there(handle: Any) -> bool:
-    """Whether something was not destroyed by what had its turn before."""
+    """Whether something was not destroyed by an earlier callback."""
     try:
         with handle:
             return True
@@ -129,7 +129,7 @@ def _client(client: Any) -> Callable[[], None]:
             return
         try:
             waiting = client.get_pending_request(header.request_id.sequence_number)
-        except KeyError:  # nobody waits for it any more
+        except KeyError:  # no caller waits for it any more
             return
         waiting.set_result(response)
 
@@ -146,7 +146,7 @@ def _service(service: Any) -> Callable[[], None]:
             return
 
         def reply(response: Any) -> None:
-            with suppress(InvalidHandle):  # the service is gone, and its client's hope with it
+            with suppress(InvalidHandle):  # the service was destroyed: its client gets no response
                 service.send_response(response, header)
 
         if isinstance(callback, Later):

@@ -48,7 +48,7 @@ class Monitor:
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
         self._timers = [
             node.create_timer(LOOK_PERIOD, self._look, clock=steady),
-            node.create_timer(CLOCK_PERIOD, self._tell_time, clock=steady),
+            node.create_timer(CLOCK_PERIOD, self._send_clocks, clock=steady),
             node.create_timer(SHOW_PERIOD, lambda: board.tick(link.stats()), clock=steady),
         ]
         for stream in self._observed:
@@ -57,15 +57,15 @@ class Monitor:
 
     @property
     def outdated(self) -> bool:
-        """Whether the oracle wants other streams by now: a session that was made anew has the spec of today."""
+        """Whether the server wants other streams by now, as where the session was made again from a changed spec."""
         attached = self._link.attached
-        if attached is None or attached is self._attached:  # asked for at each message, and nearly always so
+        if attached is None or attached is self._attached:  # the usual case, read at each message
             return False
         self._attached = attached
         return attached.streams != self._streams
 
     def stop(self) -> None:
-        """Take nothing more, and tell no more clocks; what is decided yet is not forwarded any more."""
+        """Take nothing more, and send no more clocks; what is decided later is not forwarded."""
         if self._watch is not None:
             self._watch.unregister()
         for timer in self._timers:
@@ -79,25 +79,25 @@ class Monitor:
             self._board.trouble(first.name, trouble)
             self._link.report(first.name, first.kind, trouble=trouble)
 
-    def _tell_time(self) -> None:
-        """Say how far each stream has come: exactly where messages are stamped here, else less a delay.
+    def _send_clocks(self) -> None:
+        """Send how far each stream has come: exactly where messages are stamped here, else less a delay.
 
-        What has come by then is taken first: while this thread is held up, messages wait for it, and time must too.
-        Where the middleware may be held up, others are not spoken for.
+        What has come by then is taken first: while this thread is delayed, messages wait for it, and so must clocks.
+        Where the middleware may be in a stall, no clocks are sent for the streams of other nodes.
         """
-        heard: int | None = self._now()
+        received_by: int | None = self._now()
         for part in self._parts:
             part.catch_up()
         if not self._attention.is_paid(time.monotonic(), sum(part.received for part in self._parts)):
-            heard = None
-        self._link.clock(lambda: self._readings(heard))
+            received_by = None
+        self._link.clock(lambda: self._readings(received_by))
 
-    def _readings(self, heard: int | None) -> list[ClockStamp]:
+    def _readings(self, received_by: int | None) -> list[ClockStamp]:
         now = self._now()
         if not now:
             return []  # simulated time has not begun
         return [
-            (s.name, s.kind, now if s.latency is None or heard is None else max(0, heard - s.latency))
+            (s.name, s.kind, now if s.latency is None or received_by is None else max(0, received_by - s.latency))
             for s in self._observed
-            if s.latency is None or heard is not None
+            if s.latency is None or received_by is not None
         ]

@@ -40,10 +40,10 @@ class Part(Protocol):
         """How many messages have come that show whether the middleware delivers; calls are too rare."""
 
     def catch_up(self) -> None:
-        """Take what has come by now, and go on with what waits; to be called often."""
+        """Take what has come by now, and continue with what waits; to be called often."""
 
     def look(self) -> str:
-        """Look at the other nodes, and tell what is wrong, empty for nothing; to be called from time to time."""
+        """Look at the other nodes, and return what is wrong, empty for nothing; to be called from time to time."""
 
     def stop(self) -> None:
         """Take and forward no more."""

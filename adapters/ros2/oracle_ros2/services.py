@@ -48,7 +48,7 @@ class ProxiedService:
         if is_filtered(request) and not self._denied:
             node.get_logger().warning(
                 f"a denied call of {self.name} is answered by the defaults of its type, which a client may take for a "
-                "success; the spec can say otherwise by `denied_response`"
+                "success; the spec can give another one by `denied_response`"
             )
         self._request = _Side(shared, request, self._type.Request)
         self._response = _Side(shared, response, self._type.Response)
@@ -73,7 +73,7 @@ class ProxiedService:
         self._node.destroy_client(self._client)
 
     def look(self) -> str:
-        """Who can call the service without the proxy, or serves in its place; empty for nobody."""
+        """Who can call the service without the proxy, or serves in its place; empty where nobody can."""
         return past_proxy(self._node, self._served, self._proxy)
 
     def catch_up(self) -> None:
@@ -143,7 +143,7 @@ class ProxiedService:
                 self._board.error(f"{why}: call {call.number} is answered by denied_response")
 
     def _judge(self, side: _Side, message: Any, call: _Call, give: Callable[[_Call], bool]) -> None:
-        # stamped under the link's lock, so that no clock can say that nothing older will come
+        # stamped under the link's lock, so that no clock can exclude it before it is queued
         stamp = side.stamp(message) or self._time
         data = side.read(message)
         passing = side.passing

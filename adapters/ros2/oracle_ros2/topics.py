@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping
 
 from oracle_adapter import PROXY
-from oracle_adapter.passing import Gate, Passing
+from oracle_adapter.forwarding import ForwardQueue
+from oracle_adapter.passing import Passing
 from rclpy.serialization import deserialize_message
 
 from oracle_ros2.codec import load_type, reader
-from oracle_ros2.endpoints import Forwarded, Heard
+from oracle_ros2.endpoints import MatchedPublisher, MatchedSubscription
 from oracle_ros2.stamps import simulated, stamp_reader, time_of
 
 if TYPE_CHECKING:
@@ -72,7 +73,7 @@ class Observed:
         return stamp, self._read(message), {"source": source, "lost": missed}
 
     def _missed(self, source: str, info: Mapping[str, Any]) -> int:
-        """How many messages of a publisher were lost just before this one, as its numbers tell; -1 where it is old."""
+        """How many messages of a publisher were lost just before this one, by its number; -1 where it is old."""
         number = info.get("publication_sequence_number")
         if number is None:
             return 0
@@ -91,7 +92,7 @@ class LoggedTopic:
         self._link = shared.link
         self.observed = Observed(shared.node, topic.first)
         self.streams = [self.observed]
-        self.heard = Heard(shared.node, self.observed.type, shared.names[topic.name], self._take)
+        self.subscription = MatchedSubscription(shared.node, self.observed.type, shared.names[topic.name], self._take)
 
     @property
     def received(self) -> int:
@@ -100,16 +101,16 @@ class LoggedTopic:
 
     def catch_up(self) -> None:
         """Take every message that has come by now."""
-        self.heard.take_all()
+        self.subscription.take_all()
 
     def look(self) -> str:
-        """Look at the other nodes again, and tell what is wrong."""
-        troubles = (self.heard.look(), self.observed.misplaced, *unreadable(self))
+        """Look at the other nodes again, and return what is wrong."""
+        troubles = (self.subscription.look(), self.observed.misplaced, *unreadable(self))
         return "; ".join(trouble for trouble in troubles if trouble)
 
     def stop(self) -> None:
         """Take no more."""
-        self.heard.stop()
+        self.subscription.stop()
 
     def _take(self, message: bytes, info: Mapping[str, Any]) -> None:
         event = self.observed.event(message, info)
@@ -130,9 +131,9 @@ class FilteredTopic:
         self.streams = [self.observed]
         plain, beside = shared.names[topic.name], shared.names[topic.name + PROXY]
         source, target = (beside, plain) if stream["intercept"] == "publisher" else (plain, beside)
-        self._forwarded = Forwarded(node, self.observed.type, target)
-        self._gate = Gate(Passing(shared.link, shared.board, stream), self._forwarded.publish)
-        self.heard = Heard(node, self.observed.type, source, self._take)
+        self._publisher = MatchedPublisher(node, self.observed.type, target)
+        self._queue = ForwardQueue(Passing(shared.link, shared.board, stream), self._publisher.publish)
+        self.subscription = MatchedSubscription(node, self.observed.type, source, self._take)
 
     @property
     def received(self) -> int:
@@ -141,36 +142,36 @@ class FilteredTopic:
 
     def catch_up(self) -> None:
         """Take every message that has come by now."""
-        self.heard.take_all()
+        self.subscription.take_all()
 
     def look(self) -> str:
-        """Look at the other nodes again, and tell what is wrong."""
-        found = self.heard.look(), self._forwarded.look(self.heard.offered)
+        """Look at the other nodes again, and return what is wrong."""
+        found = self.subscription.look(), self._publisher.look(self.subscription.offered)
         troubles = (*found, self.observed.misplaced, *unreadable(self))
         return "; ".join(trouble for trouble in troubles if trouble)
 
     def stop(self) -> None:
         """Take and forward no more."""
-        self.heard.stop()
-        self._forwarded.stop()
+        self.subscription.stop()
+        self._publisher.stop()
 
     def _match(self) -> None:
-        """Do not wait for the next look: what a new publisher says may be all that it will ever say."""
-        self.heard.look_around()
-        self._forwarded.match(self.heard.offered)
+        """Do not wait for the next look: a new publisher may publish only once."""
+        self.subscription.look_around()
+        self._publisher.match(self.subscription.offered)
 
     def _take(self, message: bytes, info: Mapping[str, Any]) -> None:
         event = self.observed.event(message, info)
         if event is not None:
             stamp, data, more = event
-            self._gate.take(message, stamp, data, **more)
+            self._queue.take(message, stamp, data, **more)
 
 
 def unreadable(topic: LoggedTopic | FilteredTopic) -> Iterator[str]:
     """Whose messages can't be read, and why."""
     for source, why in list(topic.observed.unreadable.items()):
-        node = topic.heard.publisher(source)
+        node = topic.subscription.publisher(source)
         if node is None:
-            del topic.observed.unreadable[source]  # it has gone
+            del topic.observed.unreadable[source]  # its publisher has ended
         else:
             yield f"{node} publishes what can't be read: {why}"

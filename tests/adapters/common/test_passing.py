@@ -7,7 +7,8 @@ from typing import Any, Dict, List, Sequence
 
 import pytest
 from oracle_adapter import Board, Link, Stats, Status
-from oracle_adapter.passing import Gate, Passing
+from oracle_adapter.forwarding import ForwardQueue
+from oracle_adapter.passing import Passing
 from tests.adapters.common.conftest import Oracle, Peer
 from tests.adapters.common.links import PATIENCE, answer_of, ask
 
@@ -51,11 +52,11 @@ class Robot:
         self.board = Board("uav1", self.screen)
         self.failing: List[str] = []
         self.forwarded: List[str] = []
-        self.gate = Gate(Passing(link, self.board, STREAM), self._forward)
+        self.queue = ForwardQueue(Passing(link, self.board, STREAM), self._forward)
 
     def take(self, *messages: str) -> None:
         for message in messages:
-            self.gate.take(message, None, {})
+            self.queue.take(message, None, {})
 
     def _forward(self, message: str) -> bool:
         if message in self.failing:
