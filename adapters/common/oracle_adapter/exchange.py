@@ -121,7 +121,7 @@ class Exchange:
     def clock(
         self, stamps: Union[Iterable[ClockStamp], Callable[[], Iterable[ClockStamp]]]
     ) -> None:
-        """Queue clocks behind every event queued so far."""
+        """Queue clocks after every event queued so far."""
         with self._lock:
             self._protocol.clock(stamps() if callable(stamps) else stamps)
             self._wake()
@@ -303,7 +303,7 @@ class Exchange:
                 _call(self._on_violation, notice.record)
             elif isinstance(notice, Verdicts):
                 _call(self._on_verdicts, notice.frame)
-            elif not notice.fatal:  # a fatal one is reported when all is over
+            elif not notice.fatal:  # a fatal one is reported at the end
                 self.report(notice)
 
 

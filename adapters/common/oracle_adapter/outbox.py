@@ -108,7 +108,8 @@ class Outbox:
         self.asked.clear()
         self.marks = self.marks.of_later(last)
         if self._last_here is not None:
-            # A straggler of the time before would set its time: all behind it would be late.
+            # A straggler from the time before the jump would set the session's time: all after it
+            # would be late.
             self.marks.clock(self._last_clocks, after=last)
         self._missed = self._acked = 0
         self._next = self._last_here = None

@@ -302,7 +302,7 @@ class Protocol:
         self._outbox.marks.max_handlings = int(limits.get("max_outcomes") or 1)
         self.attached = attached
         self._unreported = set(self._reports)
-        # To resume this session, or have it made anew from its spec where the server has lost it.
+        # To resume this session, or have it made again from its spec where the server has lost it.
         spec = self._hello.spec or attached.spec
         self._hello = replace(self._hello, session=attached.session, spec=spec)
         self._stats.reconnects += self._met

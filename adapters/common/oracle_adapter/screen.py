@@ -1,4 +1,4 @@
-"""What an adapter lends to the board to show things on."""
+"""What the board shows things on: an adapter's topics and its log."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from typing import Mapping
 def context_from(environment: Mapping[str, str]) -> ssl.SSLContext:
     """By `ORACLE_CA`, or the system's authorities; with `ORACLE_CLIENT_CERT`, `ORACLE_CLIENT_KEY`.
 
-    Raises `ValueError` where a file can't be used, such as a key that wants a password.
+    Raises `ValueError` where a file can't be used, such as a key with a password.
     """
     asked = False
 

@@ -103,7 +103,7 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
 
 
 def _observe(link: Link, board: Board, names: Names, stopping: threading.Event, *, simulated: bool) -> None:
-    """Observe what the oracle wants until `stopping` is set. Raises `CodecError`, or ValueError for a bad remap."""
+    """Observe what the server names until `stopping` is set. Raises `CodecError`, or ValueError for a bad remap."""
     attached = wait_attached(link, stopping, rospy.logwarn)
     while attached is not None:
         monitor = Monitor(link, board, names, attached, simulated=simulated)

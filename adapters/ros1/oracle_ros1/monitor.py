@@ -1,4 +1,4 @@
-"""The monitor: what the oracle wants observed, filtered and proxied, and the clocks of its streams."""
+"""The monitor: it observes, filters and proxies what the server names, and sends its streams' clocks."""
 
 from __future__ import annotations
 

@@ -133,7 +133,7 @@ class MatchedPublisher:
         self._held: list[Any] | None = None  # what waits for the next one
 
     def publish(self, message: Any) -> bool:
-        """Pass a message on, from any thread; false once that is over."""
+        """Pass a message on, from any thread; False after `stop`."""
         with self._giving:
             if self._held is not None:
                 self._held.append(message)

@@ -1,4 +1,4 @@
-"""Calls what a node's subscriptions, timers, clients and services want called, one after the other in one thread.
+"""Calls the callbacks of a node's subscriptions, timers, clients and services, one after the other in one thread.
 
 rclpy's executors make a wait set and a task for each message, and wake themselves twice: that takes several times as
 long as all that an adapter does with it.
@@ -24,7 +24,7 @@ Reply = Callable[[Any], None]
 
 
 class Later:
-    """A service's callback that gets the request, and a function to reply by: whenever it wants to, in any thread."""
+    """A service's callback that gets the request, and a function to reply by, at any time and in any thread."""
 
     def __init__(self, take: Callable[[Any, Reply], None]) -> None:
         self.take = take
@@ -56,7 +56,7 @@ class Loop:
         if not node.context.ok():
             raise ExternalShutdownException
         for entity, place in zip(self._entities, places, strict=True):
-            # asked before, not caught behind: an error of a callback must not be taken for this
+            # checked first, not caught: an error of a callback must not be taken for this
             if waiting.is_ready(entity.kind, place) and _is_there(entity.handle):
                 entity.take()
 

@@ -1,4 +1,4 @@
-"""The monitor node: what the oracle wants observed, filtered and proxied, and the clocks of its streams."""
+"""The monitor node: it observes, filters and proxies what the server names, and sends its streams' clocks."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Monitor:
         self._parts = [make_part(shared, interface) for interface in interfaces_of(streams)]
         self._observed = [stream for part in self._parts for stream in part.streams]
         report_unknown(streams, board, link)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may be paused
         self._timers = [
             node.create_timer(LOOK_PERIOD, self._look, clock=steady),
             node.create_timer(CLOCK_PERIOD, self._send_clocks, clock=steady),

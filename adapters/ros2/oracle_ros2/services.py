@@ -54,7 +54,7 @@ class ProxiedService:
         self._response = _Side(shared, response, self._type.Response)
         self.streams = [self._request, self._response]
         self._calls = itertools.count(1)
-        self._lock = threading.Lock()  # over what follows: decisions come in the link's thread
+        self._lock = threading.Lock()  # guards what follows: decisions come in the link's thread
         self._open: dict[int, _Call] = {}  # without an answer
         self._early: deque[_Call] = deque()  # that wait for the service to be discovered
         self._away: float | None = None  # since when the service has not been there (s)
