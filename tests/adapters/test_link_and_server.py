@@ -24,7 +24,7 @@ async def test_events_and_decisions_are_in_the_history_each_once(start: Starts) 
             assert link.send("/a", "topic", STAMP + i, {"v": 1})
         answer = link.ask("/a", "topic", STAMP + EVENTS, {"v": 99}, decide_within=PATIENCE).result(PATIENCE)
         assert answer.why == "decision"
-        link.outcome(answer, *should_pass(answer, "deny"))
+        link.handled(answer, *should_pass(answer, "deny"))
         assert link.close(PATIENCE)
     records = server.records("s")
     first = [r for r in records if r["property"] == records[0]["property"]]

@@ -27,7 +27,7 @@ def streams(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("streams") / "streams.json"
     ended = run("streams", SPEC)
     assert (ended.returncode, ended.stderr) == (0, "")
-    path.write_text(ended.stdout)
+    path.write_text(ended.stdout, encoding="utf-8")
     return path
 
 
@@ -45,8 +45,13 @@ def test_streams_are_observed_and_none_is_filtered(streams: Path, tmp_path: Path
     assert ("/SetLED", "/SetLED_mon") in {(s["name"], s.get("proxy")) for s in attached.streams}
 
 
+def lines_of(path: Path) -> list[dict[str, Any]]:
+    """The values of a file of JSON Lines."""
+    return [json.loads(line) for line in path.read_text(encoding="utf-8").split("\n") if line]
+
+
 def test_a_log_is_judged_as_the_events_were_told(streams: Path, tmp_path: Path) -> None:
-    events: list[dict[str, Any]] = [json.loads(line) for line in TRACE.read_text().splitlines()]
+    events: list[dict[str, Any]] = lines_of(TRACE)
     log = log_at(tmp_path / "log.jsonl", streams)
     log.start()
     for event in events:
@@ -54,12 +59,12 @@ def test_a_log_is_judged_as_the_events_were_told(streams: Path, tmp_path: Path) 
         assert log.send(event["stream"], event["kind"], partial(int, stamp), event["data"], call=event.get("call"))
     assert (log.stats().sent, log.stats().lost) == (len(events), 0)
     log.close()
-    lines = [json.loads(line) for line in (tmp_path / "log.jsonl").read_text().splitlines()]
+    lines = lines_of(tmp_path / "log.jsonl")
     assert [line["data"] for line in lines] == [event["data"] for event in events]
     assert [line["arrived"] for line in lines] == sorted(line["arrived"] for line in lines)
     ended = run("replay", SPEC, tmp_path / "log.jsonl", "--json")
     assert ended.returncode == 1
-    properties = json.loads(ended.stdout.splitlines()[-1])["summary"]["properties"]
+    properties = json.loads(ended.stdout.rstrip("\n").rpartition("\n")[2])["summary"]["properties"]
     assert {name for name, p in properties.items() if p["violations"]} == {"status_matches_percentage"}
 
 
@@ -70,7 +75,7 @@ def test_a_log_goes_on_behind_what_is_there_and_takes_bytes_and_what_is_no_numbe
         log = log_at(tmp_path / "log.jsonl", streams)
         log.send("/a", "topic", None, {"v": value})
         log.close()
-    values = [json.loads(line)["data"]["v"] for line in (tmp_path / "log.jsonl").read_text().splitlines()]
+    values = [line["data"]["v"] for line in lines_of(tmp_path / "log.jsonl")]
     assert values == ["AQI=", "NaN"]
 
 
@@ -87,7 +92,7 @@ def test_many_threads_write_whole_lines_in_order(streams: Path, tmp_path: Path) 
     for thread in threads:
         thread.join()
     log.close()
-    lines = [json.loads(line) for line in (tmp_path / "log.jsonl").read_text().splitlines()]
+    lines = lines_of(tmp_path / "log.jsonl")
     assert [line["seq"] for line in lines] == list(range(1, 801))
     for number in range(4):
         assert [line["stamp"] for line in lines if line["stream"] == f"/{number}"] == list(range(200))
@@ -106,7 +111,7 @@ def test_a_full_disk_is_told_once_and_counted(streams: Path) -> None:
 
 @pytest.mark.parametrize("content", ["", "[]", '{"spec": "x"}', '{"streams": [5], "spec": "x", "spec_digest": "y"}'])
 def test_what_are_no_streams_is_refused_in_words(content: str, tmp_path: Path) -> None:
-    (tmp_path / "streams.json").write_text(content)
+    (tmp_path / "streams.json").write_text(content, encoding="utf-8")
     with pytest.raises(ValueError, match="--streams"):
         log_at(tmp_path / "log.jsonl", tmp_path / "streams.json")
     with pytest.raises(ValueError, match="--streams"):

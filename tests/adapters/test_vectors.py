@@ -12,7 +12,7 @@ from oracle_adapter.protocol import Answered, Hello, Protocol
 Frame = dict[str, Any]
 FOLDER = Path(__file__).parents[1] / "vectors"
 STANDS_FOR = {"<text>": "text", "<integer>": 2**20, "<time>": 1732147200000000000, "<list>": []}
-VECTORS = [path for path in sorted(FOLDER.glob("*.json")) if json.loads(path.read_text())["adapter"]]
+VECTORS = [path for path in sorted(FOLDER.glob("*.json")) if json.loads(path.read_text(encoding="utf-8"))["adapter"]]
 
 
 def sent(frame: Any) -> Any:
@@ -62,10 +62,10 @@ class Adapter:
             case "clock":
                 self.protocol.clock([(s["stream"], s.get("kind", "topic"), s["stamp"]) for s in frame["stamps"]])
             case "outcome":
-                self.protocol.outcome(self.answers[frame["seq"]], frame["passed"], frame["why"])
+                self.protocol.handled(self.answers[frame["seq"]], frame["passed"], frame["why"])
             case "outcomes":
                 for told in frame["outcomes"]:
-                    self.protocol.outcome(self.answers[told["seq"]], told["passed"], told["why"])
+                    self.protocol.handled(self.answers[told["seq"]], told["passed"], told["why"])
             case "detach":
                 self.protocol.detach()
 
@@ -87,7 +87,7 @@ class Adapter:
 
 @pytest.mark.parametrize("path", VECTORS, ids=lambda path: path.stem)
 def test_the_adapter_says_what_is_written(path: Path) -> None:
-    turns = json.loads(path.read_text())["conversation"]
+    turns = json.loads(path.read_text(encoding="utf-8"))["conversation"]
     adapters: dict[str, Adapter] = {}
     current = ""
     said = 0

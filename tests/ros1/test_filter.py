@@ -137,7 +137,7 @@ def test_who_publishes_past_the_monitor_is_told(tmp_path: Path) -> None:
         sneak.advertise(Int64, "/number", listeners=0)
         adapter.said("/number: /peer0 publishes /number past the monitor")
         sneak.withdraw("/number")
-        adapter.said("/number: well again")
+        adapter.said("/number: recovered")
 
 
 def test_a_session_made_anew_is_observed_by_the_spec_of_today(tmp_path: Path) -> None:

@@ -58,8 +58,8 @@ def generated(folder: Path) -> Path:
     """Where the package `odd_msgs` can be imported from, by those who are told."""
     source, made = folder / "odd_msgs", folder / "generated"
     (source / "msg").mkdir(parents=True)
-    (source / "msg" / "Inner.msg").write_text("int64 answer\n")
-    (source / "msg" / "Odd.msg").write_text("Header header\nInner inner\nuint8[] blob\n")
+    (source / "msg" / "Inner.msg").write_text("int64 answer\n", encoding="utf-8")
+    (source / "msg" / "Odd.msg").write_text("Header header\nInner inner\nuint8[] blob\n", encoding="utf-8")
     output = made / "odd_msgs"
     output.mkdir(parents=True)
     (output / "__init__.py").touch()
@@ -169,7 +169,7 @@ def test_a_topic_whose_package_is_not_installed_is_read_and_filtered(tmp_path: P
         adapter = scene.adapter("odd")
         scene.settings["PYTHONPATH"] = f"{made}:{environment()['PYTHONPATH']}"
         script = tmp_path / "odd.py"
-        script.write_text(ODD_NODES)
+        script.write_text(ODD_NODES, encoding="utf-8")
         hearer = scene.run("hearer", sys.executable, script, "hear")
         speaker = scene.run("speaker", sys.executable, script, "speak")
         hearer.said(r"heard \[12, 14\] 3 bytes odd_frame")
@@ -271,7 +271,7 @@ def test_stamps_follow_simulated_time_and_a_jump_back_begins_a_new_session(tmp_p
 
 
 def test_two_uavs_in_one_session_have_their_own_names(tmp_path: Path) -> None:
-    documented = (Path(__file__).parents[2] / "docs" / "adapters.md").read_text()
+    documented = (Path(__file__).parents[2] / "docs" / "adapters.md").read_text(encoding="utf-8")
     text = re.search(r"```yaml\n(id: fleet\n.*?)```", documented, re.DOTALL)
     assert text
     with Scene(tmp_path, spec_folder(tmp_path, text[1])) as scene:
@@ -322,7 +322,10 @@ def test_check_knows_which_of_ros_own_types_hold_no_time(tmp_path: Path) -> None
     kinds = [kind for module in modules for kind in vars(module).values() if hasattr(kind, "_type")]
     streams = [f"  - {{topic: /a{i}, type: {kind._type}}}" for i, kind in enumerate(kinds)]
     spec = tmp_path / "types.yaml"
-    spec.write_text("\n".join(["id: types", "streams:", *streams, "properties: [{id: p, formula: 'not {v: 7}'}]", ""]))
+    spec.write_text(
+        "\n".join(["id: types", "streams:", *streams, "properties: [{id: p, formula: 'not {v: 7}'}]", ""]),
+        encoding="utf-8",
+    )
     told = subprocess.run([SERVER, "check", "--ros", "1", spec], capture_output=True, text=True, check=True).stderr
     warned = [kind._type for i, kind in enumerate(kinds) if f"/a{i} is ordered by its arrival" in told]
     assert warned == [kind._type for kind in kinds if stamp_reader(kind, None) is None]

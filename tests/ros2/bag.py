@@ -34,7 +34,7 @@ def record(folder: Path, topics: dict[str, str]) -> None:
     """Write what is heard into a new bag."""
     types = get_typestore(Stores.ROS2_KILTED)
     for path in MESSAGES.glob("*.msg"):
-        types.register(get_types_from_msg(path.read_text(), f"battery_uav_msgs/msg/{path.stem}"))
+        types.register(get_types_from_msg(path.read_text(encoding="utf-8"), f"battery_uav_msgs/msg/{path.stem}"))
     node = rclpy.create_node("rosbag2_recorder")
     with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         for topic, kind in topics.items():

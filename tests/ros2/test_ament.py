@@ -50,7 +50,7 @@ def test_what_ros2_run_and_launch_look_for_is_installed(prefix: Path) -> None:
 
 
 def test_the_installed_monitor_runs_with_what_the_launch_file_gives(prefix: Path, tmp_path: Path) -> None:
-    tree = ast.parse((prefix / "share" / "oracle_ros2" / "launch" / "oracle.launch.py").read_text())
+    tree = ast.parse((prefix / "share" / "oracle_ros2" / "launch" / "oracle.launch.py").read_text(encoding="utf-8"))
     [arguments] = [ast.literal_eval(node) for node in ast.walk(tree) if isinstance(node, ast.Dict)]
     [site] = prefix.glob("lib/python3*/site-packages")
     with Scene(tmp_path) as scene:

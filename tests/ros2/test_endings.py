@@ -61,7 +61,7 @@ def test_what_waits_when_the_streams_change_is_passed_where_history_says_so(tmp_
         scene.server.kill()
         shutil.rmtree(tmp_path / "data")
         spec = tmp_path / "specs" / "spec.yaml"
-        spec.write_text(spec.read_text().replace("/silent", "/new"))
+        spec.write_text(spec.read_text(encoding="utf-8").replace("/silent", "/new"))
         scene.server.restart()
         eventually(lambda: adapter.log.count("observing"), lambda count: count == 2)
         events = eventually(

@@ -232,7 +232,7 @@ def test_who_can_call_past_the_monitor_is_told(tmp_path: Path) -> None:
         peer.until(lambda: text in [status.message for array in shown for status in array.status])
         eventually(troubles, lambda found: found == {"request": text, "response": ""})
         peer.node.destroy_client(past)
-        adapter.said("/switch: well again")
+        adapter.said("/switch: recovered")
         beside = peer.node.create_service(srv.SetBool, "/switch_mon", say("on"))
         adapter.said("/switch: /peer serves /switch_mon beside the monitor")
         peer.node.destroy_service(beside)

@@ -19,7 +19,9 @@ pytestmark = pytest.mark.filterwarnings(
 
 def documented() -> str:
     """The spec of the fleet in the documentation."""
-    found = re.search(r"```yaml\n(id: fleet\n.*?)```", (ROOT / "docs" / "adapters.md").read_text(), re.DOTALL)
+    found = re.search(
+        r"```yaml\n(id: fleet\n.*?)```", (ROOT / "docs" / "adapters.md").read_text(encoding="utf-8"), re.DOTALL
+    )
     assert found
     return found[1]
 
@@ -27,7 +29,7 @@ def documented() -> str:
 def test_two_uavs_in_one_session_are_judged_each_by_its_own_and_by_the_others(tmp_path: Path) -> None:
     specs = tmp_path / "specs"
     specs.mkdir()
-    (specs / "fleet.yaml").write_text(documented())
+    (specs / "fleet.yaml").write_text(documented(), encoding="utf-8")
     with Scene(tmp_path, specs) as scene:
         first = scene.adapter("fleet", monitor="uav1", more=["--namespace", "/uav1"])
         second = scene.adapter(
@@ -78,7 +80,7 @@ def test_two_uavs_in_one_session_are_judged_each_by_its_own_and_by_the_others(tm
 def test_a_remap_that_means_nothing_is_refused(words: list[str], told: str, tmp_path: Path) -> None:
     specs = tmp_path / "specs"
     specs.mkdir()
-    (specs / "fleet.yaml").write_text(documented())
+    (specs / "fleet.yaml").write_text(documented(), encoding="utf-8")
     with Scene(tmp_path, specs) as scene:
         with pytest.raises(AssertionError, match="did not say 'observing'") as failed:
             scene.adapter("fleet", more=words)

@@ -34,8 +34,10 @@ def test_the_example_s_graph_foretells_its_deadlock(tmp_path: Path) -> None:
     assert nodes["/battery_supervisor"]["subscribes"] == {"/status_change": ["battery_uav_msgs/msg/StatusChange"]}
 
     file, spec = tmp_path / "graph.json", tmp_path / "waits.yaml"
-    file.write_text(json.dumps(graph))
-    spec.write_text((ROOT / "specs" / "battery_uav.yaml").read_text().replace("max_delay: 200ms", "max_delay: none"))
+    file.write_text(json.dumps(graph), encoding="utf-8")
+    spec.write_text(
+        (ROOT / "specs" / "battery_uav.yaml").read_text(encoding="utf-8").replace("max_delay: 200ms", "max_delay: none")
+    )
     command = [SERVER, "check", spec, "--ros-graph", file]
     ended = subprocess.run(
         command, capture_output=True, text=True, timeout=PATIENCE, env=environment(ROS_ONLY), check=False

@@ -68,7 +68,7 @@ class Node:
 
     @property
     def said(self) -> str:
-        return Path(self._output.name).read_text()
+        return Path(self._output.name).read_text(encoding="utf-8")
 
 
 class Recorder:

@@ -52,7 +52,7 @@ def profile(reliability: Any = RELIABLE, durability: Any = VOLATILE, depth: int 
 def scene(tmp_path: Path) -> Any:
     specs = tmp_path / "specs"
     specs.mkdir()
-    (specs / "gate.yaml").write_text(SPEC)
+    (specs / "gate.yaml").write_text(SPEC, encoding="utf-8")
     with Scene(tmp_path, specs) as scene:
         yield scene
 
@@ -81,7 +81,7 @@ def test_a_best_effort_publisher_that_comes_later_is_heard_and_forwarded_as_it_i
     peer.until(publish)
     assert set(values(heard)) == {5}
     assert peer.record(msg.Int64, "/number", profile(RELIABLE)) == []
-    adapter.said("/number: /peer can't hear /number: .*reliab")
+    adapter.said("/number: /peer can't receive /number: .*reliab")
 
 
 def test_what_lasts_is_forwarded_to_those_who_come_later(scene: Scene) -> None:
@@ -142,7 +142,7 @@ def test_a_subscription_goes_once_the_one_in_its_place_has_had_time_however_soon
     scene: Scene,
 ) -> None:
     peer = scene.peer()
-    heard = endpoints.Heard(peer.node, msg.Int64, "/here", lambda *_: None)
+    heard = endpoints.MatchedSubscription(peer.node, msg.Int64, "/here", lambda *_: None)
     peer.publisher(msg.Int64, "/here", qos=profile(EFFORT), listeners=0)
     heard.look()
     heard.look()
@@ -158,7 +158,7 @@ def test_what_only_the_old_subscription_has_got_is_taken_before_what_comes_on_th
     def take(message: bytes, _: Any) -> None:
         taken.append(serialization.deserialize_message(message, msg.Int64).data)
 
-    heard = endpoints.Heard(peer.node, msg.Int64, "/here", take)
+    heard = endpoints.MatchedSubscription(peer.node, msg.Int64, "/here", take)
     steady = peer.publisher(msg.Int64, "/here")
     for number in (1, 2):
         steady.publish(msg.Int64(data=number))
@@ -193,7 +193,7 @@ def test_a_message_published_past_the_monitor_is_told(scene: Scene) -> None:
     past_it = ("middleware", "/peer publishes /number past the monitor")
     eventually(told, lambda streams: streams == {"/number": past_it, "/logged": ("middleware", "")})
     peer.node.destroy_publisher(past)
-    adapter.said("/number: well again")
+    adapter.said("/number: recovered")
     eventually(told, lambda streams: not any(trouble for _, trouble in streams.values()))
 
 
@@ -223,7 +223,7 @@ def test_a_publisher_of_another_type_is_told(scene: Scene) -> None:
 )
 def test_what_is_asked_for_fits_all_and_what_is_offered_is_what_was(offered: Any, heard: Any, forwarded: Any) -> None:
     profiles = [profile(*one) for one in offered]
-    asked, given = qos.to_hear(profiles), qos.to_forward(profiles)
+    asked, given = qos.to_request(profiles), qos.to_offer(profiles)
     assert (asked.reliability, asked.durability) == heard
     assert (given.reliability, given.durability) == forwarded
     assert all(qos.misfit(one, asked) == "" for one in profiles)
@@ -232,6 +232,6 @@ def test_what_is_asked_for_fits_all_and_what_is_offered_is_what_was(offered: Any
 def test_a_deadline_is_forwarded_where_all_keep_the_same() -> None:
     deadline = duration.Duration(nanoseconds=10**8)
     one, other = profile(deadline=deadline), profile()
-    assert qos.to_forward([one]).deadline == deadline
-    assert qos.same(qos.to_forward([one, one]), qos.to_forward([one]))
-    assert qos.same(qos.to_forward([one, other]), qos.to_forward([]))
+    assert qos.to_offer([one]).deadline == deadline
+    assert qos.same(qos.to_offer([one, one]), qos.to_offer([one]))
+    assert qos.same(qos.to_offer([one, other]), qos.to_offer([]))

@@ -77,7 +77,7 @@ class Seen:
 def test_the_graph_sees_verdicts_errors_and_diagnostics(tmp_path: Path) -> None:
     specs = tmp_path / "specs"
     specs.mkdir()
-    (specs / "small.yaml").write_text(SPEC)
+    (specs / "small.yaml").write_text(SPEC, encoding="utf-8")
     with Scene(tmp_path, specs) as scene:
         adapter, peer = scene.adapter("small", monitor="/fleet/uav-1"), scene.peer()
         seen = Seen(peer)

@@ -1,7 +1,7 @@
-"""The link from a ROS adapter to an oracle server; it knows no ROS."""
+"""The link from a ROS adapter to an oracle server; it does not depend on ROS."""
 
 from oracle_adapter.attention import Attention
-from oracle_adapter.board import Board, Status, graph_name
+from oracle_adapter.board import Board, graph_name
 from oracle_adapter.connection import Timing
 from oracle_adapter.decision import Answer, Policy, Why, should_pass
 from oracle_adapter.errors import LinkError
@@ -12,6 +12,7 @@ from oracle_adapter.logfile import LogFile, open_log
 from oracle_adapter.marks import ClockStamp
 from oracle_adapter.names import PROXY, Names
 from oracle_adapter.protocol import Attached, TimeSource
+from oracle_adapter.screen import Status
 from oracle_adapter.stats import Stats
 
 __all__ = [

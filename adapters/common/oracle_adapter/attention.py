@@ -1,7 +1,7 @@
-"""Whether an adapter hears what is said: where it may be deaf, its clocks must be silent.
+"""Whether an adapter receives what is published: while it may not, it must send no clocks.
 
-A middleware can hold up everything that it receives for some 100 ms, for instance while it gets to
-know a new process, without a sign of it: what was said meanwhile comes at once, and would be late.
+A middleware can stall for some 100 ms, for instance while it discovers a new process, and gives no
+sign of it: the messages of that time then arrive all at once, and would be late.
 """
 
 from __future__ import annotations
@@ -10,39 +10,39 @@ from collections import deque
 from typing import Deque, Tuple
 
 BUSY = 25
-"""Messages of a second from which on silence means something."""
+"""Messages per second from which on silence may be a stall."""
 WINDOW = 1.0
 SILENCE = 0.04
-"""Seconds without a message after which a busy adapter may be deaf."""
-PATIENCE = 1.0
-"""Seconds after which the silence is taken for what it is."""
+"""Seconds without a message after which a busy adapter may be in a stall."""
+LONGEST_STALL = 1.0
+"""Seconds of silence that are no stall: nothing is published."""
 SETTLE = 0.15
-"""Seconds that what was held up may take to come, after the first of it."""
+"""Seconds that delayed messages may take to arrive, after the first of them."""
 
 
 class Attention:
-    """Counts what is heard, and tells when silence is suspicious; all times are seconds."""
+    """Counts messages, and detects suspicious silence; all times are in seconds."""
 
     def __init__(self) -> None:
         self._total = self._recent = 0
-        self._heard: Deque[Tuple[float, int]] = deque()
+        self._received: Deque[Tuple[float, int]] = deque()
         self._suspicious = False
         self._settled = 0.0
 
     def is_paid(self, now: float, total: int) -> bool:
-        """Whether clocks may tell that nothing older will come; `total` messages were heard."""
+        """Whether clocks may be sent; `total` messages were received so far."""
         fresh, self._total = max(0, total - self._total), total
         if fresh:
             if self._suspicious:
                 self._settled = now + SETTLE
             self._suspicious = False
             self._add(now, fresh)
-        elif self._heard and self._recent >= BUSY:
-            self._suspicious = SILENCE < now - self._heard[-1][0] < PATIENCE
+        elif self._received and self._recent >= BUSY:
+            self._suspicious = SILENCE < now - self._received[-1][0] < LONGEST_STALL
         return not self._suspicious and now >= self._settled
 
     def _add(self, now: float, fresh: int) -> None:
-        self._heard.append((now, fresh))
+        self._received.append((now, fresh))
         self._recent += fresh
-        while self._heard[0][0] < now - WINDOW:
-            self._recent -= self._heard.popleft()[1]
+        while self._received[0][0] < now - WINDOW:
+            self._recent -= self._received.popleft()[1]

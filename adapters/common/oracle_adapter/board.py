@@ -1,7 +1,7 @@
 """What people see of the oracle on the robot: verdict, errors, diagnostics, as texts and levels.
 
-The server words how properties stand; here is only added whether it can be heard. A ROS adapter
-hands a `Board` to its `Link`, and publishes what the board says.
+The server describes the state of properties; the board adds whether the server is connected. A ROS
+adapter passes the callbacks of a `Board` to its `Link`, and a `Screen` to the board.
 """
 
 from __future__ import annotations
@@ -9,51 +9,22 @@ from __future__ import annotations
 import re
 import threading
 import time
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, Callable, Dict, List, Mapping, Sequence, Tuple
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any, Callable, Dict, List, Mapping, Tuple
 
 from oracle_adapter.decision import should_pass
 from oracle_adapter.outage import Outages
+from oracle_adapter.screen import ERROR, LEVELS, OK, STALE, SafeScreen, Status
 
 if TYPE_CHECKING:
-    from typing import Protocol
-
     from oracle_adapter.decision import Answer, Policy, Why
     from oracle_adapter.exchange import State
+    from oracle_adapter.screen import Screen
     from oracle_adapter.stats import Stats
 
-    class Screen(Protocol):
-        """What an adapter lends to the board; called in any thread."""
-
-        def verdict(self, outcome: str) -> None:
-            """Publish the worst outcome over the properties on `monitor_verdict`."""
-
-        def error(self, text: str) -> None:
-            """Log an error, and publish it on `monitor_error`."""
-
-        def info(self, text: str) -> None:
-            """Log a text."""
-
-        def diagnostics(self, statuses: Sequence[Status]) -> None:
-            """Publish these on `/diagnostics`."""
-
-
-OK, WARN, ERROR, STALE = 0, 1, 2, 3
-"""The levels of `diagnostic_msgs/DiagnosticStatus`."""
-LEVELS = {"ok": OK, "warn": WARN, "error": ERROR, "stale": STALE}
 UNKNOWN = "unknown"
-PERIOD = 1.0
-"""Seconds between diagnostics where nothing changes, as those who watch them expect."""
-
-
-@dataclass(frozen=True)
-class Status:
-    """One `diagnostic_msgs/DiagnosticStatus`; its `hardware_id` is the monitor's name."""
-
-    name: str
-    level: int
-    message: str
-    values: Tuple[Tuple[str, str], ...] = ()
+DIAGNOSTICS_PERIOD = 1.0
+"""Seconds between diagnostics where nothing changes: their viewers expect one a second."""
 
 
 def graph_name(monitor: str) -> str:
@@ -65,33 +36,35 @@ def graph_name(monitor: str) -> str:
 def violation_text(record: Mapping[str, Any]) -> str:
     """A violation's record in one line: the property, the event, and why."""
     explanation = record.get("explanation") or {}
-    event = "{stream} ({kind} {seq} of {monitor})".format_map(_Known(record))
+    known = {**dict.fromkeys(("stream", "kind", "seq", "monitor"), "?"), **record}
+    event = "{stream} ({kind} {seq} of {monitor})".format_map(known)
     text = explanation.get("text") or f"{record.get('property')} does not hold at {event}"
     return f"violation {record.get('n')}: {text}"
 
 
 class Board:
-    """Takes what the link tells and what was done with events, and shows it on a screen."""
+    """Takes the link's news and what was done with events, and shows it on a screen."""
 
     def __init__(
         self, monitor: str, screen: Screen, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        """Show nothing yet but that nothing is known. `clock` gives seconds."""
-        self._monitor, self._screen, self._clock = monitor, screen, clock
-        self._lock = threading.Lock()  # over what follows; nothing is shown under it
+        """Show an unknown verdict. `clock` returns seconds."""
+        self._monitor, self._screen, self._clock = monitor, SafeScreen(screen), clock
+        self._lock = threading.Lock()  # guards what follows; nothing is shown under it
         self._outages = Outages(clock)
         self._attached, self._detail = False, "not attached yet"
         self._properties: Mapping[str, Mapping[str, Any]] = {}
         self._troubles: Dict[str, str] = {}
+        self._failures: Dict[str, int] = {}  # events that could not be passed on, by stream
         self._shown: List[Tuple[str, int, str]] = []
-        self._shown_at = -PERIOD
+        self._shown_at = -DIAGNOSTICS_PERIOD
         self._verdict = UNKNOWN
-        screen.verdict(UNKNOWN)
+        self._screen.verdict(UNKNOWN)
 
     # For the link, as its callbacks
 
     def on_verdicts(self, frame: Mapping[str, Any]) -> None:
-        """Show how the properties stand."""
+        """Show the state of the properties."""
         with self._lock:
             self._properties = frame["properties"]
         self._show_verdict(str(frame["worst"]))
@@ -101,7 +74,7 @@ class Board:
         self._screen.error(violation_text(record))
 
     def on_state(self, state: State, detail: str) -> None:
-        """Show whether the oracle is there; while it is away no verdict is known."""
+        """Show whether the oracle is connected; without a connection the verdict is unknown."""
         with self._lock:
             self._attached, self._detail = state == "attached", detail
             over = self._outages.over() if self._attached else None
@@ -114,10 +87,10 @@ class Board:
     # For the adapter
 
     def settle(self, answer: Answer, on_unavailable: Policy, event: str) -> Tuple[bool, Why]:
-        """Say whether an event passes and why, and tell what is denied.
+        """Return whether an event passes and why, and show it where it is denied.
 
-        `event` names it for people, as in `a request of /SetLED, call 3`. What becomes of events
-        while the oracle is away is told for the first of them only, and counted.
+        `event` names it for people, as in `a request of /SetLED, call 3`. Without an oracle, what
+        is done with events is shown for the first of them only, and counted.
         """
         passed, why = should_pass(answer, on_unavailable)
         if why != "decision":
@@ -125,7 +98,7 @@ class Board:
                 begins = self._outages.undecided(passed=passed)
             if begins:
                 done = "passed" if passed else "denied"
-                more = "until the oracle is back, more of this is counted and not told"
+                more = "until the oracle is back, more of this is counted and not shown"
                 self._screen.error(f"{done} {event}: {answer.reason}; {more}")
             return passed, why
         with self._lock:
@@ -136,12 +109,20 @@ class Board:
             self._screen.error(f"denied {event}: {', '.join(answer.denied_by) or answer.reason}")
         return passed, why
 
+    def failed(self, stream: str, event: str, error: Exception) -> None:
+        """Count an event that could not be passed on, and show the first one of a stream."""
+        with self._lock:
+            count = self._failures[stream] = self._failures.get(stream, 0) + 1
+        if count == 1:
+            more = "more of this stream is counted and not shown"
+            self._screen.error(f"{event} could not be passed on: {error!r}; {more}")
+
     def error(self, text: str) -> None:
         """Show an error of the adapter's own."""
         self._screen.error(text)
 
     def trouble(self, subject: str, text: str) -> bool:
-        """Show what is wrong with a stream, an empty text for nothing; true where that is new."""
+        """Show what is wrong with a stream, an empty text for nothing; return whether it is new."""
         with self._lock:
             before = self._troubles.get(subject, "")
             if text or before:
@@ -151,7 +132,7 @@ class Board:
         if text:
             self._screen.error(f"{subject}: {text}")
         else:
-            self._screen.info(f"{subject}: well again")
+            self._screen.info(f"{subject}: recovered")
         return True
 
     def tick(self, stats: Stats) -> None:
@@ -161,7 +142,7 @@ class Board:
             statuses += self._property_statuses() + self._trouble_statuses()
             shown = [(status.name, status.level, status.message) for status in statuses]
             now = self._clock()
-            if shown == self._shown and now - self._shown_at < PERIOD:
+            if shown == self._shown and now - self._shown_at < DIAGNOSTICS_PERIOD:
                 return
             self._shown, self._shown_at = shown, now
         self._screen.diagnostics(statuses)
@@ -179,6 +160,7 @@ class Board:
             **asdict(stats),
             "passed without a decision": self._outages.total.passed,
             "denied without a decision": self._outages.total.denied,
+            "failed to pass on": sum(self._failures.values()),
         }
         level, message = OK, f"attached to session {self._detail}"
         if not self._attached:
@@ -189,25 +171,18 @@ class Board:
         return Status(f"{self._monitor}: oracle", level, message, values)
 
     def _property_statuses(self) -> List[Status]:
-        return [self._property_status(name, told) for name, told in self._properties.items()]
+        return [self._property_status(name, state) for name, state in self._properties.items()]
 
-    def _property_status(self, name: str, told: Mapping[str, Any]) -> Status:
-        level, message = LEVELS.get(told["level"], STALE), str(told["text"])
+    def _property_status(self, name: str, state: Mapping[str, Any]) -> Status:
+        level, message = LEVELS.get(state["level"], STALE), str(state["text"])
         if not self._attached:
-            level, message = STALE, f"the oracle is away; when it was last heard: {message}"
+            level, message = STALE, f"the oracle is away; when it was last connected: {message}"
         keys = ("outcome", "violations", "first_violation")
-        values = tuple((key, str(told.get(key))) for key in keys)
+        values = tuple((key, str(state.get(key))) for key in keys)
         return Status(f"{self._monitor}: {name}", level, message, values)
 
     def _trouble_statuses(self) -> List[Status]:
         return [
-            Status(f"{self._monitor}: {name}", ERROR if text else OK, text or "well again")
+            Status(f"{self._monitor}: {name}", ERROR if text else OK, text or "recovered")
             for name, text in self._troubles.items()
         ]
-
-
-class _Known(Dict[str, Any]):
-    """A record in which whatever is not told is a question mark."""
-
-    def __missing__(self, key: str) -> str:
-        return "?"

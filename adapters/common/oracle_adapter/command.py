@@ -1,4 +1,4 @@
-"""What the adapters' command lines have in common."""
+"""What is common to the adapters' command lines."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ DEFAULT_URL = "http://127.0.0.1:8642"
 
 
 def parser(program: str, description: Optional[str]) -> argparse.ArgumentParser:
-    """The options of every adapter; what is not given is None."""
+    """The options of every adapter; None where one is not given."""
     options = argparse.ArgumentParser(program, description=description)
-    options.add_argument("--oracle", help=f"its address; default ORACLE_URL or {DEFAULT_URL}")
+    options.add_argument("--oracle", help=f"the server; default ORACLE_URL or {DEFAULT_URL}")
     options.add_argument("--spec", help="the spec to judge by; needed where the session is new")
     options.add_argument(
         "--session", help="the session to join or make; default a new one of its own"
@@ -32,11 +32,9 @@ def parser(program: str, description: Optional[str]) -> argparse.ArgumentParser:
         action="append",
         default=[],
         metavar="/NAME:=/ROS_NAME",
-        help="what a stream of the spec is here",
+        help="the name on this robot of a stream of the spec",
     )
-    options.add_argument(
-        "--namespace", help="what goes before all names of the spec, such as /uav1"
-    )
+    options.add_argument("--namespace", help="the prefix of all names of the spec, such as /uav1")
     options.add_argument(
         "--log", metavar="FILE", help="write events there, as JSON Lines, and use no oracle"
     )
@@ -50,7 +48,7 @@ def parser(program: str, description: Optional[str]) -> argparse.ArgumentParser:
 
 
 def default(name: str) -> Optional[str]:
-    """What an option is where nobody gives it."""
+    """The default of an option."""
     defaults = {
         "oracle": os.environ.get("ORACLE_URL", DEFAULT_URL),
         "monitor": "monitor",
@@ -60,21 +58,21 @@ def default(name: str) -> Optional[str]:
 
 
 def wait_attached(
-    link: Link, stopping: threading.Event, tell: Callable[[str], None]
+    link: Link, stopping: threading.Event, warn: Callable[[str], None]
 ) -> Optional[Attached]:
-    """Wait for the oracle; None where the link is over or `stopping` is set.
+    """Wait for the oracle; None where the link has ended or `stopping` is set.
 
-    `tell` hears of it where that takes long.
+    `warn` gets a text where that takes long.
     """
-    told = False
+    warned = False
     while not stopping.is_set():
         found = _attached(link, 0.5)
         if isinstance(found, LinkError):
             if found.fatal:
                 return None
-            if not told:
-                tell(f"waiting for the oracle: {found}")
-            told = True
+            if not warned:
+                warn(f"waiting for the oracle: {found}")
+            warned = True
         else:
             return found
     return None
@@ -87,12 +85,12 @@ def _attached(link: Link, timeout: float) -> Union[Attached, LinkError]:
         return error
 
 
-def close(link: Link, tell: Callable[[str], None]) -> None:
-    """Close a link; `tell` hears of it where the oracle did not confirm all that was queued."""
+def close(link: Link, warn: Callable[[str], None]) -> None:
+    """Close a link; `warn` gets a text where the oracle did not confirm all that was queued."""
     if not link.close():
         left = link.stats().queued
         if left:
-            tell(f"the oracle has not confirmed the last {left} events: they may be lost")
+            warn(f"the oracle has not confirmed the last {left} events: they may be lost")
 
 
 def unknown_remap(names: Names, attached: Attached) -> Optional[str]:

@@ -1,4 +1,4 @@
-"""One WebSocket connection: it moves frames and knows nothing of what they mean."""
+"""One WebSocket connection: it transfers frames, whatever they mean."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ MAX_MESSAGE = 1 << 26
 _AT_ONCE = 1 << 14
 """Bytes that are written in one go, or one frame: a ping waits behind them."""
 REFUSALS = {401: "unauthorized", 403: "forbidden", 421: "misdirected"}
-"""HTTP statuses that asking again won't change."""
+"""HTTP statuses that another attempt does not change."""
 FAILURES = (OSError, EOFError, asyncio.TimeoutError, WebSocketException)
 """What a connection that fails raises."""
 
 
 @dataclass(frozen=True)
 class Timing:
-    """How patient the link is, in seconds.
+    """The link's time limits, in seconds.
 
     A connection on which nothing comes for `ping_interval + ping_timeout` is given up. The time
     between attempts doubles from `backoff_first` to `backoff_last`, each shortened at random by up
@@ -50,7 +50,7 @@ class Timing:
 
 @dataclass(frozen=True)
 class Address:
-    """Where the oracle is, and what it wants to see: `url` as `attach_url` makes it."""
+    """The oracle's address and what it requires; `url` is as `attach_url` returns it."""
 
     url: str
     token: Optional[str] = None
@@ -71,8 +71,8 @@ def attach_url(url: str) -> str:
 async def open_connection(address: Address, timing: Timing) -> WebSocket:
     """Open a WebSocket; raises a fatal `LinkError` where it is refused, or one of `FAILURES`."""
     options: Dict[str, Any] = {} if address.tls is None else {"ssl": address.tls}
-    # An oracle is on the robot's own network: the version for Python 3.8 knows no proxies, and the
-    # newer ones shall not look for one either.
+    # An oracle is on the robot's own network: websockets for Python 3.8 uses no proxies, and
+    # newer versions must not look for one either.
     if "proxy" in inspect.signature(connect.__init__).parameters:
         options["proxy"] = None
     try:
@@ -88,7 +88,7 @@ async def open_connection(address: Address, timing: Timing) -> WebSocket:
             max_size=MAX_MESSAGE,
             **options,
         )
-        return cast(WebSocket, socket)  # what it was told to create
+        return cast(WebSocket, socket)  # by create_connection
     except InvalidStatus as error:
         status = error.response.status_code
         if status in REFUSALS:
@@ -102,7 +102,7 @@ def _headers(token: Optional[str]) -> Dict[str, str]:
 
 
 async def _until_closed(work: Coroutine[Any, Any, None]) -> None:
-    """Leave it to others to find the connection closed: frames may still be on their way."""
+    """Do not end where the connection is closed: frames may still be unread."""
     with suppress(ConnectionClosed):
         await work
         return
@@ -112,8 +112,8 @@ async def _until_closed(work: Coroutine[Any, Any, None]) -> None:
 class Conversation:
     """Frames to and fro on one connection.
 
-    `receive` takes each frame and says whether it was the last; `next_frame` gives the next one to
-    write or None, and is asked again whenever `pump` is called.
+    `receive` takes each frame and returns whether it was the last; `next_frame` returns the next
+    one to write or None, and is called again by `pump`.
     """
 
     def __init__(
@@ -128,7 +128,7 @@ class Conversation:
         self._receive, self._next_frame = receive, next_frame
         loop = asyncio.get_running_loop()
         self._time = loop.time
-        self._heard = 0.0  # when the last frame came
+        self._received_at = 0.0  # when the last frame came
         self._over: asyncio.Future[None] = loop.create_future()  # the last frame, or what failed
 
     async def run(self, hello: str) -> None:
@@ -149,15 +149,15 @@ class Conversation:
             with suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(socket.close(), self._timing.close_timeout)
         finally:
-            self._over.cancel()  # what still comes is not for this conversation
-            # Closing in order would wait for bytes to leave that no one may be there to take.
+            self._over.cancel()  # later frames are ignored
+            # A closing handshake would wait for unsent bytes, though the other side may be gone.
             socket.transport.abort()
             watching.cancel()
             closed.cancel()
             await asyncio.gather(watching, closed, return_exceptions=True)
 
     def pump(self) -> None:
-        """Write what there is to write, unless the other side is slow to take it: then after it."""
+        """Write what there is to write; the rest later, where the other side is slow."""
         while not self._socket.full and not self._over.done():
             texts = list(self._some())
             if not texts:
@@ -176,7 +176,7 @@ class Conversation:
     def _take(self, message: bytes) -> None:
         if self._over.done():
             return
-        self._heard = self._time()
+        self._received_at = self._time()
         try:
             if self._receive(message):
                 self._over.set_result(None)
@@ -184,17 +184,17 @@ class Conversation:
             self._over.set_exception(error)
 
     async def _watch(self) -> None:
-        """Raise once the other side is silent.
+        """Raise where nothing comes from the other side.
 
-        The keepalive of websockets won't do: where the send buffer is full it waits without end to
-        write its ping. And as a ping may stand behind much data on a slow line, any frame that
-        comes in the meantime is a sign of life too.
+        The keepalive of websockets does not suffice: with a full send buffer it waits without end
+        to write its ping. A ping may be queued after much data on a slow line, so
+        any frame that comes in the meantime counts as an answer.
         """
         answer_due = self._time() + self._timing.attach_timeout
         while True:
             await asyncio.sleep(self._timing.ping_interval)
             await self._check_alive()
-            if not self._heard and self._time() > answer_due:
+            if not self._received_at and self._time() > answer_due:
                 message = f"no answer to attach for {self._timing.attach_timeout} s"
                 raise LinkError("unreachable", message)
 
@@ -203,12 +203,12 @@ class Conversation:
         ping = asyncio.ensure_future(self._ping())
         try:
             while not ping.done():
-                patience = max(started, self._heard) + self._timing.ping_timeout - self._time()
-                if patience <= 0:
+                left = max(started, self._received_at) + self._timing.ping_timeout - self._time()
+                if left <= 0:
                     message = f"no sign of the server for {self._timing.ping_timeout} s"
                     raise LinkError("disconnected", message)
                 # Not wait_for: before Python 3.12 it can swallow a cancellation.
-                await asyncio.wait([ping], timeout=patience)
+                await asyncio.wait([ping], timeout=left)
             ping.result()
         finally:
             ping.cancel()

@@ -9,7 +9,7 @@ from typing import Container, List, Optional, Tuple
 class Deadlines:
     """Asks by the time (s) at which they run out, and the time that the one timer is set to.
 
-    An ask that is answered stays until the timer finds it: setting a timer anew for each would cost
+    An ask that is answered stays until the timer finds it: setting a timer for each would cost
     more than all else that an ask does.
     """
 

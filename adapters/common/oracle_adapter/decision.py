@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, Mapping, Optional, Tuple
 
 if TYPE_CHECKING:
-    from oracle_adapter.outbox import Queued
+    from oracle_adapter.queued import Queued
 
 Why = Literal["decision", "timeout", "unavailable"]
 Policy = Literal["deny", "pass"]
@@ -14,10 +14,10 @@ Policy = Literal["deny", "pass"]
 
 @dataclass(frozen=True)
 class Answer:
-    """What came of an ask: the server's decision, or why there is none.
+    """The answer to an ask: the server's decision, or why there is none.
 
-    `decision` is there where `why` is `decision`; `reason` says in words why there is none, or why
-    it is `deny` where no property says so: what can't be judged is denied.
+    `decision` is given where `why` is `decision`; `reason` is a text why there is none, or why it
+    is `deny` though no property denies: what can't be judged is denied.
     `denied_by` names properties, `verdicts` gives properties' outcomes at the event.
     """
 
@@ -35,7 +35,7 @@ class Answer:
 
 
 def should_pass(answer: Answer, on_unavailable: Policy) -> Tuple[bool, Why]:
-    """Say whether to forward the event and why: a decision rules, else the stream's policy."""
+    """Return whether to forward the event and why: by the decision, else by the stream's policy."""
     if on_unavailable not in ("deny", "pass"):
         raise ValueError(f"on_unavailable must be 'deny' or 'pass', not {on_unavailable!r}")
     if answer.why == "decision":

@@ -1,17 +1,17 @@
-"""The protocol's state shared by threads: one lock around it, callbacks for answers and news.
+"""The protocol's state shared by threads: one lock around it, callbacks for answers and notices.
 
-Robot threads put events in and never wait; the link's own thread takes frames out, puts frames in,
-and alone calls back. No callback is called under the lock.
+Robot threads put events in and never wait; the link's own thread writes and reads frames, and calls
+the callbacks. None is called under the lock.
 """
 
 from __future__ import annotations
 
 import asyncio
-import logging
 import threading
 from operator import index
 from typing import TYPE_CHECKING, Any, Callable, Dict, Literal, Optional, Union
 
+from oracle_adapter import logs
 from oracle_adapter.deadlines import Deadlines
 from oracle_adapter.decision import Answer
 from oracle_adapter.errors import LinkError
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
     from oracle_adapter.decision import Why
     from oracle_adapter.marks import ClockStamp
-    from oracle_adapter.outbox import Queued
     from oracle_adapter.protocol import Notice
+    from oracle_adapter.queued import Queued
     from oracle_adapter.stats import Stats
 
 State = Literal["attached", "disconnected", "ended"]
@@ -32,10 +32,8 @@ Stamp = Union[int, None, Callable[[], Optional[int]]]
 Then = Callable[[Answer], None]
 """What is done with the answer to an ask, mostly in the link's thread."""
 
-OUTCOMES_AFTER = 0.003
-"""Seconds in which outcomes are gathered: many in a frame cost little more than one."""
-
-_log = logging.getLogger("oracle_adapter")
+HANDLINGS_AFTER = 0.003
+"""Seconds in which handlings are gathered: many in a frame cost little more than one."""
 
 
 class Exchange:
@@ -51,30 +49,39 @@ class Exchange:
     ) -> None:
         self._on_violation, self._on_state, self._on_error = on_violation, on_state, on_error
         self._on_verdicts = on_verdicts
-        self._lock = threading.Lock()  # over all that follows
+        self._lock = threading.Lock()  # guards all that follows
         self._changed = threading.Condition(self._lock)  # opened, attached or ended
         self._protocol = protocol
         self._asks: Dict[int, Tuple[Queued, Then]] = {}
-        self._outcomes: List[Tuple[Answer, bool, Why]] = []
+        self._handlings: List[Tuple[Answer, bool, Why]] = []
         self._deadlines = Deadlines()
         self._timer: Optional[asyncio.TimerHandle] = None
         self._loop: Optional[asyncio.AbstractEventLoop] = None
         self._pump: Callable[[], None] = _nothing
         self._thread = 0
+        self._opened = False  # the link's thread has been ready
         self._awake = False  # the queue will be looked at
         self._trouble: Optional[LinkError] = None  # why there is no connection
 
     # From robot threads
 
-    def wait_opened(self) -> None:
-        """Wait for the link's thread to be ready."""
+    def wait_opened(self, timeout: float) -> None:
+        """Wait up to `timeout` seconds for the link's thread; raises `LinkError` without it."""
         with self._changed:
-            self._changed.wait_for(lambda: self._loop or self._protocol.ended)
+            self._changed.wait_for(lambda: self._opened or self._protocol.ended, timeout)
+            if self._opened:
+                return
+            if self._protocol.ended is not None:
+                raise self._protocol.ended
+        message = f"the link's thread was not ready within {timeout} s"
+        raise LinkError("internal", message, fatal=True)
 
     def wait_attached(self, timeout: Optional[float]) -> Attached:
-        """Wait for a connection, up to `timeout` seconds."""
+        """Wait for a connection, up to `timeout` seconds; None: until there is one, or the end."""
         protocol = self._protocol
         with self._changed:
+            if self._loop is None and protocol.ended is None:
+                raise _not_started()
             self._changed.wait_for(lambda: protocol.attached or protocol.ended, timeout)
             if protocol.attached is not None:
                 return protocol.attached
@@ -86,7 +93,7 @@ class Exchange:
     def send(self, stamp: Stamp, body: str, lost: int) -> bool:
         """Queue an event; False where it is lost instead."""
         with self._lock:
-            queued = self._protocol.send(_read(stamp), body, lost)
+            queued = self._protocol.send(_stamp_value(stamp), body, lost)
             self._wake()
         return queued
 
@@ -94,8 +101,8 @@ class Exchange:
         """Queue an event that wants an answer; `then` gets it within that time, maybe at once."""
         with self._lock:
             if self._loop is None and self._protocol.ended is None:
-                raise LinkError("closed", "the link was not started")
-            asked = self._protocol.ask(_read(stamp), body, lost)
+                raise _not_started()
+            asked = self._protocol.ask(_stamp_value(stamp), body, lost)
             if self._loop is not None and not isinstance(asked, Answer):
                 self._asks[asked.number] = asked, then
                 if self._deadlines.add(self._loop.time() + seconds, asked.number):
@@ -104,17 +111,17 @@ class Exchange:
         if isinstance(asked, Answer):
             _call(then, asked)
 
-    def outcome(self, answer: Answer, passed: bool, why: Why) -> None:
-        """Queue what was done with an ask, to be told with others of the next moments."""
+    def handled(self, answer: Answer, passed: bool, why: Why) -> None:
+        """Queue what was done with an ask, to be sent with others of the next moments."""
         with self._lock:
-            self._outcomes.append((answer, passed, why))
-            if len(self._outcomes) == 1:
-                self._soon(self._gather_outcomes)
+            self._handlings.append((answer, passed, why))
+            if len(self._handlings) == 1:
+                self._soon(self._gather_handlings)
 
     def clock(
         self, stamps: Union[Iterable[ClockStamp], Callable[[], Iterable[ClockStamp]]]
     ) -> None:
-        """Queue clocks behind every event queued so far."""
+        """Queue clocks after every event queued so far."""
         with self._lock:
             self._protocol.clock(stamps() if callable(stamps) else stamps)
             self._wake()
@@ -125,10 +132,10 @@ class Exchange:
             self._protocol.renew(stamps())
             self._wake()
 
-    def describe(self, stream: str, kind: str, said: Mapping[str, Any]) -> None:
-        """Queue what is said of a stream."""
+    def describe(self, stream: str, kind: str, facts: Mapping[str, Any]) -> None:
+        """Queue a report about a stream."""
         with self._lock:
-            if self._protocol.report(stream, kind, **said):
+            if self._protocol.report(stream, kind, **facts):
                 self._wake()
 
     def stats(self) -> Stats:
@@ -143,7 +150,7 @@ class Exchange:
             notices = self._protocol.take_notices()
         self._deliver(notices)
         with self._lock:
-            self._put_outcomes()
+            self._put_handlings()
             self._protocol.detach()
             self._awake = False  # there may be no event to write, yet something to do
             self._wake()
@@ -160,6 +167,7 @@ class Exchange:
         """Call `pump`, on its loop, whenever there is something to write."""
         with self._changed:
             self._loop, self._pump, self._thread = loop, pump, threading.get_ident()
+            self._opened = True
             self._changed.notify_all()
 
     def hello(self) -> str:
@@ -175,18 +183,21 @@ class Exchange:
             return frame
 
     def receive(self, frame: bytes) -> bool:
-        """Take in one frame, and say whether it was the last; raises what ends the connection."""
-        with self._lock:
-            self._protocol.receive(frame)
-            notices = self._protocol.take_notices()
-        self._deliver(notices)
+        """Take in one frame; True where it was the last. Raises what ends the connection."""
+        try:
+            with self._lock:
+                self._protocol.receive(frame)
+        finally:  # what a bad frame changed before it failed is delivered at once
+            with self._lock:
+                notices = self._protocol.take_notices()
+            self._deliver(notices)
         for notice in notices:
             if isinstance(notice, LinkError) and notice.fatal:
                 raise notice
         return self._protocol.detached
 
     def disconnected(self, error: LinkError) -> None:
-        """Note that there is no connection, and tell of it."""
+        """Note that there is no connection, and report it."""
         with self._lock:
             was_attached = self._protocol.attached is not None
             self._protocol.disconnected()
@@ -214,9 +225,11 @@ class Exchange:
         return self._protocol.detached
 
     def end(self, error: LinkError) -> None:
-        """No connection will come any more."""
+        """No connection will come any more; nothing where that is known."""
         with self._changed:
             self._loop = None
+            if self._protocol.ended is not None:
+                return
             self._protocol.end(error)
             notices = self._protocol.take_notices()
             self._changed.notify_all()
@@ -224,9 +237,9 @@ class Exchange:
         _call(self._on_state, "ended", str(error))
 
     def report(self, error: LinkError) -> None:
-        """Pass an error on to whom it may concern."""
+        """Pass an error to `on_error`, else log it."""
         if self._on_error is None:
-            _log.warning("%s", error)
+            logs.warn("%s", error)
         _call(self._on_error, error)
 
     def _set_timer(self, loop: asyncio.AbstractEventLoop) -> None:
@@ -243,15 +256,15 @@ class Exchange:
             notices = self._protocol.take_notices()
         self._deliver(notices)
 
-    def _tell_outcomes(self) -> None:
+    def _send_handlings(self) -> None:
         with self._lock:
-            self._put_outcomes()
+            self._put_handlings()
             self._wake()
 
-    def _put_outcomes(self) -> None:
-        for answer, passed, why in self._outcomes:
-            self._protocol.outcome(answer, passed, why)
-        self._outcomes.clear()
+    def _put_handlings(self) -> None:
+        for answer, passed, why in self._handlings:
+            self._protocol.handled(answer, passed, why)
+        self._handlings.clear()
 
     def _wake(self) -> None:
         if self._loop is not None and not self._awake:
@@ -267,8 +280,8 @@ class Exchange:
         else:
             self._loop.call_soon_threadsafe(call)
 
-    def _gather_outcomes(self) -> None:
-        asyncio.get_running_loop().call_later(OUTCOMES_AFTER, self._tell_outcomes)
+    def _gather_handlings(self) -> None:
+        asyncio.get_running_loop().call_later(HANDLINGS_AFTER, self._send_handlings)
 
     def _deliver(self, notices: List[Notice]) -> None:
         for notice in notices:
@@ -290,24 +303,28 @@ class Exchange:
                 _call(self._on_violation, notice.record)
             elif isinstance(notice, Verdicts):
                 _call(self._on_verdicts, notice.frame)
-            elif not notice.fatal:  # a fatal one is reported when all is over
+            elif not notice.fatal:  # a fatal one is reported at the end
                 self.report(notice)
+
+
+def _not_started() -> LinkError:
+    return LinkError("closed", "the link was not started")
 
 
 def _nothing() -> None:
     pass
 
 
-def _read(stamp: Stamp) -> Optional[int]:
+def _stamp_value(stamp: Stamp) -> Optional[int]:
     value = stamp() if callable(stamp) else stamp
     return None if value is None else index(value)
 
 
 def _call(callback: Optional[Callable[..., None]], *arguments: Any) -> None:
-    """Call what the user gave; its errors are its own and don't touch the link."""
+    """Call what the adapter gave; its exceptions are logged and don't disturb the link."""
     if callback is None:
         return
     try:
         callback(*arguments)
     except Exception:  # noqa: BLE001 - whatever it is
-        _log.exception("a callback of the link failed")
+        logs.failure("a callback of the link failed")

@@ -1,4 +1,4 @@
-"""Message values as JSON text; where JSON has no word for them, as proto3's JSON has them.
+"""Message values as JSON text; where JSON can't express them, in the way of proto3's JSON.
 
 NaN and the infinities are the strings `NaN`, `Infinity`, `-Infinity`; bytes are base64; tuples,
 arrays and whatever else has `tolist` (numpy's arrays and scalars) are lists or numbers; integers
@@ -44,7 +44,7 @@ def _plain(value: Any) -> Any:
     if value is None or isinstance(value, int):
         return value
     if isinstance(value, float):
-        return _number(value)
+        return _json_number(value)
     if isinstance(value, dict):
         return {_plain(key): _plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
@@ -52,7 +52,7 @@ def _plain(value: Any) -> Any:
     return _plain(_special(value))
 
 
-def _number(value: float) -> Any:
+def _json_number(value: float) -> Any:
     if math.isfinite(value):
         return value
     if math.isnan(value):

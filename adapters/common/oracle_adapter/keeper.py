@@ -1,13 +1,13 @@
-"""The link's thread: it connects, talks, and connects again until there is nothing left to do."""
+"""The link's thread: it connects, and connects again until there is nothing left to send."""
 
 from __future__ import annotations
 
 import asyncio
-import logging
 import random
 import threading
 from typing import TYPE_CHECKING, Iterator, Optional
 
+from oracle_adapter import logs
 from oracle_adapter.connection import FAILURES, Conversation, open_connection
 from oracle_adapter.errors import LinkError
 
@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from oracle_adapter.connection import Address, Timing
     from oracle_adapter.exchange import Exchange
 
-_log = logging.getLogger("oracle_adapter")
+
+READY_WITHIN = 10.0
+"""Seconds that the thread may take until it is ready to connect."""
 
 
 class Keeper:
@@ -24,12 +26,22 @@ class Keeper:
     def __init__(self, address: Address, timing: Timing, exchange: Exchange) -> None:
         self._address, self._timing, self._exchange = address, timing, exchange
         self._conversation: Optional[Conversation] = None  # the latest
+        self._work: Optional[asyncio.Future[None]] = None
         self._thread = threading.Thread(target=self._run, name="oracle-link", daemon=True)
 
     def start(self) -> None:
-        """Start the thread, once."""
-        self._thread.start()
-        self._exchange.wait_opened()
+        """Start the thread, once; raises `LinkError` where it does not get ready."""
+        if self._thread.ident is not None:
+            raise RuntimeError("a link starts once")
+        try:
+            self._thread.start()
+        except RuntimeError as error:
+            self._exchange.end(_failed(error))
+        try:
+            self._exchange.wait_opened(READY_WITHIN)
+        except LinkError as error:
+            self._exchange.end(error)
+            raise
 
     def stop(self, timeout: float) -> bool:
         """Detach and end the thread, after `timeout` seconds anyway; True where it detached."""
@@ -41,12 +53,17 @@ class Keeper:
             return False
         self._exchange.call_soon(self._hurry)
         self._thread.join(timeout)
-        self._exchange.call_soon(self._work.cancel)
-        self._thread.join(self._timing.close_timeout)  # it hangs only in a callback that does
+        self._exchange.call_soon(self._cancel)
+        self._thread.join(self._timing.close_timeout)  # only a callback that hangs takes longer
         return self._exchange.detached
 
     def _run(self) -> None:
-        asyncio.run(self._main())
+        main = self._main()
+        try:
+            asyncio.run(main)
+        except Exception as error:  # noqa: BLE001 - those who wait for the thread get it
+            main.close()
+            self._exchange.end(_failed(error))
 
     async def _main(self) -> None:
         self._closing = asyncio.get_running_loop().create_future()
@@ -60,15 +77,15 @@ class Keeper:
         except LinkError as error:
             end = error
             self._exchange.report(error)
-        except Exception as error:  # noqa: BLE001 - the asks must be answered all the same
-            _log.exception("the link failed")
-            end = LinkError("internal", repr(error), fatal=True)
+        except Exception as error:  # noqa: BLE001 - asks are answered in any case
+            logs.failure("the link failed")
+            end = _failed(error)
             self._exchange.report(end)
         finally:
             self._exchange.end(end)
 
     async def _keep_up(self) -> None:
-        """Raise the `LinkError` after which connecting again makes no sense."""
+        """Raise the `LinkError` after which another connection is useless."""
         delays, clock = self._delays(), asyncio.get_running_loop().time
         while not self._exchange.done:
             began = clock()
@@ -82,7 +99,9 @@ class Keeper:
                 message = str(failure) or "timed out"
                 error = LinkError(code, f"{self._address.url}: {message}")
             self._exchange.disconnected(error)
-            if clock() - began > self._timing.backoff_last:  # it held: this trouble is a new one
+            if (
+                clock() - began > self._timing.backoff_last
+            ):  # the connection lasted: this is a new failure
                 delays = self._delays()
             if error.fatal:
                 raise error
@@ -107,6 +126,10 @@ class Keeper:
             yield delay * random.uniform(0.5, 1.0)  # noqa: S311 - no secret
             delay = min(2 * delay, self._timing.backoff_last)
 
+    def _cancel(self) -> None:
+        if self._work is not None:
+            self._work.cancel()
+
     def _hurry(self) -> None:
         if not self._closing.done():
             self._closing.set_result(None)
@@ -117,6 +140,10 @@ class Keeper:
             await asyncio.sleep(seconds)
         else:
             await asyncio.wait([self._closing], timeout=seconds)
+
+
+def _failed(error: Exception) -> LinkError:
+    return LinkError("internal", repr(error), fatal=True)
 
 
 def _closed() -> LinkError:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 class Details(TypedDict, total=False):
-    """What may be known of an event besides."""
+    """What else may be known of an event."""
 
     source: Optional[str]
     """Its publisher."""
@@ -47,11 +47,11 @@ class Link:
     `session`: without one the server makes one. `streams`: names of those that will be observed,
     default all. `capacity`: events held until the server has committed them; more than its order
     holds, or events are lost here before the server makes room. `tls`: default, for an encrypted
-    address, as `ORACLE_CA`, `ORACLE_CLIENT_CERT` and `ORACLE_CLIENT_KEY` say.
+    address, by `ORACLE_CA`, `ORACLE_CLIENT_CERT` and `ORACLE_CLIENT_KEY`.
 
     `on_violation(record)`, `on_verdicts(frame)`, `on_state(state, detail)`, `on_error(error)` are
     called in the link's thread, as the futures' callbacks are: they must be quick, and must neither
-    wait for an answer nor close the link. `on_verdicts` gets how the properties stand, once
+    wait for an answer nor close the link. `on_verdicts` gets the state of the properties, once
     attached and whenever it changes. Errors that no `on_error` takes are logged.
     """
 
@@ -86,11 +86,17 @@ class Link:
         self._keeper = Keeper(address, timing or Timing(), self._exchange)
 
     def start(self) -> None:
-        """Begin to connect, and return at once. A link starts once."""
+        """Begin to connect, and return at once. A link starts once.
+
+        Raises `LinkError` where the link's thread can't be made, or is not ready within 10 s.
+        """
         self._keeper.start()
 
     def wait_attached(self, timeout: Optional[float] = None) -> Attached:
-        """Wait up to `timeout` seconds for a connection; raises `LinkError` where none comes."""
+        """Wait up to `timeout` seconds for a connection; raises `LinkError` where none comes.
+
+        None: until there is one, or the link is over. A link that was not started is an error.
+        """
         return self._exchange.wait_attached(timeout)
 
     @property
@@ -103,8 +109,8 @@ class Link:
     ) -> bool:
         """Queue an event, never waiting; False where it was not queued and is counted as lost.
 
-        `stamp` is the publication time in ns, None where there is none, or a function that tells it
-        and is called under the lock, where it must not use the link.
+        `stamp` is the publication time in ns, None where there is none, or a function that returns
+        it; this is called under the lock, where it must not use the link.
         """
         body = _body(stream, kind, data, ask=False, **more)
         return self._exchange.send(stamp, body, more.get("lost") or 0)
@@ -141,33 +147,33 @@ class Link:
         decide_within: float,
         **more: Unpack[Details],
     ) -> None:
-        """Do the same without a future: `then` is called with the answer.
+        """Ask without a future: `then` is called with the answer.
 
         That happens in the link's thread; in the caller's where the answer is known at once.
         """
         body = _body(stream, kind, data, ask=True, **more)
         self._exchange.ask(stamp, body, more.get("lost") or 0, decide_within, then)
 
-    def outcome(self, answer: Answer, passed: bool, why: Why) -> None:
+    def handled(self, answer: Answer, passed: bool, why: Why) -> None:
         """Report what was done with an ask; nothing where its event was never queued."""
-        self._exchange.outcome(answer, passed, why)
+        self._exchange.handled(answer, passed, why)
 
     def clock(
         self, stamps: Union[Iterable[ClockStamp], Callable[[], Iterable[ClockStamp]]]
     ) -> None:
-        """Say of some streams that nothing older than a stamp (ns) will come.
+        """Announce that nothing older than a stamp (ns) will come of some streams.
 
-        Items are `(stream, kind, stamp)`. They are sent behind the events queued so far; of those
+        Items are `(stream, kind, stamp)`. They are sent after the events queued so far; of those
         that wait, the latest of a stream replaces the others. A function is called under the lock:
         no event is queued or stamped by a function meanwhile.
         """
         self._exchange.clock(stamps)
 
     def renew(self, stamps: Callable[[], Iterable[ClockStamp]]) -> None:
-        """Simulated time went back: end the session, and go on in the next one.
+        """Simulated time went back: end the session, and continue in the next one.
 
         What was queued so far belongs to the session that ends, what is queued from now on to the
-        next. `stamps` is as for `clock`, and tells the new time; the server ends the session by it.
+        next. `stamps` is as for `clock`, and returns the new time.
         """
         self._exchange.renew(stamps)
 
@@ -179,13 +185,13 @@ class Link:
         time_source: Optional[TimeSource] = None,
         trouble: Optional[str] = None,
     ) -> None:
-        """Have the server show of a stream where its times come from, or what is wrong with it.
+        """Report to the server where a stream's times come from, or what is wrong with it.
 
-        What is not given stays as it was said before; an empty `trouble` says that all is well.
+        What is not given stays as last reported; an empty `trouble` means that nothing is wrong.
         """
         given = {"time_source": time_source, "trouble": trouble}
-        said = {name: value for name, value in given.items() if value is not None}
-        self._exchange.describe(stream, kind, said)
+        facts = {name: value for name, value in given.items() if value is not None}
+        self._exchange.describe(stream, kind, facts)
 
     def stats(self) -> Stats:
         """The counters, as they are now."""
@@ -195,8 +201,8 @@ class Link:
         """Write what is queued, detach, and end the thread; after `timeout` seconds end it without.
 
         True where the server has confirmed, after judging all. What is asked or sent from now on is
-        lost; asks without an answer get theirs here and now, as unavailable, so that the server is
-        told what was done with them.
+        lost; asks without an answer get theirs here and now, as unavailable, so that what was
+        done with them is reported.
         """
         return self._keeper.stop(timeout)
 
@@ -226,9 +232,9 @@ def _body(
     ask: bool,
     source: Optional[str] = None,
     call: Optional[int] = None,
-    lost: Optional[int] = None,  # noqa: ARG001 - told beside
+    lost: Optional[int] = None,  # noqa: ARG001 - passed separately
 ) -> str:
-    """An event's JSON behind its number, stamp and losses, which are only known later."""
+    """An event's JSON after its number, stamp and losses, which are known only later."""
     event: Dict[str, Any] = {"stream": stream, "kind": kind, "ask": ask}
     if source is not None:
         event["source"] = source

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 
 class LogFile:
-    """Stands where a `Link` does when there is no oracle: it writes events, and denies nothing.
+    """Replaces a `Link` where there is no oracle: it writes events, and denies nothing.
 
     Streams are observed only, whatever the spec would have filtered; services stay behind their
-    proxies, since there is no other way to hear them.
+    proxies, since there is no other way to observe them.
     """
 
     def __init__(
@@ -50,12 +50,14 @@ class LogFile:
         self._stats = Stats()
         self._seq = self._arrived = 0
         try:
-            self._file: IO[str] = open(path, "a", encoding="utf-8", buffering=1)  # noqa: SIM115
+            self._file: IO[str] = open(  # noqa: SIM115 - `close` closes it
+                path, "a", encoding="utf-8", newline="\n", buffering=1
+            )
         except OSError as error:
             raise ValueError(f"--log {path}: can't be written: {error.strerror}") from None
 
     def start(self) -> None:
-        """Say that there is somewhere to tell events to."""
+        """Report that the log takes events."""
         self._on_state("attached", f"attached to the log {self.attached.session}")
 
     def wait_attached(self, timeout: Optional[float] = None) -> Attached:  # noqa: ARG002
@@ -65,7 +67,7 @@ class LogFile:
     def send(
         self, stream: str, kind: str, stamp: Stamp, data: Any, **more: Unpack[Details]
     ) -> bool:
-        """Write an event as a line, at once; False where it could not be, which is told."""
+        """Write an event as a line, at once; False where that failed, which is reported once."""
         line: Dict[str, Any] = {"stream": stream, "kind": kind, "monitor": self._monitor}
         line.update(_given(**more))
         with self._lock:
@@ -87,13 +89,13 @@ class LogFile:
         return False
 
     def clock(self, stamps: object) -> None:
-        """Pass over what only an order that is being made needs."""
+        """Ignore it: only the server's ordering needs clocks."""
 
     def renew(self, stamps: object) -> None:
-        """Pass over it: a log goes on where simulated time goes back."""
+        """Ignore it: a log continues where simulated time goes back."""
 
-    def report(self, stream: str, kind: str, **said: object) -> None:
-        """Pass over it: there is no server to show it."""
+    def report(self, stream: str, kind: str, **facts: object) -> None:
+        """Ignore it: there is no server to show it."""
 
     def stats(self) -> Stats:
         """The counters, as they are now."""
@@ -102,7 +104,7 @@ class LogFile:
 
     def close(self, timeout: float = 5.0) -> bool:  # noqa: ARG002
         """Close the file."""
-        with self._lock, contextlib.suppress(OSError):  # what can't be written was told of
+        with self._lock, contextlib.suppress(OSError):  # a failed write was reported
             self._file.close()
         return True
 

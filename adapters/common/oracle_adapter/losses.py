@@ -1,4 +1,4 @@
-"""What is said of events that are lost here: of each kind of loss once, as there may be many."""
+"""Reports of events that are lost here: one for each cause, as there may be many losses."""
 
 from __future__ import annotations
 
@@ -20,23 +20,25 @@ def too_large(body: str) -> str:
 
 
 class Losses:
-    """Which kinds were told."""
+    """The causes that were reported."""
 
     def __init__(self) -> None:
         self._large = False
         self.is_full = False
-        """Whether it was told that the queue is full, and not that there is room again."""
+        """Whether a full queue was reported, and has had no room since."""
 
     def large(self, body: str) -> Optional[LinkError]:
-        """What to say of an event that is too large."""
-        told, self._large = self._large, True
-        more = "more of this is counted and not told"
-        return None if told else LinkError("lost", f"{too_large(body)}; {more}")
+        """The report of an event that is too large; None where there was one."""
+        reported, self._large = self._large, True
+        more = "more of this is counted and not reported"
+        return None if reported else LinkError("lost", f"{too_large(body)}; {more}")
 
     def full(self, capacity: int) -> Optional[LinkError]:
-        """What to say of an event that a full queue has no room for."""
-        told, self.is_full = self.is_full, True
+        """The report of an event that a full queue has no room for; None where there was one."""
+        reported, self.is_full = self.is_full, True
         more = "what comes until there is room is counted as lost"
         return (
-            None if told else LinkError("lost", f"the queue of {capacity} events is full; {more}")
+            None
+            if reported
+            else LinkError("lost", f"the queue of {capacity} events is full; {more}")
         )

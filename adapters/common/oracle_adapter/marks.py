@@ -1,4 +1,4 @@
-"""What is sent between the events: clocks of streams, and outcomes of asks.
+"""What is sent between the events: clocks of streams, and handlings: what was done with asks.
 
 Each has its place in the order of the queue, and is due once no event before that place waits to be
 sent.
@@ -13,20 +13,22 @@ from typing import TYPE_CHECKING, Deque, Dict, Iterable, Iterator, List, Optiona
 from oracle_adapter.jsonvalues import dumps
 
 if TYPE_CHECKING:
-    from oracle_adapter.outbox import Queued
+    from oracle_adapter.queued import Queued
 
 ClockStamp = Tuple[str, str, int]
 """A stream's name, its kind, and the publication time (ns) before which nothing more will come."""
 
 
 @dataclass
-class _Clock:
+class _ClockMark:
     after: int
     stamps: Dict[Tuple[str, str], int]
 
 
 @dataclass
-class _Outcome:
+class Handling:
+    """What was done with an event after its ask; the frames call it an outcome."""
+
     event: Queued
     passed: bool
     why: str
@@ -34,97 +36,97 @@ class _Outcome:
 
 
 class Marks:
-    """At most two clocks, and at most `capacity` outcomes that wait and as many that were sent.
+    """At most two clocks, and at most `capacity` handlings that wait and as many that were sent.
 
     Where that is not enough, the newest that would wait and the oldest that was sent are forgotten:
     history then does not know what was done with those asks.
     """
 
     def __init__(self, capacity: int) -> None:
-        self.max_outcomes = 1
-        """How many outcomes a frame may have."""
+        self.max_handlings = 1
+        """How many handlings a frame may have."""
         self._capacity = capacity
-        self._clocks: List[_Clock] = []
-        self._outcomes: Deque[_Outcome] = deque()
-        self._reported: Deque[_Outcome] = deque(maxlen=capacity)
+        self._clocks: List[_ClockMark] = []
+        self._handlings: Deque[Handling] = deque()
+        self._reported: Deque[Handling] = deque(maxlen=capacity)
 
     def __len__(self) -> int:
-        return len(self._clocks) + len(self._outcomes)
+        return len(self._clocks) + len(self._handlings)
 
     @property
     def barrier(self) -> Optional[int]:
-        """The event after which the next clock stands: later ones are sent behind it."""
+        """The event that the next clock follows: later events are sent after that clock."""
         return self._clocks[0].after if self._clocks else None
 
     def clock(self, stamps: Iterable[ClockStamp], after: int) -> None:
-        """Place clocks behind an event, replacing older ones of the same streams."""
+        """Place clocks after an event, replacing older ones of the same streams."""
         fresh = {(stream, kind): stamp for stream, kind, stamp in stamps}
         # The newest takes over only what waits in the second place. The first keeps its place:
         # moved back each time, it would never be sent while events keep coming.
         if len(self._clocks) == 2:
             fresh = {**self._clocks.pop().stamps, **fresh}
         if fresh:
-            self._clocks.append(_Clock(after, fresh))
+            self._clocks.append(_ClockMark(after, fresh))
 
-    def outcome(self, event: Queued, passed: bool, why: str) -> None:
-        """Place what was done with an ask behind its event."""
-        if len(self._outcomes) < self._capacity:
-            self._outcomes.append(_Outcome(event, passed, why))
+    def handled(self, event: Queued, passed: bool, why: str) -> None:
+        """Place what was done with an ask after its event."""
+        if len(self._handlings) < self._capacity:
+            self._handlings.append(Handling(event, passed, why))
 
     def next_frame(self, front: Optional[int], highest: int) -> Optional[str]:
         """The next frame that is due.
 
         `front` is the first event that waits, `highest` the highest number sent.
         """
-        outcomes = list(self._due_outcomes(front, highest))
-        if outcomes:
-            return _outcomes_text(outcomes)
+        handlings = list(self._due_handlings(front, highest))
+        if handlings:
+            return _handlings_text(handlings)
         if self._clocks and (front is None or self._clocks[0].after < front):
             return _clock_text(self._clocks.pop(0))
         return None
 
-    def _due_outcomes(self, front: Optional[int], highest: int) -> Iterator[_Outcome]:
-        for _ in range(self.max_outcomes):
-            if not self._outcomes or (
-                front is not None and self._outcomes[0].event.number >= front
+    def _due_handlings(self, front: Optional[int], highest: int) -> Iterator[Handling]:
+        for _ in range(self.max_handlings):
+            if not self._handlings or (
+                front is not None and self._handlings[0].event.number >= front
             ):
                 return
-            outcome = self._outcomes.popleft()
-            if outcome.event.seq is not None:  # else the event was given up
-                outcome.mark = highest
-                self._reported.append(outcome)
-                yield outcome
+            handling = self._handlings.popleft()
+            if handling.event.seq is not None:  # else the event was given up
+                handling.mark = highest
+                self._reported.append(handling)
+                yield handling
 
     def acked(self, upto: int) -> None:
-        """Forget outcomes that have arrived: the server, reading in order, acked a later event."""
+        """Forget handlings that have arrived: the server, reading in order, acked a later event."""
         while self._reported and self._reported[0].mark < upto:
             self._reported.popleft()
 
     def rewind(self) -> None:
         """Send again what may not have arrived."""
-        self._outcomes.extendleft(reversed(self._reported))
+        self._handlings.extendleft(reversed(self._reported))
         self._reported.clear()
 
     def of_later(self, last: int) -> Marks:
-        """Those of the next session: outcomes of events behind the `last` one of this."""
+        """Those of the next session: handlings of events after the `last` one of this."""
         marks = Marks(self._capacity)
-        marks._outcomes.extend(item for item in self._outcomes if item.event.number > last)
+        marks._handlings.extend(item for item in self._handlings if item.event.number > last)
         return marks
 
     def forget_numbered(self) -> None:
-        """Drop outcomes of events whose numbers now mean other events."""
+        """Drop handlings of events whose numbers now mean other events."""
         self._reported.clear()
-        self._outcomes = deque(item for item in self._outcomes if item.event.seq is None)
+        self._handlings = deque(item for item in self._handlings if item.event.seq is None)
 
 
-def _outcomes_text(outcomes: List[_Outcome]) -> str:
-    told = [{"seq": o.event.seq, "passed": o.passed, "why": o.why} for o in outcomes]
-    if len(told) == 1:
-        return dumps({"type": "outcome", **told[0]})
-    return dumps({"type": "outcomes", "outcomes": told})
+def _handlings_text(handlings: List[Handling]) -> str:
+    items = [{"seq": h.event.seq, "passed": h.passed, "why": h.why} for h in handlings]
+    if len(items) == 1:
+        return dumps({"type": "outcome", **items[0]})
+    return dumps({"type": "outcomes", "outcomes": items})
 
 
-def _clock_text(clock: _Clock) -> str:
+def _clock_text(clock: _ClockMark) -> str:
     stamps = [
         {"stream": stream, "kind": kind, "stamp": stamp}
         for (stream, kind), stamp in clock.stamps.items()

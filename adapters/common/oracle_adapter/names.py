@@ -1,7 +1,7 @@
-"""What the streams of a spec are called on this robot.
+"""The names that a spec's streams have on this robot.
 
 A spec names streams as one robot without a namespace has them. On a robot of a fleet they are
-called otherwise, while formulas, history and the wire go on to use the spec's names.
+named otherwise; formulas, history and the wire keep the spec's names.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import re
 from typing import Dict, Iterable
 
 PROXY = "_mon"
-"""What a monitor adds to the name of what it stands before."""
+"""The suffix of a proxy's name."""
 _NAME = re.compile(r"/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 
 
@@ -18,7 +18,7 @@ class Names:
     """Names of the spec to names on the ROS graph."""
 
     def __init__(self, remaps: Iterable[str] = (), namespace: str = "") -> None:
-        """Take remaps as `/spec_name:=/ros_name`; `namespace` goes before all other names.
+        """Take remaps as `/spec_name:=/ros_name`; `namespace` is the prefix of all other names.
 
         Raises ValueError where one is no such thing.
         """

@@ -1,4 +1,4 @@
-"""Times without an oracle: what passed and was denied meanwhile is counted, and told once."""
+"""Times without an oracle: what passed and was denied meanwhile is counted, and reported once."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Callable, Optional
 
 
 @dataclass
-class Tally:
-    """Events that passed, and that were denied."""
+class Undecided:
+    """Events that got no decision: how many passed, and how many were denied."""
 
     passed: int = 0
     denied: int = 0
@@ -19,13 +19,13 @@ class Tally:
 
 
 class Outages:
-    """One begins with the first event that gets no decision, and ends when the oracle is heard."""
+    """From the first event that gets no decision until the oracle answers again."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self.total = Tally()
+        self.total = Undecided()
         """Over all outages."""
         self._clock = clock
-        self._now = Tally()
+        self._now = Undecided()
         self._since: Optional[float] = None
 
     @property
@@ -35,18 +35,18 @@ class Outages:
 
     def undecided(self, *, passed: bool) -> bool:
         """Count an event that got no decision; true where an outage begins with it."""
-        for tally in (self._now, self.total):
-            tally.passed += passed
-            tally.denied += not passed
+        for counts in (self._now, self.total):
+            counts.passed += passed
+            counts.denied += not passed
         begins = self._since is None
         if begins:
             self._since = self._clock()
         return begins
 
     def over(self) -> Optional[str]:
-        """The oracle decides or is attached anew; what is to be said where that ends an outage."""
+        """End the outage, if there is one; returns the text to show."""
         if self._since is None:
             return None
-        seconds, tally = self._clock() - self._since, self._now
-        self._since, self._now = None, Tally()
-        return f"the oracle is back after {seconds:.1f} s, in which {tally} without it"
+        seconds, counts = self._clock() - self._since, self._now
+        self._since, self._now = None, Undecided()
+        return f"the oracle is back after {seconds:.1f} s, in which {counts} without it"

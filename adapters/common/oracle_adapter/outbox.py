@@ -11,6 +11,7 @@ from collections import deque
 from typing import TYPE_CHECKING, Callable, Deque, Dict, Iterable, List, Optional
 
 from oracle_adapter.marks import ClockStamp, Marks
+from oracle_adapter.queued import HEAD, Queued
 
 if TYPE_CHECKING:
     from oracle_adapter.stats import Stats
@@ -19,34 +20,8 @@ MAX_FRAME = 1 << 20
 """Bytes of a frame, where the server names no limit."""
 BATCH = 1 << 17
 """Bytes of a batch of events: larger ones save nothing, and keep pings waiting on a slow line."""
-HEAD = 128
-"""More bytes than stand in an event before its body."""
 FULL = 3 / 4
 """How full the queue may get before events go without credit: losing them is worse."""
-
-
-class Queued:
-    """One event on its way; `number` counts what was queued, `seq` is its number on the wire."""
-
-    __slots__ = ("body", "lost", "number", "seq", "stamp", "waiting")
-
-    def __init__(
-        self, number: int, stamp: Optional[int], body: str, *, lost: int, waiting: bool
-    ) -> None:
-        self.number, self.stamp, self.body = number, stamp, body
-        self.lost, self.waiting = lost, waiting
-        self.seq: Optional[int] = None
-
-    @property
-    def size(self) -> int:
-        """Bytes in a frame, at most."""
-        return HEAD + len(self.body)
-
-    def text(self) -> str:
-        """The event as a frame of its own, or as one of a batch."""
-        stamp = "" if self.stamp is None else f'"stamp":{self.stamp},'
-        lost = f'"lost":{self.lost},' if self.lost else ""
-        return f'{{"type":"event","seq":{self.seq},{stamp}{lost}{self.body}'
 
 
 class Outbox:
@@ -57,8 +32,8 @@ class Outbox:
         """Asks that wait for an answer, by the number they were sent with."""
         self.marks = Marks(capacity)
         self.credit: Optional[int] = None
-        """How many events the server has room for, None where it does not say."""
-        self._urgent = 0  # the newest ask: it waits for no credit, nor does what stands before it
+        """How many events the server has room for, None where it does not limit them."""
+        self._urgent = 0  # the newest ask: it waits for no credit, nor do events before it
         self._capacity, self._stats = capacity, stats
         self._max_frame, self._max_batch = MAX_FRAME, capacity
         self._unsent: Deque[Queued] = deque()
@@ -66,11 +41,13 @@ class Outbox:
         self._count = 0  # events queued so far
         self._missed = 0  # events lost since the last one queued
         self._acked = 0
-        self._next: Optional[int] = None  # number of the next new event, once the server has said
+        self._next: Optional[int] = (
+            None  # number of the next new event, once the server has named it
+        )
         self._last_here: Optional[int] = (
             None  # the last event of this session, once its end is near
         )
-        self._farewell: List[ClockStamp] = []  # the clocks that end it
+        self._last_clocks: List[ClockStamp] = []  # the clocks that end it
 
     def __len__(self) -> int:
         return len(self._unsent) + len(self._sent)
@@ -85,8 +62,8 @@ class Outbox:
     ) -> Optional[Queued]:
         """Queue an event; or count it as lost and return None, where it is too many or too large.
 
-        `body` is the event's JSON from `"stream"` to its closing brace. What was lost rides as
-        `lost` on the next event.
+        `body` is the event's JSON from `"stream"` to its closing brace. What was lost is the
+        next event's `lost`.
         """
         lost += self._missed
         if len(self) >= self._capacity or HEAD + len(body) > self._max_frame:
@@ -106,39 +83,40 @@ class Outbox:
         return HEAD + len(body) > self._max_frame
 
     def clock(self, stamps: Iterable[ClockStamp]) -> None:
-        """Queue clocks behind every event queued so far."""
+        """Queue clocks after every event queued so far."""
         if self._last_here is None:
             self.marks.clock(stamps, after=self._count)
 
     def renew(self, stamps: Iterable[ClockStamp]) -> None:
-        """Let the session end behind every event queued so far, by clocks that go back.
+        """Let the session end after every event queued so far, by clocks that go back.
 
         What is queued from now on waits for the next session.
         """
         if self._last_here is None:
-            self._farewell = list(stamps)
-            self.clock(self._farewell)
+            self._last_clocks = list(stamps)
+            self.clock(self._last_clocks)
             self._last_here = self._count
 
     def start_over(self) -> List[Queued]:
-        """Go on in another session; returns the events that the last one has not taken."""
+        """Continue in another session; returns the events that the last one has not taken."""
         events = [*self._sent, *self._unsent]
         last = self._count if self._last_here is None else self._last_here
-        gone = [event for event in events if event.number <= last]
-        self._stats.lost += sum(event.seq is None or event.seq > self._acked for event in gone)
+        dropped = [event for event in events if event.number <= last]
+        self._stats.lost += sum(event.seq is None or event.seq > self._acked for event in dropped)
         self._sent.clear()
         self._unsent = deque(event for event in events if event.number > last)
         self.asked.clear()
         self.marks = self.marks.of_later(last)
         if self._last_here is not None:
-            # A straggler of the time before would set its time: all behind it would be late.
-            self.marks.clock(self._farewell, after=last)
+            # A straggler from the time before the jump would set the session's time: all after it
+            # would be late.
+            self.marks.clock(self._last_clocks, after=last)
         self._missed = self._acked = 0
         self._next = self._last_here = None
-        return gone
+        return dropped
 
     def move(self) -> None:
-        """Go on in a new session with all that is not known to be in the last one's history."""
+        """Continue in a new session with all that is not known to be in the last one's history."""
         self._rewind(0)
         self.marks.rewind()
         for event in self._unsent:
@@ -149,9 +127,9 @@ class Outbox:
         self._next = self._last_here = None
 
     def ack(self, upto: int) -> None:
-        """Let go of every event up to there."""
+        """Forget every event up to there."""
         self._acked = max(self._acked, upto)
-        self._let_go()
+        self._release()
         self.marks.acked(self._acked)
 
     def answered(self, event: Queued) -> None:
@@ -159,19 +137,19 @@ class Outbox:
         event.waiting = False
         if event.seq is not None:
             self.asked.pop(event.seq, None)
-            self._let_go()
+            self._release()
 
     def resume(self, upcoming: int, max_frame: int, max_batch: Optional[int]) -> List[Queued]:
-        """Go on from the number that the server expects; returns events that are lost by it."""
+        """Continue from the number that the server expects; returns events that are lost by it."""
         self._max_frame, self._max_batch = max_frame, max_batch or self._capacity
         if self._next is None:
             self._next = upcoming
         elif upcoming > self._next:
             return self._renumber(upcoming)
-        # Where the server has forgotten events that it acked, the gap in the numbers tells it so.
+        # Where the server has forgotten events that it acked, the gap in the numbers shows it.
         self._stats.lost += max(0, self._oldest(self._next) - upcoming)
         if self._last_here is not None:
-            self.marks.clock(self._farewell, after=self._last_here)
+            self.marks.clock(self._last_clocks, after=self._last_here)
         asks = [event.seq for event in self._sent if event.waiting and event.seq is not None]
         self._rewind(min([upcoming, *asks]))
         self.marks.rewind()
@@ -211,7 +189,7 @@ class Outbox:
             self._number(event)
             self._sent.append(event)
             batch.append(event.text())
-        self._let_go()  # some were acked already and went again with an ask before them
+        self._release()  # some were acked, and were sent again with an ask before them
         return batch
 
     def _number(self, event: Queued) -> None:
@@ -224,7 +202,7 @@ class Outbox:
         if event.waiting:
             self.asked[event.seq] = event
 
-    def _let_go(self) -> None:
+    def _release(self) -> None:
         while self._sent and (self._sent[0].seq or 0) <= self._acked:
             if self._sent[0].waiting:
                 break  # the decision may be lost with the connection: this must be asked again
@@ -242,7 +220,7 @@ class Outbox:
             self._unsent.appendleft(self._sent.pop())
 
     def _renumber(self, upcoming: int) -> List[Queued]:
-        """Go on behind numbers that this link never gave: another has spoken for the monitor.
+        """Continue after numbers that this link never gave: another has used the monitor's name.
 
         Which of the events in flight the server has is unknown, and their numbers may mean others.
         """
@@ -253,11 +231,11 @@ class Outbox:
 
     def _give_up(self, doomed: Callable[[Queued], bool]) -> List[Queued]:
         kept: Deque[Queued] = deque()
-        gone: List[Queued] = []
+        dropped: List[Queued] = []
         missed = 0
         for event in self._unsent:
             if doomed(event):
-                gone.append(event)
+                dropped.append(event)
                 missed += event.lost + 1
             else:
                 event.lost += missed
@@ -265,5 +243,5 @@ class Outbox:
                 kept.append(event)
         self._unsent = kept
         self._missed += missed
-        self._stats.lost += len(gone)
-        return gone
+        self._stats.lost += len(dropped)
+        return dropped

@@ -26,7 +26,8 @@ from oracle_adapter.decision import Answer
 from oracle_adapter.errors import ENDING, LinkError
 from oracle_adapter.jsonvalues import dumps
 from oracle_adapter.losses import Losses, too_large
-from oracle_adapter.outbox import FULL, MAX_FRAME, Outbox, Queued
+from oracle_adapter.outbox import FULL, MAX_FRAME, Outbox
+from oracle_adapter.queued import Queued
 from oracle_adapter.stats import Stats
 
 if TYPE_CHECKING:
@@ -38,9 +39,9 @@ TimeSource = Literal["field", "middleware", "arrival"]
 
 @dataclass(frozen=True)
 class Hello:
-    """What a monitor says of itself; `streams` are those it will observe, None for all.
+    """What a monitor sends to attach; `streams` are those it will observe, None for all.
 
-    `verdicts`: whether it wants to be told how the properties stand.
+    `verdicts`: whether the state of the properties is wanted.
     """
 
     monitor: str
@@ -86,7 +87,7 @@ class Room:
 
 @dataclass(frozen=True)
 class Verdicts:
-    """The server told how the properties stand."""
+    """The server reported the state of the properties."""
 
     frame: Mapping[str, Any]
 
@@ -149,10 +150,10 @@ class Protocol:
         else:
             self._unavailable(event, "no connection to the oracle")
 
-    def outcome(self, answer: Answer, passed: bool, why: Why) -> None:
+    def handled(self, answer: Answer, passed: bool, why: Why) -> None:
         """Report what was done with an ask, where there is an event to report on."""
         if answer.event is not None and self.ended is None:
-            self._outbox.marks.outcome(answer.event, passed, why)
+            self._outbox.marks.handled(answer.event, passed, why)
 
     def clock(self, stamps: Any) -> None:
         """Queue the latest clocks."""
@@ -160,14 +161,14 @@ class Protocol:
             self._outbox.clock(stamps)
 
     def renew(self, stamps: Any) -> None:
-        """End the session by clocks that go back, and go on in the next one."""
+        """End the session by clocks that go back, and continue in the next one."""
         if not self._closed_reason:
             self._outbox.renew(stamps)
 
-    def report(self, stream: str, kind: str, **said: Any) -> bool:
-        """Say something of a stream, on all connections; False where that was said already."""
+    def report(self, stream: str, kind: str, **facts: Any) -> bool:
+        """Report facts of a stream, on all connections; False where they were reported already."""
         key = stream, kind
-        report = {**self._reports.get(key, {}), **said}
+        report = {**self._reports.get(key, {}), **facts}
         if self._reports.get(key) == report:
             return False
         self._reports[key] = report
@@ -175,7 +176,7 @@ class Protocol:
         return True
 
     def close(self) -> None:
-        """Take nothing more, and answer the asks: how they end must be told before the end."""
+        """Take nothing more, and answer the asks: their handlings must be sent before the end."""
         self._closing = True
         for event in sorted(self._open, key=lambda event: event.number):
             self._unavailable(event, self._closed_reason)
@@ -197,14 +198,14 @@ class Protocol:
         try:
             frame = json.loads(text)
             handler = self._handlers.get(frame["type"])
-            if handler is not None:  # later servers may say more
+            if handler is not None:  # later servers may send more
                 handler(frame)
         except (ValueError, TypeError, KeyError, AttributeError) as error:
             message = f"the server sent what is no frame: {text[:200]!r} ({error!r})"
             raise LinkError("bad_frame", message) from error
 
     def disconnected(self) -> None:
-        """The connection is gone."""
+        """The connection is lost."""
         self.attached = None
         self._detach_sent = self._over = False
 
@@ -298,10 +299,10 @@ class Protocol:
             if event.waiting:
                 self._unavailable(event, "the event was lost in a reconnect")
         self._outbox.credit = None if self._detaching else limits.get("credit")
-        self._outbox.marks.max_outcomes = int(limits.get("max_outcomes") or 1)
+        self._outbox.marks.max_handlings = int(limits.get("max_outcomes") or 1)
         self.attached = attached
         self._unreported = set(self._reports)
-        # To resume this session, or have it made anew from its spec where the server has lost it.
+        # To resume this session, or have it made again from its spec where the server has lost it.
         spec = self._hello.spec or attached.spec
         self._hello = replace(self._hello, session=attached.session, spec=spec)
         self._stats.reconnects += self._met

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass
 class Stats:
-    """Counters since the link was made, in events unless said otherwise."""
+    """Counters since the link was made, in events unless stated otherwise."""
 
     queued: int = 0
     """Waiting to be sent or acked, now."""
@@ -18,7 +18,7 @@ class Stats:
     acked: int = 0
     """Known to be in the server's committed history."""
     lost: int = 0
-    """Not coming into the server's history: queue full, too large, link over, or history gone."""
+    """Not coming into the server's history: queue full, too large, link over, or history lost."""
     refused: int = 0
     """Refused by the server, each with an error."""
     timeouts: int = 0

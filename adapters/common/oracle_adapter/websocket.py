@@ -1,4 +1,4 @@
-"""A WebSocket with no queue between the transport and whoever talks over it."""
+"""A WebSocket with no queue between the transport and its user."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
             sys.stdout.write(json.dumps(dump_graph(), indent=2) + "\n")
             return 0
         return _run(_completed(options), stopping)
-    except (CodecError, ValueError) as error:
+    except (CodecError, LinkError, ValueError) as error:
         rospy.logfatal(str(error))
         return 2
     finally:
@@ -66,7 +66,7 @@ def _split(arguments: Sequence[str]) -> Tuple[List[str], List[str]]:
 
 
 def _completed(options: argparse.Namespace) -> argparse.Namespace:
-    """What the command line does not say is a private parameter, or the default."""
+    """Take what the command line does not give from a private parameter, or by default."""
     for name, value in vars(options).items():
         if value is None:
             found = rospy.get_param(f"~{name}", "")
@@ -103,7 +103,7 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
 
 
 def _observe(link: Link, board: Board, names: Names, stopping: threading.Event, *, simulated: bool) -> None:
-    """Observe what the oracle wants until `stopping` is set. Raises `CodecError`, or ValueError for a bad remap."""
+    """Observe what the server names until `stopping` is set. Raises `CodecError`, or ValueError for a bad remap."""
     attached = wait_attached(link, stopping, rospy.logwarn)
     while attached is not None:
         monitor = Monitor(link, board, names, attached, simulated=simulated)

@@ -31,11 +31,11 @@ _FLOATS = {"float32": "f", "float64": "d"}
 
 
 class CodecError(Exception):
-    """Data that does not fit a message type, told with its field; or a type that is not there."""
+    """Data that does not fit a message type, with its field; or a type that is not installed."""
 
 
 def reader(message_type: Any, fields: Optional[Iterable[str]], lookup: Lookup) -> Read:
-    """A function from messages to plain data with these dotted fields; None stands for all of them.
+    """A function from messages to plain data with these dotted fields; None means all of them.
 
     Fields that the type does not have are left out.
     """

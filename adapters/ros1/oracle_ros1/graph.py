@@ -1,18 +1,22 @@
-"""Who publishes and serves what, as the master tells."""
+"""Who publishes and serves what, according to the master."""
 
 from __future__ import annotations
 
 import threading
 from contextlib import suppress
+from functools import partial
+from http.client import HTTPConnection
 from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
-from xmlrpc.client import ServerProxy
+from xmlrpc.client import ServerProxy, Transport
 
+import rosgraph
 import rospy
 from rospy.impl import registration
 
-PERIOD = 1.0
-"""Seconds between two questions."""
-
+ASK_PERIOD = 1.0
+"""Seconds between two requests to the master."""
+REPLY_WITHIN = 10.0
+"""Seconds that the master may take to answer a request."""
 
 Users = Dict[str, List[str]]
 """The nodes by the topics or services that they use."""
@@ -22,12 +26,33 @@ NOISE = ("/rosout", "/rosout_agg")
 SERVICES = ("/get_loggers", "/set_logger_level")  # that every node has
 
 
+class _TimedTransport(Transport):
+    """HTTP with a time limit: a machine that vanishes leaves connections open that stay silent."""
+
+    def make_connection(self, host: Any) -> HTTPConnection:
+        """Make a connection that waits `REPLY_WITHIN` for a reply."""
+        connection = super().make_connection(host)
+        connection.timeout = REPLY_WITHIN
+        return connection
+
+
+def master_proxy() -> Any:
+    """The master, as `rospy.get_master` has it, but on a connection of its own and with a time limit.
+
+    Its methods raise OSError where there is no master, or no answer in time.
+    """
+    uri = rosgraph.get_master_uri()
+    master = rospy.msproxy.MasterProxy(uri)
+    master.target = ServerProxy(uri, transport=_TimedTransport())
+    return master
+
+
 def dump_graph() -> Dict[str, Any]:
     """The graph without this node, as `oracle-server check --ros-graph` reads it: types by the names of topics.
 
-    ROS 1 does not tell who calls a service.
+    ROS 1 does not know who calls a service.
     """
-    master = rospy.get_master()
+    master = master_proxy()
     _, _, types = master.getTopicTypes()
     _, _, (publishers, subscribers, services) = master.getSystemState()
     kinds = {topic: [kind] for topic, kind in types}
@@ -59,14 +84,14 @@ class Graph:
     def stop(self) -> None:
         """Ask no more, and register nothing again."""
         self._stopping.set()
-        self._thread.join(PERIOD)  # longer only where the master hangs
+        self._thread.join(ASK_PERIOD)  # longer only where the master hangs
 
     def others(self, topic: str) -> List[str]:
         """The nodes but this one that published a topic when the master was last asked."""
         return sorted(set(self._publishers.get(topic, ())) - {rospy.get_name()})
 
     def not_serving(self, service: str) -> str:
-        """Why calls of a service of this node's do not reach it, as of the master's last word; empty where they do.
+        """Why calls of a service of this node's do not reach it, as last read from the master; empty where they do.
 
         The name of a service is its last server's. Who calls a service is not known to the master.
         """
@@ -79,9 +104,9 @@ class Graph:
         return "; ".join(others) if servers else f"the master does not know {service} any more"
 
     def _ask(self) -> None:
-        master = rospy.get_master()
-        while not self._stopping.wait(PERIOD):
-            with suppress(Exception):  # no master, or none that makes sense
+        master = master_proxy()
+        while not self._stopping.wait(ASK_PERIOD):
+            with suppress(Exception):  # no master, or a reply that can't be read
                 self._look(master)
 
     def _look(self, master: Any) -> None:
@@ -89,7 +114,7 @@ class Graph:
         publishers, subscribers, servers = (dict(entries) for entries in state)
         self._publishers, self._servers = publishers, servers
         topics, services = registration.get_topic_manager(), registration.get_service_manager()
-        own = rospy.get_name()
+        own, subscribe = rospy.get_name(), partial(_subscribe, master)
         self._register_again(
             [
                 *(
@@ -97,14 +122,14 @@ class Graph:
                     for p in topics.get_publications()
                     if own not in publishers.get(p[0], ())
                 ),
-                *((_subscribe, *s) for s in topics.get_subscriptions() if own not in subscribers.get(s[0], ())),
+                *((subscribe, *s) for s in topics.get_subscriptions() if own not in subscribers.get(s[0], ())),
                 # a service that another node serves by now stays that one's
                 *((master.registerService, *s) for s in services.get_services() if not servers.get(s[0])),
             ]
         )
 
     def _register_again(self, missing: Sequence[Tuple[Register, str, str]]) -> None:
-        """Tell the master what it does not know of this node, as after its restart: rospy never does that.
+        """Register at the master what it lacks of this node, as after its restart: rospy never does that.
 
         Raises what the master raises; what is missing then is found again.
         """
@@ -116,6 +141,6 @@ class Graph:
             rospy.logwarn(f"the master did not know {len(missing)} topics and services of this node: registered again")
 
 
-def _subscribe(name: str, kind: str, uri: str) -> None:
-    _, _, publishers = rospy.get_master().registerSubscriber(name, kind, uri)
+def _subscribe(master: Any, name: str, kind: str, uri: str) -> None:
+    _, _, publishers = master.registerSubscriber(name, kind, uri)
     ServerProxy(uri).publisherUpdate("/master", name, publishers)  # as the master does for those that come later

@@ -1,18 +1,19 @@
-"""The monitor: what the oracle wants observed, filtered and proxied, and the clocks of its streams."""
+"""The monitor: it observes, filters and proxies what the server names, and sends its streams' clocks."""
 
 from __future__ import annotations
 
 import itertools
-from typing import List, Union
+from typing import List
 
 import rospy
 from oracle_adapter import Attached, Board, ClockStamp, Link, Names
 from oracle_adapter.command import unknown_remap
+from oracle_adapter.interfaces import interfaces_of, report_unknown
 
 from oracle_ros1.graph import Graph
-from oracle_ros1.services import ProxiedService
+from oracle_ros1.parts import make_part
+from oracle_ros1.shared import Shared
 from oracle_ros1.stamps import on_back, simulated_now, wall_now
-from oracle_ros1.topics import FilteredTopic, LoggedTopic
 
 CLOCK_PERIOD = 0.01
 """Seconds between two turns."""
@@ -33,61 +34,44 @@ class Monitor:
             raise ValueError(f"--remap {unknown}: {attached.spec} has no such stream")
         self._link, self._board, self._streams = link, board, attached.streams
         self._now = now = simulated_now if simulated else wall_now
-        streams = attached.streams
-        by_key = {(s["name"], s["kind"]): s for s in streams}
-        self._services = [
-            ProxiedService(link, board, names, s, by_key[s["name"], "response"], now)
-            for s in streams
-            if s["kind"] == "request"
-        ]
-        self._sides = [side for service in self._services for side in service.sides]
         self._graph = Graph()
-        self._topics: List[Union[FilteredTopic, LoggedTopic]] = [
-            FilteredTopic(link, board, names, s, now, self._graph)
-            if s["action"] == "filter"
-            else LoggedTopic(link, board, names, s, now)
-            for s in streams
-            if s["kind"] == "topic"
-        ]
+        shared = Shared(link, board, names, now, self._graph)
+        self._parts = [make_part(shared, interface) for interface in interfaces_of(attached.streams)]
+        self._observed = [stream for part in self._parts for stream in part.streams]
+        report_unknown(attached.streams, board, link)
         self._graph.start()
         self._turns = itertools.count()
         self._jumps = on_back(lambda: link.renew(self._stamps)) if simulated else None
-        rospy.loginfo(f"observing {len(streams)} streams for session {attached.session}")
+        rospy.loginfo(f"observing {len(attached.streams)} streams for session {attached.session}")
 
     @property
     def outdated(self) -> bool:
-        """Whether the oracle wants other streams by now: a session that was made anew has the spec of today."""
+        """Whether the server wants other streams by now, as where the session was made again from a changed spec."""
         attached = self._link.attached
         return attached is not None and attached.streams != self._streams
 
     def turn(self) -> None:
-        """Tell the clocks and, now and then, how the streams are; to be called every `CLOCK_PERIOD`."""
+        """Send the clocks and, every `LOOK_EVERY` turns, the streams' state; to be called every `CLOCK_PERIOD`."""
         if next(self._turns) % LOOK_EVERY == 0:
             self._look()
         self._link.clock(self._stamps)
 
     def stop(self) -> None:
-        """Take nothing more, and forward nothing more: what waits is not passed, and history is told so."""
+        """Take nothing more, and forward nothing more: what waits is reported as not passed."""
         self._graph.stop()
         if self._jumps is not None:
             self._jumps.unregister()
-        for service in self._services:
-            service.stop()
-        for topic in self._topics:
-            topic.stop()
+        for part in self._parts:
+            part.stop()
 
     def _look(self) -> None:
-        """Tell how the streams are."""
-        for topic in self._topics:
-            trouble, name = topic.look(), topic.observed.name
-            self._board.trouble(name, trouble)
-            self._link.report(name, "topic", time_source=topic.observed.time_source, trouble=trouble)
-        for service in self._services:
-            trouble = self._graph.not_serving(service.proxy)
-            self._board.trouble(service.name, trouble)
-            self._link.report(service.name, "request", trouble=trouble)
-        for side in self._sides:
-            self._link.report(side.name, side.kind, time_source="field" if side.stamp else "arrival")
+        """Report the streams' state."""
+        for part in self._parts:
+            trouble, first = part.look(), part.streams[0]
+            self._board.trouble(first.name, trouble)
+            self._link.report(first.name, first.kind, trouble=trouble)
+            for stream in part.streams:
+                self._link.report(stream.name, stream.kind, time_source=stream.time_source)
         self._board.tick(self._link.stats())
 
     def _stamps(self) -> List[ClockStamp]:
@@ -96,13 +80,5 @@ class Monitor:
         if now is None:
             return []
         return [
-            *(
-                (side.name, side.kind, now if side.stamp is None else max(0, now - side.latency))
-                for side in self._sides
-            ),
-            *((topic.observed.name, "topic", self._spoken_for(topic, now)) for topic in self._topics),
+            (s.name, s.kind, now if s.time_source == "arrival" else max(0, now - s.latency)) for s in self._observed
         ]
-
-    def _spoken_for(self, topic: Union[FilteredTopic, LoggedTopic], now: int) -> int:
-        stamped_here = topic.observed.time_source == "arrival"
-        return now if stamped_here else max(0, now - topic.observed.latency)

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from typing import Any, Callable, Dict, Iterable, Iterator, List, Mapping, Optional, Tuple, Union
 
 import rospy
-from oracle_adapter import TimeSource
+from oracle_adapter import Stamp, TimeSource
 
 from oracle_ros1.codec import CodecError, Read, reader
 from oracle_ros1.definitions import Definition, installed_message, ros1_name, sent_definition
 from oracle_ros1.stamps import Now, stamp_reader
 
 Header = Mapping[str, str]
-Stamp = Union[int, Now]
 
 
 @dataclass(frozen=True)
@@ -38,10 +37,11 @@ class Observed:
 
     def __init__(self, stream: Mapping[str, Any], now: Now) -> None:
         self.name: str = stream["name"]
+        self.kind: str = stream["kind"]
         self.latency: int = stream["latency"]
         self._type = ros1_name(stream["type"]) if stream["type"] else ""
         self._fields, self._path, self._now = stream["fields"], stream["stamp"], now
-        # by type and md5sum, as types of one definition have one md5sum; a text says why there is none
+        # by type and md5sum, as types of one definition have one md5sum; a text is why there is none
         self._decoders: Dict[Tuple[str, str], Union[Decoder, str]] = {}
         self._unread = 0  # messages since the last event, under the lock
         self.unreadable: Dict[str, str] = {}
@@ -52,7 +52,7 @@ class Observed:
 
     @property
     def time_source(self) -> Optional[TimeSource]:
-        """Where its publication time comes from; None while no publisher has told the type."""
+        """Where its publication time comes from; None while the type is unknown."""
         # a copy: another publisher may just come
         known = self.installed or next((d for d in list(self._decoders.values()) if isinstance(d, Decoder)), None)
         return None if known is None else "field" if known.stamp else "arrival"
@@ -81,7 +81,7 @@ class Observed:
             stamp = decoder.stamp(decoded) if decoder.stamp else None
             data = decoder.read(decoded)
         except Exception as error:  # noqa: BLE001 - whatever another node sends
-            node = header_of(message).get("callerid", "somebody")
+            node = header_of(message).get("callerid", "an unknown node")
             with self._deciding:
                 self._unread += 1
                 self.unreadable[node] = f"{node} publishes what can't be read: {error}"
@@ -89,8 +89,8 @@ class Observed:
         return stamp or self._now, data, self._take_unread() if self._unread else 0
 
     def troubles(self, publishers: Iterable[Header]) -> List[str]:
-        """What is wrong with what these publish, as they say of themselves or as was found."""
-        nodes = {header.get("callerid", "somebody"): self.decoder(header) for header in publishers}
+        """What is wrong with what these publish, by their headers or by their messages."""
+        nodes = {header.get("callerid", "an unknown node"): self.decoder(header) for header in publishers}
         with self._deciding:
             self.unreadable = {node: why for node, why in self.unreadable.items() if node in nodes}
             found = (*nodes.values(), *self.unreadable.values(), *self._misplaced((self.installed, *nodes.values())))
@@ -121,12 +121,12 @@ class Observed:
 
 
 def header_of(message: rospy.AnyMsg) -> Header:
-    """What the publisher of a message says of itself."""
+    """The connection header of a message's publisher."""
     header: Header = message._connection_header  # noqa: SLF001 - rospy's own interface
     return header
 
 
 def headers(subscriber: rospy.Subscriber) -> List[Header]:
-    """What the publishers that are connected say of themselves."""
+    """The connection headers of the publishers that are connected."""
     connections = subscriber.impl.connections if subscriber.impl else []
     return [header for header in (c.header for c in connections or []) if header and "md5sum" in header]

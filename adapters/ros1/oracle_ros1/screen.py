@@ -47,5 +47,5 @@ class Screen:
 
 
 def _publish(publisher: rospy.Publisher, message: Any) -> None:
-    with suppress(rospy.ROSException):  # ROS is shut down, as by `rosnode kill`: nobody hears it
+    with suppress(rospy.ROSException):  # ROS is shut down, as by `rosnode kill`: there are no subscribers
         publisher.publish(message)

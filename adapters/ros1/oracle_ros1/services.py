@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import itertools
-from queue import SimpleQueue
-from typing import Any, List, Mapping, Tuple
+from typing import Any, List, Optional
 
 import rospy
-from oracle_adapter import Answer, Board, ClockStamp, Link, Names
+from oracle_adapter import ClockStamp, TimeSource
+from oracle_adapter.interfaces import Interface, Stream, is_filtered
 from oracle_adapter.passing import Passing
 
 from oracle_ros1.codec import reader
 from oracle_ros1.definitions import installed_service, lookup_installed, ros1_name
-from oracle_ros1.stamps import Now, stamp_reader
+from oracle_ros1.shared import Shared
+from oracle_ros1.stamps import stamp_reader
 
 
 class ProxiedService:
@@ -21,22 +22,21 @@ class ProxiedService:
     A call that is denied, or that the service fails, is an error at the client: ROS 1 has errors of services.
     """
 
-    def __init__(
-        self, link: Link, board: Board, names: Names, request: Mapping[str, Any], response: Mapping[str, Any], now: Now
-    ) -> None:
-        """Serve at once; `request` and `response` are the service's streams. Raises `CodecError`."""
-        self._link, self._now, self.name = link, now, str(request["name"])
+    def __init__(self, shared: Shared, service: Interface) -> None:
+        """Serve at once. Raises `CodecError`."""
+        self._link, self._now, self._graph, self._name = shared.link, shared.now, shared.graph, service.name
+        request, response = service.streams["request"], service.streams["response"]
         self._type = installed_service(ros1_name(request["type"]))
-        self._request = _Side(link, board, request, self._type._request_class)  # noqa: SLF001 - genpy's own interface
-        self._response = _Side(link, board, response, self._type._response_class)  # noqa: SLF001
+        self._request = _Side(shared, request, self._type._request_class)  # noqa: SLF001 - genpy's own interface
+        self._response = _Side(shared, response, self._type._response_class)  # noqa: SLF001
+        self.streams = [self._request, self._response]
         self._calls = itertools.count(1)
-        self._served, self.proxy = names[self.name], names[request["proxy"]]
-        self._service = rospy.Service(self.proxy, self._type, self._serve)
+        self._served, self._proxy = shared.names[self._name], shared.names[request["proxy"]]
+        self._service = rospy.Service(self._proxy, self._type, self._serve)
 
-    @property
-    def sides(self) -> "List[_Side]":
-        """The requests and the responses."""
-        return [self._request, self._response]
+    def look(self) -> str:
+        """Why calls do not reach the proxy, empty where they do."""
+        return self._graph.not_serving(self._proxy)
 
     def stop(self) -> None:
         """Serve no more."""
@@ -51,36 +51,29 @@ class ProxiedService:
 
     def _judge(self, side: "_Side", message: Any, call: int) -> None:
         """Raise `ServiceException`, which is the client's, where this must not pass."""
-        # stamped under the link's lock, so that no clock can say that nothing older will come
+        # stamped under the link's lock, so that no clock can exclude it before it is queued
         stamp = (side.stamp and side.stamp(message)) or self._now
         data = side.read(message)
-        if not side.filtered:
-            self._link.send(self.name, side.kind, stamp, data, call=call)
+        if side.passing is None:
+            self._link.send(self._name, side.kind, stamp, data, call=call)
             return
-        settled: SimpleQueue[Tuple[bool, str]] = SimpleQueue()
-
-        def settle(answer: Answer) -> None:  # in the link's thread, which may end before this one goes on
-            settled.put(side.passing.settle(answer, lambda _: True, message, call))
-
-        side.passing.ask(stamp, data, settle, call=call)
-        self._link.clock(self._stamps)  # or the decision would wait for the monitor's next one
-        passed, reason = settled.get()
+        # the clocks go at once, or the decision would wait for the monitor's next ones
+        passed, reason = side.passing.ask_and_wait(stamp, data, call, lambda: self._link.clock(self._stamps))
         if not passed:
-            raise rospy.ServiceException(f"the oracle denied the {side.kind} of {self.name}: {reason}")
+            raise rospy.ServiceException(f"the oracle denied the {side.kind} of {self._name}: {reason}")
 
     def _stamps(self) -> List[ClockStamp]:
         now = self._now()
-        return [(self.name, side.kind, now) for side in self.sides if side.stamp is None and now is not None]
+        return [(self._name, side.kind, now) for side in self.streams if side.stamp is None and now is not None]
 
 
 class _Side:
     """The requests or the responses of a service."""
 
-    def __init__(self, link: Link, board: Board, stream: Mapping[str, Any], message_type: Any) -> None:
+    def __init__(self, shared: Shared, stream: Stream, message_type: Any) -> None:
         self.name, self.kind = str(stream["name"]), str(stream["kind"])
         self.latency: int = stream["latency"]
-        self.filtered = stream["action"] == "filter"
-        if self.filtered:
-            self.passing = Passing(link, board, stream)
+        self.passing = Passing(shared.link, shared.board, stream) if is_filtered(stream) else None
         self.read = reader(message_type, stream["fields"], lookup_installed)
         self.stamp = stamp_reader(message_type, stream["stamp"]) if stream["stamp"] else None
+        self.time_source: Optional[TimeSource] = "field" if self.stamp else "arrival"

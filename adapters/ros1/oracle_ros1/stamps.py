@@ -1,4 +1,4 @@
-"""Times in nanoseconds: where a message's publication time stands, and what time it is."""
+"""Times in nanoseconds: a message's publication time, and the present time."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def wall_now() -> int:
 
 
 def simulated_now() -> Optional[int]:
-    """The time that /clock tells; None while it has not told any."""
+    """The time of /clock; None before its first message."""
     return rospy.get_rostime().to_nsec() or None
 
 
@@ -44,13 +44,13 @@ def on_back(call: Callable[[], None]) -> rospy.Subscriber:
     """Call something whenever simulated time goes back, until what is returned is unregistered."""
     newest = genpy.Time()
 
-    def hear(clock: Clock) -> None:  # behind rospy's own, so that its time has gone back already
+    def take(clock: Clock) -> None:  # after rospy's own callback, so that its time has gone back already
         nonlocal newest
         before, newest = newest, clock.clock
         if newest < before:
             call()
 
-    return rospy.Subscriber("/clock", Clock, hear)
+    return rospy.Subscriber("/clock", Clock, take)
 
 
 def _at(message: Any, names: Sequence[str]) -> Any:

@@ -6,15 +6,16 @@ Messages are taken as they were sent: any topic can be observed, and what is for
 from __future__ import annotations
 
 import threading
-from typing import Any, Dict, List, Mapping, Tuple, Union
+from typing import Dict, List, Tuple, Union
 
 import rospy
-from oracle_adapter import PROXY, Board, Link, Names
-from oracle_adapter.passing import Gate, Passing
+from oracle_adapter import PROXY
+from oracle_adapter.forwarding import ForwardQueue
+from oracle_adapter.interfaces import Interface
+from oracle_adapter.passing import Passing
 
-from oracle_ros1.graph import Graph
 from oracle_ros1.observed import Decoder, Header, Observed, header_of, headers
-from oracle_ros1.stamps import Now
+from oracle_ros1.shared import Shared
 
 DEPTH = 1000  # messages that wait for a slow subscriber
 
@@ -22,28 +23,29 @@ DEPTH = 1000  # messages that wait for a slow subscriber
 class LoggedTopic:
     """Reports every message of a topic."""
 
-    def __init__(self, link: Link, board: Board, names: Names, stream: Mapping[str, Any], now: Now) -> None:
-        self._link, self._board, self.observed = link, board, Observed(stream, now)
-        self._subscriber = rospy.Subscriber(names[self.observed.name], rospy.AnyMsg, self._take, tcp_nodelay=True)
+    def __init__(self, shared: Shared, topic: Interface) -> None:
+        self._link, self._board, self._observed = shared.link, shared.board, Observed(topic.first, shared.now)
+        self.streams = [self._observed]
+        self._subscriber = rospy.Subscriber(shared.names[topic.name], rospy.AnyMsg, self._take, tcp_nodelay=True)
 
     def look(self) -> str:
-        """Learn what its publishers say of themselves, and tell what is wrong."""
-        return "; ".join(self.observed.troubles(headers(self._subscriber)))
+        """Read its publishers' connection headers, and return what is wrong."""
+        return "; ".join(self._observed.troubles(headers(self._subscriber)))
 
     def stop(self) -> None:
         """Take no more."""
         self._subscriber.unregister()
 
     def _take(self, message: rospy.AnyMsg) -> None:
-        decoder = self.observed.decoder(header_of(message))
+        decoder = self._observed.decoder(header_of(message))
         if isinstance(decoder, str):
-            self._board.trouble(self.observed.name, decoder)
+            self._board.trouble(self._observed.name, decoder)
             return
-        event = self.observed.event(message, decoder)
+        event = self._observed.event(message, decoder)
         if event is not None:
             stamp, data, lost = event
             source = header_of(message).get("callerid")
-            self._link.send(self.observed.name, "topic", stamp, data, source=source, lost=lost)
+            self._link.send(self._observed.name, self._observed.kind, stamp, data, source=source, lost=lost)
 
 
 class FilteredTopic:
@@ -53,30 +55,30 @@ class FilteredTopic:
     subscribed to at once where the type is installed, else from the moment that the first publisher has connected.
     """
 
-    def __init__(
-        self, link: Link, board: Board, names: Names, stream: Mapping[str, Any], now: Now, graph: Graph
-    ) -> None:
-        self._board, self._graph, self.observed = board, graph, Observed(stream, now)
-        name, proxy = names[self.observed.name], names[self.observed.name + PROXY]
+    def __init__(self, shared: Shared, topic: Interface) -> None:
+        stream = topic.first
+        self._board, self._graph, self._observed = shared.board, shared.graph, Observed(stream, shared.now)
+        self.streams = [self._observed]
+        name, proxy = shared.names[topic.name], shared.names[topic.name + PROXY]
         taken, self._given = (proxy, name) if stream["intercept"] == "publisher" else (name, proxy)
-        self._gate = Gate(Passing(link, board, stream), self._forward)
+        self._queue = ForwardQueue(Passing(shared.link, shared.board, stream), self._forward)
         self._making = threading.Lock()
         self._publishers: List[rospy.Publisher] = []
         self._latched = self._stopped = False
         self._ready: Dict[int, Tuple[Header, Decoder]] = {}  # by the header's id: that of one connection
-        if self.observed.installed:
-            self._publish(self.observed.installed, latched=False)
+        if self._observed.installed:
+            self._publish(self._observed.installed, latched=False)
         self._subscriber = rospy.Subscriber(taken, rospy.AnyMsg, self._take, tcp_nodelay=True)
 
     def look(self) -> str:
-        """Learn what its publishers say of themselves, and tell what is wrong.
+        """Read its publishers' connection headers, and return what is wrong.
 
         What it gives is published from here on, so that there are subscribers before the first message.
         """
         publishers = headers(self._subscriber)
         found = [self._prepared(header) for header in publishers]
         troubles = [why for why in found if isinstance(why, str)]
-        troubles += [why for why in self.observed.troubles(publishers) if why not in troubles]
+        troubles += [why for why in self._observed.troubles(publishers) if why not in troubles]
         troubles += [f"{node} publishes {self._given} past the monitor" for node in self._graph.others(self._given)]
         return "; ".join(troubles)
 
@@ -92,19 +94,19 @@ class FilteredTopic:
         header = header_of(message)
         decoder = self._prepared(header)
         if isinstance(decoder, str):
-            self._board.trouble(self.observed.name, decoder)
+            self._board.trouble(self._observed.name, decoder)
             return
-        event = self.observed.event(message, decoder)
+        event = self._observed.event(message, decoder)
         if event is not None:
             stamp, data, lost = event
-            self._gate.take(message, stamp, data, source=header.get("callerid"), lost=lost)
+            self._queue.take(message, stamp, data, source=header.get("callerid"), lost=lost)
 
     def _prepared(self, header: Header) -> Union[Decoder, str]:
         """What decodes the messages of a publisher, now that they can be given, or why they can't."""
         ready = self._ready.get(id(header))
         if ready is not None and ready[0] is header:
             return ready[1]
-        decoder = self.observed.decoder(header)
+        decoder = self._observed.decoder(header)
         if isinstance(decoder, str):
             return decoder
         publisher = self._publish(decoder, latched=header.get("latching") == "1")

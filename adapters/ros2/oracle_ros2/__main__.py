@@ -99,7 +99,7 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
             _observe(node, link, board, options.names, stopping)
         finally:
             close(link, log.error)
-    except (CodecError, ValueError) as error:
+    except (CodecError, LinkError, ValueError) as error:
         log.fatal(str(error))
         return 2
     finally:
@@ -108,7 +108,7 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
 
 
 def _observe(node: Node, link: Link, board: Board, names: Names, stopping: threading.Event) -> None:
-    """Observe what the oracle wants until `stopping` is set. Raises `CodecError`, or ValueError for a bad remap."""
+    """Observe what the server names until `stopping` is set. Raises `CodecError`, or ValueError for a bad remap."""
     loop = Loop(node)
     attached = wait_attached(link, stopping, node.get_logger().warning)
     while attached is not None:
@@ -117,7 +117,7 @@ def _observe(node: Node, link: Link, board: Board, names: Names, stopping: threa
 
 
 def _spin(loop: Loop, monitor: Monitor, stopping: threading.Event) -> None:
-    """Return when `stopping` is set, or the oracle wants other streams."""
+    """Return when `stopping` is set, or the server wants other streams."""
     while not stopping.is_set() and not monitor.outdated:
         try:
             loop.turn()  # the monitor's timers end it in time

@@ -24,7 +24,7 @@ _BYTES = frozenset({"uint8", "octet", "byte"})
 
 
 class CodecError(Exception):
-    """Data that does not fit a message type; tells the field."""
+    """Data that does not fit a message type; the text names the field."""
 
 
 def load_type(name: str) -> Any:
@@ -38,7 +38,7 @@ def load_type(name: str) -> Any:
 
 
 def reader(message_type: Any, fields: Iterable[str] | None) -> Read:
-    """A function from messages to plain data with these dotted fields; None stands for all of them.
+    """A function from messages to plain data with these dotted fields; None means all of them.
 
     Fields that the type does not have are left out.
     """
@@ -102,7 +102,7 @@ def write(message: Any, data: Mapping[str, Any], place: str = "") -> Any:
 
 
 def _checkable(kind: str, written: Any) -> Any:
-    """What stands for a value in the check: rclpy's bound for 32-bit floats is below the largest one."""
+    """The value to check in place of another: rclpy's bound for 32-bit floats is below the largest one."""
     if kind == "float":
         return 0.0
     return [0.0] * len(written) if kind.startswith(("float[", "sequence<float")) else written
@@ -143,7 +143,7 @@ def _items(kind: str, value: Any, where: str) -> list[Any]:
 
 
 def _number(kind: str, value: Any) -> float:
-    """What JSON has no word for comes as text; a 32-bit place holds the nearest 32-bit number."""
+    """What JSON can't express comes as text; a 32-bit field gets the nearest 32-bit number."""
     if isinstance(value, bool) or (isinstance(value, str) and value not in _NO_NUMBERS):
         raise TypeError("it is no number")
     return float(struct.unpack("<" + kind[0], struct.pack("<" + kind[0], float(value)))[0])

@@ -1,6 +1,6 @@
-"""Subscriptions and publishers that follow those of the other nodes, and tell where they don't fit.
+"""Subscriptions and publishers that match those of the other nodes, and report which don't match.
 
-One that fits better is used beside the old one until it has met the others: what is said meanwhile must not be lost.
+One that matches better is used beside the old one until it is discovered: no message must be lost meanwhile.
 """
 
 from __future__ import annotations
@@ -11,47 +11,47 @@ from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping, Sequence
 
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 
-from oracle_ros2.qos import DEPTH, lasts, misfit, same, to_forward, to_hear
+from oracle_ros2.qos import DEPTH, lasts, misfit, same, to_offer, to_request
 
 if TYPE_CHECKING:
     from rclpy.node import Node
     from rclpy.qos import QoSProfile
 
-# What does not fit is found by looking. Handlers of events would cost each message a third more in rclpy's executor.
-UNHEARD = PublisherEventCallbacks(use_default_callbacks=False)
-UNHEARD_SUBSCRIPTION = SubscriptionEventCallbacks(use_default_callbacks=False)
+# What does not match is found by looking. Handlers of events would cost each message a third more in rclpy's executor.
+NO_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
+NO_SUBSCRIPTION_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 
 Take = Callable[[bytes, Mapping[str, Any]], None]
 
-MEETING = 0.4
-"""Seconds that a new publisher or subscription has to meet the others before the old one goes.
+MATCHING = 0.4
+"""Seconds in which a new publisher or subscription is discovered, before the old one is destroyed.
 
 The next look can come at once, where one was late.
 """
 
 
-class Heard:
-    """A topic that every publisher is heard on, whatever quality of service it offers; messages come serialized.
+class MatchedSubscription:
+    """Subscribes to every publisher of a topic, whatever quality of service it offers; messages come serialized.
 
     `look` is to be called from time to time, where callbacks run; a message that comes twice has its number twice.
     """
 
     def __init__(self, node: Node, message_type: Any, topic: str, take: Take) -> None:
-        """Hear at once."""
+        """Subscribe at once."""
         self._node, self._type, self._topic, self._take = node, message_type, topic, take
         self.offered: list[QoSProfile] = []
         """What the publishers offer, as of the last look."""
         self._subscriptions: list[Any] = []
         self._publishers = self._look_around()
-        self._subscribe(to_hear(self.offered))
+        self._subscribe(to_request(self.offered))
 
     def look(self) -> str:
-        """Look at the publishers again, and tell what is wrong with them."""
-        while len(self._subscriptions) > 1 and time.monotonic() - self._made >= MEETING:
+        """Look at the publishers again, and return what is wrong with them."""
+        while len(self._subscriptions) > 1 and time.monotonic() - self._made >= MATCHING:
             self._drain(self._subscriptions[0])
             self._node.destroy_subscription(self._subscriptions.pop(0))
         self._publishers = self._look_around()
-        wanted = to_hear(self.offered)
+        wanted = to_request(self.offered)
         if self.offered and not same(wanted, self._profile):
             text = f"matching the publishers of {self._topic}: {wanted.reliability.name.lower()}"
             self._node.get_logger().info(f"{text}, {wanted.durability.name.lower()}")
@@ -64,16 +64,16 @@ class Heard:
             self._drain(subscription)
 
     def look_around(self) -> None:
-        """See what the publishers offer now, where that can't wait for `look`."""
+        """Read what the publishers offer now, where that can't wait for `look`."""
         self._publishers = self._look_around()
 
     def publisher(self, source: str) -> str | None:
-        """The node that has the publisher of a `source`; None where it has gone."""
+        """The node that has the publisher of a `source`; None where it has ended."""
         nodes = (full_name(info) for info in self._publishers if bytes(info.endpoint_gid).hex().startswith(source))
         return next(nodes, None)
 
     def stop(self) -> None:
-        """Hear no more."""
+        """Unsubscribe."""
         while self._subscriptions:
             self._node.destroy_subscription(self._subscriptions.pop())
 
@@ -97,13 +97,13 @@ class Heard:
             if info.topic_type != wanted:
                 yield f"{full_name(info)} publishes it as {info.topic_type}, not as {wanted}"
         if len({profile.durability for profile in self.offered}) > 1:
-            yield "its publishers differ in durability: what some have kept for late subscribers is not heard"
+            yield "its publishers differ in durability: what some have kept for late subscribers is not received"
 
     def _subscribe(self, profile: QoSProfile) -> None:
         take, older = self._take, self._subscriptions.copy()
 
         def callback(message: Any, info: Any) -> None:  # rclpy hands over `info` by the number of parameters
-            if older:  # what only they got was said before, and would be taken for lost
+            if older:  # what only they got is older, and would be taken for lost
                 older[:] = [one for one in older if one in self._subscriptions]
                 for one in older:
                     self._drain(one)
@@ -111,29 +111,29 @@ class Heard:
 
         self._profile, self._made = profile, time.monotonic()
         subscription = self._node.create_subscription(
-            self._type, self._topic, callback, profile, event_callbacks=UNHEARD_SUBSCRIPTION, raw=True
+            self._type, self._topic, callback, profile, event_callbacks=NO_SUBSCRIPTION_EVENTS, raw=True
         )
         self._subscriptions.append(subscription)
 
 
-class Forwarded:
-    """A topic that messages are passed on to, with the quality of service of their own publishers.
+class MatchedPublisher:
+    """Publishes what is passed on, with the quality of service of the messages' own publishers.
 
     Where these begin to keep messages for those who come later, what passes waits until it is offered so: else those
-    who want what is kept would not hear it, and what is said once would be lost.
+    who request what is kept would not get it, and what is published once would be lost.
     """
 
     def __init__(self, node: Node, message_type: Any, topic: str) -> None:
-        """Offer what is usual until `look` tells what the originals offer."""
+        """Offer what is usual until `look` is given what the originals offer."""
         self._node, self._type, self._topic = node, message_type, topic
         self._giving = threading.Lock()
-        self._publisher = self._next = self._make(to_forward([]))
+        self._publisher = self._next = self._make(to_offer([]))
         self._retired: Any = None
         self._changed = 0.0  # when the next one was made, or took over (s)
         self._held: list[Any] | None = None  # what waits for the next one
 
     def publish(self, message: Any) -> bool:
-        """Pass a message on, from any thread; false once that is over."""
+        """Pass a message on, from any thread; False after `stop`."""
         with self._giving:
             if self._held is not None:
                 self._held.append(message)
@@ -150,8 +150,8 @@ class Forwarded:
             self._publisher = self._next = self._retired = None
 
     def look(self, originals: Sequence[QoSProfile]) -> str:
-        """Offer what the originals do, and tell what is wrong on the topic."""
-        if time.monotonic() - self._changed < MEETING:
+        """Offer what the originals do, and return what is wrong on the topic."""
+        if time.monotonic() - self._changed < MATCHING:
             return ""
         if self._retired is not None:
             self._node.destroy_publisher(self._retired)
@@ -166,7 +166,7 @@ class Forwarded:
 
     def match(self, originals: Sequence[QoSProfile]) -> None:
         """Begin to offer what the originals do, unless that is going on."""
-        wanted = to_forward(originals)
+        wanted = to_offer(originals)
         if self._next is not self._publisher or not originals or same(wanted, self._next.qos_profile):
             return
         with self._giving:
@@ -178,10 +178,13 @@ class Forwarded:
         """Pass on what was held, by the next one."""
         held, self._held = self._held or [], None
         for message in held:
-            self._next.publish(message)
+            try:
+                self._next.publish(message)
+            except Exception as error:  # noqa: BLE001 - others wait behind it
+                self._node.get_logger().error(f"a message of {self._topic} could not be passed on: {error!r}")
 
     def _make(self, profile: QoSProfile) -> Any:
-        return self._node.create_publisher(self._type, self._topic, profile, event_callbacks=UNHEARD)
+        return self._node.create_publisher(self._type, self._topic, profile, event_callbacks=NO_EVENTS)
 
     def _troubles(self) -> Iterator[str]:
         own, others = [], []
@@ -192,7 +195,7 @@ class Forwarded:
         for info in self._node.get_subscriptions_info_by_topic(self._topic):
             why = misfit(own[0].qos_profile, info.qos_profile) if own else ""
             if why:
-                yield f"{full_name(info)} can't hear {self._topic}: {why}"
+                yield f"{full_name(info)} can't receive {self._topic}: {why}"
 
     def _is_own(self, info: Any) -> bool:
         mine = (self._node.get_name(), self._node.get_namespace())

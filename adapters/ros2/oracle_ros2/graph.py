@@ -10,8 +10,8 @@ from rclpy.executors import SingleThreadedExecutor
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-SETTLED = 4.0  # seconds without news after which all is taken for discovered: more than nodes are silent for
-PATIENCE = 20.0
+SETTLED = 4.0  # seconds without a change after which discovery is taken to be complete
+DISCOVERY_LIMIT = 20.0
 NOISE = ("/rosout", "/parameter_events")
 PARAMETERS = ("describe_parameters", "get_parameter_types", "get_parameters", "get_type_description",
               "list_parameters", "set_parameters", "set_parameters_atomically")  # fmt: skip
@@ -23,7 +23,7 @@ def dump_graph(node: Node) -> dict[str, Any]:
     """The graph without `node` itself, once discovery has settled; types by the names of topics and services."""
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
-    graph, since, end = _look(node), time.monotonic(), time.monotonic() + PATIENCE
+    graph, since, end = _look(node), time.monotonic(), time.monotonic() + DISCOVERY_LIMIT
     while time.monotonic() < min(since + SETTLED, end):
         executor.spin_once(timeout_sec=0.05)
         now = _look(node)
@@ -50,7 +50,7 @@ def past_proxy(node: Node, service: str, proxy: str) -> str:
 
 
 def _users(node: Node, read: Named, wanted: str) -> Iterator[str]:
-    """The other nodes of which `read` tells that they have what is wanted."""
+    """The other nodes that have what is wanted, according to `read`."""
     for name, space in _others(node):
         if wanted in dict(_read(read, name, space)):
             yield _full(name, space)
@@ -72,7 +72,7 @@ def _full(name: str, space: str) -> str:
 def _read(read: Named, name: str, space: str) -> list[tuple[str, list[str]]]:
     try:
         return read(name, space)
-    except Exception:  # noqa: BLE001 - the node has gone meanwhile
+    except Exception:  # noqa: BLE001 - the node has ended meanwhile
         return []
 
 
@@ -90,5 +90,5 @@ def _describe(node: Node, name: str, space: str) -> dict[str, Any]:
 
 
 def _is_noise(name: str) -> bool:
-    """Whether every node has it: nothing that a robot says."""
+    """Whether every node has it, so that it is nothing of the robot's own."""
     return name in NOISE or name.rpartition("/")[2] in PARAMETERS

@@ -1,4 +1,4 @@
-"""Calls what a node's subscriptions, timers, clients and services want called, one after the other in one thread.
+"""Calls the callbacks of a node's subscriptions, timers, clients and services, one after the other in one thread.
 
 rclpy's executors make a wait set and a task for each message, and wake themselves twice: that takes several times as
 long as all that an adapter does with it.
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
 BURST = 100
-"""Messages of one subscription that are taken before others have their turn."""
+"""Messages of one subscription that are taken before others are looked at."""
 
 Reply = Callable[[Any], None]
 
 
 class Later:
-    """A service's callback that gets the request, and a function to reply by: whenever it wants to, in any thread."""
+    """A service's callback that gets the request, and a function to reply by, at any time and in any thread."""
 
     def __init__(self, take: Callable[[Any, Reply], None]) -> None:
         self.take = take
@@ -56,7 +56,7 @@ class Loop:
         if not node.context.ok():
             raise ExternalShutdownException
         for entity, place in zip(self._entities, places, strict=True):
-            # asked before, not caught behind: an error of a callback must not be taken for this
+            # checked first, not caught: an error of a callback must not be taken for this
             if waiting.is_ready(entity.kind, place) and _is_there(entity.handle):
                 entity.take()
 
@@ -75,7 +75,7 @@ class Loop:
 
 
 def _is_there(handle: Any) -> bool:
-    """Whether something was not destroyed by what had its turn before."""
+    """Whether something was not destroyed by an earlier callback."""
     try:
         with handle:
             return True
@@ -129,7 +129,7 @@ def _client(client: Any) -> Callable[[], None]:
             return
         try:
             waiting = client.get_pending_request(header.request_id.sequence_number)
-        except KeyError:  # nobody waits for it any more
+        except KeyError:  # no caller waits for it any more
             return
         waiting.set_result(response)
 
@@ -146,7 +146,7 @@ def _service(service: Any) -> Callable[[], None]:
             return
 
         def reply(response: Any) -> None:
-            with suppress(InvalidHandle):  # the service is gone, and its client's hope with it
+            with suppress(InvalidHandle):  # the service was destroyed: its client gets no response
                 service.send_response(response, header)
 
         if isinstance(callback, Later):

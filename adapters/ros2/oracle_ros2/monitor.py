@@ -1,4 +1,4 @@
-"""The monitor node: what the oracle wants observed, filtered and proxied, and the clocks of its streams."""
+"""The monitor node: it observes, filters and proxies what the server names, and sends its streams' clocks."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 from oracle_adapter import Attention
 from oracle_adapter.command import unknown_remap
+from oracle_adapter.interfaces import interfaces_of, report_unknown
 from rclpy.clock import Clock, ClockType
 
-from oracle_ros2.graph import past_proxy
-from oracle_ros2.services import ProxiedService
+from oracle_ros2.parts import make_part
+from oracle_ros2.shared import Shared
 from oracle_ros2.stamps import on_back, simulated, time_of
-from oracle_ros2.topics import FilteredTopic, LoggedTopic
 
 if TYPE_CHECKING:
     from oracle_adapter import Attached, Board, ClockStamp, Link, Names
@@ -41,88 +41,63 @@ class Monitor:
         self._watch = None
         if simulated(node):
             self._watch = on_back(node, lambda: link.renew(lambda: self._readings(self._now())))
-        # None: stamped here
-        self._latencies = {
-            (s["name"], s["kind"]): s["latency"] if s["kind"] == "topic" or s["stamp"] else None for s in streams
-        }
-        by_key = {(s["name"], s["kind"]): s for s in streams}
-        self._topics = [
-            FilteredTopic(node, link, board, names, s) if s["action"] == "filter" else LoggedTopic(node, link, names, s)
-            for s in streams
-            if s["kind"] == "topic"
-        ]
-        self._services = [
-            ProxiedService(node, link, board, names, s, by_key[s["name"], "response"])
-            for s in streams
-            if s["kind"] == "request"
-        ]
-        self._proxies = {s["name"]: (names[s["name"]], names[s["proxy"]]) for s in streams if s["kind"] == "request"}
-        steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
+        shared = Shared(node, link, board, names)
+        self._parts = [make_part(shared, interface) for interface in interfaces_of(streams)]
+        self._observed = [stream for part in self._parts for stream in part.streams]
+        report_unknown(streams, board, link)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may be paused
         self._timers = [
             node.create_timer(LOOK_PERIOD, self._look, clock=steady),
-            node.create_timer(CLOCK_PERIOD, self._tell_time, clock=steady),
+            node.create_timer(CLOCK_PERIOD, self._send_clocks, clock=steady),
             node.create_timer(SHOW_PERIOD, lambda: board.tick(link.stats()), clock=steady),
         ]
-        self._report()
+        for stream in self._observed:
+            link.report(stream.name, stream.kind, time_source=stream.time_source)
         node.get_logger().info(f"observing {len(streams)} streams for session {attached.session}")
 
     @property
     def outdated(self) -> bool:
-        """Whether the oracle wants other streams by now: a session that was made anew has the spec of today."""
+        """Whether the server wants other streams by now, as where the session was made again from a changed spec."""
         attached = self._link.attached
-        if attached is None or attached is self._attached:  # asked for at each message, and nearly always so
+        if attached is None or attached is self._attached:  # the usual case, read at each message
             return False
         self._attached = attached
         return attached.streams != self._streams
 
     def stop(self) -> None:
-        """Take nothing more, and tell no more clocks; what is decided yet is not forwarded any more."""
+        """Take nothing more, and send no more clocks; what is decided later is not forwarded."""
         if self._watch is not None:
             self._watch.unregister()
         for timer in self._timers:
             self._node.destroy_timer(timer)
-        for part in (*self._topics, *self._services):
+        for part in self._parts:
             part.stop()
 
     def _look(self) -> None:
-        for topic in self._topics:
-            self._tell_trouble(topic.name, "topic", topic.look())
-        for name, (service, proxy) in self._proxies.items():
-            self._tell_trouble(name, "request", past_proxy(self._node, service, proxy))
+        for part in self._parts:
+            trouble, first = part.look(), part.streams[0]
+            self._board.trouble(first.name, trouble)
+            self._link.report(first.name, first.kind, trouble=trouble)
 
-    def _tell_trouble(self, name: str, kind: str, trouble: str) -> None:
-        self._board.trouble(name, trouble)
-        self._link.report(name, kind, trouble=trouble)
+    def _send_clocks(self) -> None:
+        """Send how far each stream has come: exactly where messages are stamped here, else less a delay.
 
-    def _report(self) -> None:
-        """Tell where the streams' times come from."""
-        for topic in self._topics:
-            self._link.report(topic.name, "topic", time_source=topic.time_source)
-        for (name, kind), latency in self._latencies.items():
-            if kind != "topic":
-                self._link.report(name, kind, time_source="arrival" if latency is None else "field")
-
-    def _tell_time(self) -> None:
-        """Say how far each stream has come: exactly where messages are stamped here, else less a delay.
-
-        What has come by then is taken first: while this thread is held up, messages wait for it, and time must too.
-        Where the middleware may be held up, others are not spoken for.
+        What has come by then is taken first: while this thread is delayed, messages wait for it, and so must clocks.
+        Where the middleware may be in a stall, no clocks are sent for the streams of other nodes.
         """
-        heard: int | None = self._now()
-        for topic in self._topics:
-            topic.heard.take_all()
-        for service in self._services:
-            service.tend()
-        if not self._attention.is_paid(time.monotonic(), sum(topic.observed.count for topic in self._topics)):
-            heard = None
-        self._link.clock(lambda: self._readings(heard))
+        received_by: int | None = self._now()
+        for part in self._parts:
+            part.catch_up()
+        if not self._attention.is_paid(time.monotonic(), sum(part.received for part in self._parts)):
+            received_by = None
+        self._link.clock(lambda: self._readings(received_by))
 
-    def _readings(self, heard: int | None) -> list[ClockStamp]:
+    def _readings(self, received_by: int | None) -> list[ClockStamp]:
         now = self._now()
         if not now:
             return []  # simulated time has not begun
         return [
-            (name, kind, now if latency is None or heard is None else max(0, heard - latency))
-            for (name, kind), latency in self._latencies.items()
-            if latency is None or heard is not None
+            (s.name, s.kind, now if s.latency is None or received_by is None else max(0, received_by - s.latency))
+            for s in self._observed
+            if s.latency is None or received_by is not None
         ]

@@ -1,4 +1,4 @@
-"""Qualities of service: which to ask for and which to offer, from what the others on a topic do."""
+"""Qualities of service: which to request and which to offer, by those of the other nodes on a topic."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from rclpy.qos import (
 )
 
 DEPTH = 1000
-FOREVER = 2**62  # ns; the graph tells of no end as a number that is larger
+FOREVER = 2**62  # ns; the graph has a larger number where there is no end
 
 
-def to_hear(offered: Sequence[QoSProfile]) -> QoSProfile:
+def to_request(offered: Sequence[QoSProfile]) -> QoSProfile:
     """The strictest profile that every publisher offers; reliable and volatile where there is none yet."""
     reliable = all(profile.reliability != ReliabilityPolicy.BEST_EFFORT for profile in offered)
     lasting = offered and all(lasts(profile) for profile in offered)
     return _profile(DEPTH, reliable=reliable, lasting=bool(lasting))
 
 
-def to_forward(offered: Sequence[QoSProfile]) -> QoSProfile:
+def to_offer(offered: Sequence[QoSProfile]) -> QoSProfile:
     """What the publishers offer, for their messages to be passed on with; of several, the most that one offers.
 
-    How many messages a publisher keeps is not told on the graph: of those that last, one is kept for each of them.
+    How many messages a publisher keeps is not on the graph: of those that last, one is kept for each of them.
     """
     reliable = not offered or any(profile.reliability != ReliabilityPolicy.BEST_EFFORT for profile in offered)
     lasting = sum(lasts(profile) for profile in offered)
@@ -49,7 +49,7 @@ def same(one: QoSProfile, other: QoSProfile) -> bool:
 
 
 def misfit(offered: QoSProfile, requested: QoSProfile) -> str:
-    """Why a subscription can't hear a publisher, both as the graph tells of them; empty where it can."""
+    """Why a subscription does not match a publisher, both by the graph; empty where it does."""
     compatibility, reason = qos_check_compatible(offered, requested)
     if compatibility != QoSCompatibility.ERROR:
         return ""

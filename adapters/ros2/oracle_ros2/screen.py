@@ -9,7 +9,7 @@ from oracle_adapter import Status, graph_name
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
-from oracle_ros2.endpoints import UNHEARD
+from oracle_ros2.endpoints import NO_EVENTS
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -26,9 +26,9 @@ class Screen:
         """Publish nothing yet."""
         own = graph_name(monitor)
         self._monitor, self._log, self._clock = monitor, node.get_logger(), node.get_clock()
-        self._verdict = node.create_publisher(String, f"{own}/monitor_verdict", LATEST, event_callbacks=UNHEARD)
-        self._error = node.create_publisher(String, f"{own}/monitor_error", ERRORS, event_callbacks=UNHEARD)
-        self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10, event_callbacks=UNHEARD)
+        self._verdict = node.create_publisher(String, f"{own}/monitor_verdict", LATEST, event_callbacks=NO_EVENTS)
+        self._error = node.create_publisher(String, f"{own}/monitor_error", ERRORS, event_callbacks=NO_EVENTS)
+        self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10, event_callbacks=NO_EVENTS)
 
     def verdict(self, outcome: str) -> None:
         """Publish the worst outcome over the properties."""

@@ -9,19 +9,21 @@ from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Callable, Mapping, Sequence
 
-from oracle_adapter import Board, Link
+from oracle_adapter.interfaces import is_filtered
 from oracle_adapter.passing import Passing
 from rclpy.qos import QoSProfile
 
 from oracle_ros2.codec import load_type, reader, write
+from oracle_ros2.graph import past_proxy
 from oracle_ros2.loop import Later
 from oracle_ros2.stamps import stamp_reader, time_of
 
 if TYPE_CHECKING:
-    from oracle_adapter import Answer, ClockStamp, Names
-    from rclpy.node import Node
+    from oracle_adapter import Answer, ClockStamp, TimeSource
+    from oracle_adapter.interfaces import Interface, Stream
 
     from oracle_ros2.loop import Reply
+    from oracle_ros2.shared import Shared
 
 CALLS = QoSProfile(depth=1000)  # of more that come at once the middleware drops the oldest: the usual 10 are few
 UNDERWAY = 0.2  # seconds that an answer may take to its client
@@ -31,35 +33,34 @@ DISCOVERY = 2.0  # seconds that a service may take to be discovered, or to come 
 class ProxiedService:
     """Serves `proxy`, and calls the service with what may pass. Calls wait for nothing but their own answers."""
 
-    def __init__(
-        self,
-        node: Node,
-        link: Link,
-        board: Board,
-        names: Names,
-        request: Mapping[str, Any],
-        response: Mapping[str, Any],
-    ) -> None:
-        """Serve at once; `request` and `response` are the service's streams. Raises `CodecError`."""
-        self._node, self._link, self._board, self._time = node, link, board, time_of(node)
-        self.name: str = request["name"]
+    received = 0
+    """Calls do not show whether the middleware delivers: they are too rare."""
+
+    def __init__(self, shared: Shared, service: Interface) -> None:
+        """Serve at once. Raises `CodecError`."""
+        node = self._node = shared.node
+        self._link, self._board, self._time = shared.link, shared.board, time_of(node)
+        self.name = service.name
+        request, response = service.streams["request"], service.streams["response"]
         self._type = load_type(request["type"])
         self._denied: Mapping[str, Any] = request.get("denied_response") or {}
         write(self._type.Response(), self._denied)
-        if request["action"] == "filter" and not self._denied:
+        if is_filtered(request) and not self._denied:
             node.get_logger().warning(
                 f"a denied call of {self.name} is answered by the defaults of its type, which a client may take for a "
-                "success; the spec can say otherwise by `denied_response`"
+                "success; the spec can give another one by `denied_response`"
             )
-        self._request = _Side(link, board, request, self._type.Request)
-        self._response = _Side(link, board, response, self._type.Response)
+        self._request = _Side(shared, request, self._type.Request)
+        self._response = _Side(shared, response, self._type.Response)
+        self.streams = [self._request, self._response]
         self._calls = itertools.count(1)
-        self._lock = threading.Lock()  # over what follows: decisions come in the link's thread
+        self._lock = threading.Lock()  # guards what follows: decisions come in the link's thread
         self._open: dict[int, _Call] = {}  # without an answer
         self._early: deque[_Call] = deque()  # that wait for the service to be discovered
         self._away: float | None = None  # since when the service has not been there (s)
-        self._client = node.create_client(self._type, names[self.name], qos_profile=CALLS)
-        self._service = node.create_service(self._type, names[request["proxy"]], Later(self._serve), qos_profile=CALLS)
+        self._served, self._proxy = shared.names[self.name], shared.names[request["proxy"]]
+        self._client = node.create_client(self._type, self._served, qos_profile=CALLS)
+        self._service = node.create_service(self._type, self._proxy, Later(self._serve), qos_profile=CALLS)
 
     def stop(self) -> None:
         """Serve no more; calls without an answer get `denied_response`, whatever is decided on them later."""
@@ -71,7 +72,11 @@ class ProxiedService:
         self._node.destroy_service(self._service)
         self._node.destroy_client(self._client)
 
-    def tend(self) -> None:
+    def look(self) -> str:
+        """Who can call the service without the proxy, or serves in its place; empty where nobody can."""
+        return past_proxy(self._node, self._served, self._proxy)
+
+    def catch_up(self) -> None:
         """Go on with calls that wait for the service; to be called often, where callbacks run."""
         if not self._open:
             self._away = None
@@ -138,7 +143,7 @@ class ProxiedService:
                 self._board.error(f"{why}: call {call.number} is answered by denied_response")
 
     def _judge(self, side: _Side, message: Any, call: _Call, give: Callable[[_Call], bool]) -> None:
-        # stamped under the link's lock, so that no clock can say that nothing older will come
+        # stamped under the link's lock, so that no clock can exclude it before it is queued
         stamp = side.stamp(message) or self._time
         data = side.read(message)
         passing = side.passing
@@ -157,7 +162,7 @@ class ProxiedService:
 
     def _now(self) -> list[ClockStamp]:
         now = self._time()
-        return [(self.name, side.kind, now) for side in (self._request, self._response) if side.stamped_here]
+        return [(side.name, side.kind, now) for side in self.streams if side.latency is None]
 
 
 @dataclass(eq=False)
@@ -172,9 +177,10 @@ class _Call:
 class _Side:
     """The requests or the responses of a service."""
 
-    def __init__(self, link: Link, board: Board, stream: Mapping[str, Any], message_type: Any) -> None:
-        self.kind: str = stream["kind"]
-        self.passing = Passing(link, board, stream) if stream["action"] == "filter" else None
+    def __init__(self, shared: Shared, stream: Stream, message_type: Any) -> None:
+        self.name, self.kind = str(stream["name"]), str(stream["kind"])
+        self.passing = Passing(shared.link, shared.board, stream) if is_filtered(stream) else None
         self.read = reader(message_type, stream["fields"])
-        self.stamped_here = not stream["stamp"]
+        self.latency: int | None = stream["latency"] if stream["stamp"] else None
+        self.time_source: TimeSource = "field" if stream["stamp"] else "arrival"
         self.stamp = (stream["stamp"] and stamp_reader(message_type, stream["stamp"])) or (lambda _: None)

@@ -1,4 +1,4 @@
-"""Where a message's publication time stands, in nanoseconds since the epoch."""
+"""A message's publication time, in nanoseconds since the epoch."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def simulated(node: Node) -> bool:
 
 
 def time_of(node: Node) -> Callable[[], int]:
-    """A function that tells the time in which a node's messages are stamped, in nanoseconds."""
+    """A function that returns the time by which a node's messages are stamped, in nanoseconds."""
     if not simulated(node):
         return time.time_ns
     clock = node.get_clock()

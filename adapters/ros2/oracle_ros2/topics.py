@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping
 
-from oracle_adapter import PROXY, Board, Link
-from oracle_adapter.passing import Gate, Passing
+from oracle_adapter import PROXY
+from oracle_adapter.forwarding import ForwardQueue
+from oracle_adapter.passing import Passing
 from rclpy.serialization import deserialize_message
 
 from oracle_ros2.codec import load_type, reader
-from oracle_ros2.endpoints import Forwarded, Heard
+from oracle_ros2.endpoints import MatchedPublisher, MatchedSubscription
 from oracle_ros2.stamps import simulated, stamp_reader, time_of
 
 if TYPE_CHECKING:
-    from oracle_adapter import Names
-    from oracle_adapter.protocol import TimeSource
+    from oracle_adapter import TimeSource
+    from oracle_adapter.interfaces import Interface
     from rclpy.node import Node
+
+    from oracle_ros2.shared import Shared
 
 
 class Observed:
@@ -27,6 +30,8 @@ class Observed:
         # the middleware's time is the wall's: in a simulation the time of arrival comes nearer
         self._now = time_of(node) if simulated(node) else None
         self.name: str = stream["name"]
+        self.kind: str = stream["kind"]
+        self.latency: int = stream["latency"]
         self.type = load_type(stream["type"])
         self._stamp = stamp_reader(self.type, stream["stamp"])
         self.time_source: TimeSource = "field" if self._stamp else "arrival" if self._now else "middleware"
@@ -68,7 +73,7 @@ class Observed:
         return stamp, self._read(message), {"source": source, "lost": missed}
 
     def _missed(self, source: str, info: Mapping[str, Any]) -> int:
-        """How many messages of a publisher were lost just before this one, as its numbers tell; -1 where it is old."""
+        """How many messages of a publisher were lost just before this one, by its number; -1 where it is old."""
         number = info.get("publication_sequence_number")
         if number is None:
             return 0
@@ -83,26 +88,35 @@ class Observed:
 class LoggedTopic:
     """Reports every message of a topic."""
 
-    def __init__(self, node: Node, link: Link, names: Names, stream: Mapping[str, Any]) -> None:
-        self._link = link
-        self.observed = Observed(node, stream)
-        self.name, self.time_source = self.observed.name, self.observed.time_source
-        self.heard = Heard(node, self.observed.type, names[self.name], self._take)
+    def __init__(self, shared: Shared, topic: Interface) -> None:
+        self._link = shared.link
+        self.observed = Observed(shared.node, topic.first)
+        self.streams = [self.observed]
+        self.subscription = MatchedSubscription(shared.node, self.observed.type, shared.names[topic.name], self._take)
+
+    @property
+    def received(self) -> int:
+        """How many messages have come."""
+        return self.observed.count
+
+    def catch_up(self) -> None:
+        """Take every message that has come by now."""
+        self.subscription.take_all()
 
     def look(self) -> str:
-        """Look at the other nodes again, and tell what is wrong."""
-        troubles = (self.heard.look(), self.observed.misplaced, *unreadable(self))
+        """Look at the other nodes again, and return what is wrong."""
+        troubles = (self.subscription.look(), self.observed.misplaced, *unreadable(self))
         return "; ".join(trouble for trouble in troubles if trouble)
 
     def stop(self) -> None:
         """Take no more."""
-        self.heard.stop()
+        self.subscription.stop()
 
     def _take(self, message: bytes, info: Mapping[str, Any]) -> None:
         event = self.observed.event(message, info)
         if event is not None:
             stamp, data, more = event
-            self._link.send(self.name, "topic", stamp, data, **more)
+            self._link.send(self.observed.name, self.observed.kind, stamp, data, **more)
 
 
 class FilteredTopic:
@@ -111,43 +125,53 @@ class FilteredTopic:
     `intercept: publisher` takes X_mon and gives X, `subscriber` takes X and gives X_mon.
     """
 
-    def __init__(self, node: Node, link: Link, board: Board, names: Names, stream: Mapping[str, Any]) -> None:
+    def __init__(self, shared: Shared, topic: Interface) -> None:
+        node, stream = shared.node, topic.first
         self.observed = Observed(node, stream, self._match)
-        self.name, self.time_source = self.observed.name, self.observed.time_source
-        plain, beside = names[self.name], names[self.name + PROXY]
+        self.streams = [self.observed]
+        plain, beside = shared.names[topic.name], shared.names[topic.name + PROXY]
         source, target = (beside, plain) if stream["intercept"] == "publisher" else (plain, beside)
-        self._forwarded = Forwarded(node, self.observed.type, target)
-        self._gate = Gate(Passing(link, board, stream), self._forwarded.publish)
-        self.heard = Heard(node, self.observed.type, source, self._take)
+        self._publisher = MatchedPublisher(node, self.observed.type, target)
+        self._queue = ForwardQueue(Passing(shared.link, shared.board, stream), self._publisher.publish)
+        self.subscription = MatchedSubscription(node, self.observed.type, source, self._take)
+
+    @property
+    def received(self) -> int:
+        """How many messages have come."""
+        return self.observed.count
+
+    def catch_up(self) -> None:
+        """Take every message that has come by now."""
+        self.subscription.take_all()
 
     def look(self) -> str:
-        """Look at the other nodes again, and tell what is wrong."""
-        found = self.heard.look(), self._forwarded.look(self.heard.offered)
+        """Look at the other nodes again, and return what is wrong."""
+        found = self.subscription.look(), self._publisher.look(self.subscription.offered)
         troubles = (*found, self.observed.misplaced, *unreadable(self))
         return "; ".join(trouble for trouble in troubles if trouble)
 
     def stop(self) -> None:
         """Take and forward no more."""
-        self.heard.stop()
-        self._forwarded.stop()
+        self.subscription.stop()
+        self._publisher.stop()
 
     def _match(self) -> None:
-        """Do not wait for the next look: what a new publisher says may be all that it will ever say."""
-        self.heard.look_around()
-        self._forwarded.match(self.heard.offered)
+        """Do not wait for the next look: a new publisher may publish only once."""
+        self.subscription.look_around()
+        self._publisher.match(self.subscription.offered)
 
     def _take(self, message: bytes, info: Mapping[str, Any]) -> None:
         event = self.observed.event(message, info)
         if event is not None:
             stamp, data, more = event
-            self._gate.take(message, stamp, data, **more)
+            self._queue.take(message, stamp, data, **more)
 
 
 def unreadable(topic: LoggedTopic | FilteredTopic) -> Iterator[str]:
     """Whose messages can't be read, and why."""
     for source, why in list(topic.observed.unreadable.items()):
-        node = topic.heard.publisher(source)
+        node = topic.subscription.publisher(source)
         if node is None:
-            del topic.observed.unreadable[source]  # it has gone
+            del topic.observed.unreadable[source]  # its publisher has ended
         else:
             yield f"{node} publishes what can't be read: {why}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import List
 
-from oracle_adapter.attention import BUSY, PATIENCE, SETTLE, SILENCE, Attention
+from oracle_adapter.attention import BUSY, LONGEST_STALL, SETTLE, SILENCE, Attention
 
 TICK = 0.01
 
@@ -55,9 +55,9 @@ def test_a_busy_adapter_that_hears_nothing_stops_until_what_was_held_up_has_come
 def test_silence_that_lasts_is_silence() -> None:
     adapter = Adapter()
     adapter.hears(3, every=2)
-    silent = adapter.hears(PATIENCE + 1)
-    assert not any(silent[10 : round(PATIENCE / TICK) - 2])
-    assert all(silent[round(PATIENCE / TICK) + 2 :])
+    silent = adapter.hears(LONGEST_STALL + 1)
+    assert not any(silent[10 : round(LONGEST_STALL / TICK) - 2])
+    assert all(silent[round(LONGEST_STALL / TICK) + 2 :])
     assert all(adapter.hears(1, every=2)), "what comes after it was not held up"
 
 

@@ -6,7 +6,7 @@ from typing import Any, Dict, List, Sequence, Tuple
 
 import pytest
 from oracle_adapter import Answer, Board, Stats, Status, graph_name
-from oracle_adapter.board import ERROR, OK, STALE, WARN
+from oracle_adapter.screen import ERROR, OK, STALE, WARN
 
 DENIED = Answer("decision", "deny", ("p", "q"))
 ALLOWED = Answer("decision", "allow")
@@ -201,7 +201,7 @@ def test_trouble_is_told_where_it_is_new_and_shown_until_it_is_over(
     assert screen.errors == ["/a: published past the monitor"]
     assert board.trouble("/a", "")
     board.tick(Stats())
-    assert statuses(screen)["uav1: /a"] == (OK, "well again")
+    assert statuses(screen)["uav1: /a"] == (OK, "recovered")
     assert "uav1: /b" not in statuses(screen)
 
 

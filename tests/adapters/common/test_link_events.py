@@ -140,7 +140,7 @@ class TestSending:
 
 
 class TestAsking:
-    def test_a_decision_and_its_outcome(self, oracle: Oracle, link: Link) -> None:
+    def test_a_decision_and_what_was_done_with_it(self, oracle: Oracle, link: Link) -> None:
         peer = oracle.accept()
         peer.attach()
         future = ask(link)
@@ -149,7 +149,7 @@ class TestAsking:
         peer.send("decision", seq=1, decision="deny", denied_by=["p"], verdicts={"p": "false"})
         answer = answer_of(future)
         assert (answer.decision, answer.denied_by, answer.seq) == ("deny", ("p",), 1)
-        link.outcome(answer, False, "decision")
+        link.handled(answer, False, "decision")
         assert peer.recv() == {"type": "outcome", "seq": 1, "passed": False, "why": "decision"}
 
     def test_silence_is_a_timeout_and_a_late_decision_nothing(
@@ -180,7 +180,7 @@ class TestAsking:
         link.start()
         answer = answer_of(ask(link, within=0.05))
         assert (answer.why, answer.seq) == ("unavailable", None)
-        link.outcome(answer, False, "unavailable")
+        link.handled(answer, False, "unavailable")
         oracle.start()
         peer = oracle.accept()
         peer.attach(upcoming=5)
@@ -211,7 +211,7 @@ class TestAsking:
         decisions = [answer_of(future).decision for future in futures]
         assert decisions == ["allow", "deny"] * 50
 
-    def test_many_outcomes_are_told_in_one_frame(self, oracle: Oracle, link: Link) -> None:
+    def test_many_handlings_are_sent_in_one_frame(self, oracle: Oracle, link: Link) -> None:
         peer = oracle.accept()
         peer.attach(limits={"max_outcomes": 4})
         futures = [ask(link) for _ in range(6)]
@@ -221,7 +221,7 @@ class TestAsking:
         answers = [answer_of(future) for future in futures]
         link.send("/a", "topic", None, {})  # what is told of them may come after it, not before
         for answer in answers:
-            link.outcome(answer, True, "decision")
+            link.handled(answer, True, "decision")
         peer.events(1)
         told: List[int] = []
         while len(told) < 6:

@@ -47,7 +47,7 @@ class TestAsks:
         side.protocol.expire(asked)
         answer = answer_in(side.protocol.take_notices())
         assert (answer.why, answer.decision) == ("unavailable", None)
-        side.protocol.outcome(answer, False, answer.why)
+        side.protocol.handled(answer, False, answer.why)
         side.attach(1)
         event, outcome = side.frames()
         assert (event["seq"], event["ask"]) == (1, True)
@@ -81,7 +81,7 @@ class TestAsks:
         answer = side.ask()
         assert isinstance(answer, Answer)
         assert (answer.why, answer.reason, answer.seq) == ("unavailable", "the queue is full", None)
-        side.protocol.outcome(answer, False, answer.why)  # there is nothing to report on
+        side.protocol.handled(answer, False, answer.why)  # there is nothing to report on
         side.attach()
         assert [frame["type"] for frame in side.frames()] == ["event"]
 
@@ -113,7 +113,7 @@ class TestAsks:
         answer = answer_in(side.protocol.take_notices())
         assert (answer.why, answer.reason) == ("unavailable", "the link is closing")
         assert isinstance(side.ask(), Answer)
-        side.protocol.outcome(answer, False, answer.why)
+        side.protocol.handled(answer, False, answer.why)
         side.protocol.detach()
         assert [frame["type"] for frame in side.frames()] == ["outcome", "detach"]
 
@@ -157,7 +157,7 @@ class TestAsks:
         assert side.frames() == []
 
 
-class TestOutcomes:
+class TestHandlings:
     def answered(self, side: Side) -> Answer:
         asked = side.queued()
         side.frames()
@@ -166,12 +166,12 @@ class TestOutcomes:
     def test_one_follows_its_event(self, side: Side) -> None:
         side.attach()
         answer = self.answered(side)
-        side.protocol.outcome(answer, True, "decision")
+        side.protocol.handled(answer, True, "decision")
         assert side.frames() == [{"type": "outcome", "seq": 1, "passed": True, "why": "decision"}]
 
     def test_one_that_may_not_have_arrived_is_sent_again(self, side: Side) -> None:
         side.attach()
-        side.protocol.outcome(self.answered(side), True, "decision")
+        side.protocol.handled(self.answered(side), True, "decision")
         side.frames()
         side.receive("ack", upto=1)
         side.reconnect(upcoming=2)
@@ -179,7 +179,7 @@ class TestOutcomes:
 
     def test_one_that_has_arrived_is_not(self, side: Side) -> None:
         side.attach()
-        side.protocol.outcome(self.answered(side), True, "decision")
+        side.protocol.handled(self.answered(side), True, "decision")
         side.frames()
         side.send("later")
         side.frames()

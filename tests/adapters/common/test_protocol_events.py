@@ -219,12 +219,12 @@ class TestResuming:
         side.receive("decision", seq=asked.seq, decision="allow")
         assert not asked.waiting
 
-    def test_outcomes_of_such_events_are_dropped(self, side: Side) -> None:
+    def test_handlings_of_such_events_are_dropped(self, side: Side) -> None:
         side.attach()
         asked = side.queued()
         side.frames()
         answer = answer_in(side.receive("decision", seq=1, decision="allow"))
-        side.protocol.outcome(answer, True, "decision")
+        side.protocol.handled(answer, True, "decision")
         side.frames()
         side.reconnect(upcoming=20)
         assert asked.seq == 1

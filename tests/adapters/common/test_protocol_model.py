@@ -18,8 +18,8 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )  # fmt: skip
 from oracle_adapter import Answer
-from oracle_adapter.outbox import Queued
 from oracle_adapter.protocol import Answered, Hello, Protocol
+from oracle_adapter.queued import Queued
 
 Frame = Dict[str, Any]
 
@@ -147,7 +147,7 @@ class Wire(RuleBasedStateMachine):
         number = min(set(self.answers) - set(self.reported))
         self.reported[number] = passed
         answer = self.answers[number]
-        self.protocol.outcome(answer, passed, answer.why)
+        self.protocol.handled(answer, passed, answer.why)
 
     # The network
 

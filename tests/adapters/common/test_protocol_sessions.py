@@ -42,7 +42,7 @@ class TestGoingOnInAnotherSession:
         side.frames()
         side.protocol.expire(asked)
         answer = answer_in(side.protocol.take_notices())
-        side.protocol.outcome(answer, True, answer.why)
+        side.protocol.handled(answer, True, answer.why)
         side.receive("error", code="session_ended", message="over", fatal=True, session="s1.run2")
         side.reconnect(1, session="s1.run2")
         clock, event, outcome = side.frames()
@@ -81,7 +81,7 @@ class TestGoingOnInAnotherSession:
         ]  # fmt: skip
         answered = answer_in(side.receive("decision", seq=2, decision="allow"))
         assert answered.event is asked
-        side.protocol.outcome(answered, True, "decision")
+        side.protocol.handled(answered, True, "decision")
         side.receive("ack", upto=3)
         assert side.frames() == [{"type": "outcome", "seq": 2, "passed": True, "why": "decision"}]
         stats = side.protocol.stats()
@@ -95,7 +95,7 @@ class TestGoingOnInAnotherSession:
         side.frames()
         answer = answer_in(side.receive("decision", seq=1, decision="allow"))
         side.receive("ack", upto=1)
-        side.protocol.outcome(answer, True, "decision")
+        side.protocol.handled(answer, True, "decision")
         side.frames()
         side.protocol.disconnected()
         side.receive("error", code="session_closed", message="gone", fatal=True)

@@ -1,0 +1,56 @@
+"""Messages of a filtered topic, from their arrival until they are passed on or denied."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from typing import TYPE_CHECKING, Any, Callable, Deque, Optional
+
+if TYPE_CHECKING:
+    from oracle_adapter.decision import Answer
+    from oracle_adapter.exchange import Stamp
+    from oracle_adapter.passing import Passing
+
+
+class _Waiting:
+    __slots__ = ("answer", "message")
+
+    def __init__(self, message: Any) -> None:
+        self.message = message
+        self.answer: Optional[Answer] = None
+
+
+class ForwardQueue:
+    """Forwards what may pass of a topic, in order of arrival; no caller waits for a decision."""
+
+    def __init__(self, passing: Passing, forward: Callable[[Any], bool]) -> None:
+        """Call `forward` with each message that may pass, mostly in the link's thread.
+
+        It returns whether the message was passed on.
+        """
+        self._passing, self._forward = passing, forward
+        self._waiting: Deque[_Waiting] = deque()
+        self._entering, self._leaving = threading.Lock(), threading.Lock()
+
+    def take(self, message: Any, stamp: Stamp, data: Any, **more: Any) -> None:
+        """Ask about a message that came, from any thread; `more` is as for `Link.ask`."""
+        waiting = _Waiting(message)
+
+        def answered(answer: Answer) -> None:
+            waiting.answer = answer
+            self._settle()
+
+        with self._entering:  # or two publishers' messages could change places on the way
+            self._passing.ask(stamp, data, answered, **more)
+            self._waiting.append(waiting)
+        if waiting.answer is not None:  # before it had its place
+            self._settle()
+
+    def _settle(self) -> None:
+        """Settle the messages at the head of the queue whose answers are there."""
+        with self._leaving:
+            while self._waiting:
+                answer = self._waiting[0].answer
+                if answer is None:
+                    break
+                self._passing.settle(answer, self._forward, self._waiting.popleft().message)

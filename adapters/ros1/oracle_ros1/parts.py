@@ -1,0 +1,56 @@
+"""The parts of a monitor: what observes a topic or a service, by its type and by whether it is filtered.
+
+Another type of interface is a row here, and a file of its own.
+"""
+
+from __future__ import annotations
+
+from typing import Callable, Mapping, Optional, Protocol, Sequence, Tuple
+
+from oracle_adapter import TimeSource
+from oracle_adapter.interfaces import Interface
+from oracle_adapter.kinds import InterfaceType
+
+from oracle_ros1.services import ProxiedService
+from oracle_ros1.shared import Shared
+from oracle_ros1.topics import FilteredTopic, LoggedTopic
+
+
+class PartStream(Protocol):
+    """One stream that a part observes."""
+
+    name: str
+    kind: str
+    latency: int
+    """How late its messages may be (ns)."""
+
+    @property
+    def time_source(self) -> Optional[TimeSource]:
+        """Where its times come from, `arrival` where events are stamped here; None while that is not known."""
+
+
+class Part(Protocol):
+    """What observes one topic or service."""
+
+    @property
+    def streams(self) -> Sequence[PartStream]:
+        """Its streams; troubles are those of the first."""
+
+    def look(self) -> str:
+        """What is wrong, empty for nothing; to be called from time to time."""
+
+    def stop(self) -> None:
+        """Take and forward no more."""
+
+
+MAKERS: Mapping[Tuple[InterfaceType, bool], Callable[[Shared, Interface], Part]] = {
+    ("topic", False): LoggedTopic,
+    ("topic", True): FilteredTopic,
+    ("service", False): ProxiedService,
+    ("service", True): ProxiedService,
+}
+
+
+def make_part(shared: Shared, interface: Interface) -> Part:
+    """Observe an interface from now on. Raises `CodecError` where its type is not there."""
+    return MAKERS[interface.type, interface.filtered](shared, interface)

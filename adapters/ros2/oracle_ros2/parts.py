@@ -1,0 +1,62 @@
+"""The parts of a monitor: what observes a topic or a service, by its type and by whether it is filtered.
+
+Another type of interface is a row here, and a file of its own.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Callable, Mapping, Protocol, Sequence
+
+from oracle_ros2.services import ProxiedService
+from oracle_ros2.topics import FilteredTopic, LoggedTopic
+
+if TYPE_CHECKING:
+    from oracle_adapter import TimeSource
+    from oracle_adapter.interfaces import Interface
+    from oracle_adapter.kinds import InterfaceType
+
+    from oracle_ros2.shared import Shared
+
+
+class PartStream(Protocol):
+    """One stream that a part observes."""
+
+    name: str
+    kind: str
+    latency: int | None
+    """How late its messages may be (ns); None where they are stamped here, under the link's lock."""
+    time_source: TimeSource
+    """Where its times come from."""
+
+
+class Part(Protocol):
+    """What observes one topic or service; all is called where callbacks run."""
+
+    streams: Sequence[PartStream]
+    """Its streams; troubles are those of the first."""
+
+    @property
+    def received(self) -> int:
+        """How many messages have come that show whether the middleware delivers; calls are too rare."""
+
+    def catch_up(self) -> None:
+        """Take what has come by now, and continue with what waits; to be called often."""
+
+    def look(self) -> str:
+        """Look at the other nodes, and return what is wrong, empty for nothing; to be called from time to time."""
+
+    def stop(self) -> None:
+        """Take and forward no more."""
+
+
+MAKERS: Mapping[tuple[InterfaceType, bool], Callable[[Shared, Interface], Part]] = {
+    ("topic", False): LoggedTopic,
+    ("topic", True): FilteredTopic,
+    ("service", False): ProxiedService,
+    ("service", True): ProxiedService,
+}
+
+
+def make_part(shared: Shared, interface: Interface) -> Part:
+    """Observe an interface from now on. Raises `CodecError` where its type is not there."""
+    return MAKERS[interface.type, interface.filtered](shared, interface)

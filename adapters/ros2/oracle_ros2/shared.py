@@ -1,0 +1,20 @@
+"""What the parts of one monitor share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from oracle_adapter import Board, Link, Names
+    from rclpy.node import Node
+
+
+@dataclass(frozen=True)
+class Shared:
+    """The node that all belong to, the link and the board that all report to, and the names of streams here."""
+
+    node: Node
+    link: Link
+    board: Board
+    names: Names

@@ -1,0 +1,171 @@
+"""What becomes of messages that were asked about, whatever fails on the way."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any, Dict, List, Sequence
+
+import pytest
+from oracle_adapter import Board, Link, Stats, Status
+from oracle_adapter.forwarding import ForwardQueue
+from oracle_adapter.passing import Passing
+from tests.adapters.common.conftest import Oracle, Peer
+from tests.adapters.common.links import PATIENCE, answer_of, ask
+
+STREAM = {"name": "/a", "kind": "topic", "decide_within": 60 * 10**9, "on_unavailable": "deny"}
+
+
+class Screen:
+    """Keeps what is shown, or fails at everything."""
+
+    def __init__(self) -> None:
+        self.broken = False
+        self.errors: List[str] = []
+        self.verdicts: List[str] = []
+        self.shown: List[Sequence[Status]] = []
+
+    def verdict(self, outcome: str) -> None:
+        self._check()
+        self.verdicts.append(outcome)
+
+    def error(self, text: str) -> None:
+        self._check()
+        self.errors.append(text)
+
+    def info(self, text: str) -> None:
+        self._check()
+
+    def diagnostics(self, statuses: Sequence[Status]) -> None:
+        self._check()
+        self.shown.append(statuses)
+
+    def _check(self) -> None:
+        if self.broken:
+            raise ZeroDivisionError("the screen is broken")
+
+
+class Robot:
+    """A topic of a link, with a forward that fails for the messages in `failing`."""
+
+    def __init__(self, link: Link) -> None:
+        self.screen = Screen()
+        self.board = Board("uav1", self.screen)
+        self.failing: List[str] = []
+        self.forwarded: List[str] = []
+        self.queue = ForwardQueue(Passing(link, self.board, STREAM), self._forward)
+
+    def take(self, *messages: str) -> None:
+        for message in messages:
+            self.queue.take(message, None, {})
+
+    def _forward(self, message: str) -> bool:
+        if message in self.failing:
+            raise ZeroDivisionError(f"no way for {message}")
+        self.forwarded.append(message)
+        return True
+
+    def counters(self) -> Dict[str, str]:
+        self.board.tick(Stats())
+        return dict(self.screen.shown[-1][0].values)
+
+
+def decide(peer: Peer, *seqs: int, decision: str = "allow") -> None:
+    for seq in seqs:
+        peer.send("decision", seq=seq, decision=decision)
+
+
+def handlings(peer: Peer, count: int) -> Dict[int, bool]:
+    """What was done with so many asks, by their numbers."""
+    found: List[Any] = []
+    while len(found) < count:
+        frame = peer.recv()
+        found += frame["outcomes"] if frame["type"] == "outcomes" else [frame]
+    return {outcome["seq"]: outcome["passed"] for outcome in found}
+
+
+@pytest.fixture
+def peer(oracle: Oracle, link: Link) -> Peer:
+    peer = oracle.accept()
+    peer.attach()
+    link.wait_attached(PATIENCE)
+    return peer
+
+
+@pytest.fixture
+def robot(link: Link) -> Robot:
+    return Robot(link)
+
+
+def test_a_forward_that_fails_holds_up_nothing_behind_it(peer: Peer, robot: Robot) -> None:
+    robot.failing = ["first"]
+    robot.take("first", "second", "third")
+    peer.events(3)
+    decide(peer, 3, 2, 1)  # nothing comes after the answer to the first
+    assert handlings(peer, 3) == {1: False, 2: True, 3: True}
+    assert robot.forwarded == ["second", "third"]
+
+
+def test_failures_are_shown_once_a_stream_and_counted(peer: Peer, robot: Robot) -> None:
+    robot.failing = ["first", "second"]
+    robot.take("first", "second", "third")
+    peer.events(3)
+    decide(peer, 1, 2, 3)
+    assert handlings(peer, 3) == {1: False, 2: False, 3: True}
+    (error,) = robot.screen.errors
+    assert "/a" in error
+    assert "no way for first" in error
+    assert robot.counters()["failed to pass on"] == "2"
+
+
+@pytest.mark.parametrize("decision", ["allow", "deny"])
+def test_a_screen_that_fails_holds_up_nothing(peer: Peer, robot: Robot, decision: str) -> None:
+    robot.screen.broken = True
+    robot.take("first", "second", "third")
+    peer.events(3)
+    decide(peer, 3, 2)
+    decide(peer, 1, decision=decision)
+    assert handlings(peer, 3) == {1: decision == "allow", 2: True, 3: True}
+
+
+class Broken(logging.Handler):
+    """A log that fails."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        raise ZeroDivisionError
+
+
+def test_a_log_that_fails_holds_up_nothing(peer: Peer, robot: Robot) -> None:
+    handler = Broken()
+    logging.getLogger("oracle_adapter").addHandler(handler)
+    try:
+        robot.screen.broken, robot.failing = True, ["first"]
+        robot.take("first", "second", "third")
+        peer.events(3)
+        decide(peer, 3, 2, 1)
+        assert handlings(peer, 3) == {1: False, 2: True, 3: True}
+    finally:
+        logging.getLogger("oracle_adapter").removeHandler(handler)
+
+
+def test_a_screen_that_fails_does_not_end_the_adapter(
+    peer: Peer, robot: Robot, caplog: pytest.LogCaptureFixture
+) -> None:
+    robot.screen.broken = True
+    robot.board.on_state("attached", "s1")
+    robot.board.on_verdicts({"worst": "false", "properties": {}})
+    robot.board.on_violation({})
+    robot.board.tick(Stats())
+    assert caplog.text.count("ZeroDivisionError: ") == 1, "of one failure, however often"
+    robot.screen.broken = False
+    robot.board.on_state("disconnected", "gone")
+    assert robot.screen.verdicts == ["unknown", "unknown"]
+
+
+def test_answers_that_come_of_a_bad_frame_are_given_at_once(oracle: Oracle, link: Link) -> None:
+    peer = oracle.accept()
+    peer.attach()
+    asked = ask(link, within=100 * PATIENCE)
+    peer.events(1)
+    peer.drop()
+    oracle.accept().attach(upcoming=10, limits={"max_outcomes": "many"})  # the ask is lost by it
+    assert answer_of(asked).reason == "the event was lost in a reconnect"
