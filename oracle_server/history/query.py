@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from oracle_server.core.verdicts import Outcome
+from oracle_server.core.verdicts import DecisionFrame, Outcome
 from oracle_server.history.sqlite.schema import LETTERS, OUTCOMES, STEP_COLUMNS, Row, records_of
 from oracle_server.history.sqlite.store import Store
 
@@ -51,7 +51,7 @@ def latest(store: Store, session: int, properties: int) -> int:
     return (store.read("SELECT max(position) FROM steps WHERE session = ?", (session,))[0][0] or 0) * properties
 
 
-def recorded_answer(store: Store, session: int, properties: list[str], monitor: str, seq: int) -> dict[str, Any] | None:
+def recorded_answer(store: Store, session: int, properties: list[str], monitor: str, seq: int) -> DecisionFrame | None:
     """The decision frame of an event that was asked about and is committed, None where there is none."""
     rows = store.read(
         f"SELECT {_COLUMNS} FROM steps WHERE session = ? AND monitor = ? AND seq = ? AND decision IS NOT NULL",  # noqa: S608
