@@ -36,6 +36,8 @@ from oracle_server.wire.json import encode, encode_bytes
 
 _ATTACH_WITHIN = 10.0
 """Seconds for the first frame to come."""
+_ANSWER_WITHIN = 8.0
+"""Seconds to open and commit what `attach` wants: an adapter waits for 10 s."""
 _STALLED = 5.0
 """Seconds for which a monitor may take no frame, or leave too many."""
 _CLOSE_WITHIN = 5.0
@@ -209,10 +211,15 @@ class Connection:
         if not isinstance(wanted, Attach):
             return
         self._check_grant(wanted)
-        session, monitor = self._place = await self._registry.attach(wanted, self)
-        self._registry.counters.opened += 1
-        log.info("monitor attached", session=session.id, monitor=monitor.name)
-        await self._registry.flush()  # a monitor that is greeted is waited for by a restarted server
+        try:
+            async with asyncio.timeout(_ANSWER_WITHIN):
+                session, monitor = self._place = await self._registry.attach(wanted, self)
+                self._registry.counters.opened += 1
+                log.info("monitor attached", session=session.id, monitor=monitor.name)
+                await self._registry.flush()  # a monitor that is greeted is waited for by a restarted server
+        except TimeoutError:
+            message = f"the history did not take the session within {_ANSWER_WITHIN:.0f} s; attach again later"
+            raise WireError("history_unavailable", message, fatal=True) from None
         if self._talk.ended:
             return
         self._talk.greet(attached_frame(session, monitor), monitor.numbering.upto)
