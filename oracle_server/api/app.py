@@ -72,11 +72,11 @@ def build_app(
     app.include_router(metrics.router(registry, store, watchdog))
     app.include_router(pages.router())
 
-    app.include_router(legacy_routes(registry, store, legacy, max_rate))
+    app.include_router(legacy_routes(registry, legacy, max_rate))
 
     @app.websocket("/api/v1/attach")
     async def attach(socket: WebSocket) -> None:
-        await Connection(socket, registry, store, max_rate).serve()
+        await Connection(socket, registry, max_rate).serve()
 
     return app
 

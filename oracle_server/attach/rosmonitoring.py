@@ -17,13 +17,13 @@ from oracle_server.core.stamps import stamp_in
 from oracle_server.core.verdicts import NEGATIVE, Judged, Outcome, worst
 from oracle_server.edge.access import grant_of
 from oracle_server.edge.problems import problem
-from oracle_server.history.port import Writing
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.monitor import Monitor
 from oracle_server.sessions.registry import Registry
 from oracle_server.specfiles.library import UnknownSpecError
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.flat import decode_object, find_stream, flat_event
+from oracle_server.wire.frames import Outgoing
 from oracle_server.wire.incoming import AnyEvent, Attach
 from oracle_server.wire.reading import event_of, suspicious
 
@@ -35,7 +35,7 @@ _STALLED = 5.0
 log = structlog.get_logger()
 
 
-def legacy_routes(registry: Registry, store: Writing, spec: str | None, max_rate: float = 0) -> APIRouter:
+def legacy_routes(registry: Registry, spec: str | None, max_rate: float = 0) -> APIRouter:
     """The addresses that old monitors connect to; `/` is that of `spec`, and refused without one.
 
     Each may send `max_rate` events a second on average; 0 for any number.
@@ -47,16 +47,16 @@ def legacy_routes(registry: Registry, store: Writing, spec: str | None, max_rate
         if spec is None:
             await _refuse(socket, "`/` has no spec; start the server with --legacy SPEC, or use /legacy/SPEC")
         else:
-            await _serve(socket, registry, store, spec, max_rate)
+            await _serve(socket, registry, spec, max_rate)
 
     @router.websocket("/legacy/{spec_id}")
     async def serve_named(socket: WebSocket, spec_id: str) -> None:
-        await _serve(socket, registry, store, spec_id, max_rate)
+        await _serve(socket, registry, spec_id, max_rate)
 
     return router
 
 
-async def _serve(socket: WebSocket, registry: Registry, store: Writing, spec_id: str, max_rate: float) -> None:
+async def _serve(socket: WebSocket, registry: Registry, spec_id: str, max_rate: float) -> None:
     if not grant_of(socket).covers(spec=spec_id):
         await _refuse(socket, "the token is bound to other specs or sessions", 403)
         return
@@ -65,7 +65,7 @@ async def _serve(socket: WebSocket, registry: Registry, store: Writing, spec_id:
     except (UnknownSpecError, SpecError) as error:
         await _refuse(socket, str(error))
         return
-    await LegacyConnection(socket, session, store, max_rate).serve()
+    await LegacyConnection(socket, session, max_rate).serve()
 
 
 async def _refuse(socket: WebSocket, reason: str, status: int = 404) -> None:
@@ -75,15 +75,15 @@ async def _refuse(socket: WebSocket, reason: str, status: int = 404) -> None:
 class LegacyConnection:
     """Serves one old monitor, in a session of its own, until either side ends it."""
 
-    def __init__(self, socket: WebSocket, session: LiveSession, store: Writing, max_rate: float = 0) -> None:
+    def __init__(self, socket: WebSocket, session: LiveSession, max_rate: float = 0) -> None:
         self._throttle = Throttle(max_rate)
-        self._socket, self._session, self._store = socket, session, store
+        self._socket, self._session = socket, session
         self._seq = 0
         self._answering: asyncio.Task[None] | None = None
         self._dropped = False
         self._over = asyncio.Event()
 
-    def send(self, frame: dict[str, Any]) -> None:
+    def send(self, frame: Outgoing) -> None:
         """Pass over a frame that this protocol has no words for: an ack, a violation, credit."""
 
     def drop(self, reason: WireError) -> None:  # noqa: ARG002 -- the protocol has no word for it
@@ -92,7 +92,7 @@ class LegacyConnection:
         if self._answering:
             self._answering.cancel()
 
-    def finish(self, frame: dict[str, Any]) -> None:
+    def finish(self, frame: Outgoing) -> None:
         """Pass over the confirmation of a detach, which only the end of the connection brings about."""
 
     async def sent(self) -> None:
@@ -120,7 +120,7 @@ class LegacyConnection:
     async def _answer_all(self, monitor: Monitor) -> None:
         try:
             while True:
-                await self._store.room()
+                await self._session.room()
                 message = await self._socket.receive()
                 if message["type"] == "websocket.disconnect":
                     return

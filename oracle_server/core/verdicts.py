@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from enum import StrEnum
-from typing import Any, Literal
+from typing import Any, Literal, TypedDict
 
 import msgspec
 
@@ -44,6 +44,8 @@ def worst(outcomes: Iterable[Outcome]) -> Outcome:
 
 
 Choice = Literal["allow", "deny"]
+Number = float | Literal["Infinity", "-Infinity"] | None
+"""A number as JSON carries it, None where there is none."""
 UNDECIDED = frozenset({"timeout", "unavailable"})
 """Why an adapter did something without a decision; what it did is told under the kind `unavailable`."""
 
@@ -97,7 +99,42 @@ class Judged(msgspec.Struct, frozen=True, gc=False):
     decision: Decision | None
 
 
-def record(judged: Judged, verdict: Verdict) -> dict[str, Any]:
+class Record(TypedDict):
+    """A record of the history; times in nanoseconds, a `step` of None where it was skipped or a deadline ran out."""
+
+    n: int
+    step: int | None
+    property: str
+    order: Order
+    outcome: str
+    stream: str
+    kind: str
+    monitor: str
+    seq: int
+    stamp: int
+    arrived: int
+    judged: int
+    late: bool
+    skewed: bool
+    degraded: bool
+    decision: Choice | None
+    passed: bool | None
+    robustness: Number
+    violation: bool
+    explanation: dict[str, Any] | None
+
+
+class DecisionFrame(TypedDict):
+    """The answer to an event with `ask`; `verdicts` are outcomes by the ids of the properties."""
+
+    type: Literal["decision"]
+    seq: int
+    decision: Choice
+    denied_by: list[str]
+    verdicts: dict[str, str]
+
+
+def record(judged: Judged, verdict: Verdict) -> Record:
     """A record of the history as plain data, one per step and property."""
     step, event = judged.step, judged.step.event
     return {
@@ -124,7 +161,7 @@ def record(judged: Judged, verdict: Verdict) -> dict[str, Any]:
     }
 
 
-def json_number(value: float | None) -> float | str | None:
+def json_number(value: float | None) -> Number:
     """A number as JSON carries it: the infinities as the wire's texts for them."""
     if value is None or math.isfinite(value):
         return value
@@ -157,7 +194,7 @@ def explain(judged: Judged, verdict: Verdict) -> dict[str, Any] | None:
     }
 
 
-def decision_frame(seq: int, decision: Decision, verdicts: Mapping[str, Outcome]) -> dict[str, Any]:
+def decision_frame(seq: int, decision: Decision, verdicts: Mapping[str, Outcome]) -> DecisionFrame:
     """What a monitor is answered that has asked about its event number `seq`, as plain data."""
     return {
         "type": "decision",

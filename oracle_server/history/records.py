@@ -10,7 +10,7 @@ import msgspec
 from oracle_server.core.events import Order, Step, StreamKey
 from oracle_server.core.simulated import TimeBase
 from oracle_server.core.spec import By
-from oracle_server.core.verdicts import UNDECIDED, Decision, Judged, Outcome, Verdict, explain, record
+from oracle_server.core.verdicts import UNDECIDED, Decision, Judged, Outcome, Record, Verdict, explain, record
 
 Document = dict[str, Any]
 
@@ -124,7 +124,7 @@ def stored(position: int, gap: int, judged: Judged, handling: tuple[bool, str] |
     )  # fmt: skip
 
 
-def records(step: StoredStep, properties: tuple[str, ...]) -> list[Document]:
+def records(step: StoredStep, properties: tuple[str, ...]) -> list[Record]:
     """The verdict records of a stored step, one a property."""
     judged = Judged(step.step, step.number, step.order, step.judged, (), step.decision)
     first = (step.position - 1) * len(properties) + 1

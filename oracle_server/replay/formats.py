@@ -186,7 +186,7 @@ class JunitReport:
 
 def records(replay: Replay, judged: Judged) -> list[dict[str, Any]]:
     """The records of a step, with what the adapter did where the recording tells."""
-    rows = [record(judged, verdict) for verdict in judged.verdicts]
+    rows: list[dict[str, Any]] = [{**record(judged, verdict)} for verdict in judged.verdicts]
     event = judged.step.event
     if not replay.passed or not judged.decision:
         return rows

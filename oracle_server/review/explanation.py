@@ -13,7 +13,7 @@ from oracle_server.core.events import Order
 from oracle_server.core.plan import Plan, judged_by, plan
 from oracle_server.core.session import Session, orders
 from oracle_server.core.spec import Property
-from oracle_server.core.verdicts import Outcome, explain
+from oracle_server.core.verdicts import Outcome, Record, explain
 from oracle_server.engines.native import NativeEngine
 from oracle_server.history.port import Reading
 from oracle_server.history.records import Document, SessionRecord, SnapshotRecord, StoredStep, records
@@ -32,7 +32,7 @@ class NoExplanationError(OracleError):
     """A verdict can't be explained."""
 
 
-async def explained(history: Reading, session: int, n: int) -> Document | None:
+async def explained(history: Reading, session: int, n: int) -> Record | None:
     """The record number `n` of a session with its explanation, None where there is no such record.
 
     A verdict that had been final before is explained by the step that made it so. It takes as long as judging all that
@@ -59,7 +59,7 @@ def _plan(opened: SessionRecord) -> Plan:
     return judged_by(plan(parse_spec(opened.text, opened.id).spec), opened.by)
 
 
-def _demand_explicable(record: Document, prop: Property, stored: StoredStep) -> None:
+def _demand_explicable(record: Record, prop: Property, stored: StoredStep) -> None:
     if prop.engine not in _NATIVE:
         raise NoExplanationError(f"the engine of '{prop.id}' can't say why its verdicts are as they are")
     if stored.number is None and not stored.is_tick:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from oracle_server.core.events import StreamKey
 from oracle_server.core.plan import Plan
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.monitor import Monitor
+from oracle_server.wire.frames import AttachedFrame, StreamFrame
 from oracle_server.wire.incoming import MAX_BATCH, MAX_DEPTH, MAX_FRAME
 
 
-def attached_frame(session: LiveSession, monitor: Monitor) -> dict[str, Any]:
+def attached_frame(session: LiveSession, monitor: Monitor) -> AttachedFrame:
     """The `attached` frame: durations in nanoseconds, `fields` the dotted paths that are read, null for all."""
     return {
         "type": "attached",
@@ -31,10 +30,10 @@ def attached_frame(session: LiveSession, monitor: Monitor) -> dict[str, Any]:
     }
 
 
-def described(plan: Plan, key: StreamKey) -> dict[str, Any]:
+def described(plan: Plan, key: StreamKey) -> StreamFrame:
     """One stream, as an adapter is told of it."""
     stream, fields = plan.spec.by_key[key], plan.streams[key].fields
-    told: dict[str, Any] = {
+    told: StreamFrame = {
         "name": stream.name,
         "kind": stream.kind,
         "type": stream.type,
@@ -47,5 +46,7 @@ def described(plan: Plan, key: StreamKey) -> dict[str, Any]:
     if stream.action == "filter":
         told |= {"on_unavailable": stream.on_unavailable, "decide_within": stream.decide_within}
     if stream.kind == "topic":
-        return told | {"intercept": stream.intercept}
-    return told | {"proxy": stream.proxy, "denied_response": stream.denied_response}
+        told["intercept"] = stream.intercept
+    else:
+        told |= {"proxy": stream.proxy, "denied_response": stream.denied_response}
+    return told

@@ -17,8 +17,9 @@ from oracle_server.sessions.commits import News
 from oracle_server.sessions.counters import Counters
 from oracle_server.sessions.monitor import Monitor
 from oracle_server.sessions.snapshots import Snapshots
-from oracle_server.sessions.standing import Frame, Standing
+from oracle_server.sessions.standing import Standing
 from oracle_server.wire.errors import WireError
+from oracle_server.wire.frames import VerdictsFrame, ViolationFrame
 from oracle_server.wire.incoming import AnyEvent, Handling, QuickHandling
 
 _WRITE_AFTER = 0.01
@@ -64,7 +65,8 @@ class Ledger:
     def write(self) -> None:
         """Give what was judged to the history."""
         judged, self._unwritten = self._unwritten, []
-        steps, used, violations = [], [], []
+        steps, used = [], []
+        violations: list[ViolationFrame] = []
         for item in judged:
             self._position += 1
             event, gap, handling = item.step.event, 0, None
@@ -132,7 +134,9 @@ class Ledger:
     def _last_verdict(self) -> int:
         return self._position * self._width
 
-    def _committed(self, used: list[_Used], position: int, violations: list[Frame], standing: Frame | None) -> None:
+    def _committed(
+        self, used: list[_Used], position: int, violations: list[ViolationFrame], standing: VerdictsFrame | None
+    ) -> None:
         self.snapshots.committed(position)
         self.news.tell()
         self._settle(used)

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Protocol
 
 from oracle_server.core.events import StreamKey
 from oracle_server.core.numbering import Numbering
 from oracle_server.core.simulated import TimeBase
 from oracle_server.core.spec import Spec
+from oracle_server.core.verdicts import DecisionFrame
 from oracle_server.wire.errors import WireError
+from oracle_server.wire.frames import Outgoing
 from oracle_server.wire.incoming import Attach, StreamReport
 
 
 class Outbox(Protocol):
     """Where frames to a monitor go; never blocks."""
 
-    def send(self, frame: dict[str, Any]) -> None:
+    def send(self, frame: Outgoing) -> None:
         """Queue a frame."""
         ...
 
@@ -29,7 +31,7 @@ class Outbox(Protocol):
         """Wait until the last frame was sent, or can't be any more."""
         ...
 
-    def finish(self, frame: dict[str, Any]) -> None:
+    def finish(self, frame: Outgoing) -> None:
         """Send a last frame and close."""
         ...
 
@@ -54,7 +56,7 @@ class Monitor:
     """Events taken and not committed yet."""
     gaps: dict[int, int] = field(default_factory=dict)
     """Events that are not on their way to the history yet, by number: how many numbers before each never came."""
-    answers: dict[int, dict[str, Any]] = field(default_factory=dict)
+    answers: dict[int, DecisionFrame] = field(default_factory=dict)
     """Decisions on events that are not committed yet, by number."""
     handlings: dict[int, tuple[bool, str]] = field(default_factory=dict)
     """What the adapter did about events that are not on their way to the history yet, by number."""

@@ -90,15 +90,6 @@ class Registry:
                 raise SessionExistsError(f"a session '{session_id}' is there already")
             return await self._open(entry, session_id, private=private, by=by)
 
-    async def room(self) -> None:
-        """Wait until the history takes more: no monitor is read meanwhile."""
-        await self._history.room()
-
-    @property
-    def has_room(self) -> bool:
-        """Whether the history takes more."""
-        return self._history.has_room
-
     async def flush(self) -> None:
         """Wait until all that was given to the history is committed."""
         await self._history.flush()

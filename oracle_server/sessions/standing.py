@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from oracle_server.core.judge import Judge
 from oracle_server.core.property_state import PropertyState
 from oracle_server.core.verdicts import Outcome, worst
+from oracle_server.wire.frames import Level, PropertyStanding, VerdictsFrame
 
-_SAID = {
+_SAID: dict[Outcome, tuple[Level, str]] = {
     Outcome.TRUE: ("ok", "holds for good"),
     Outcome.CURRENTLY_TRUE: ("ok", "holds"),
     Outcome.CURRENTLY_FALSE: ("warn", "does not hold at present"),
     Outcome.FALSE: ("error", "violated for good"),
 }
-
-Frame = dict[str, Any]
 
 
 class Standing:
@@ -23,7 +20,7 @@ class Standing:
 
     def __init__(self, judge: Judge) -> None:
         """Follow nothing yet."""
-        self.committed: Frame | None = None
+        self.committed: VerdictsFrame | None = None
         """The `verdicts` frame as of the last commit; None while nobody wants it."""
         self._judge = judge
         self._mark: tuple[tuple[Outcome, int, bool], ...] = ()
@@ -33,7 +30,7 @@ class Standing:
         if self.committed is None:
             self._mark, self.committed = self._marked(), _frame(self._judge, n)
 
-    def changed(self, n: int) -> Frame | None:
+    def changed(self, n: int) -> VerdictsFrame | None:
         """What is to be told once the verdicts up to `n` are committed, None where it is as it was."""
         if self.committed is None:
             return None
@@ -45,7 +42,7 @@ class Standing:
         return tuple([(state.outcome, state.violations, state.failures > 0) for state in self._judge.properties])
 
 
-def _frame(judge: Judge, n: int) -> Frame:
+def _frame(judge: Judge, n: int) -> VerdictsFrame:
     return {
         "type": "verdicts",
         "n": n,
@@ -54,7 +51,7 @@ def _frame(judge: Judge, n: int) -> Frame:
     }
 
 
-def _standing(state: PropertyState) -> dict[str, Any]:
+def _standing(state: PropertyState) -> PropertyStanding:
     level, text = _SAID.get(state.outcome) or _unknown(state)
     return {
         "outcome": state.outcome.value,
@@ -65,7 +62,7 @@ def _standing(state: PropertyState) -> dict[str, Any]:
     }
 
 
-def _unknown(state: PropertyState) -> tuple[str, str]:
+def _unknown(state: PropertyState) -> tuple[Level, str]:
     if state.broken is not None:
         return "error", f"judged no more: {state.broken}"
     if state.failures:

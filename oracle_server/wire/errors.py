@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from oracle_server.core.errors import OracleError
+from oracle_server.wire.frames import ErrorFrame
 
 
 class WireError(OracleError):
@@ -16,8 +15,11 @@ class WireError(OracleError):
         super().__init__(message)
         self.code, self.message, self.seq, self.fatal, self.session = code, message, seq, fatal, session
 
-    def frame(self) -> dict[str, Any]:
+    def frame(self) -> ErrorFrame:
         """The frame that says so."""
-        frame: dict[str, Any] = {"type": "error", "code": self.code, "message": self.message, "fatal": self.fatal}
-        more = {"seq": self.seq, "session": self.session}
-        return frame | {key: value for key, value in more.items() if value is not None}
+        frame: ErrorFrame = {"type": "error", "code": self.code, "message": self.message, "fatal": self.fatal}
+        if self.seq is not None:
+            frame["seq"] = self.seq
+        if self.session is not None:
+            frame["session"] = self.session
+        return frame

@@ -46,7 +46,7 @@ def judge(*events: tuple[str, Any], hold: str = "speed", latch: str = "false") -
         for judged in session.ingest(event):
             slow, seen = (record(judged, verdict) for verdict in judged.verdicts)
             assert seen["robustness"] is None
-            records.append(slow)
+            records.append({**slow})
     return records
 
 

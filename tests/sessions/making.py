@@ -11,6 +11,7 @@ from oracle_server.process.clock import Clock
 from oracle_server.sessions.registry import Registry
 from oracle_server.specfiles.library import Library
 from oracle_server.wire.errors import WireError
+from oracle_server.wire.frames import Outgoing
 from oracle_server.wire.incoming import Attach, EventMessage
 from tests.processes import PATIENCE
 
@@ -35,14 +36,14 @@ class Kept:
         self.frames: list[dict[str, Any]] = []
         self._changed = asyncio.Event()
 
-    def send(self, frame: dict[str, Any]) -> None:
+    def send(self, frame: Outgoing) -> None:
         self.frames.append(dict(frame))
         self._changed.set()
 
     def drop(self, reason: WireError) -> None:
         self.send(reason.frame())
 
-    def finish(self, frame: dict[str, Any]) -> None:
+    def finish(self, frame: Outgoing) -> None:
         self.send(frame)
 
     async def sent(self) -> None:

@@ -8,9 +8,11 @@ import signal
 import sqlite3
 from collections.abc import Iterator
 
-from tests.whole.client import attached, make_clock, make_event, seqs
+from oracle_adapter import Link, LinkError
+
+from tests.whole.client import attached, connected, make_attach, make_clock, make_event, monitors, seqs
 from tests.whole.conftest import Starts
-from tests.whole.harness import Server, failed, problem
+from tests.whole.harness import PATIENCE, Server, failed, problem
 
 
 @contextlib.contextmanager
@@ -100,3 +102,36 @@ async def test_what_is_guarded_is_denied_while_the_history_can_not_be_written(st
         await server.until(lambda: server.http.get("/readyz").status_code, lambda status: status == 200)
         assert (await monitor.ask(4, at=3, **request))["decision"] == "allow"
         await monitor.acked(4)
+
+
+async def test_who_attaches_while_the_history_can_not_be_written_is_asked_to_come_again(start: Starts) -> None:
+    """It waits for no disk, finds its place in the session kept, and an adapter does so by itself."""
+    server = start()
+    async with attached(server, session="s", spec="single") as monitor:
+        await monitor.send(make_event(1, data={"v": 1}))
+        await monitor.acked(1)
+        monitor.vanish()
+    await server.until(lambda: monitors(server, "s")["m1"], lambda m: not m["connected"])
+    errors: list[LinkError] = []
+    link = Link(server.url, "m3", spec="single", session="s", on_error=errors.append)
+    with contextlib.closing(link):
+        with locked(server):
+            link.start()
+            async with connected(server) as again, connected(server) as private:
+                await again.send(make_attach("m1", session="s"))
+                await private.send(make_attach("m2", spec="single"))
+                for one in (again, private):
+                    frames, code = await one.closed()
+                    assert [(f["type"], f.get("code"), f.get("fatal")) for f in frames] == [
+                        ("error", "history_unavailable", True)
+                    ]
+                    assert code == 1013
+            await server.until(lambda: monitors(server, "s")["m1"], lambda m: m["attached"] and not m["connected"])
+            await server.until(lambda: len(errors), bool)
+        await asyncio.to_thread(link.wait_attached, PATIENCE)
+        assert errors[0].code == "history_unavailable"
+    async with attached(server, session="s") as monitor:
+        assert monitor.attached["next"] == 2
+        await monitor.send(make_event(2, at=2, data={"v": 1}))
+        await monitor.acked(2)
+    assert seqs(server, "s") == [1, 2]

@@ -33,7 +33,7 @@ class Socket:
 async def test_who_is_replaced_before_it_was_greeted_is_told_only_that() -> None:
     """What was said to its place meanwhile, its successor hears."""
     socket, nobody = Socket(), cast("Any", None)
-    connection = Connection(cast("Any", socket), nobody, nobody)
+    connection = Connection(cast("Any", socket), nobody)
     connection.send({"type": "ack", "upto": 3})
     connection.drop(WireError("replaced", "a newer connection of this process took over", fatal=True))
     await connection.serve()

@@ -1,0 +1,287 @@
+"""One monitor's conversation without a socket: which frame may come when, what answers it, and how it ends.
+
+No asyncio and no clock. The monitor's frames go in by `receive`, and come out as messages by `next_message`. What is
+sent to it goes in by `send`, `greet`, `drop` and `finish`, and comes out by `next_frame`; then `end` says how to close.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator, Mapping
+from enum import Enum
+from typing import Any, Final, NamedTuple, get_args
+
+from oracle_server.wire.errors import WireError
+from oracle_server.wire.frames import AttachedFrame, Outgoing
+from oracle_server.wire.incoming import (
+    AnyClock,
+    AnyEvent,
+    Attach,
+    Detach,
+    Events,
+    HandlingMessage,
+    HandlingsMessage,
+    Message,
+    Quick,
+    QuickEvent,
+    QuickEvents,
+    QuickHandlings,
+    ReportMessage,
+)
+from oracle_server.wire.reading import decode, event_of
+
+
+class State(Enum):
+    """How far a conversation has come."""
+
+    WAITING = "nothing has come yet"
+    ATTACHING = "the session is being opened, or committed"
+    ATTACHED = "the monitor is greeted, and its frames are taken"
+    DETACHING = "the monitor has detached, and what it sent is being committed"
+    ENDED = "the last frame is queued, or the monitor is gone"
+
+
+class Local(Enum):
+    """What happens on the server's side."""
+
+    GREETED = "the session is open, and committed"
+    FINISHED = "a last frame is to be sent"
+    LOST = "the peer is gone"
+
+
+class Refusal(NamedTuple):
+    """A frame is answered by an error; without a `message` by that of the error that reading the frame raised."""
+
+    code: str
+    message: str | None = None
+    fatal: bool = False
+
+
+class Otherwise(Enum):
+    """Neither a state nor an answer."""
+
+    LATER = "the frame is to be received again later"
+    IGNORED = "nothing comes of it"
+
+
+Heard = (
+    Attach
+    | AnyEvent
+    | AnyClock
+    | HandlingMessage
+    | HandlingsMessage
+    | QuickHandlings
+    | ReportMessage
+    | Detach
+    | WireError
+)
+"""A message of a monitor; a `WireError` is an event that can't be read, whose number is used up."""
+Step = State | Refusal | Otherwise
+"""What comes of a frame: it is taken, and the conversation is in that state; or it is not."""
+
+_TAKEN: Final = frozenset({*get_args(Message), *get_args(Quick)} - {Attach, Detach})
+FRAMES: Final = frozenset({*_TAKEN, Attach, Detach, WireError, bytes})
+"""What a frame can be: a message, a text that can't be read, or bytes."""
+
+_BYTES: Final[dict[type | Local, Step]] = {bytes: Refusal("malformed", "frames are text, not bytes", fatal=True)}
+_ENDINGS: Final[dict[type | Local, Step]] = {
+    Local.GREETED: Otherwise.IGNORED,
+    Local.FINISHED: State.ENDED,
+    Local.LOST: State.ENDED,
+}
+
+TABLE: Final[Mapping[State, Mapping[type | Local, Step]]] = {
+    State.WAITING: {
+        **dict.fromkeys(FRAMES, Refusal("bad_attach", "the first frame must be `attach`", fatal=True)),
+        Attach: State.ATTACHING,
+        WireError: Refusal("bad_attach", fatal=True),
+        **_BYTES,
+        **_ENDINGS,
+    },
+    State.ATTACHING: {
+        **dict.fromkeys(FRAMES, Otherwise.LATER),
+        **_ENDINGS,
+        Local.GREETED: State.ATTACHED,
+    },
+    State.ATTACHED: {
+        **dict.fromkeys(_TAKEN, State.ATTACHED),
+        Attach: Refusal("bad_attach", "attached already"),
+        Detach: State.DETACHING,
+        WireError: State.ATTACHED,  # taken as a message: the number of an event is used up
+        **_BYTES,
+        **_ENDINGS,
+    },
+    State.DETACHING: {
+        **dict.fromkeys(FRAMES, Refusal("detached", "the monitor has detached; what it sends now is not judged")),
+        **_BYTES,
+        **_ENDINGS,
+    },
+    State.ENDED: dict.fromkeys((*FRAMES, *Local), Otherwise.IGNORED),
+}
+
+MAX_QUEUE: Final = 10_000
+"""Frames that may wait for a monitor for long; beyond, it is cut off, and resumes by itself."""
+MAX_BURST: Final = 50_000
+"""Frames that may wait at any time: what was held up may be judged, and sent, all at once."""
+
+_CLOSE_CODES: Final = {"shutting_down": 1012, "history_unavailable": 1013}
+"""Of a close after a fatal error, where they say more than that the monitor was refused."""
+_REFUSED: Final = 1008
+_BATCHES: Final = (Events, QuickEvents)
+_UNGREETED: Final = (State.WAITING, State.ATTACHING)
+
+
+class Conversation:
+    """One monitor's conversation, from its first frame to the last."""
+
+    def __init__(self) -> None:
+        self.state = State.WAITING
+        self.ended = False
+        """Whether nothing more is taken, and nothing more queued."""
+        self.end = 1000, ""
+        """With which code a conversation that has ended is closed, and why; no reason where the monitor left."""
+        self.in_batch = False
+        """Whether `next_message` may have more of a batch."""
+        self.queue: deque[Outgoing] = deque()
+        """The frames that wait, in their order; before the greeting they are not to be written."""
+        self._steps = TABLE[self.state]
+        self._messages: Iterator[Any] = iter(())
+        self._suspicious = self._throttled = False
+
+    # From the monitor
+
+    def receive(self, data: str | bytes, *, batches: bool = True) -> bool:
+        """Take a frame, once `next_message` has given all of the last one.
+
+        False where it has to be received again later: while the session is being opened, and for a batch where these
+        are not wanted.
+        """
+        message, suspicious = _read(data)
+        step = self._steps[type(message)]
+        batch = message.events if isinstance(message, _BATCHES) else None
+        if step is Otherwise.LATER or (batch is not None and not batches):
+            return False
+        if isinstance(step, State):
+            self._become(step)
+            self._suspicious, self.in_batch = suspicious, batch is not None
+            self._messages = iter((message,) if batch is None else batch)
+        elif isinstance(step, Refusal):
+            self.refuse(WireError(step.code, step.message or str(message), fatal=step.fatal))
+        return True
+
+    def next_message(self) -> Heard | None:
+        """The next message of what was received, None where there is no more; what can't be read is answered."""
+        for value in self._messages:
+            if type(value) is QuickEvent:  # as most are
+                return value
+            message: Heard = _checked(value, self._suspicious) if self.in_batch else value
+            if isinstance(message, WireError):
+                self.refuse(message)
+                if message.code != "bad_event":
+                    continue
+            return message
+        self.in_batch = False
+        return None
+
+    def lost(self) -> None:
+        """The peer is gone: nothing more is sent."""
+        self.queue.clear()
+        self._moves(Local.LOST)
+
+    # To the monitor
+
+    def send(self, frame: Outgoing) -> None:
+        """Queue a frame; an ack replaces one that waits at the end of the queue."""
+        if self.ended:
+            return
+        queue = self.queue
+        if frame["type"] == "ack" and queue and queue[-1]["type"] == "ack":
+            queue.pop()
+        queue.append(frame)
+        if len(queue) > MAX_BURST:
+            self._cut_off()
+
+    def greet(self, attached: AttachedFrame, upto: int) -> None:
+        """Answer `attach`, before all that was queued since, and ack what came on earlier connections."""
+        if self._moves(Local.GREETED):
+            self.queue.appendleft(attached)
+            if upto:
+                self.send({"type": "ack", "upto": upto})
+
+    def refuse(self, error: WireError) -> None:
+        """Answer with an error; a fatal one is the end."""
+        if error.fatal:
+            self.drop(error)
+        else:
+            self.send(error.frame())
+
+    def throttle(self) -> None:
+        """Say once that events come too fast."""
+        if not self._throttled:
+            self._throttled = True
+            self.send(WireError("throttled", "more events than may come; the rest is read more slowly").frame())
+
+    def cut_off_crowded(self) -> None:
+        """End a conversation whose queue has been too long for long."""
+        if len(self.queue) > MAX_QUEUE:
+            self._cut_off()
+
+    def drop(self, reason: WireError) -> None:
+        """Send an error after what is queued, and close."""
+        self.finish(reason.frame(), _CLOSE_CODES.get(reason.code, _REFUSED), reason.code)
+
+    def finish(self, frame: Outgoing, code: int = 1000, reason: str = "") -> None:
+        """Send a last frame after what is queued, and close."""
+        ungreeted = self.state in _UNGREETED
+        if self._moves(Local.FINISHED):
+            if ungreeted:
+                self.queue.clear()  # the monitor knows of nothing yet
+            self.queue.append(frame)
+            self.end = code, reason
+
+    # To the socket
+
+    def next_frame(self) -> Outgoing | None:
+        """The next frame to write, None for now; before the greeting there is none but an error."""
+        return self.queue.popleft() if self.queue and self.state not in _UNGREETED else None
+
+    def written(self) -> None:
+        """All that waited was written."""
+        self.queue.clear()
+
+    # Inside
+
+    def _cut_off(self) -> None:
+        self.queue.clear()
+        self.drop(WireError("too_slow", f"more than {MAX_QUEUE} frames were not read; attach again", fatal=True))
+
+    def _become(self, state: State) -> None:
+        if state is not self.state:
+            self.state, self.ended, self._steps = state, state is State.ENDED, TABLE[state]
+
+    def _moves(self, what: Local) -> bool:
+        step = self._steps[what]
+        if not isinstance(step, State):
+            return False
+        self._become(step)
+        if self.ended:
+            self._messages, self.in_batch = iter(()), False
+        return True
+
+
+def _read(data: str | bytes) -> tuple[Message | Quick | WireError | bytes, bool]:
+    """A frame as one of `FRAMES`, and whether the events of a batch may have too many keys."""
+    if isinstance(data, bytes):
+        return data, False
+    try:
+        return decode(data)
+    except WireError as error:
+        return error, False
+
+
+def _checked(value: Any, suspicious: bool) -> AnyEvent | WireError:
+    """An event of a batch, or why it can't be read."""
+    try:
+        return event_of(value, suspicious=suspicious)
+    except WireError as error:
+        return error
