@@ -19,7 +19,7 @@ def deadlocks(spec: Spec, graph: Iterable[GraphNode] | None) -> Iterator[SpecPro
     edges = dependencies(spec, graph)
     ordered = {s.name for s in spec.streams if s.ordered}
     for i, stream in enumerate(spec.streams):
-        if stream.kind == "response" or stream.action != "filter" or not stream.ordered:
+        if not stream.traits.leads or stream.action != "filter" or not stream.ordered:
             continue
         for path in paths(stream.name, edges):
             if path[-1] in ordered:
@@ -28,18 +28,17 @@ def deadlocks(spec: Spec, graph: Iterable[GraphNode] | None) -> Iterator[SpecPro
 
 def starvation(spec: Spec, graph: Iterable[GraphNode]) -> Iterator[SpecProblem]:
     """With no end to the wait, an ordered stream on which nobody speaks holds up all others."""
-    ordered = [i for i, s in enumerate(spec.streams) if s.ordered and s.kind != "response"]
+    ordered = [i for i, s in enumerate(spec.streams) if s.ordered and s.traits.leads]
     if spec.ordering.max_delay is not None or len(ordered) < 2:
         return
     spoken = heard_of(spec, graph)
     for i in ordered:
         stream = spec.streams[i]
         if stream.name not in spoken:
-            verb = "publishes" if stream.kind == "topic" else "calls"
             yield SpecProblem(
-                ("streams", i, "topic" if stream.kind == "topic" else "service"),
-                f"starvation: no node of the graph {verb} {stream.name}, and all that is ordered waits for it unless "
-                f"its monitor tells clocks; {_MEND}",
+                ("streams", i, stream.traits.group),
+                f"starvation: no node of the graph {stream.traits.verb} {stream.name}, and all that is ordered waits "
+                f"for it unless its monitor tells clocks; {_MEND}",
                 severity="warning",
             )
 

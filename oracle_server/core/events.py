@@ -8,22 +8,25 @@ from typing import Literal, NamedTuple
 import msgspec
 
 from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.kinds import KINDS, TICK, StepKind
 
-Kind = Literal["topic", "request", "response"]
-StepKind = Literal["topic", "request", "response", "tick"]
-"""What is judged: an event of a stream, or a deadline that has run out."""
 Order = Literal["publication", "arrival"]
 Signals = Mapping[str, Scalar]
 
 
 class StreamKey(NamedTuple):
-    """A stream of a spec: a topic, or the requests or the responses of a service; or that of ticks, without a name."""
+    """A stream of a spec: the events of one kind on one topic or service; or the stream of ticks, without a name."""
 
     name: str
     kind: StepKind
 
     def __str__(self) -> str:
-        return self.name if self.kind == "topic" else f"{self.name} {self.kind}s"
+        noun = KINDS[self.kind].noun
+        return f"{self.name} {noun}" if noun else self.name
+
+
+TICKS = StreamKey("", TICK)
+"""The stream of ticks, which no monitor observes."""
 
 
 class Event(msgspec.Struct, frozen=True, gc=False):

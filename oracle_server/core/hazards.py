@@ -11,8 +11,8 @@ from oracle_server.core.events import StreamKey
 from oracle_server.core.expressions import parse_expression
 from oracle_server.core.formula.render import render_atom
 from oracle_server.core.formula.tree import Atom
+from oracle_server.core.kinds import GROUPS, RESERVED
 from oracle_server.core.plan import can_meet, has_reserved
-from oracle_server.core.signals import RESERVED
 from oracle_server.core.spec import Spec, StreamSpec
 from oracle_server.core.withholding import mendable
 
@@ -39,11 +39,11 @@ def _duplicates(spec: Spec) -> Iterator[SpecProblem]:
     seen: set[StreamKey] = set()
     names: dict[str, str] = {}
     for i, stream in enumerate(spec.streams):
-        if stream.kind == "response":
+        if not stream.traits.leads:
             continue
-        side = "topic" if stream.kind == "topic" else "service"
-        if stream.key in seen or names.setdefault(stream.name, side) != side:
-            yield SpecProblem(("streams", i, side), f"'{stream.name}' stands here a second time")
+        group = stream.traits.group
+        if stream.key in seen or names.setdefault(stream.name, group) != group:
+            yield SpecProblem(("streams", i, group), f"'{stream.name}' stands here a second time")
         seen.add(stream.key)
     ids: set[str] = set()
     for i, prop in enumerate(spec.properties):
@@ -88,7 +88,7 @@ def _filters(spec: Spec) -> Iterator[SpecProblem]:
     guarded = frozenset[str]().union(*(p.guards for p in spec.properties))
     max_delay = spec.ordering.max_delay
     for i, stream in enumerate(spec.streams):
-        if stream.action != "filter" or stream.kind == "response":
+        if stream.action != "filter" or not stream.traits.leads:
             continue
         if stream.name not in guarded:
             yield SpecProblem(
@@ -142,7 +142,7 @@ def _external(spec: Spec) -> Iterator[SpecProblem]:
         for j, stream in enumerate(spec.streams):
             ordered = stream.ordered and spec.ordering.by != "arrival"
             waits = prop.external.timeout + ((spec.ordering.max_delay or 0) if ordered else 0)
-            if stream.action == "filter" and stream.kind != "response" and stream.decide_within <= waits:
+            if stream.action == "filter" and stream.traits.leads and stream.decide_within <= waits:
                 message = (
                     f"decide_within of {stream.name} must exceed {'max_delay and ' if ordered else ''}the timeout of "
                     f"'{prop.id}', for whose oracle every decision waits that comes after an event that it hears"
@@ -177,8 +177,8 @@ def _gaps(spec: Spec) -> Iterator[SpecProblem]:
 def _why_never(atom: Atom, spec: Spec, held: frozenset[str]) -> str | None:
     """Why an atom names something that the spec does not have, None where it is sound."""
     for constraint in atom.constraints:
-        if constraint.key in ("topic", "service") and constraint.op == "==" and isinstance(constraint.value, str):
-            names = sorted({s.name for s in spec.streams if (s.kind == "topic") == (constraint.key == "topic")})
+        if constraint.key in GROUPS and constraint.op == "==" and isinstance(constraint.value, str):
+            names = sorted({s.name for s in spec.streams if s.traits.group == constraint.key})
             if constraint.value not in names:
                 known = ", ".join(names) or "none"
                 return f"{constraint.key} '{constraint.value}' is no stream of this spec; it has {known}"
@@ -205,14 +205,14 @@ def _causes(spec: Spec) -> Iterator[SpecProblem]:
     names = {s.name for s in spec.streams}
     for i, stream in enumerate(spec.streams):
         for name in stream.causes:
-            if name not in names and stream.kind != "response":
+            if name not in names and stream.traits.leads:
                 message = f"{stream.name} causes '{name}', which is no stream of this spec"
                 yield SpecProblem(("streams", i, "causes"), message)
 
 
 def _undoing(spec: Spec) -> Iterator[SpecProblem]:
     for i, stream in enumerate(spec.streams):
-        if stream.on_deny != "undo" or stream.kind == "response":
+        if stream.on_deny != "undo" or not stream.traits.leads:
             continue
         path = ("streams", i, "on_deny")
         if stream.intercept == "subscriber":

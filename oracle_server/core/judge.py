@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 
 from oracle_server.core.engine import Engine, Measuring
-from oracle_server.core.events import Event, Order, Step, StreamKey
+from oracle_server.core.events import TICKS, Event, Order, Step
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.past import Past
 from oracle_server.core.plan import Plan, StreamPlan
@@ -19,8 +19,6 @@ from oracle_server.core.recent import Recent
 from oracle_server.core.verdicts import DENYING, NEGATIVE, Decision, Explanation, Judged, Outcome, Verdict
 
 _NO_ONE = frozenset[int]()
-TICK = StreamKey("", "tick")
-"""The stream of ticks, which no monitor observes."""
 
 
 @dataclass(slots=True)
@@ -144,7 +142,7 @@ class Judge:
             return None
         self.counters.ticks += 1
         verdicts = tuple(self._verdict(s, outcome, signals) for s, outcome in zip(self.properties, found, strict=True))
-        event = Event(TICK, "", self.counters.ticks, time, now, None)
+        event = Event(TICKS, "", self.counters.ticks, time, now, None)
         return self._conclude(Step(event, signals, frozenset(failed), time), None, verdicts, now)
 
     def _count(self, step: Step) -> None:

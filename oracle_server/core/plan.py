@@ -12,7 +12,8 @@ from typing import Protocol
 from oracle_server.core.atoms import AtomTest, Match, specialise
 from oracle_server.core.events import StreamKey
 from oracle_server.core.formula.tree import Atom, Scalar
-from oracle_server.core.signals import RESERVED, DefaultProjection, Projection
+from oracle_server.core.kinds import RESERVED
+from oracle_server.core.signals import DefaultProjection, Projection
 from oracle_server.core.spec import By, Spec, StreamSpec
 
 
@@ -108,7 +109,7 @@ def judged_by(ready: Plan, by: By | None) -> Plan:
 
 def constants(stream: StreamSpec) -> dict[str, Scalar]:
     """The signals that every event of a stream has with the same value."""
-    return {"topic" if stream.kind == "topic" else "service": stream.name, "kind": stream.kind}
+    return {stream.traits.group: stream.name, "kind": stream.kind}
 
 
 def can_meet(stream: StreamSpec, atom: Atom) -> bool:
@@ -118,7 +119,7 @@ def can_meet(stream: StreamSpec, atom: Atom) -> bool:
 
 def has_reserved(stream: StreamSpec, key: str) -> bool:
     """Whether every event of a stream has the reserved signal `key`."""
-    return key in constants(stream) or key == "monitor" or (key == "call" and stream.kind != "topic")
+    return key in constants(stream) or key == "monitor" or (key == "call" and stream.traits.has_call)
 
 
 def named_signals(stream: StreamSpec, formulas: tuple[tuple[Atom, ...], ...], held: frozenset[str]) -> frozenset[str]:
@@ -147,7 +148,7 @@ def _plan_stream(spec: Spec, stream: StreamSpec, formulas: tuple[tuple[Atom, ...
             views[i] = replace(views[i], heard=False)
     guards = tuple(i for i, p in enumerate(spec.properties) if stream.name in p.guards)
     blames = tuple(i for i in guards if spec.properties[i].blame == "caused")
-    undoes = stream.on_deny == "undo" and stream.kind != "response"
+    undoes = stream.on_deny == "undo" and stream.traits.undoable
     return StreamPlan(stream, project, known, tuple(views), guards, blames, undoes, tuple(asked))
 
 

@@ -49,9 +49,9 @@ def _arrival_times(spec: Spec) -> Iterator[SpecProblem]:
     if spec.ordering.by == "arrival":
         return
     for i, stream in enumerate(spec.streams):
-        if stream.kind == "topic" and stream.ordered and stream.stamp is None and _has_no_stamp(stream.type):
+        if not stream.traits.proxied and stream.ordered and stream.stamp is None and _has_no_stamp(stream.type):
             yield SpecProblem(
-                ("streams", i, "topic"),
+                ("streams", i, stream.traits.group),
                 f"{stream.name} is ordered by its arrival on ROS 1, which carries no publication time: {stream.type} "
                 "has neither `header.stamp` nor `stamp`; name the field under `stamp`, or say `ordered: false`",
                 severity="warning",

@@ -13,6 +13,7 @@ from oracle_server.core.asking import Ask, Asking, Waiting
 from oracle_server.core.engine import Answer, Engine
 from oracle_server.core.events import Event, Order, Step, StreamKey
 from oracle_server.core.judge import Judge
+from oracle_server.core.kinds import TICK
 from oracle_server.core.plan import Plan
 from oracle_server.core.reorder import Released, ReorderBuffer, Source
 from oracle_server.core.simulated import ClockReading, SimulatedTime
@@ -146,7 +147,7 @@ class Session:
 
         None where a tick changed something, and does not any more.
         """
-        if step.event.stream.kind == "tick":
+        if step.event.stream.kind == TICK:
             self.now = max(self.now, judged)
             judge = self.judges[order]
             again, number = judge.tick(step.stamp, judged), step.event.seq

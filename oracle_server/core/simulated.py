@@ -54,4 +54,4 @@ class SimulatedTime:
     @staticmethod
     def _held_back(stream: StreamSpec) -> int:
         """What an adapter's clock for a stream is less than now: nothing where it stamps the messages itself."""
-        return stream.latency if stream.kind == "topic" or stream.stamp else 0
+        return 0 if stream.traits.proxied and not stream.stamp else stream.latency

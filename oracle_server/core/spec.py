@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal
 
-from oracle_server.core.events import Kind, StreamKey
+from oracle_server.core.events import StreamKey
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import Atom, Formula, atoms
+from oracle_server.core.kinds import KINDS, Kind, Traits
 
 SECOND = 10**9
 By = Literal["publication", "arrival", "both"]
@@ -58,6 +59,11 @@ class StreamSpec:
     def key(self) -> StreamKey:
         """The name that events refer to this stream by."""
         return StreamKey(self.name, self.kind)
+
+    @property
+    def traits(self) -> Traits:
+        """What holds for all streams of this kind."""
+        return KINDS[self.kind]
 
 
 @dataclass(frozen=True, slots=True)

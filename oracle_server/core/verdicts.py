@@ -11,6 +11,7 @@ import msgspec
 
 from oracle_server.core.events import Order, Step
 from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.kinds import TICK
 
 
 class Outcome(StrEnum):
@@ -136,7 +137,7 @@ def explain(judged: Judged, verdict: Verdict) -> dict[str, Any] | None:
     why, event = verdict.explanation, judged.step.event
     if why is None:
         return None
-    if event.stream.kind == "tick":
+    if event.stream.kind == TICK:
         where = "when a deadline ran out"
     else:
         where = f"at step {judged.number}, {event.stream.name} ({event.stream.kind} {event.seq} of {event.monitor})"

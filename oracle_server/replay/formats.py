@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from oracle_server.core.errors import one_line
+from oracle_server.core.kinds import UNAVAILABLE
 from oracle_server.core.verdicts import UNDECIDED, Judged, explain, record
 from oracle_server.replay.run import Replay
 
@@ -191,7 +192,7 @@ def records(replay: Replay, judged: Judged) -> list[dict[str, Any]]:
     if not replay.passed or not judged.decision:
         return rows
     passed, why = replay.passed.pop((event.monitor, event.seq), (None, None))
-    more = {"passed": passed} | ({"kind": "unavailable"} if why in UNDECIDED else {})
+    more = {"passed": passed} | ({"kind": UNAVAILABLE} if why in UNDECIDED else {})
     return [row | more for row in rows]
 
 

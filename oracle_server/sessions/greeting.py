@@ -46,6 +46,6 @@ def described(plan: Plan, key: StreamKey) -> dict[str, Any]:
     }
     if stream.action == "filter":
         told |= {"on_unavailable": stream.on_unavailable, "decide_within": stream.decide_within}
-    if stream.kind == "topic":
-        return told | {"intercept": stream.intercept}
-    return told | {"proxy": stream.proxy, "denied_response": stream.denied_response}
+    if stream.traits.proxied:
+        return told | {"proxy": stream.proxy, "denied_response": stream.denied_response}
+    return told | {"intercept": stream.intercept}

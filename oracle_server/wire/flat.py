@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from oracle_server.core.events import Kind, Step, StreamKey
+from oracle_server.core.events import Step, StreamKey
+from oracle_server.core.kinds import KINDS, Kind
 from oracle_server.core.stamps import nanoseconds
 
 
@@ -59,8 +60,9 @@ def as_flat(step: Step, name: str, time: int) -> dict[str, Any]:
     data, kind = step.event.data, step.event.stream.kind
     if not isinstance(data, dict):
         raise TypeError("the message was not kept")
-    head = {"topic" if kind == "topic" else "service": name, "time": time / 10**9}
-    return {**head, **{k: v for k, v in data.items() if k not in head}} if kind == "topic" else head | {kind: data}
+    traits = KINDS[kind]
+    head = {traits.group: name, "time": time / 10**9}
+    return {**head, **{k: v for k, v in data.items() if k not in head}} if traits.sole else head | {kind: data}
 
 
 def find_stream(name: str, kind: Kind, streams: Container[StreamKey]) -> StreamKey | None:

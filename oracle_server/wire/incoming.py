@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from pydantic import BaseModel, ConfigDict, Field
 
-from oracle_server.core.events import Kind
+from oracle_server.core.kinds import Kind
 from oracle_server.core.simulated import TimeBase
 
 SUBPROTOCOL = "oracle.v1"

@@ -6,7 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
-from oracle_server.core.events import Kind, Order
+from oracle_server.core.events import Order
+from oracle_server.core.kinds import Kind
 from oracle_server.core.verdicts import Outcome
 from oracle_server.wire.incoming import Incoming
 
