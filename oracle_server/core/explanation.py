@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
 
 import msgspec
 
 from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.records import EventRecord, ReasonRecord, WhyRecord
 
 _MOST_TOLD = 8
 """Reasons in one line."""
 
-Recall = Callable[[int, int | None], Mapping[str, Any] | None]
+Recall = Callable[[int, int | None], EventRecord | None]
 
 
 class Reason(msgspec.Struct, frozen=True, gc=False):
@@ -59,10 +59,10 @@ class Why(msgspec.Struct, frozen=True, gc=False):
         """The reasons that are not made of others, each once."""
         return iter(dict.fromkeys(leaf for reason in self.reasons for leaf in _leaves(reason)))
 
-    def data(self, recall: Recall) -> dict[str, Any]:
+    def data(self, recall: Recall) -> WhyRecord:
         """As plain data; `recall` tells the event of an `at` and a `step`, None where that is not known any more."""
-        values = {"values": dict(self.values), "other_values": self.others}
-        return {**values, "reasons": [_data(r, recall) for r in self.reasons]}
+        reasons = [_data(reason, recall) for reason in self.reasons]
+        return {"values": dict(self.values), "other_values": self.others, "reasons": reasons}
 
 
 def _leaves(reason: Reason) -> Iterator[Reason]:
@@ -72,10 +72,10 @@ def _leaves(reason: Reason) -> Iterator[Reason]:
         yield from _leaves(part)
 
 
-def _data(reason: Reason, recall: Recall) -> dict[str, Any]:
-    data: dict[str, Any] = {"formula": reason.formula, "holds": reason.holds, "text": reason.text}
+def _data(reason: Reason, recall: Recall) -> ReasonRecord:
+    data: ReasonRecord = {"formula": reason.formula, "holds": reason.holds, "text": reason.text}
     if reason.at is not None:
-        data |= {"at": reason.at, "event": recall(reason.at, reason.step)}
+        data["at"], data["event"] = reason.at, recall(reason.at, reason.step)
     if reason.window is not None:
         data["window"] = list(reason.window)
     if reason.parts:

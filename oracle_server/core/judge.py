@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
 
 import msgspec
 
@@ -16,6 +15,7 @@ from oracle_server.core.past import Past
 from oracle_server.core.plan import Plan, StreamPlan
 from oracle_server.core.property_state import Names, PropertyState
 from oracle_server.core.recent import Recent
+from oracle_server.core.snapshot import JudgeSnapshot
 from oracle_server.core.verdicts import DENYING, NEGATIVE, Decision, Explanation, Judged, Outcome, Verdict
 
 _NO_ONE = frozenset[int]()
@@ -78,10 +78,10 @@ class Judge:
         deadlines = [d for state in self.properties if (d := state.next_deadline(after)) is not None]
         return min(deadlines, default=None)
 
-    def snapshot(self) -> dict[str, Any] | None:
+    def snapshot(self) -> JudgeSnapshot | None:
         """All that later verdicts depend on, as plain data; None where an engine can't be saved."""
-        states = [state.snapshot() for state in self.properties]
-        if None in states:
+        states = [saved for state in self.properties if (saved := state.snapshot()) is not None]
+        if len(states) < len(self.properties):
             return None
         return {
             "properties": states,
@@ -94,7 +94,7 @@ class Judge:
             "recent": self._recent.snapshot(),
         }
 
-    def restore(self, data: Mapping[str, Any], numbers: Iterator[int]) -> None:
+    def restore(self, data: JudgeSnapshot, numbers: Iterator[int]) -> None:
         """Become what a snapshot says; verdicts are numbered from `numbers`. Raises `EngineError`."""
         for state, saved in zip(self.properties, data["properties"], strict=True):
             state.restore(saved)

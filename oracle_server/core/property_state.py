@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from oracle_server.core.atoms import Matches
 from oracle_server.core.engine import MAX_WORK, Answer, Engine, Explaining, Measuring, Revisable, Savable, Told
@@ -13,6 +13,7 @@ from oracle_server.core.explanation import Why
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.past import NO_PAST, Past
 from oracle_server.core.plan import View
+from oracle_server.core.snapshot import PropertySnapshot
 from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import FINAL, NEGATIVE, Outcome
 
@@ -21,9 +22,6 @@ Names = frozenset[str] | set[str]
 
 builtin_property = property
 """`property`, which is a field here."""
-
-
-_SAVED = ("outcome", "negative", "first_violation", "violations", "failures", "broken", "renewed")
 
 
 class _Mark(NamedTuple):
@@ -147,20 +145,30 @@ class PropertyState:
         if engine is not None:
             engine.keep()
 
-    def snapshot(self) -> dict[str, Any] | None:
+    def snapshot(self) -> PropertySnapshot | None:
         """All that later verdicts depend on, as plain data; None where the engine can't be saved."""
         engine = None
         if self.outcome not in FINAL and self.broken is None:
             if not isinstance(self.engine, Savable):
                 return None
             engine = self.engine.snapshot()
-        return {name: getattr(self, name) for name in _SAVED} | {"engine": engine}
+        return {
+            "outcome": self.outcome.value,
+            "negative": self.negative,
+            "first_violation": self.first_violation,
+            "violations": self.violations,
+            "failures": self.failures,
+            "broken": self.broken,
+            "renewed": self.renewed,
+            "engine": engine,
+        }
 
-    def restore(self, data: Mapping[str, Any]) -> None:
+    def restore(self, data: PropertySnapshot) -> None:
         """Become what a snapshot says. Raises `EngineError` where the engine can't use it."""
-        for name in _SAVED:
-            setattr(self, name, data.get(name, False) if name == "renewed" else data[name])
-        self.outcome = Outcome(self.outcome)
+        self.outcome, self.negative = Outcome(data["outcome"]), data["negative"]
+        self.first_violation, self.violations = data["first_violation"], data["violations"]
+        self.failures, self.broken = data["failures"], data["broken"]
+        self.renewed = data.get("renewed", False)
         if data["engine"] is not None:
             if not isinstance(self.engine, Savable):
                 raise EngineError("a snapshot of another engine")

@@ -10,6 +10,7 @@ from oracle_server.core.atoms import Matches
 from oracle_server.core.events import Signals, Step, StreamKey
 from oracle_server.core.past import Past
 from oracle_server.core.plan import View
+from oracle_server.core.records import EventRecord
 
 SIZE = 1024
 """Steps that are remembered; of older ones an explanation tells the number or the time alone."""
@@ -36,7 +37,7 @@ class Recent:
         """Forget the last step."""
         self._steps.pop()
 
-    def snapshot(self) -> Any:
+    def snapshot(self) -> list[Any]:
         """The steps as plain data."""
         return list(self._steps)
 
@@ -57,14 +58,21 @@ class Recent:
 
         return Past(times, matches, self._effort)
 
-    def recall(self, at: int, step: int | None, *, timed: bool) -> dict[str, Any] | None:
+    def recall(self, at: int, step: int | None, *, timed: bool) -> EventRecord | None:
         """The event of a reason: of step number `step`, where that is known, else the only one at a time or number."""
         place, wanted = (1, at) if timed and step is None else (0, at if step is None else step)
         found = [seen for seen in self._steps if seen[place] == wanted]
-        return _told(found[0]) if len(found) == 1 else None
+        return _record(found[0]) if len(found) == 1 else None
 
 
-def _told(seen: Seen) -> dict[str, Any]:
+def _record(seen: Seen) -> EventRecord:
     number, _, stream, stamp, monitor, seq, signals = seen
-    event = {"step": number, "stream": stream.name, "kind": stream.kind, "stamp": stamp, "monitor": monitor, "seq": seq}
-    return {**event, "signals": dict(signals)}
+    return {
+        "step": number,
+        "stream": stream.name,
+        "kind": stream.kind,
+        "stamp": stamp,
+        "monitor": monitor,
+        "seq": seq,
+        "signals": dict(signals),
+    }

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
 
 import msgspec
 
@@ -17,6 +16,7 @@ from oracle_server.core.kinds import TICK
 from oracle_server.core.plan import Plan
 from oracle_server.core.reorder import Released, ReorderBuffer, Source
 from oracle_server.core.simulated import ClockReading, SimulatedTime
+from oracle_server.core.snapshot import SessionSnapshot
 from oracle_server.core.spec import SECOND, Spec
 from oracle_server.core.stamps import stamp_in
 from oracle_server.core.tally import HoldTimes, StreamCounts
@@ -162,20 +162,20 @@ class Session:
             self.counts[step.event.monitor, step.event.stream].late += step.late
         return self.judges[order].judge(step, judged)
 
-    def snapshot(self) -> dict[str, Any] | None:
+    def snapshot(self) -> SessionSnapshot | None:
         """All that later verdicts depend on but what is held in the order, as plain data.
 
         None where an engine can't be saved, or where events are judged in two orders, and so are between them.
         """
         if len(self.judges) > 1:
             return None
-        judges = {order: judge.snapshot() for order, judge in self.judges.items()}
-        if None in judges.values():
+        judges = {order: saved for order, judge in self.judges.items() if (saved := judge.snapshot()) is not None}
+        if not judges:
             return None
-        counts = [(m, list(stream), count.late, count.lost) for (m, stream), count in self.counts.items()]
+        counts = [(m, stream, count.late, count.lost) for (m, stream), count in self.counts.items()]
         return {"judges": judges, "present": self.buffer.present, "now": self.now, "counts": counts}
 
-    def restore(self, data: Mapping[str, Any], first: int) -> None:
+    def restore(self, data: SessionSnapshot, first: int) -> None:
         """Go on, before the first event, where a snapshot was taken; verdicts are numbered from `first`.
 
         Raises `EngineError` where an engine can't use it.

@@ -12,6 +12,7 @@ import msgspec
 from oracle_server.core.events import Order, Step
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.kinds import TICK
+from oracle_server.core.records import ExplanationRecord, VerdictRecord, WhyRecord
 
 
 class Outcome(StrEnum):
@@ -58,7 +59,7 @@ class Explanation(msgspec.Struct, frozen=True, gc=False):
     formula: str
     signals: Mapping[str, Scalar]
     text: str | None = None
-    why: Mapping[str, Any] | None = None
+    why: WhyRecord | None = None
 
 
 class Verdict(msgspec.Struct, frozen=True, gc=False):
@@ -98,7 +99,7 @@ class Judged(msgspec.Struct, frozen=True, gc=False):
     decision: Decision | None
 
 
-def record(judged: Judged, verdict: Verdict) -> dict[str, Any]:
+def record(judged: Judged, verdict: Verdict) -> VerdictRecord:
     """A record of the history as plain data, one per step and property."""
     step, event = judged.step, judged.step.event
     return {
@@ -132,7 +133,7 @@ def json_number(value: float | None) -> float | str | None:
     return "Infinity" if value > 0 else "-Infinity"
 
 
-def explain(judged: Judged, verdict: Verdict) -> dict[str, Any] | None:
+def explain(judged: Judged, verdict: Verdict) -> ExplanationRecord | None:
     """A verdict's explanation as plain data, None where there is none: it is no violation, and nobody asked."""
     why, event = verdict.explanation, judged.step.event
     if why is None:
@@ -141,21 +142,22 @@ def explain(judged: Judged, verdict: Verdict) -> dict[str, Any] | None:
         where = "when a deadline ran out"
     else:
         where = f"at step {judged.number}, {event.stream.name} ({event.stream.kind} {event.seq} of {event.monitor})"
-    seen = {
-        "stream": event.stream.name,
-        "kind": event.stream.kind,
-        "monitor": event.monitor,
-        "seq": event.seq,
-    }
     how = "does not hold" if verdict.outcome in NEGATIVE else "holds"
     if verdict.outcome is Outcome.UNKNOWN:
         how = "is not known to hold"
-    return {
+    found: ExplanationRecord = {
         "text": f"{verdict.property} {how} {where}: {why.text or why.formula}",
         "formula": why.formula,
-        "event": {**seen, "stamp": judged.step.stamp, "signals": dict(why.signals)},
-        **(why.why or {}),
+        "event": {
+            "stream": event.stream.name,
+            "kind": event.stream.kind,
+            "monitor": event.monitor,
+            "seq": event.seq,
+            "stamp": judged.step.stamp,
+            "signals": dict(why.signals),
+        },
     }
+    return {**found, **why.why} if why.why else found
 
 
 def decision_frame(judged: Judged) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from oracle_server.core.engine import Engine
 from oracle_server.core.errors import EngineError, OracleError
 from oracle_server.core.events import Order
 from oracle_server.core.plan import Plan, judged_by, plan
+from oracle_server.core.records import ExplanationRecord
 from oracle_server.core.session import Session, orders
 from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import Outcome, explain
@@ -97,7 +98,7 @@ class _Explaining:
         self._store, self._session, self._plan, self._index = store, session, ready, index
         self._recorded: list[tuple[int, _Recorded]] = []
 
-    def explain(self, order: Order, target: int) -> dict[str, Any] | None:
+    def explain(self, order: Order, target: int) -> ExplanationRecord | None:
         """Why the property stands as it does at the step at position `target`."""
         core, start = self._begin(target)
         state = core.judges[order].properties[self._index]

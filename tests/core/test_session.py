@@ -179,6 +179,7 @@ def test_a_violation_is_becoming_negative() -> None:
     assert (state.violations, state.first_violation, state.outcome) == (2, 2, Outcome.CURRENTLY_FALSE)
     written = record(judged[1], judged[1].verdicts[0])
     assert written["violation"]
+    assert written["explanation"] is not None
     assert "{v < 5}" in written["explanation"]["text"]
     assert record(judged[2], judged[2].verdicts[0])["explanation"] is None
 

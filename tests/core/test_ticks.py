@@ -53,6 +53,7 @@ def test_a_deadline_is_judged_when_it_runs_out_and_recorded_once() -> None:
     assert told([tick]) == [("tick", 15, "currently_false")]
     row = record(tick, tick.verdicts[0])
     assert (row["step"], row["kind"], row["violation"], row["judged"]) == (None, "tick", True, 40)
+    assert row["explanation"] is not None
     assert "when a deadline ran out" in row["explanation"]["text"]
     assert session.advance(45) == []
     again = feed(MODE, 50)
