@@ -45,22 +45,21 @@ def test_a_tick_belongs_to_no_stream_and_has_nothing_that_an_event_has() -> None
     assert not any((tick.leads, tick.has_call, tick.undoable, tick.proxied))
 
 
-@pytest.mark.parametrize("kind", OF_STREAMS)
-def test_formulas_see_the_signals_that_the_table_gives_a_kind(kind: Kind) -> None:
-    traits = KINDS[kind]
-    stream = StreamSpec("/x", kind)
-    seen = {name for name in RESERVED - {"kind"} if can_meet(stream, _atom(f"{{{name}: *}}"))}
-    assert seen == {traits.group, "monitor"} | ({"call"} if traits.has_call else set())
-    for other in OF_STREAMS:
-        assert can_meet(stream, _atom(f"{{kind: {other}}}")) == (other == kind)
-
-
-@pytest.mark.parametrize("kind", OF_STREAMS)
-def test_undo_takes_back_what_the_table_says(kind: Kind) -> None:
-    formula = parse_formula("{kind: tick}", "steps")
-    streams = (StreamSpec("/x", kind, action="filter", on_deny="undo"),)
-    ready = plan(Spec("s", streams, (Property("p", formula, guards=frozenset({"/x"})),)))
-    assert ready.streams[streams[0].key].undoes == KINDS[kind].undoable
+@pytest.mark.parametrize(
+    ("kind", "signals", "undone", "name"),
+    [
+        ("topic", {"topic", "monitor"}, True, "/x"),
+        ("request", {"service", "monitor", "call"}, True, "/x requests"),
+        ("response", {"service", "monitor", "call"}, False, "/x responses"),
+    ],
+)
+def test_a_stream_behaves_as_documented_for_its_kind(kind: Kind, signals: set[str], undone: bool, name: str) -> None:
+    stream = StreamSpec("/x", kind, action="filter", on_deny="undo")
+    assert str(stream.key) == name
+    assert {n for n in RESERVED - {"kind"} if can_meet(stream, _atom(f"{{{n}: *}}"))} == signals
+    assert [k for k in KINDS if can_meet(stream, _atom(f"{{kind: {k}}}"))] == [kind]
+    guard = Property("p", _atom("{x: 1}"), guards=frozenset({"/x"}))
+    assert plan(Spec("s", (stream,), (guard,))).streams[stream.key].undoes == undone
 
 
 def _atom(text: str) -> Atom:
