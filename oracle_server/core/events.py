@@ -1,4 +1,4 @@
-"""What was observed. Times are integer nanoseconds since the epoch."""
+"""Events, and their steps in an order. Times are integer nanoseconds since the epoch."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ TICKS = StreamKey("", TICK)
 class Event(msgspec.Struct, frozen=True, gc=False):
     """One observed message, request or response, as its monitor reported it.
 
-    `stamp` is the publication time, None where there is none; `seq` the monitor's own number; `call` ties a
-    request to its response; `source` names the publisher; `lost` counts the messages missed just before it;
-    `ask` says that the monitor waits for a decision. `arrived` is in the session's own time; `received` is the
-    server's where that is another, as in a simulation.
+    `stamp` is the publication time, None where there is none; `seq` the monitor's own number; `call` is equal
+    for a request and its response; `source` names the publisher; `lost` counts the messages lost just before it;
+    `ask`: the monitor waits for a decision. `arrived` is in the session's own time; `received` is the
+    server's where that differs, as in a simulation.
     """
 
     stream: StreamKey
@@ -52,17 +52,17 @@ class Event(msgspec.Struct, frozen=True, gc=False):
 
     @property
     def came(self) -> int:
-        """When it came to the server, in the server's time."""
+        """When it arrived at the server, in the server's time."""
         return self.arrived if self.received is None else self.received
 
 
 class Step(msgspec.Struct, frozen=True, gc=False):
-    """An event with what is needed to judge it, once or again: its signals and its place in the order.
+    """An event with all that is needed to judge it: its signals and its place in the order.
 
     `failed` are the signals whose expressions failed; `stamp` is the publication time, or the arrival where
     there was none; `skewed` was stamped too far ahead of its arrival, and is ordered at its arrival instead;
-    `late` is older than something already judged; `forced` was judged before its time for want of room; `skipped`
-    is not to be judged: late where the spec skips that, or at a time when verdicts could not be kept.
+    `late` is older than something already judged; `forced` was judged early because the order was full; `skipped`
+    is not to be judged: it is late and the spec skips late events, or its verdicts could not be kept.
     """
 
     event: Event

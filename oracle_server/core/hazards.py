@@ -1,4 +1,4 @@
-"""What `check` refuses or warns of: specs that can be read, and would not do what their author wants."""
+"""What `check` refuses or warns of: specs that can be read, but would not work as intended."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def _signals(spec: Spec) -> Iterator[SpecProblem]:
 
 
 def _held_elsewhere(spec: Spec) -> Iterator[SpecProblem]:
-    """Signals that another stream holds: no error, since histories may have sessions with such specs."""
+    """Signals that another stream holds: a warning, since histories may have sessions with such specs."""
     holders = {name: stream.key for stream in spec.streams for name in stream.hold}
     for i, stream in enumerate(spec.streams):
         for name in sorted((stream.signals or {}).keys() & (holders.keys() - stream.hold)):
@@ -131,13 +131,13 @@ def _external(spec: Spec) -> Iterator[SpecProblem]:
     for i, prop in enumerate(spec.properties):
         if prop.external is None:
             continue
-        heard = prop.external.streams
-        for name in sorted(heard or ()):
+        received = prop.external.streams
+        for name in sorted(received or ()):
             if name not in spec.names:
                 yield SpecProblem(("properties", i, "streams"), f"'{name}' is no stream of this spec")
         for name in sorted(prop.guards & spec.names):
-            if heard is not None and name not in heard:
-                message = f"'{prop.id}' guards {name}, of which its oracle is not told; name it under `streams`"
+            if received is not None and name not in received:
+                message = f"'{prop.id}' guards {name}, which its oracle does not receive; name it under `streams`"
                 yield SpecProblem(("properties", i, "streams"), message)
         for j, stream in enumerate(spec.streams):
             ordered = stream.ordered and spec.ordering.by != "arrival"
@@ -145,7 +145,7 @@ def _external(spec: Spec) -> Iterator[SpecProblem]:
             if stream.action == "filter" and stream.traits.leads and stream.decide_within <= waits:
                 message = (
                     f"decide_within of {stream.name} must exceed {'max_delay and ' if ordered else ''}the timeout of "
-                    f"'{prop.id}', for whose oracle every decision waits that comes after an event that it hears"
+                    f"'{prop.id}', since every decision after an event that its oracle receives waits for the oracle"
                 )
                 yield SpecProblem(("streams", j, "decide_within"), message)
 
@@ -175,7 +175,7 @@ def _gaps(spec: Spec) -> Iterator[SpecProblem]:
 
 
 def _why_never(atom: Atom, spec: Spec, held: frozenset[str]) -> str | None:
-    """Why an atom names something that the spec does not have, None where it is sound."""
+    """Why an atom can never hold, since it names something that the spec does not have; None where it can."""
     for constraint in atom.constraints:
         if constraint.key in GROUPS and constraint.op == "==" and isinstance(constraint.value, str):
             names = sorted({s.name for s in spec.streams if s.traits.group == constraint.key})

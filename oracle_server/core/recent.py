@@ -13,7 +13,7 @@ from oracle_server.core.plan import View
 from oracle_server.core.records import EventRecord
 
 SIZE = 1024
-"""Steps that are remembered; of older ones an explanation tells the number or the time alone."""
+"""Steps that are remembered; of older ones an explanation has the number or the time only."""
 EFFORT = 10_000
 """What one explanation may cost: some milliseconds."""
 
@@ -22,14 +22,14 @@ Seen = tuple[int, int, StreamKey, int, str, int, Signals]
 
 
 class Recent:
-    """What is told of the last steps; all times in nanoseconds."""
+    """The last steps; all times in nanoseconds."""
 
     def __init__(self, size: int = SIZE, effort: int = EFFORT) -> None:
         self._steps: deque[Seen] = deque(maxlen=size)
         self._effort = effort
 
     def add(self, number: int, time: int, step: Step, signals: Signals) -> None:
-        """Take in the next step, of which formulas see `signals`."""
+        """Add the next step, of which formulas see `signals`."""
         event = step.event
         self._steps.append((number, time, event.stream, step.stamp, event.monitor, event.seq, signals))
 
@@ -42,11 +42,11 @@ class Recent:
         return list(self._steps)
 
     def restore(self, data: Any) -> None:
-        """Become what a snapshot says."""
+        """Take over a snapshot."""
         self._steps.extend((n, t, StreamKey(*stream), *rest) for n, t, stream, *rest in data)
 
     def past(self, views: Callable[[StreamKey], View], *more: tuple[int, View, Signals]) -> Past:
-        """What a property saw of these steps by its view of each stream, and after them of one more."""
+        """These steps, and `more` after them, as a property observes them by its view of each stream."""
         steps = list(self._steps)
         times = [time for _, time, *_ in steps] + [time for time, _, _ in more]
 

@@ -1,4 +1,4 @@
-"""What is said of an event: outcomes, verdict records, decisions."""
+"""The judgement of an event: outcomes, verdicts, decisions, and verdict records."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from oracle_server.core.records import ExplanationRecord, VerdictRecord, WhyReco
 
 
 class Outcome(StrEnum):
-    """What one property says about one step; `TRUE` and `FALSE` are final, `UNKNOWN` is no judgement."""
+    """How one property stands at one step; `TRUE` and `FALSE` are final, `UNKNOWN` is no judgement."""
 
     TRUE = "true"
     CURRENTLY_TRUE = "currently_true"
@@ -24,7 +24,7 @@ class Outcome(StrEnum):
     FALSE = "false"
     UNKNOWN = "unknown"
 
-    __hash__ = str.__hash__  # an Enum's own takes longer than what it is asked for at each step
+    __hash__ = str.__hash__  # an Enum's own is slow, and outcomes are hashed at each step
 
     @property
     def current(self) -> Outcome:
@@ -41,19 +41,19 @@ _GRAVEST_FIRST = (Outcome.FALSE, Outcome.CURRENTLY_FALSE, Outcome.UNKNOWN, Outco
 
 
 def worst(outcomes: Iterable[Outcome]) -> Outcome:
-    """The gravest of some outcomes; what is not known is graver than what holds, and nothing at all is unknown."""
+    """The gravest of some outcomes, `UNKNOWN` of none; `UNKNOWN` is graver than what holds."""
     return min(outcomes, key=_GRAVEST_FIRST.index, default=Outcome.UNKNOWN)
 
 
 Choice = Literal["allow", "deny"]
 UNDECIDED = frozenset({"timeout", "unavailable"})
-"""Why an adapter did something without a decision; what it did is told under the kind `unavailable`."""
+"""Why an adapter acted without a decision; the record of its event then has the kind `unavailable`."""
 
 
 class Explanation(msgspec.Struct, frozen=True, gc=False):
     """Why a property is negative at a step: what formulas saw of the event, and the formula that it breaks.
 
-    Where the engine can say more: `text`, and `why` as plain data.
+    `text`, and `why` as plain data, are there where the engine explains its outcome.
     """
 
     formula: str
@@ -63,7 +63,7 @@ class Explanation(msgspec.Struct, frozen=True, gc=False):
 
 
 class Verdict(msgspec.Struct, frozen=True, gc=False):
-    """What one property says about one step; `n` counts a session's verdicts from 1 without gaps.
+    """How one property stands at one step; `n` counts a session's verdicts from 1 without gaps.
 
     `degraded`: something before it is known to be lost, skipped or failed. An explanation is there where the
     property became negative, and makes the verdict a violation. `robustness` is there where the engine measures it.
@@ -78,14 +78,14 @@ class Verdict(msgspec.Struct, frozen=True, gc=False):
 
 
 class Decision(msgspec.Struct, frozen=True, gc=False):
-    """What a monitor that asked is told: deny where a guarding property is negative or unknown, else allow."""
+    """The answer to a monitor that asked: deny where a guarding property is negative or unknown, else allow."""
 
     choice: Choice
     denied_by: tuple[str, ...]
 
 
 class Judged(msgspec.Struct, frozen=True, gc=False):
-    """A step with everything that was said about it.
+    """A step with its verdicts and decision.
 
     `number` counts the session's judged events, and is None for ticks and where the event was skipped as late;
     `judged` is the time of judgement in nanoseconds; `decision` is None where nothing was asked.
@@ -127,14 +127,14 @@ def record(judged: Judged, verdict: Verdict) -> VerdictRecord:
 
 
 def json_number(value: float | None) -> float | str | None:
-    """A number as JSON carries it: the infinities as the wire's texts for them."""
+    """A number as JSON can represent it: infinities are the texts `Infinity` and `-Infinity`."""
     if value is None or math.isfinite(value):
         return value
     return "Infinity" if value > 0 else "-Infinity"
 
 
 def explain(judged: Judged, verdict: Verdict) -> ExplanationRecord | None:
-    """A verdict's explanation as plain data, None where there is none: it is no violation, and nobody asked."""
+    """A verdict's explanation as plain data, None where it is no violation and none was asked for."""
     why, event = verdict.explanation, judged.step.event
     if why is None:
         return None
@@ -161,7 +161,7 @@ def explain(judged: Judged, verdict: Verdict) -> ExplanationRecord | None:
 
 
 def decision_frame(judged: Judged) -> dict[str, Any]:
-    """What a monitor is told that has asked, as plain data."""
+    """The `decision` frame for a monitor that asked, as plain data."""
     assert judged.decision is not None  # noqa: S101 -- called for decisions only
     return {
         "type": "decision",

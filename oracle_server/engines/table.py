@@ -11,10 +11,10 @@ from oracle_server.core.session import orders
 from oracle_server.core.spec import Property
 from oracle_server.engines import stl
 from oracle_server.engines.both import BothEngine
+from oracle_server.engines.external import ExternalEngine
 from oracle_server.engines.native import NativeEngine
 from oracle_server.engines.reelay import ReelayEngine
 from oracle_server.engines.reelay import refusal as reelay_refusal
-from oracle_server.engines.told import ExternalEngine
 
 _UNSHARED = 10
 """Properties of which each may cost what an engine may; more of them share that of so many."""

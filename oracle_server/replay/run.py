@@ -172,7 +172,7 @@ def _rejudge(session: Session, upcoming: int, position: int, place: Place, step:
     if place.degraded:
         session.judges[place.order].degrade()
     for index in session.plan.external:
-        session.tell(place.order, {index: place.said.get(session.plan.spec.properties[index].id, _NOT_KEPT)})
+        session.receive(place.order, {index: place.said.get(session.plan.spec.properties[index].id, _NOT_KEPT)})
     placed = Step(
         step.event, step.signals, step.failed, step.stamp, place.skewed, place.late, place.forced, place.skipped
     )

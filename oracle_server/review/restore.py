@@ -113,7 +113,7 @@ class _Rejudging:
         tick = step.event.stream.kind == "tick"
         if not tick and not step.skipped:
             heard = self._plan.streams[step.event.stream].asked
-            self._core.tell(order, {i: Answer(OUTCOMES[outcomes[i]], _ONCE, degraded[i] == "1") for i in heard})
+            self._core.receive(order, {i: Answer(OUTCOMES[outcomes[i]], _ONCE, degraded[i] == "1") for i in heard})
         judged = self._core.rejudge(order, step, judged_at)
         verdicts = judged.verdicts if judged else ()
         self.differing += "".join(LETTERS[v.outcome] for v in verdicts) != outcomes
