@@ -36,7 +36,7 @@ class ExternalEngine:
             self._unknown += 1
             self._last = answer.text
 
-    def step(self, time: int, matches: object) -> Outcome:  # noqa: ARG002 -- the oracle has both from elsewhere
+    def step(self, time: int, matches: object) -> Outcome:  # noqa: ARG002 -- the oracle is sent the event itself
         """The outcome of the last answer."""
         return self._answer.outcome
 

@@ -17,7 +17,7 @@ from oracle_server.engines.reelay import ReelayEngine
 from oracle_server.engines.reelay import refusal as reelay_refusal
 
 _UNSHARED = 10
-"""Properties of which each may cost what an engine may; more of them share that of so many."""
+"""Up to so many properties may each cost what an engine may; more of them share the cost of so many."""
 
 
 def read_formula(text: str, time: Time, engine: str) -> Formula:
@@ -64,7 +64,7 @@ def make_engine(prop: Property, share: float = 1) -> Engine:
 
 
 def _compares(prop: Property) -> bool:
-    """Whether reelay is asked too, where it can judge at all."""
+    """Whether reelay judges a property too, where it can."""
     return prop.engine == "both" and reelay_refusal(prop.formula, prop.time) is None
 
 

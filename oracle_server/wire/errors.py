@@ -1,4 +1,4 @@
-"""What is wrong with what a monitor sends, or wants."""
+"""Errors in the frames of a monitor, or in what it asks for."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class WireError(OracleError):
         self.code, self.message, self.seq, self.fatal, self.session = code, message, seq, fatal, session
 
     def frame(self) -> dict[str, Any]:
-        """The frame that says so."""
+        """The `error` frame."""
         frame: dict[str, Any] = {"type": "error", "code": self.code, "message": self.message, "fatal": self.fatal}
         more = {"seq": self.seq, "session": self.session}
         return frame | {key: value for key, value in more.items() if value is not None}

@@ -14,7 +14,7 @@ from oracle_server.core.stamps import nanoseconds
 
 
 class FlatEvent(NamedTuple):
-    """One flat event; `time` is when its monitor saw it, `stamp` what it says of a call's publication, both in ns."""
+    """One flat event; `time` is when its monitor observed it, `stamp` the publication time of a call, both in ns."""
 
     stream: str
     kind: Kind
@@ -54,7 +54,7 @@ def flat_event(value: Mapping[str, Any]) -> FlatEvent:
 def as_flat(step: Step, name: str, time: int) -> dict[str, Any]:
     """The flat event of a step at a time (ns), under the name that its stream is to have.
 
-    Raises TypeError where the message is not there, but only what was made of it. A topic's own fields `topic` and
+    Raises TypeError where the event has only the signals of its message. A topic's own fields `topic` and
     `time` have no place in a flat event.
     """
     data, kind = step.event.data, step.event.stream.kind
