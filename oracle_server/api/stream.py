@@ -14,7 +14,8 @@ from typing import Annotated
 from fastapi import APIRouter, Header, HTTPException, Query, Request
 from fastapi.responses import StreamingResponse
 
-from oracle_server.core.verdicts import Outcome, Record
+from oracle_server.core.records import VerdictRecord
+from oracle_server.core.verdicts import Outcome
 from oracle_server.edge.access import demand_session
 from oracle_server.history.pages import find, latest
 from oracle_server.history.port import Reading
@@ -96,7 +97,7 @@ async def _page(store: Reading, known: SessionRecord, wanted: Question) -> tuple
     return "".join(map(_event, items)), seen, more is not None
 
 
-def _event(record: Record) -> str:
+def _event(record: VerdictRecord) -> str:
     return f"id: {record['n']}\ndata: {encode(record)}\n\n"
 
 

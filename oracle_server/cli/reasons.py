@@ -6,6 +6,11 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from oracle_server.core.kinds import GROUPS, TICK
+
+_NAMED = frozenset({*GROUPS, "kind", "monitor"})
+"""Signals whose values are shown before the others."""
+
 
 def told(record: Mapping[str, Any]) -> str:
     """The lines of a verdict's record with its explanation."""
@@ -32,10 +37,8 @@ def _lines(reasons: Sequence[Mapping[str, Any]], indent: str) -> Iterator[str]:
 
 
 def _event(event: Mapping[str, Any]) -> str:
-    if event["kind"] == "tick":
+    if event["kind"] == TICK:
         return "a deadline that ran out"
     where = f"{event['stream']} ({event['kind']} {event['seq']} of {event['monitor']}, stamp {event['stamp']})"
-    shown = {
-        name: value for name, value in event["signals"].items() if name not in ("topic", "service", "kind", "monitor")
-    }
+    shown = {name: value for name, value in event["signals"].items() if name not in _NAMED}
     return where + "".join(f" {name}={json.dumps(value)}" for name, value in sorted(shown.items()))

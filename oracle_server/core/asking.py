@@ -1,4 +1,4 @@
-"""Steps that wait for what oracles elsewhere say of them: asked in their order, judged in their order."""
+"""Steps that wait for the answers of external oracles: asked in their order, judged in their order."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from oracle_server.core.verdicts import Outcome
 class Ask(NamedTuple):
     """A question to the oracle of one property, by its index: how it stands at a step and a time (ns).
 
-    `number` tells the waiting step; times never go back within an order.
+    `number` identifies the waiting step; times never go back within an order.
     """
 
     number: int
@@ -27,7 +27,7 @@ class Ask(NamedTuple):
 
 @dataclass(slots=True)
 class Waiting:
-    """A step whose turn has come, and what was said of it so far; `missing` are the properties still to answer."""
+    """A step whose turn has come, with its answers so far; `missing` are the properties without one."""
 
     order: Order
     step: Step
@@ -36,21 +36,21 @@ class Waiting:
 
 
 class Ticks(NamedTuple):
-    """Deadlines up to a time (ns) that have run out, and wait behind a step."""
+    """Deadlines up to a time (ns) that have expired, and wait behind a step."""
 
     order: Order
     until: int
 
 
 class Asking:
-    """What waits for answers, and behind what does. Nothing leaves before what came before it."""
+    """A queue of the steps that wait for answers, and of what waits behind them; nothing overtakes."""
 
     def __init__(self) -> None:
         self._asks: list[Ask] = []
         self._queue: deque[Waiting | Ticks] = deque()
         self._unanswered: dict[int, Waiting] = {}
         self._count = 0
-        self.told: dict[Order, int] = {}
+        self.latest: dict[Order, int] = {}
         """The time (ns) that the last step had in each order."""
 
     def __len__(self) -> int:
@@ -67,9 +67,9 @@ class Asking:
         return next((item.step for item in reversed(self._queue) if isinstance(item, Waiting)), None)
 
     def add(self, order: Order, step: Step, properties: Iterable[int], time: int) -> None:
-        """Let a step wait for the oracles of some properties, of which there may be none."""
+        """Let a step wait for the oracles of some properties, possibly none."""
         self._count += 1
-        self.told[order] = time
+        self.latest[order] = time
         waiting = Waiting(order, step, set(properties))
         self._queue.append(waiting)
         if waiting.missing:
@@ -77,7 +77,7 @@ class Asking:
         self._asks += [Ask(self._count, order, index, step, time) for index in sorted(waiting.missing)]
 
     def add_ticks(self, order: Order, until: int) -> None:
-        """Let deadlines that have run out wait behind the last step."""
+        """Let expired deadlines wait behind the last step."""
         last = self._queue[-1] if self._queue else None
         if isinstance(last, Ticks) and last.order == order:
             self._queue.pop()
@@ -90,7 +90,7 @@ class Asking:
         return asks
 
     def answer(self, number: int, index: int, answer: Answer) -> None:
-        """Take an answer in; one that is not waited for is passed over."""
+        """Add an answer; one that is not awaited is ignored."""
         waiting = self._unanswered.get(number)
         if waiting is not None and index in waiting.missing:
             waiting.missing.remove(index)
@@ -99,7 +99,7 @@ class Asking:
                 del self._unanswered[number]
 
     def give_up(self, reason: str) -> None:
-        """Wait for no answer any more: what is not known is unknown."""
+        """Stop waiting: the outcome of every missing answer is unknown."""
         self._asks.clear()
         for waiting in self._unanswered.values():
             waiting.answers |= dict.fromkeys(waiting.missing, Answer(Outcome.UNKNOWN, reason))
@@ -107,7 +107,7 @@ class Asking:
         self._unanswered.clear()
 
     def leaving(self) -> Iterator[Waiting | Ticks]:
-        """What waits no longer, in its order."""
+        """Remove what does not wait any more, in its order."""
         while self._queue:
             first = self._queue[0]
             if isinstance(first, Waiting) and first.missing:

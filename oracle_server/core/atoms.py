@@ -88,8 +88,8 @@ class AtomTest:
 def specialise(atoms: Sequence[Atom], known: Signals, possible: Callable[[str], bool]) -> tuple[AtomTest, ...]:
     """The atoms that can hold on a stream, with what depends on the event alone.
 
-    `known` are the signals that every event of the stream has with the same value; `possible` says whether an
-    event of the stream can have a signal of that name at all.
+    `known` are the signals that every event of the stream has with the same value; `possible` returns whether
+    an event of the stream can have a signal of that name at all.
     """
     tests = []
     for index, atom in enumerate(atoms):

@@ -1,4 +1,4 @@
-"""Back-pressure: how many events each monitor may send before the order has got on."""
+"""Back-pressure: how many events each monitor may send before the order has made progress."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from typing import Any
 from oracle_server.core.reorder import ReorderBuffer
 
 _FEW = 8
-"""As many monitors share the pool to begin with, whoever comes first."""
+"""As many monitors share the pool at first."""
 
 
 class Credit:
-    """Gives each monitor a share of a quarter of the order's capacity, and fills it up again as it is used.
+    """Gives each monitor a share of a quarter of the order's capacity, and refills it as it is used.
 
-    Above half of the capacity a monitor that is ahead of the order gets no more. One of whose streams the order waits
-    for always does, since what it sends next may end the wait. So monitors that heed it keep the order below its
-    capacity, and never all wait for each other; to those that do not, `capacity` happens.
+    Above half of the capacity a monitor that is ahead of the order gets no more. A monitor with a stream that the order
+    waits for always does, since what it sends next may end the wait. So monitors that respect their credit keep the
+    order below its capacity and never all wait for each other; events of others may exceed it.
     """
 
     def __init__(self, capacity: int) -> None:
-        """Share out what an order of `capacity` events has room for."""
+        """Share the room of an order of `capacity` events."""
         self._high, self._pool = capacity // 2, capacity // 4
         self._first = max(1, self._pool // _FEW)
         self.left: dict[str, int] = {}
@@ -32,18 +32,18 @@ class Credit:
         return max(1, self._pool // max(1, len(self.left)))
 
     def open(self, monitor: str) -> int:
-        """Start anew with a monitor: how many events it may send to begin with."""
+        """Reset a monitor; returns how many events it may send at first."""
         self.left[monitor] = self._first
         self._wanting.discard(monitor)
         return self._first
 
     def close(self, monitor: str) -> None:
-        """Share with a monitor no more."""
+        """Remove a monitor."""
         self.left.pop(monitor, None)
         self._wanting.discard(monitor)
 
     def spend(self, monitor: str) -> None:
-        """A monitor has sent an event."""
+        """Count an event that a monitor has sent."""
         left = self.left.get(monitor)
         if left is not None:
             self.left[monitor] = left - 1

@@ -1,11 +1,11 @@
-"""Orderings that wait for what can't come: deadlocks and starvation where `max_delay` has no end."""
+"""Orderings that wait for ever: deadlocks and starvation with `max_delay: none`."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
 
-from oracle_server.core.dependencies import Edges, GraphNode, dependencies, heard_of, paths
+from oracle_server.core.dependencies import Edges, GraphNode, active, dependencies, paths
 from oracle_server.core.errors import SpecProblem
 from oracle_server.core.spec import Spec
 
@@ -13,13 +13,13 @@ _MEND = "give `max_delay` an end, or take one of them out with `ordered: false`"
 
 
 def deadlocks(spec: Spec, graph: Iterable[GraphNode] | None) -> Iterator[SpecProblem]:
-    """A filtered ordered stream must not wait for one that can't speak before its message has passed."""
+    """A filtered ordered stream must not wait for a stream that depends on its own messages."""
     if spec.ordering.max_delay is not None:
         return
     edges = dependencies(spec, graph)
     ordered = {s.name for s in spec.streams if s.ordered}
     for i, stream in enumerate(spec.streams):
-        if stream.kind == "response" or stream.action != "filter" or not stream.ordered:
+        if not stream.traits.leads or stream.action != "filter" or not stream.ordered:
             continue
         for path in paths(stream.name, edges):
             if path[-1] in ordered:
@@ -27,25 +27,24 @@ def deadlocks(spec: Spec, graph: Iterable[GraphNode] | None) -> Iterator[SpecPro
 
 
 def starvation(spec: Spec, graph: Iterable[GraphNode]) -> Iterator[SpecProblem]:
-    """With no end to the wait, an ordered stream on which nobody speaks holds up all others."""
-    ordered = [i for i, s in enumerate(spec.streams) if s.ordered and s.kind != "response"]
+    """With `max_delay: none`, an ordered stream without events delays all others for ever."""
+    ordered = [i for i, s in enumerate(spec.streams) if s.ordered and s.traits.leads]
     if spec.ordering.max_delay is not None or len(ordered) < 2:
         return
-    spoken = heard_of(spec, graph)
+    names = active(spec, graph)
     for i in ordered:
         stream = spec.streams[i]
-        if stream.name not in spoken:
-            verb = "publishes" if stream.kind == "topic" else "calls"
+        if stream.name not in names:
             yield SpecProblem(
-                ("streams", i, "topic" if stream.kind == "topic" else "service"),
-                f"starvation: no node of the graph {verb} {stream.name}, and all that is ordered waits for it unless "
-                f"its monitor tells clocks; {_MEND}",
+                ("streams", i, stream.traits.group),
+                f"starvation: no node of the graph {stream.traits.verb} {stream.name}, and all that is ordered waits "
+                f"for it unless its monitor tells clocks; {_MEND}",
                 severity="warning",
             )
 
 
 def _words(path: tuple[str, ...], edges: Edges) -> str:
-    """The cycle, in the terms of the ROSMonitoring 2.0 paper, and the mend."""
+    """The cycle, in the terms of the ROSMonitoring 2.0 paper, and what to do about it."""
     start, end = path[0], path[-1]
     chain = " -> ".join((*path, start))
     nodes = {node: None for cause, effect in pairwise(path) if (node := edges[cause][effect])}

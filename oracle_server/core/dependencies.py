@@ -1,4 +1,4 @@
-"""What can only be said once something else has been heard: declared under `causes`, or read off a ROS graph."""
+"""Which streams depend on which others: as declared under `causes`, or as derived from a ROS graph."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from oracle_server.core.spec import Spec
 
 Edges = Mapping[str, Mapping[str, str]]
-"""By the name of a topic or service, what depends on it, and which node makes it so (empty where it is declared)."""
+"""By the name of a topic or service, what depends on it, and through which node (empty where it is declared)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,14 +47,14 @@ def paths(start: str, edges: Edges) -> Iterator[tuple[str, ...]]:
                 yield (*path, name)
 
 
-def heard_of(spec: Spec, graph: Iterable[GraphNode]) -> frozenset[str]:
-    """The names of the topics that some node publishes and of the services that some node calls."""
+def active(spec: Spec, graph: Iterable[GraphNode]) -> frozenset[str]:
+    """The names of the topics that some node publishes, and of the services that some node calls."""
     originals = _originals(spec)
     return frozenset(originals.get(n, n) for node in graph for n in node.publishes | node.calls)
 
 
 def _possible(node: GraphNode, originals: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-    """What a node may say or ask only once it has heard something: a message, a request, or an answer."""
+    """What a node may publish or call only once it has received something: a message, a request, or a response."""
     for cause in sorted(node.subscribes | node.serves | node.calls):
         for effect in sorted(node.publishes | node.calls):
             pair = originals.get(cause, cause), originals.get(effect, effect)
@@ -63,15 +63,15 @@ def _possible(node: GraphNode, originals: Mapping[str, str]) -> Iterator[tuple[s
 
 
 def _originals(spec: Spec) -> dict[str, str]:
-    """By the names that monitors put in between, the names in the spec."""
-    services = {s.proxy: s.name for s in spec.streams if s.kind == "request"}
-    return services | {f"{s.name}_mon": s.name for s in spec.streams if s.kind == "topic" and s.action == "filter"}
+    """The names in the spec, by the names that monitors put in between."""
+    proxies = {s.proxy: s.name for s in spec.streams if s.traits.proxied}
+    return proxies | {f"{s.name}_mon": s.name for s in spec.streams if not s.traits.proxied and s.action == "filter"}
 
 
 def _is_monitor(node: GraphNode, spec: Spec) -> bool:
-    """Whether a node stands in between: it hears everything, and says nothing of its own."""
-    proxies = {s.proxy for s in spec.streams if s.kind == "request"}
-    filtered = {s.name for s in spec.streams if s.kind == "topic" and s.action == "filter"}
+    """Whether a node is a monitor that forwards: it receives everything, and publishes nothing of its own."""
+    proxies = {s.proxy for s in spec.streams if s.traits.proxied}
+    filtered = {s.name for s in spec.streams if not s.traits.proxied and s.action == "filter"}
     forwards = any(
         {name, f"{name}_mon"} <= node.publishes | node.subscribes
         and not {name, f"{name}_mon"} <= node.publishes

@@ -1,4 +1,4 @@
-"""What every engine is: something that is stepped through the judged events and says how its formula stands."""
+"""What an engine is: it is stepped through the judged events, and returns the outcome of its formula at each."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from oracle_server.core.past import NO_PAST, Past
 from oracle_server.core.verdicts import Outcome
 
 MAX_WORK = 50_000
-"""Values, or combinations of them, that an engine of ours may look at for one step, or for the ticks between two."""
+"""Values, or combinations of them, that a native engine may look at for one step, or for the ticks between two."""
 MAX_WORK_ON_AVERAGE = 5_000
 """The same for a step, over many of them."""
 
@@ -31,10 +31,10 @@ class Engine(Protocol):
 
 @runtime_checkable
 class Revisable(Engine, Protocol):
-    """An engine that can take steps back, and so tell what would be."""
+    """An engine that can take steps back, and so compute hypothetical outcomes."""
 
     def mark(self) -> None:
-        """Remember how all stands, until `back` or `keep`."""
+        """Save the present state, until `back` or `keep`."""
         ...
 
     def back(self) -> None:
@@ -42,7 +42,7 @@ class Revisable(Engine, Protocol):
         ...
 
     def keep(self) -> None:
-        """Let the steps since `mark` stand."""
+        """Keep the steps since `mark`."""
         ...
 
     def next_deadline(self, after: int) -> int | None:
@@ -52,49 +52,49 @@ class Revisable(Engine, Protocol):
 
 @runtime_checkable
 class Savable(Engine, Protocol):
-    """An engine that can be saved, and go on elsewhere."""
+    """An engine whose state can be saved, and restored in another one."""
 
     def snapshot(self) -> dict[str, Any]:
-        """All that later verdicts depend on, as plain data that JSON can carry."""
+        """All that later verdicts depend on, as plain data that JSON can represent."""
         ...
 
     def restore(self, data: Mapping[str, Any]) -> None:
-        """Go on, before the first step, where a snapshot was taken. Raises `EngineError` where it can't be used."""
+        """Continue from a snapshot, before the first step. Raises `EngineError` where it can't be used."""
         ...
 
 
 @runtime_checkable
 class Explaining(Engine, Protocol):
-    """An engine that can say why."""
+    """An engine that can explain its outcome."""
 
     def explain(self, past: Past = NO_PAST) -> Why:
-        """Why the formula holds, or does not, at the last step, as deep as the remembered steps tell."""
+        """Why the formula holds, or does not, at the last step, as far back as the remembered steps go."""
         ...
 
 
 class Answer(NamedTuple):
-    """What an oracle elsewhere says of a step: an outcome, and in what words, or why there are none.
+    """The answer of an external oracle to a step: an outcome, and its reply as text, or why there is none.
 
-    `anew`: it was asked on a new connection, and may have begun anew.
+    `anew`: it was asked on a new connection, and may have lost its state.
     """
 
     outcome: Outcome
-    said: str
+    text: str
     anew: bool = False
 
 
 @runtime_checkable
-class Told(Engine, Protocol):
-    """An engine that is told what an oracle elsewhere says of the next step."""
+class Receiving(Engine, Protocol):
+    """An engine that receives the answer of an external oracle before each step."""
 
-    def tell(self, answer: Answer) -> None:
-        """Take in what is said of the next step."""
+    def receive(self, answer: Answer) -> None:
+        """Use an answer for the next step."""
         ...
 
 
 @runtime_checkable
 class Measuring(Engine, Protocol):
-    """An engine that can say how far its formula is from changing its truth."""
+    """An engine that measures how far its formula is from changing its truth."""
 
     @property
     def robustness(self) -> float | None:
@@ -105,8 +105,8 @@ class Measuring(Engine, Protocol):
 def outcome(formula: Formula, holds: bool) -> Outcome:
     """The outcome of a formula that holds or does not, final in the two plain cases.
 
-    An unbounded `historically` that failed can't mend and an unbounded `once` that held can't break, and no
-    quantifier before them changes that: a new value was among the ones not seen yet, and stood as they did.
+    An unbounded `historically` that failed stays false and an unbounded `once` that held stays true, also under
+    quantifiers: a new value had the truth of all values that were not seen yet.
     """
     while isinstance(formula, Exists | Forall):
         formula = formula.body

@@ -1,4 +1,4 @@
-"""What was observed. Times are integer nanoseconds since the epoch."""
+"""Events, and their steps in an order. Times are integer nanoseconds since the epoch."""
 
 from __future__ import annotations
 
@@ -8,31 +8,34 @@ from typing import Literal, NamedTuple
 import msgspec
 
 from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.kinds import KINDS, TICK, StepKind
 
-Kind = Literal["topic", "request", "response"]
-StepKind = Literal["topic", "request", "response", "tick"]
-"""What is judged: an event of a stream, or a deadline that has run out."""
 Order = Literal["publication", "arrival"]
 Signals = Mapping[str, Scalar]
 
 
 class StreamKey(NamedTuple):
-    """A stream of a spec: a topic, or the requests or the responses of a service; or that of ticks, without a name."""
+    """A stream of a spec: the events of one kind on one topic or service; or the stream of ticks, without a name."""
 
     name: str
     kind: StepKind
 
     def __str__(self) -> str:
-        return self.name if self.kind == "topic" else f"{self.name} {self.kind}s"
+        noun = KINDS[self.kind].noun
+        return f"{self.name} {noun}" if noun else self.name
+
+
+TICKS = StreamKey("", TICK)
+"""The stream of ticks, which no monitor observes."""
 
 
 class Event(msgspec.Struct, frozen=True, gc=False):
     """One observed message, request or response, as its monitor reported it.
 
-    `stamp` is the publication time, None where there is none; `seq` the monitor's own number; `call` ties a
-    request to its response; `source` names the publisher; `lost` counts the messages missed just before it;
-    `ask` says that the monitor waits for a decision. `arrived` is in the session's own time; `received` is the
-    server's where that is another, as in a simulation.
+    `stamp` is the publication time, None where there is none; `seq` the monitor's own number; `call` is equal
+    for a request and its response; `source` names the publisher; `lost` counts the messages lost just before it;
+    `ask`: the monitor waits for a decision. `arrived` is in the session's own time; `received` is the
+    server's where that differs, as in a simulation.
     """
 
     stream: StreamKey
@@ -49,17 +52,17 @@ class Event(msgspec.Struct, frozen=True, gc=False):
 
     @property
     def came(self) -> int:
-        """When it came to the server, in the server's time."""
+        """When it arrived at the server, in the server's time."""
         return self.arrived if self.received is None else self.received
 
 
 class Step(msgspec.Struct, frozen=True, gc=False):
-    """An event with what is needed to judge it, once or again: its signals and its place in the order.
+    """An event with all that is needed to judge it: its signals and its place in the order.
 
     `failed` are the signals whose expressions failed; `stamp` is the publication time, or the arrival where
     there was none; `skewed` was stamped too far ahead of its arrival, and is ordered at its arrival instead;
-    `late` is older than something already judged; `forced` was judged before its time for want of room; `skipped`
-    is not to be judged: late where the spec skips that, or at a time when verdicts could not be kept.
+    `late` is older than something already judged; `forced` was judged early because the order was full; `skipped`
+    is not to be judged: it is late and the spec skips late events, or its verdicts could not be kept.
     """
 
     event: Event

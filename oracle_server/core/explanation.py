@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
 
 import msgspec
 
 from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.records import EventRecord, ReasonRecord, WhyRecord
 
-_MOST_TOLD = 8
+_MAX_REASONS = 8
 """Reasons in one line."""
 
-Recall = Callable[[int, int | None], Mapping[str, Any] | None]
+Recall = Callable[[int, int | None], EventRecord | None]
 
 
 class Reason(msgspec.Struct, frozen=True, gc=False):
     """One part of the formula with values in place of variables, and whether it holds.
 
     `at` is a step that decides it: its number, or its time in nanoseconds with `time: seconds`; `step` its number where
-    that is known; `window` are the first and the last of several, or of those among which there is none; `text` says
-    so. `parts` decide it in turn.
+    that is known; `window` are the first and the last of several, or of those among which there is none; `text` has
+    this in words. `parts` decide it in turn.
     """
 
     formula: str
@@ -49,20 +49,20 @@ class Why(msgspec.Struct, frozen=True, gc=False):
         given = ", ".join(f"{name} = {_shown(value)}" for name, value in self.values.items())
         more = f" (and {self.others} more)" if self.others else ""
         found = [f"{r.formula}: {r.text}" for r in self.leaves]
-        reasons = "; ".join(found[:_MOST_TOLD])
-        if len(found) > _MOST_TOLD:
-            reasons += f"; and {len(found) - _MOST_TOLD} more reasons"
+        reasons = "; ".join(found[:_MAX_REASONS])
+        if len(found) > _MAX_REASONS:
+            reasons += f"; and {len(found) - _MAX_REASONS} more reasons"
         return f"for {given}{more}: {reasons}" if given else reasons
 
     @property
     def leaves(self) -> Iterator[Reason]:
-        """The reasons that are not made of others, each once."""
+        """The reasons without parts, each once."""
         return iter(dict.fromkeys(leaf for reason in self.reasons for leaf in _leaves(reason)))
 
-    def data(self, recall: Recall) -> dict[str, Any]:
-        """As plain data; `recall` tells the event of an `at` and a `step`, None where that is not known any more."""
-        values = {"values": dict(self.values), "other_values": self.others}
-        return {**values, "reasons": [_data(r, recall) for r in self.reasons]}
+    def data(self, recall: Recall) -> WhyRecord:
+        """As plain data; `recall` returns the event of an `at` and a `step`, None where that is not known any more."""
+        reasons = [_data(reason, recall) for reason in self.reasons]
+        return {"values": dict(self.values), "other_values": self.others, "reasons": reasons}
 
 
 def _leaves(reason: Reason) -> Iterator[Reason]:
@@ -72,10 +72,10 @@ def _leaves(reason: Reason) -> Iterator[Reason]:
         yield from _leaves(part)
 
 
-def _data(reason: Reason, recall: Recall) -> dict[str, Any]:
-    data: dict[str, Any] = {"formula": reason.formula, "holds": reason.holds, "text": reason.text}
+def _data(reason: Reason, recall: Recall) -> ReasonRecord:
+    data: ReasonRecord = {"formula": reason.formula, "holds": reason.holds, "text": reason.text}
     if reason.at is not None:
-        data |= {"at": reason.at, "event": recall(reason.at, reason.step)}
+        data["at"], data["event"] = reason.at, recall(reason.at, reason.step)
     if reason.window is not None:
         data["window"] = list(reason.window)
     if reason.parts:

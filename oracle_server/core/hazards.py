@@ -1,4 +1,4 @@
-"""What `check` refuses or warns of: specs that can be read, and would not do what their author wants."""
+"""What `check` refuses or warns of: specs that can be read, but would not work as intended."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from oracle_server.core.events import StreamKey
 from oracle_server.core.expressions import parse_expression
 from oracle_server.core.formula.render import render_atom
 from oracle_server.core.formula.tree import Atom
+from oracle_server.core.kinds import GROUPS, RESERVED
 from oracle_server.core.plan import can_meet, has_reserved
-from oracle_server.core.signals import RESERVED
 from oracle_server.core.spec import Spec, StreamSpec
 from oracle_server.core.withholding import mendable
 
@@ -39,11 +39,11 @@ def _duplicates(spec: Spec) -> Iterator[SpecProblem]:
     seen: set[StreamKey] = set()
     names: dict[str, str] = {}
     for i, stream in enumerate(spec.streams):
-        if stream.kind == "response":
+        if not stream.traits.leads:
             continue
-        side = "topic" if stream.kind == "topic" else "service"
-        if stream.key in seen or names.setdefault(stream.name, side) != side:
-            yield SpecProblem(("streams", i, side), f"'{stream.name}' stands here a second time")
+        group = stream.traits.group
+        if stream.key in seen or names.setdefault(stream.name, group) != group:
+            yield SpecProblem(("streams", i, group), f"'{stream.name}' stands here a second time")
         seen.add(stream.key)
     ids: set[str] = set()
     for i, prop in enumerate(spec.properties):
@@ -73,7 +73,7 @@ def _signals(spec: Spec) -> Iterator[SpecProblem]:
 
 
 def _held_elsewhere(spec: Spec) -> Iterator[SpecProblem]:
-    """Signals that another stream holds: no error, since histories may have sessions with such specs."""
+    """Signals that another stream holds: a warning, since histories may have sessions with such specs."""
     holders = {name: stream.key for stream in spec.streams for name in stream.hold}
     for i, stream in enumerate(spec.streams):
         for name in sorted((stream.signals or {}).keys() & (holders.keys() - stream.hold)):
@@ -88,7 +88,7 @@ def _filters(spec: Spec) -> Iterator[SpecProblem]:
     guarded = frozenset[str]().union(*(p.guards for p in spec.properties))
     max_delay = spec.ordering.max_delay
     for i, stream in enumerate(spec.streams):
-        if stream.action != "filter" or stream.kind == "response":
+        if stream.action != "filter" or not stream.traits.leads:
             continue
         if stream.name not in guarded:
             yield SpecProblem(
@@ -131,21 +131,21 @@ def _external(spec: Spec) -> Iterator[SpecProblem]:
     for i, prop in enumerate(spec.properties):
         if prop.external is None:
             continue
-        heard = prop.external.streams
-        for name in sorted(heard or ()):
+        received = prop.external.streams
+        for name in sorted(received or ()):
             if name not in spec.names:
                 yield SpecProblem(("properties", i, "streams"), f"'{name}' is no stream of this spec")
         for name in sorted(prop.guards & spec.names):
-            if heard is not None and name not in heard:
-                message = f"'{prop.id}' guards {name}, of which its oracle is not told; name it under `streams`"
+            if received is not None and name not in received:
+                message = f"'{prop.id}' guards {name}, which its oracle does not receive; name it under `streams`"
                 yield SpecProblem(("properties", i, "streams"), message)
         for j, stream in enumerate(spec.streams):
             ordered = stream.ordered and spec.ordering.by != "arrival"
             waits = prop.external.timeout + ((spec.ordering.max_delay or 0) if ordered else 0)
-            if stream.action == "filter" and stream.kind != "response" and stream.decide_within <= waits:
+            if stream.action == "filter" and stream.traits.leads and stream.decide_within <= waits:
                 message = (
                     f"decide_within of {stream.name} must exceed {'max_delay and ' if ordered else ''}the timeout of "
-                    f"'{prop.id}', for whose oracle every decision waits that comes after an event that it hears"
+                    f"'{prop.id}', since every decision after an event that its oracle receives waits for the oracle"
                 )
                 yield SpecProblem(("streams", j, "decide_within"), message)
 
@@ -175,10 +175,10 @@ def _gaps(spec: Spec) -> Iterator[SpecProblem]:
 
 
 def _why_never(atom: Atom, spec: Spec, held: frozenset[str]) -> str | None:
-    """Why an atom names something that the spec does not have, None where it is sound."""
+    """Why an atom can never hold, since it names something that the spec does not have; None where it can."""
     for constraint in atom.constraints:
-        if constraint.key in ("topic", "service") and constraint.op == "==" and isinstance(constraint.value, str):
-            names = sorted({s.name for s in spec.streams if (s.kind == "topic") == (constraint.key == "topic")})
+        if constraint.key in GROUPS and constraint.op == "==" and isinstance(constraint.value, str):
+            names = sorted({s.name for s in spec.streams if s.traits.group == constraint.key})
             if constraint.value not in names:
                 known = ", ".join(names) or "none"
                 return f"{constraint.key} '{constraint.value}' is no stream of this spec; it has {known}"
@@ -205,14 +205,14 @@ def _causes(spec: Spec) -> Iterator[SpecProblem]:
     names = {s.name for s in spec.streams}
     for i, stream in enumerate(spec.streams):
         for name in stream.causes:
-            if name not in names and stream.kind != "response":
+            if name not in names and stream.traits.leads:
                 message = f"{stream.name} causes '{name}', which is no stream of this spec"
                 yield SpecProblem(("streams", i, "causes"), message)
 
 
 def _undoing(spec: Spec) -> Iterator[SpecProblem]:
     for i, stream in enumerate(spec.streams):
-        if stream.on_deny != "undo" or stream.kind == "response":
+        if stream.on_deny != "undo" or not stream.traits.leads:
             continue
         path = ("streams", i, "on_deny")
         if stream.intercept == "subscriber":

@@ -5,27 +5,25 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
 
 import msgspec
 
 from oracle_server.core.engine import Engine, Measuring
-from oracle_server.core.events import Event, Order, Step, StreamKey
+from oracle_server.core.events import TICKS, Event, Order, Step
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.past import Past
 from oracle_server.core.plan import Plan, StreamPlan
 from oracle_server.core.property_state import Names, PropertyState
 from oracle_server.core.recent import Recent
+from oracle_server.core.snapshot import JudgeSnapshot
 from oracle_server.core.verdicts import DENYING, NEGATIVE, Decision, Explanation, Judged, Outcome, Verdict
 
 _NO_ONE = frozenset[int]()
-TICK = StreamKey("", "tick")
-"""The stream of ticks, which no monitor observes."""
 
 
 @dataclass(slots=True)
 class Counters:
-    """What a judge has seen; `steps` are judged events, `skipped` those that were not, `ticks` the recorded ones."""
+    """What a judge has counted; `steps` are judged events, `skipped` those that were not, `ticks` the recorded ones."""
 
     steps: int = 0
     ticks: int = 0
@@ -63,7 +61,7 @@ class Judge:
         """The time of the last step, in nanoseconds."""
         self._ticked = 0
         self._outdated = False
-        """Whether a step was judged at a present that deadlines had gone beyond: they are to be looked at again."""
+        """Whether a step is older than deadlines that were judged already: they are to be judged again."""
         self._recent = Recent()
         self._tick: tuple[int, Mapping[str, Scalar]] | None = None
         for i, state in enumerate(self.properties):
@@ -80,10 +78,10 @@ class Judge:
         deadlines = [d for state in self.properties if (d := state.next_deadline(after)) is not None]
         return min(deadlines, default=None)
 
-    def snapshot(self) -> dict[str, Any] | None:
+    def snapshot(self) -> JudgeSnapshot | None:
         """All that later verdicts depend on, as plain data; None where an engine can't be saved."""
-        states = [state.snapshot() for state in self.properties]
-        if None in states:
+        states = [saved for state in self.properties if (saved := state.snapshot()) is not None]
+        if len(states) < len(self.properties):
             return None
         return {
             "properties": states,
@@ -96,8 +94,8 @@ class Judge:
             "recent": self._recent.snapshot(),
         }
 
-    def restore(self, data: Mapping[str, Any], numbers: Iterator[int]) -> None:
-        """Become what a snapshot says; verdicts are numbered from `numbers`. Raises `EngineError`."""
+    def restore(self, data: JudgeSnapshot, numbers: Iterator[int]) -> None:
+        """Take over a snapshot; verdicts are numbered from `numbers`. Raises `EngineError` where it can't be used."""
         for state, saved in zip(self.properties, data["properties"], strict=True):
             state.restore(saved)
         self._held = {monitor: _Held(dict(values), set(failed)) for monitor, values, failed in data["held"]}
@@ -108,7 +106,7 @@ class Judge:
         self._numbers = numbers
 
     def give_up(self, reason: str, numbers: Iterator[int]) -> None:
-        """Judge no property any more, for this reason; verdicts are numbered from `numbers`."""
+        """Stop judging all properties, for this reason; verdicts are numbered from `numbers`."""
         for state in self.properties:
             state.give_up(reason)
         self._degraded, self._numbers = True, numbers
@@ -118,7 +116,7 @@ class Judge:
         self._degraded = True
 
     def remember(self, steps: int, effort: int) -> None:
-        """Before the first step: remember more of them, and work out more for an explanation, than else."""
+        """Before the first step: remember this many steps, and spend this much on an explanation."""
         self._recent = Recent(steps, effort)
 
     def judge(self, step: Step, now: int) -> Judged:
@@ -133,7 +131,7 @@ class Judge:
         return self._judge(step, now)
 
     def tick(self, time: int, now: int) -> Judged | None:
-        """Judge a step at `time` without signals but held ones, and forget it; None where it changes no outcome."""
+        """Judge a step at `time` with held signals only, and take it back; None where it changes no outcome."""
         self._ticked, self._outdated = time, False
         signals, failed = self._all_held()
         views = self._plan.silent
@@ -144,7 +142,7 @@ class Judge:
             return None
         self.counters.ticks += 1
         verdicts = tuple(self._verdict(s, outcome, signals) for s, outcome in zip(self.properties, found, strict=True))
-        event = Event(TICK, "", self.counters.ticks, time, now, None)
+        event = Event(TICKS, "", self.counters.ticks, time, now, None)
         return self._conclude(Step(event, signals, frozenset(failed), time), None, verdicts, now)
 
     def _count(self, step: Step) -> None:
@@ -155,7 +153,7 @@ class Judge:
             self._degraded = True
 
     def _try(self, step: Step, now: int) -> Judged:
-        """Judge a step, and take it back where it is denied: it never happened."""
+        """Judge a step, and take it back where it is denied, as if it had never happened."""
         marks = [state.mark() for state in self.properties]
         present, steps, held = self.present, self.counters.steps, self._held
         ticked = self._ticked, self._outdated
@@ -221,8 +219,8 @@ class Judge:
     def _move_on(self, step: Step, stream: StreamPlan) -> None:
         """Time never goes back, and an unordered event is judged at the present.
 
-        Where there is none yet, or nothing but such events moves it, that is the earlier of its stamp and its arrival:
-        a stamp from the future would be everyone's.
+        Where there is no present yet, or only unordered events move it, the present becomes the earlier of the event's
+        stamp and arrival: otherwise one stamp from the future would apply to all later events.
         """
         if self._order == "arrival":
             self.present = max(self.present, step.event.arrived)
@@ -232,10 +230,9 @@ class Judge:
             self.present = max(self.present, min(step.time, step.event.arrived))
 
     def _outdate(self, before: int) -> None:
-        """Have deadlines judged again that had run out: the outcome will be that of a time before them.
+        """Have deadlines judged again that were judged before this older step: the outcome is as of a time before them.
 
-        Those between this step and the last one that had; of a step that did not move the present, which may be long
-        ago, that last one, for how things stand.
+        Where the step moved the present, those after it; else only the last one, since the present may be long ago.
         """
         if self.present > before:
             self._ticked = self.present
@@ -262,7 +259,7 @@ class Judge:
         return Judged(step, number, self._order, now, verdicts, decision)
 
     def _signals(self, step: Step, stream: StreamPlan) -> tuple[dict[str, Scalar], Names]:
-        """All signals of a step: its own, the reserved ones, and what its monitor's streams hold."""
+        """All signals of a step: its own, the reserved ones, and those that its monitor's streams hold."""
         event = step.event
         signals: dict[str, Scalar] = {**step.signals, **stream.constants, "monitor": event.monitor}
         if event.call is not None:
@@ -270,7 +267,7 @@ class Judge:
         if not stream.spec.hold and not self._held:
             return signals, step.failed
         if stream.spec.hold:
-            held = self._held[event.monitor] = self._held.pop(event.monitor, _Held())  # it spoke last
+            held = self._held[event.monitor] = self._held.pop(event.monitor, _Held())  # its event is the latest
             held.take(stream.spec.hold, step)
         known = self._held.get(event.monitor)
         if known is None:
@@ -286,13 +283,13 @@ class Judge:
         )
 
     def _past(self, index: int) -> Past:
-        """What one property saw of the last steps, and of a tick that is being judged."""
+        """The last steps as one property observed them, and a tick that is being judged."""
         views = self._plan.streams
         tick = () if self._tick is None else ((self._tick[0], self._plan.silent[index], self._tick[1]),)
         return self._recent.past(lambda stream: views[stream].views[index], *tick)
 
     def _all_held(self) -> tuple[dict[str, Scalar], Names]:
-        """What the streams of all monitors hold; of two monitors that hold one signal, the one that spoke last."""
+        """The held signals of all monitors; where two hold the same one, that of the monitor with the latest event."""
         values: dict[str, Scalar] = {}
         failed: set[str] = set()
         for held in self._held.values():

@@ -1,4 +1,4 @@
-"""A monitor's sequence numbers: what is new, what came before, what was lost, and up to where all is committed."""
+"""A monitor's sequence numbers: which are new, repeated or lost, and up to where all are committed."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import Any
 
 JUDGED = -1
-"""In place of what a refused event takes with it: an event that was judged, and told of what was lost before it."""
+"""In place of the loss of a refused event: the event was judged, and reported what was lost before it."""
 
 
 class Numbering:
@@ -17,22 +17,22 @@ class Numbering:
     """
 
     def __init__(self, committed: Iterable[tuple[int, int, int]] = (), saved: Any = None) -> None:
-        """Go on after what was `saved`, and what is committed since or was then.
+        """Continue from what was `saved`, and from what was committed by then or since.
 
-        `committed` has a number each, the size of the gap before it, and how much was lost with it where it was
-        refused, else `JUDGED`.
+        `committed` has a number each, the size of the gap before it, and how many events were lost with it where it
+        was refused, else `JUDGED`.
         """
-        upto, told, done = saved or (0, 0, [])
+        upto, lost, done = saved or (0, 0, [])
         self.upto: int = upto
         """Every number up to here is used up."""
-        self._lost: int = told
+        self._lost: int = lost
         self._newest = 0
-        self._done: list[tuple[int, int, int]] = [(first, last, lost) for first, last, lost in done]
+        self._done: list[tuple[int, int, int]] = [(first, last, size) for first, last, size in done]
         self._taken: set[int] = {last for _, last, _ in self._done}
         self._gaps: dict[int, int] = {}
         self._last_gap = 0
         self._inside: set[int] = set()
-        """Numbers that came though they had been told as lost, until they are used up."""
+        """Numbers that arrived after they were counted as lost, until they are used up."""
         for seq, gap, lost in sorted(committed):
             if seq > self.upto and seq not in self._taken:
                 self._taken.add(seq)
@@ -40,23 +40,23 @@ class Numbering:
         self.resume()
 
     def hold(self, seq: int) -> None:
-        """Know a number as taken that is not used up yet."""
+        """Mark a number as taken that is not used up yet."""
         self._taken.add(seq)
 
     @property
     def next(self) -> int:
-        """The number that a monitor goes on at."""
+        """The number that a monitor continues at."""
         return self._newest + 1
 
     @property
     def lost(self) -> int:
-        """How many events were lost or refused that no judged event was told of, as far as is committed."""
+        """How many committed losses and refusals no judged event has reported yet."""
         lost, before = self._lost, self.upto
         for first, last, refused in sorted(self._done):
             if refused != JUDGED:
                 lost += refused
             elif first <= before + 1:
-                lost = 0  # told with this event, which came next
+                lost = 0  # reported with this event, which came next
             before = last
         return lost
 
@@ -69,7 +69,7 @@ class Numbering:
         self._newest = self.upto
 
     def restart(self) -> None:
-        """Expect a monitor that knows nothing of the numbers that were taken."""
+        """Expect a monitor that does not know which numbers were taken."""
         self._newest = max(self.upto, *self._taken) if self._taken else self.upto
 
     def take(self, seq: int) -> int | None:
@@ -89,7 +89,7 @@ class Numbering:
         return gap
 
     def commit(self, seq: int, gap: int, lost: int = JUDGED) -> None:
-        """Use up a number that was taken, and the gap before it, of which none is still on its way."""
+        """Use up a number that was taken, and the gap before it, of which nothing is expected any more."""
         self._inside.discard(seq)
         heapq.heappush(self._done, (seq - gap, seq, lost))
         while self._done and self._done[0][0] <= self.upto + 1:

@@ -1,4 +1,4 @@
-"""What one property saw of the last steps, for explanations to go back to."""
+"""The last steps as one property observed them, for explanations."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from oracle_server.core.atoms import Matches
 
 @dataclass(frozen=True, slots=True)
 class Past:
-    """The last steps, the present one among them as the last.
+    """The last steps, of which the present one is the last.
 
-    `times` are theirs, in nanoseconds; `matches` tells what the formula's atoms made of the one at a place of `times`.
-    `effort` is what one explanation may cost: ten for a value of a part of the formula that is worked out.
+    `times` are theirs, in nanoseconds; `matches` returns the matches of the formula's atoms at an index of `times`.
+    `effort` is what one explanation may cost: ten for each value of a part of the formula that is computed.
     """
 
     times: Sequence[int]

@@ -12,7 +12,8 @@ from typing import Protocol
 from oracle_server.core.atoms import AtomTest, Match, specialise
 from oracle_server.core.events import StreamKey
 from oracle_server.core.formula.tree import Atom, Scalar
-from oracle_server.core.signals import RESERVED, DefaultProjection, Projection
+from oracle_server.core.kinds import RESERVED
+from oracle_server.core.signals import DefaultProjection, Projection
 from oracle_server.core.spec import By, Spec, StreamSpec
 
 
@@ -33,17 +34,17 @@ class Projects(Protocol):
 class View:
     """What one property sees of one stream: the atoms to test, and the signals whose failure makes it unknown.
 
-    `size` is the number of the formula's atoms, most of which can't hold on any one stream; `heard`: the property
-    judges the stream's events at all, which an external oracle need not do.
+    `size` is the number of the formula's atoms, most of which can't hold on any one stream; `observed`: the property
+    judges the stream's events at all; an external oracle may receive only some streams.
     """
 
     size: int
     tests: tuple[AtomTest, ...]
     reads: frozenset[str]
-    heard: bool = True
+    observed: bool = True
 
     def matches(self, signals: Mapping[str, Scalar]) -> list[Match]:
-        """What each of the formula's atoms makes of a step."""
+        """The match of each of the formula's atoms at a step."""
         found: list[Match] = [None] * self.size
         for test in self.tests:
             found[test.index] = test.match(signals)
@@ -54,8 +55,8 @@ class View:
 class StreamPlan:
     """One stream made ready; `views` has an entry for each property, `guards` the indexes of those that guard it.
 
-    `blames` are those of the guards with `blame: caused`; `undoes` tells whether a denied event is taken back;
-    `asked` are the indexes of the properties whose external oracles hear it.
+    `blames` are those of the guards with `blame: caused`; `undoes`: a denied event is taken back; `asked` are the
+    indexes of the properties whose external oracles receive its events.
     """
 
     spec: StreamSpec
@@ -77,8 +78,8 @@ class StreamPlan:
 class Plan:
     """A spec made ready, stream by stream.
 
-    `silent` are the properties' views of a step that has no signals but held ones; `timed` tells whether some property
-    has `time: seconds`; `external` are the indexes of the properties that oracles elsewhere judge.
+    `silent` are the properties' views of a step that has no signals but held ones; `timed`: some property has
+    `time: seconds`; `external` are the indexes of the properties that external oracles judge.
     """
 
     spec: Spec
@@ -108,17 +109,17 @@ def judged_by(ready: Plan, by: By | None) -> Plan:
 
 def constants(stream: StreamSpec) -> dict[str, Scalar]:
     """The signals that every event of a stream has with the same value."""
-    return {"topic" if stream.kind == "topic" else "service": stream.name, "kind": stream.kind}
+    return {stream.traits.group: stream.name, "kind": stream.kind}
 
 
 def can_meet(stream: StreamSpec, atom: Atom) -> bool:
-    """Whether some event of a stream can meet an atom, as far as the reserved signals tell."""
+    """Whether some event of a stream can meet an atom, as far as the reserved signals decide it."""
     return bool(specialise([atom], constants(stream), lambda key: key not in RESERVED or has_reserved(stream, key)))
 
 
 def has_reserved(stream: StreamSpec, key: str) -> bool:
     """Whether every event of a stream has the reserved signal `key`."""
-    return key in constants(stream) or key == "monitor" or (key == "call" and stream.kind != "topic")
+    return key in constants(stream) or key == "monitor" or (key == "call" and stream.traits.has_call)
 
 
 def named_signals(stream: StreamSpec, formulas: tuple[tuple[Atom, ...], ...], held: frozenset[str]) -> frozenset[str]:
@@ -141,13 +142,13 @@ def _plan_stream(spec: Spec, stream: StreamSpec, formulas: tuple[tuple[Atom, ...
     views = [_view(formula_atoms, known, possible.__contains__) for formula_atoms in formulas]
     asked = []
     for i, prop in enumerate(spec.properties):
-        if prop.external is not None and prop.external.hears(stream):
+        if prop.external is not None and prop.external.receives(stream):
             asked.append(i)
         elif prop.external is not None:
-            views[i] = replace(views[i], heard=False)
+            views[i] = replace(views[i], observed=False)
     guards = tuple(i for i, p in enumerate(spec.properties) if stream.name in p.guards)
     blames = tuple(i for i in guards if spec.properties[i].blame == "caused")
-    undoes = stream.on_deny == "undo" and stream.kind != "response"
+    undoes = stream.on_deny == "undo" and stream.traits.undoable
     return StreamPlan(stream, project, known, tuple(views), guards, blames, undoes, tuple(asked))
 
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from oracle_server.core.atoms import Matches
-from oracle_server.core.engine import MAX_WORK, Answer, Engine, Explaining, Measuring, Revisable, Savable, Told
+from oracle_server.core.engine import MAX_WORK, Answer, Engine, Explaining, Measuring, Receiving, Revisable, Savable
 from oracle_server.core.errors import EngineError
 from oracle_server.core.explanation import Why
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.past import NO_PAST, Past
 from oracle_server.core.plan import View
+from oracle_server.core.snapshot import PropertySnapshot
 from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import FINAL, NEGATIVE, Outcome
 
@@ -23,11 +24,8 @@ builtin_property = property
 """`property`, which is a field here."""
 
 
-_SAVED = ("outcome", "negative", "first_violation", "violations", "failures", "broken", "renewed")
-
-
 class _Mark(NamedTuple):
-    """What of a property's state a step that is taken back must not change."""
+    """The part of a property's state that a step which is taken back must not change."""
 
     outcome: Outcome
     negative: bool
@@ -35,7 +33,7 @@ class _Mark(NamedTuple):
 
 
 class _Broken:
-    """Stands in for an engine that judges no more, so that its memory is free; `complaint` is what it had to say."""
+    """Replaces an engine that failed, to free its memory; `complaint` is what that engine reported."""
 
     def __init__(self, complaint: str | None) -> None:
         self.complaint = complaint
@@ -57,18 +55,18 @@ class PropertyState:
     violations: int = 0
     failures: int = 0
     broken: str | None = None
-    """Why the engine judges no more."""
+    """Why the engine does not judge any more."""
     why: Why | None = None
-    """Why it became negative, where it did and the engine can say; where `asked`, why the last outcome is as it is."""
+    """Why it became negative, where the engine can explain it; where `asked`, why the last outcome is as it is."""
     past: Callable[[], Past] | None = None
-    """What is remembered of the last steps, the present one among them."""
+    """Returns what is remembered of the last steps, up to the present one."""
     asked: bool = False
     idle_work: int = 0
-    """What ticks since the last step have cost: they are taken back, so that each may cost as much as the last one."""
+    """The cost of the ticks since the last step, which the engine forgets with them."""
     renewed: bool = False
-    """Whether it is judged elsewhere, and what was known there may have been lost."""
+    """Whether its external oracle may have lost its state."""
     unexplained: int = 0
-    """How often the engine failed to say why; not that it can't."""
+    """How often an explanation failed; engines that never explain are not counted."""
     _inexplicable: str = ""
 
     def step(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names) -> Outcome:
@@ -78,7 +76,7 @@ class PropertyState:
             return self.outcome
         outcome = self._ask_engine(view, time, signals)
         if outcome is Outcome.UNKNOWN or (failed and not view.reads.isdisjoint(failed)):
-            self.failures += view.heard
+            self.failures += view.observed
             return Outcome.UNKNOWN
         if self.asked or outcome in NEGATIVE:
             self._explain(outcome)
@@ -86,11 +84,11 @@ class PropertyState:
             return Outcome.FALSE
         return outcome
 
-    def tell(self, answer: Answer) -> None:
-        """Take in what an oracle elsewhere says of the next step."""
+    def receive(self, answer: Answer) -> None:
+        """Use the answer of an external oracle for the next step."""
         self.renewed = self.renewed or answer.anew
-        if isinstance(self.engine, Told):
-            self.engine.tell(answer)
+        if isinstance(self.engine, Receiving):
+            self.engine.receive(answer)
 
     def next_deadline(self, after: int) -> int | None:
         """When, after `after` (ns), time alone may change the outcome; None for never."""
@@ -100,7 +98,7 @@ class PropertyState:
         return engine.next_deadline(after) if engine is not None else None
 
     def tick(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names) -> Outcome:
-        """The outcome at a step that will be forgotten; final only where the property is latched."""
+        """The outcome at a step that is then taken back; final only where the property is latched."""
         engine = self._revisable()
         if engine is None or self.property.time != "seconds" or self.outcome in FINAL:
             return self.outcome
@@ -133,7 +131,7 @@ class PropertyState:
         return _Mark(self.outcome, self.negative, self.failures)
 
     def back(self, mark: _Mark) -> None:
-        """Take the step back; a violation stays counted, and an engine that broke at it stays broken."""
+        """Take the step back; a violation stays counted, and an engine that failed at it stays failed."""
         engine, failures = self._revisable(), self.failures
         if engine is not None:
             engine.back()
@@ -142,25 +140,35 @@ class PropertyState:
             self.outcome, self.failures = Outcome.UNKNOWN, failures
 
     def keep(self) -> None:
-        """Let the step stand."""
+        """Keep the step."""
         engine = self._revisable()
         if engine is not None:
             engine.keep()
 
-    def snapshot(self) -> dict[str, Any] | None:
+    def snapshot(self) -> PropertySnapshot | None:
         """All that later verdicts depend on, as plain data; None where the engine can't be saved."""
         engine = None
         if self.outcome not in FINAL and self.broken is None:
             if not isinstance(self.engine, Savable):
                 return None
             engine = self.engine.snapshot()
-        return {name: getattr(self, name) for name in _SAVED} | {"engine": engine}
+        return {
+            "outcome": self.outcome.value,
+            "negative": self.negative,
+            "first_violation": self.first_violation,
+            "violations": self.violations,
+            "failures": self.failures,
+            "broken": self.broken,
+            "renewed": self.renewed,
+            "engine": engine,
+        }
 
-    def restore(self, data: Mapping[str, Any]) -> None:
-        """Become what a snapshot says. Raises `EngineError` where the engine can't use it."""
-        for name in _SAVED:
-            setattr(self, name, data.get(name, False) if name == "renewed" else data[name])
-        self.outcome = Outcome(self.outcome)
+    def restore(self, data: PropertySnapshot) -> None:
+        """Take over a snapshot. Raises `EngineError` where the engine can't use it."""
+        self.outcome, self.negative = Outcome(data["outcome"]), data["negative"]
+        self.first_violation, self.violations = data["first_violation"], data["violations"]
+        self.failures, self.broken = data["failures"], data["broken"]
+        self.renewed = data.get("renewed", False)
         if data["engine"] is not None:
             if not isinstance(self.engine, Savable):
                 raise EngineError("a snapshot of another engine")
@@ -168,14 +176,14 @@ class PropertyState:
 
     @builtin_property
     def robustness(self) -> float | None:
-        """The engine's at the last step; None where it was not asked, or has none."""
+        """The engine's robustness at the last step; None where it was not stepped, or has none."""
         if self.outcome in FINAL or self.broken is not None or not isinstance(self.engine, Measuring):
             return None
         return self.engine.robustness
 
     @builtin_property
     def complaint(self) -> str | None:
-        """What is to be said against the engine, None for nothing."""
+        """What went wrong in the engine, None for nothing."""
         found = getattr(self.engine, "complaint", None)
         if self.unexplained:
             times = "once" if self.unexplained == 1 else f"{self.unexplained} times"
@@ -195,7 +203,7 @@ class PropertyState:
                     self._inexplicable = str(error) or type(error).__name__
 
     def _take_back(self, engine: Revisable) -> None:
-        """Forget a step that changes nothing for good, but for what it cost."""
+        """Take a tick back, and count its cost."""
         if self.broken is not None:
             return
         self.idle_work += getattr(engine, "work", 0)
@@ -204,7 +212,7 @@ class PropertyState:
             self.give_up(f"its deadlines cost too much: {MAX_WORK} values may be looked at for those between two steps")
 
     def give_up(self, reason: str) -> None:
-        """Judge no more, for this reason."""
+        """Stop judging, for this reason."""
         self.broken = reason
         self.engine = _Broken(self.complaint)
 
@@ -221,7 +229,7 @@ class PropertyState:
             return Outcome.UNKNOWN
 
     def remember(self, verdict: int, outcome: Outcome) -> bool:
-        """Take in the outcome of verdict number `verdict`; true where the property became negative with it."""
+        """Record the outcome of verdict number `verdict`; true where the property became negative with it."""
         if outcome is self.outcome:
             return False
         self.outcome = outcome

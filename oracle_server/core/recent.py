@@ -10,9 +10,10 @@ from oracle_server.core.atoms import Matches
 from oracle_server.core.events import Signals, Step, StreamKey
 from oracle_server.core.past import Past
 from oracle_server.core.plan import View
+from oracle_server.core.records import EventRecord
 
 SIZE = 1024
-"""Steps that are remembered; of older ones an explanation tells the number or the time alone."""
+"""Steps that are remembered; of older ones an explanation has the number or the time only."""
 EFFORT = 10_000
 """What one explanation may cost: some milliseconds."""
 
@@ -21,14 +22,14 @@ Seen = tuple[int, int, StreamKey, int, str, int, Signals]
 
 
 class Recent:
-    """What is told of the last steps; all times in nanoseconds."""
+    """The last steps; all times in nanoseconds."""
 
     def __init__(self, size: int = SIZE, effort: int = EFFORT) -> None:
         self._steps: deque[Seen] = deque(maxlen=size)
         self._effort = effort
 
     def add(self, number: int, time: int, step: Step, signals: Signals) -> None:
-        """Take in the next step, of which formulas see `signals`."""
+        """Add the next step, of which formulas see `signals`."""
         event = step.event
         self._steps.append((number, time, event.stream, step.stamp, event.monitor, event.seq, signals))
 
@@ -36,16 +37,16 @@ class Recent:
         """Forget the last step."""
         self._steps.pop()
 
-    def snapshot(self) -> Any:
+    def snapshot(self) -> list[Any]:
         """The steps as plain data."""
         return list(self._steps)
 
     def restore(self, data: Any) -> None:
-        """Become what a snapshot says."""
+        """Take over a snapshot."""
         self._steps.extend((n, t, StreamKey(*stream), *rest) for n, t, stream, *rest in data)
 
     def past(self, views: Callable[[StreamKey], View], *more: tuple[int, View, Signals]) -> Past:
-        """What a property saw of these steps by its view of each stream, and after them of one more."""
+        """These steps, and `more` after them, as a property observes them by its view of each stream."""
         steps = list(self._steps)
         times = [time for _, time, *_ in steps] + [time for time, _, _ in more]
 
@@ -57,14 +58,21 @@ class Recent:
 
         return Past(times, matches, self._effort)
 
-    def recall(self, at: int, step: int | None, *, timed: bool) -> dict[str, Any] | None:
+    def recall(self, at: int, step: int | None, *, timed: bool) -> EventRecord | None:
         """The event of a reason: of step number `step`, where that is known, else the only one at a time or number."""
         place, wanted = (1, at) if timed and step is None else (0, at if step is None else step)
         found = [seen for seen in self._steps if seen[place] == wanted]
-        return _told(found[0]) if len(found) == 1 else None
+        return _record(found[0]) if len(found) == 1 else None
 
 
-def _told(seen: Seen) -> dict[str, Any]:
+def _record(seen: Seen) -> EventRecord:
     number, _, stream, stamp, monitor, seq, signals = seen
-    event = {"step": number, "stream": stream.name, "kind": stream.kind, "stamp": stamp, "monitor": monitor, "seq": seq}
-    return {**event, "signals": dict(signals)}
+    return {
+        "step": number,
+        "stream": stream.name,
+        "kind": stream.kind,
+        "stamp": stamp,
+        "monitor": monitor,
+        "seq": seq,
+        "signals": dict(signals),
+    }

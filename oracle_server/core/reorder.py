@@ -2,7 +2,7 @@
 
 Each publisher's messages arrive in the order of publication, so its newest stamp is a frontier: nothing older will
 still come from it. An event leaves once the frontiers of all open streams have reached its stamp, or once it has
-waited `max_delay`, or for want of room. What Algorithm 1 of ROSMonitoring 2.0 has released by some arrival, this
+waited `max_delay`, or when the buffer is full. What Algorithm 1 of ROSMonitoring 2.0 has released by some arrival, this
 has too, in the same order.
 """
 
@@ -24,7 +24,7 @@ Source = tuple[str, StreamKey]
 
 
 class Released(msgspec.Struct, Generic[T], frozen=True, gc=False):
-    """An item whose turn has come; `late` is older than one before it, `forced` left for want of room."""
+    """An item whose turn has come; `late` is older than one before it, `forced` left because the buffer was full."""
 
     item: T
     late: bool = False
@@ -40,14 +40,14 @@ class _Frontier:
     reached: int | None = None
     """The time before which nothing can come from here any more; None while nothing is known."""
 
-    def hear(self, publisher: str, stamp: int) -> None:
-        """Take in a publisher's newest stamp."""
+    def observe(self, publisher: str, stamp: int) -> None:
+        """Record a publisher's newest stamp."""
         self.publishers[publisher] = stamp
         least = stamp if len(self.publishers) == 1 else min(self.publishers.values())
         self.reached = least if self.clock is None or least > self.clock else self.clock
 
-    def tell(self, clock: int) -> None:
-        """Take in a newer clock."""
+    def advance(self, clock: int) -> None:
+        """Record a newer clock."""
         self.clock = clock
         if self.reached is None or clock > self.reached:
             self.reached = clock
@@ -80,7 +80,7 @@ class ReorderBuffer(Generic[T]):
 
     @property
     def limit(self) -> int | None:
-        """The time before which no open stream can speak any more; None while that is not known, or none is open."""
+        """The time before which no open stream has any more events; None while that is not known, or none is open."""
         return self._limit
 
     @property
@@ -92,12 +92,12 @@ class ReorderBuffer(Generic[T]):
 
     @property
     def frontiers(self) -> dict[Source, int | None]:
-        """Each open stream's frontier, None while it has not spoken."""
+        """Each open stream's frontier, None before its first event or clock."""
         return {source: frontier.reached for source, frontier in self._frontiers.items()}
 
     @property
     def ahead(self) -> frozenset[str]:
-        """The monitors for none of whose streams the order waits: all have got beyond the least frontier."""
+        """The monitors for none of whose streams the order waits: all are beyond the least frontier."""
         behind = {m for (m, _), reached in self.frontiers.items() if reached is None or reached == self._limit}
         return frozenset(monitor for monitor, _ in self._frontiers) - behind
 
@@ -117,7 +117,7 @@ class ReorderBuffer(Generic[T]):
         return self._release()
 
     def close(self, monitor: str) -> list[Released[T]]:
-        """Wait for a monitor's streams no more; what it sent stays."""
+        """Stop waiting for a monitor's streams; what it sent stays."""
         return self.open(monitor, ())
 
     def push(self, item: T, source: Source, publisher: str, stamp: int, now: int) -> list[Released[T]]:
@@ -128,7 +128,7 @@ class ReorderBuffer(Generic[T]):
             self._find_slowest()
         known = frontier.publishers.get(publisher)
         if known is None or stamp > known:
-            frontier.hear(publisher, stamp)
+            frontier.observe(publisher, stamp)
             self._moved(source, new=known is None)
         if self.present is not None and stamp < self.present:
             return [Released(item, late=True), *self._release()]
@@ -156,11 +156,11 @@ class ReorderBuffer(Generic[T]):
         return released
 
     def clock(self, source: Source, stamp: int) -> list[Released[T]]:
-        """Learn that nothing older than `stamp` will come from an open stream."""
+        """Record that nothing older than `stamp` will come from an open stream."""
         frontier = self._frontiers.get(source)
         if frontier is None or (frontier.clock is not None and stamp <= frontier.clock):
             return []
-        frontier.tell(stamp)
+        frontier.advance(stamp)
         self._moved(source)
         return self._release()
 

@@ -1,4 +1,4 @@
-"""What a spec would not do as its author wants on one version of ROS."""
+"""What in a spec would not work as intended on one version of ROS."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def ros_hazards(spec: Spec, ros: Ros) -> Iterator[SpecProblem]:
 
 
 def _denied_responses(spec: Spec) -> Iterator[SpecProblem]:
-    """ROS 2 has no service errors: without a word from the spec a denied call is answered by the type's defaults."""
+    """ROS 2 has no service errors: without `denied_response` a denied call is answered by the type's defaults."""
     for i, stream in enumerate(spec.streams):
         if stream.kind == "request" and stream.action == "filter" and stream.denied_response is None:
             yield SpecProblem(
@@ -42,16 +42,16 @@ def _denied_responses(spec: Spec) -> Iterator[SpecProblem]:
 
 
 def _arrival_times(spec: Spec) -> Iterator[SpecProblem]:
-    """ROS 1 carries no publication time: a topic whose messages hold none is ordered as it arrives.
+    """ROS 1 carries no publication time: a topic whose messages hold none is ordered by its arrival.
 
-    Services are left out: the adapter is where requests and responses pass, so that its clock is exact for them.
+    What passes through a proxy is left out: the adapter stamps it, so that its clock is exact.
     """
     if spec.ordering.by == "arrival":
         return
     for i, stream in enumerate(spec.streams):
-        if stream.kind == "topic" and stream.ordered and stream.stamp is None and _has_no_stamp(stream.type):
+        if not stream.traits.proxied and stream.ordered and stream.stamp is None and _has_no_stamp(stream.type):
             yield SpecProblem(
-                ("streams", i, "topic"),
+                ("streams", i, stream.traits.group),
                 f"{stream.name} is ordered by its arrival on ROS 1, which carries no publication time: {stream.type} "
                 "has neither `header.stamp` nor `stamp`; name the field under `stamp`, or say `ordered: false`",
                 severity="warning",

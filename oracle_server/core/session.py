@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
 
 import msgspec
 
@@ -13,9 +12,11 @@ from oracle_server.core.asking import Ask, Asking, Waiting
 from oracle_server.core.engine import Answer, Engine
 from oracle_server.core.events import Event, Order, Step, StreamKey
 from oracle_server.core.judge import Judge
+from oracle_server.core.kinds import TICK
 from oracle_server.core.plan import Plan
 from oracle_server.core.reorder import Released, ReorderBuffer, Source
 from oracle_server.core.simulated import ClockReading, SimulatedTime
+from oracle_server.core.snapshot import SessionSnapshot
 from oracle_server.core.spec import SECOND, Spec
 from oracle_server.core.stamps import stamp_in
 from oracle_server.core.tally import HoldTimes, StreamCounts
@@ -23,20 +24,20 @@ from oracle_server.core.verdicts import FINAL, Judged
 
 Put = Callable[[Step, Source, str, int, int], list[Released[Step]]]
 _LOOK_AGAIN = SECOND
-"""How long deadlines wait while nothing can be judged, in nanoseconds."""
+"""How long expired deadlines wait while nothing can be judged, in nanoseconds."""
 
 
 class Session:
     """Judges the events of its monitors against the properties of one spec.
 
-    Every method takes the present time in nanoseconds and returns what was judged by it, in order. Time never goes
-    back: an earlier time counts as the latest one seen.
+    Every method takes the present time in nanoseconds and returns what was judged, in order. Time never goes back: an
+    earlier time counts as the latest one seen.
     """
 
     def __init__(self, plan: Plan, engines: Sequence[Sequence[Engine]], *, ticking: bool = True) -> None:
-        """Start with fresh engines: for each order that `orders` names, one a property.
+        """Start with fresh engines: for each order of `orders`, one a property.
 
-        `ticking`: deadlines that run out are judged.
+        `ticking`: expired deadlines are judged.
         """
         ordering = plan.spec.ordering
         numbers = itertools.count(1)
@@ -53,11 +54,11 @@ class Session:
         self.simulated: SimulatedTime | None = None
         """The time of the simulation that the session runs in; None where its time is the server's."""
         self.asking = Asking() if plan.external else None
-        """What waits for oracles elsewhere; None where the spec has none."""
+        """What waits for external oracles; None where the spec has none."""
         self.suspended = False
         """Whether events are skipped, since their verdicts could not be kept."""
-        self.heard_since: int | None = 0
-        """Since when all that is waited for could be heard, in nanoseconds; None while it can't, after a restart."""
+        self.ready_since: int | None = 0
+        """Since when all monitors are connected again (ns); None while some are awaited after a restart."""
 
     @property
     def next_deadline(self) -> int | None:
@@ -67,21 +68,21 @@ class Session:
             return deadline
         waits = {order: self._longest_wait(order) for order in self.judges}
         ticks = [
-            max(tick, self._heard_since(order)) + wait
+            max(tick, self._ready_since(order)) + wait
             for order, judge in self.judges.items()
             if (wait := waits[order]) is not None and (tick := judge.next_deadline) is not None
         ]
-        if self.suspended:  # no deadline is judged now, however long ago it ran out
+        if self.suspended:  # no deadline is judged now, however long ago it expired
             ticks = [max(tick, self.now + _LOOK_AGAIN) for tick in ticks]
         return min((d for d in (deadline, *ticks) if d is not None), default=None)
 
     def attach(self, monitor: str, streams: Iterable[StreamKey], now: int) -> list[Judged]:
-        """Wait for the ordered ones of a monitor's streams from now on, and for no others of it."""
+        """Wait for the ordered ones of these streams of a monitor from now on, and for no others of it."""
         ordered = [s for s in streams if self.plan.spec.by_key[s].ordered]
         return self.advance(now) + self._judge(self.buffer.open(monitor, ordered)) + self._run_out()
 
     def detach(self, monitor: str, now: int) -> list[Judged]:
-        """Wait for a monitor no more; its streams leave the order, what it sent stays."""
+        """Stop waiting for a monitor: its streams leave the order, what it sent stays."""
         return self.advance(now) + self._judge(self.buffer.close(monitor)) + self._run_out()
 
     def ingest(self, event: Event) -> list[Judged]:
@@ -97,17 +98,17 @@ class Session:
         return judged + self._run_out() if self._ticking else judged
 
     def clock(self, monitor: str, readings: Iterable[ClockReading], now: int) -> list[Judged]:
-        """Learn how far a monitor's streams have come."""
+        """Take a monitor's clock: the times before which its streams have no more events."""
         judged = self.advance(now)
         readings = tuple(readings)
         if self.simulated is not None:
-            self.simulated.tell(monitor, readings)
+            self.simulated.update(monitor, readings)
         for reading in readings:
             judged += self._judge(self.buffer.clock((monitor, reading.stream), reading.stamp))
         return judged + self._run_out()
 
     def advance(self, now: int) -> list[Judged]:
-        """Let time pass: judge what has waited its longest."""
+        """Let time pass: judge what has waited for `max_delay`."""
         self.now = max(self.now, now)
         released = self.buffer.advance(self.now)
         judged = self._judge(released) if released else []
@@ -118,35 +119,35 @@ class Session:
         return self.advance(now) + self._judge(self.buffer.flush())
 
     def take_asks(self) -> list[Ask]:
-        """The questions to oracles elsewhere that were not taken yet; each is to be answered by `resolve`."""
+        """The questions to external oracles that were not taken yet; each is to be answered by `resolve`."""
         return [] if self.asking is None else self.asking.take()
 
     def resolve(self, ask: Ask, answer: Answer, now: int) -> list[Judged]:
-        """Take in what an oracle elsewhere says: judge what waited for it, and what waited behind that."""
+        """Take an external oracle's answer: judge what waited for it, and what waited behind that."""
         assert self.asking is not None  # noqa: S101 -- there was a question
         self.now = max(self.now, now)
         self.asking.answer(ask.number, ask.property, answer)
         return self._leave() + self._run_out()
 
     def abandon(self, reason: str, now: int) -> list[Judged]:
-        """Wait for no oracle elsewhere any more: what none has said is unknown."""
+        """Stop waiting for external oracles: the outcome of every missing answer is unknown."""
         if self.asking is None:
             return []
         self.now = max(self.now, now)
         self.asking.give_up(reason)
         return self._leave() + self._run_out()
 
-    def tell(self, order: Order, answers: Mapping[int, Answer]) -> None:
-        """Say beforehand what oracles elsewhere say of the next step in an order, by the properties' indexes."""
+    def receive(self, order: Order, answers: Mapping[int, Answer]) -> None:
+        """Use answers of external oracles for the next step in an order, by the indexes of their properties."""
         for index, answer in answers.items():
-            self.judges[order].properties[index].tell(answer)
+            self.judges[order].properties[index].receive(answer)
 
     def rejudge(self, order: Order, step: Step, judged: int) -> Judged | None:
-        """Judge again what was judged before, in the same sequence, to come back to where a session stood.
+        """Judge again what was judged before, in the same sequence, to restore a session.
 
-        None where a tick changed something, and does not any more.
+        None where a tick changed an outcome then, and does not now.
         """
-        if step.event.stream.kind == "tick":
+        if step.event.stream.kind == TICK:
             self.now = max(self.now, judged)
             judge = self.judges[order]
             again, number = judge.tick(step.stamp, judged), step.event.seq
@@ -155,27 +156,27 @@ class Session:
         if order == "publication" and not step.late and self.plan.spec.by_key[step.event.stream].ordered:
             self.buffer.present = step.time
         self.now = max(self.now, judged)
-        if step.event.lost and order == orders(self.plan.spec)[-1]:  # which was told of it first
+        if step.event.lost and order == orders(self.plan.spec)[-1]:  # which noted it first
             self._note_loss(step.event)
         if order == orders(self.plan.spec)[0]:
             self.counts[step.event.monitor, step.event.stream].late += step.late
         return self.judges[order].judge(step, judged)
 
-    def snapshot(self) -> dict[str, Any] | None:
-        """All that later verdicts depend on but what is held in the order, as plain data.
+    def snapshot(self) -> SessionSnapshot | None:
+        """All that later verdicts depend on except what is held in the order, as plain data.
 
-        None where an engine can't be saved, or where events are judged in two orders, and so are between them.
+        None where an engine can't be saved, or where events are judged in two orders, and may be judged in one only.
         """
         if len(self.judges) > 1:
             return None
-        judges = {order: judge.snapshot() for order, judge in self.judges.items()}
-        if None in judges.values():
+        judges = {order: saved for order, judge in self.judges.items() if (saved := judge.snapshot()) is not None}
+        if not judges:
             return None
-        counts = [(m, list(stream), count.late, count.lost) for (m, stream), count in self.counts.items()]
+        counts = [(m, stream, count.late, count.lost) for (m, stream), count in self.counts.items()]
         return {"judges": judges, "present": self.buffer.present, "now": self.now, "counts": counts}
 
-    def restore(self, data: Mapping[str, Any], first: int) -> None:
-        """Go on, before the first event, where a snapshot was taken; verdicts are numbered from `first`.
+    def restore(self, data: SessionSnapshot, first: int) -> None:
+        """Continue from a snapshot, before the first event; verdicts are numbered from `first`.
 
         Raises `EngineError` where an engine can't use it.
         """
@@ -187,13 +188,13 @@ class Session:
             self.counts[monitor, StreamKey(*stream)] = StreamCounts(late, lost)
 
     def give_up(self, first: int, reason: str) -> None:
-        """Judge no more, since what came before is not known; verdicts, all unknown, are numbered from `first`."""
+        """Stop judging, for this reason; verdicts, all unknown, are numbered from `first`."""
         numbers = itertools.count(first)
         for judge in self.judges.values():
             judge.give_up(reason, numbers)
 
     def hold(self, step: Step) -> list[Judged]:
-        """Put a step into the order of publication that was there before, and not judged in it yet."""
+        """Put a step back into the order of publication, where it was before and was not judged yet."""
         return self._order(step, self.buffer.put_back)
 
     def _order(self, step: Step, put: Put | None = None) -> list[Judged]:
@@ -221,30 +222,30 @@ class Session:
         return judged
 
     def _run_out(self) -> list[Judged]:
-        """Judge the deadlines that have run out: no older event can come any more, or none is waited for any longer."""
+        """Judge expired deadlines for which no older event can come any more, or is waited for any longer."""
         judged: list[Judged] = []
         now = self.now if self.simulated is None else self.simulated.now
         for order in self.judges if self._ticking else ():
             wait = self._longest_wait(order)
             reached = []
-            if wait is not None and now is not None and now - wait >= self._heard_since(order):
+            if wait is not None and now is not None and now - wait >= self._ready_since(order):
                 reached.append(now - wait)
             if order == "publication" and self.buffer.limit is not None:
-                reached.append(self.buffer.limit - 1)  # what is as old as that may still come
+                reached.append(self.buffer.limit - 1)  # an event of that very time may still come
             if reached:
                 judged += self._ticks(order, max(reached))
         return judged
 
     def _longest_wait(self, order: Order) -> int | None:
-        """How long a deadline that has run out waits for events that are no younger, in nanoseconds; None for ever."""
+        """How long an expired deadline waits for events that are no younger, in nanoseconds; None for ever."""
         if order == "arrival":
             return 1
         wait = self.plan.spec.ordering.max_delay
-        return None if wait is None or self.heard_since is None else max(1, wait)
+        return None if wait is None or self.ready_since is None else max(1, wait)
 
-    def _heard_since(self, order: Order) -> int:
-        """What was said while nobody heard it comes once those who said it are back: since when that is, or 0."""
-        return 0 if order == "arrival" or self.simulated is not None else self.heard_since or 0
+    def _ready_since(self, order: Order) -> int:
+        """Since when monitors are connected again that may send what they kept during a restart, or 0."""
+        return 0 if order == "arrival" or self.simulated is not None else self.ready_since or 0
 
     def _ticks(self, order: Order, until: int) -> list[Judged]:
         if self.asking:
@@ -261,12 +262,12 @@ class Session:
         return judged
 
     def note_refusal(self) -> None:
-        """Know that an event was lost that could not be read."""
+        """Note that an event was lost because it could not be read."""
         for judge in self.judges.values():
             judge.degrade()
 
     def _note_loss(self, event: Event) -> None:
-        """What is held may be younger than what was lost: verdicts are degraded from when it is known."""
+        """Held events may be younger than what was lost: verdicts are degraded as soon as the loss is known."""
         self.counts[event.monitor, event.stream].lost += event.lost
         self.note_refusal()
 
@@ -285,27 +286,27 @@ class Session:
         return ticks + self._ask("publication", self._marked(step, late=late, forced=released.forced))
 
     def _ask(self, order: Order, step: Step) -> list[Judged]:
-        """Ask oracles elsewhere about a step whose turn has come, and judge it where it waits for none."""
+        """Ask external oracles about a step whose turn has come, and judge it where it waits for none."""
         assert self.asking is not None  # noqa: S101 -- only called where some are asked
         judge, stream = self.judges[order], self.plan.streams[step.event.stream]
         if self.suspended:
             step = msgspec.structs.replace(step, skipped=True)
         asked = () if step.skipped else stream.asked
-        earliest = max(judge.present, self.asking.told.get(order, 0)) or min(step.time, step.event.arrived)
+        earliest = max(judge.present, self.asking.latest.get(order, 0)) or min(step.time, step.event.arrived)
         own = step.event.arrived if order == "arrival" else step.time if stream.spec.ordered else earliest
         open_ones = [i for i in asked if judge.properties[i].outcome not in FINAL]
         self.asking.add(order, step, open_ones, max(earliest, own))
         return self._leave()
 
     def _leave(self) -> list[Judged]:
-        """Do what waits for no answer any more, in its order."""
+        """Judge what does not wait for an answer any more, in its order."""
         assert self.asking is not None  # noqa: S101 -- only called where some are asked
         judged: list[Judged] = []
         for item in self.asking.leaving():
             if not isinstance(item, Waiting):
                 judged += self._tick_until(item.order, item.until)
                 continue
-            self.tell(item.order, item.answers)
+            self.receive(item.order, item.answers)
             step = msgspec.structs.replace(item.step, skipped=True) if self.suspended else item.step
             judged.append(self.judges[item.order].judge(step, self.now))
         return judged

@@ -17,9 +17,6 @@ from oracle_server.core.expressions import Expression, Path, check_size, parse_e
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.plain import Declined, plain
 
-RESERVED = frozenset({"topic", "service", "kind", "monitor", "call"})
-"""The signals that every event has, or may have, without its spec saying so."""
-
 _NOT_FINITE = frozenset({"NaN", "Infinity", "-Infinity"})
 _INTEGERS = range(-(2**63), 2**64)
 _NO_FIELDS: Mapping[str, Any] = {}

@@ -1,4 +1,4 @@
-"""Simulated time, as the monitors of a session tell it."""
+"""Simulated time, as the clocks of a session's monitors report it."""
 
 from __future__ import annotations
 
@@ -10,42 +10,42 @@ from oracle_server.core.events import StreamKey
 from oracle_server.core.spec import StreamSpec
 
 TimeBase = Literal["wall", "sim"]
-"""Whose time a monitor's clock tells: the wall's, or a simulation's."""
+"""The time base of a monitor's clock: wall time, or the time of a simulation."""
 _LATEST = 2**63 - 1
 """As late as a time can be."""
 
 
 @dataclass(frozen=True, slots=True)
 class ClockReading:
-    """A monitor's word that nothing older than `stamp` (ns) will come from one of its streams."""
+    """A monitor's promise that nothing older than `stamp` (ns) will come from one of its streams."""
 
     stream: StreamKey
     stamp: int
 
 
 class SimulatedTime:
-    """The time of a simulation (ns): the newest that a clock has told, less what the clocks hold back."""
+    """The time of a simulation (ns): the newest that a clock has reported, plus the latency that it left out."""
 
     def __init__(self, streams: Mapping[StreamKey, StreamSpec]) -> None:
-        """Know nothing yet; `streams` are those that clocks are told of."""
+        """Start without a time; `streams` are those that clocks may report."""
         self.now: int | None = None
         self._streams = streams
         self._newest = 0
-        self._told: dict[tuple[str, StreamKey], int] = {}
+        self._reported: dict[tuple[str, StreamKey], int] = {}
 
     def goes_back(self, monitor: str, readings: Iterable[ClockReading]) -> bool:
-        """Whether a monitor says less of some stream than it has said before: the simulation has begun anew."""
-        return any(r.stamp < self._told.get((monitor, r.stream), 0) for r in readings)
+        """Whether a monitor reports an earlier time of a stream than before: the simulation has restarted."""
+        return any(r.stamp < self._reported.get((monitor, r.stream), 0) for r in readings)
 
-    def tell(self, monitor: str, readings: Iterable[ClockReading]) -> None:
-        """Take in what a monitor's clock says."""
+    def update(self, monitor: str, readings: Iterable[ClockReading]) -> None:
+        """Take the readings of a monitor's clock."""
         for reading in readings:
-            self._told[monitor, reading.stream] = reading.stamp
-            told = min(reading.stamp + self._held_back(self._streams[reading.stream]), _LATEST)
-            self.now = told if self.now is None else max(self.now, told)
+            self._reported[monitor, reading.stream] = reading.stamp
+            now = min(reading.stamp + self._held_back(self._streams[reading.stream]), _LATEST)
+            self.now = now if self.now is None else max(self.now, now)
 
     def arrival(self, stamp: int | None) -> int:
-        """When an event of this stamp has arrived; while no clock has told the time, stamps do."""
+        """The arrival (ns) of an event with this stamp; without a clock yet, the newest stamp."""
         if self.now is not None:
             return self.now
         self._newest = max(self._newest, stamp or 0)
@@ -53,5 +53,5 @@ class SimulatedTime:
 
     @staticmethod
     def _held_back(stream: StreamSpec) -> int:
-        """What an adapter's clock for a stream is less than now: nothing where it stamps the messages itself."""
-        return stream.latency if stream.kind == "topic" or stream.stamp else 0
+        """How far an adapter's clock for a stream is behind (ns): 0 where the adapter stamps the messages itself."""
+        return 0 if stream.traits.proxied and not stream.stamp else stream.latency

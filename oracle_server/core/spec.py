@@ -7,14 +7,15 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal
 
-from oracle_server.core.events import Kind, StreamKey
+from oracle_server.core.events import StreamKey
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import Atom, Formula, atoms
+from oracle_server.core.kinds import KINDS, Kind, Traits
 
 SECOND = 10**9
 By = Literal["publication", "arrival", "both"]
 SILENT = Atom(())
-"""The formula of a property that is judged elsewhere; nothing reads it."""
+"""The formula of a property that an external oracle judges; nothing reads it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,15 +57,20 @@ class StreamSpec:
 
     @property
     def key(self) -> StreamKey:
-        """The name that events refer to this stream by."""
+        """The name and kind that events refer to this stream by."""
         return StreamKey(self.name, self.kind)
+
+    @property
+    def traits(self) -> Traits:
+        """What holds for all streams of this kind."""
+        return KINDS[self.kind]
 
 
 @dataclass(frozen=True, slots=True)
 class External:
-    """An oracle elsewhere, in place of a formula; `timeout` (ns) is how long an answer may take.
+    """An external oracle, in place of a formula; `timeout` (ns) is how long an answer may take.
 
-    `streams` names those that it hears, None for all; `bare`: it is told their names without the leading slash.
+    `streams` names the streams that it receives, None for all; `bare`: it gets their names without the leading slash.
     """
 
     url: str
@@ -72,14 +78,14 @@ class External:
     streams: frozenset[str] | None = None
     bare: bool = False
 
-    def hears(self, stream: StreamSpec) -> bool:
-        """Whether the oracle is told of a stream's events."""
+    def receives(self, stream: StreamSpec) -> bool:
+        """Whether the oracle is sent a stream's events."""
         return self.streams is None or stream.name in self.streams
 
 
 @dataclass(frozen=True, slots=True)
 class Property:
-    """A named formula; `text` is the formula as its author wrote it. What is `external` has `SILENT` there."""
+    """A named formula; `text` is the formula as its author wrote it. An `external` one has `SILENT` there."""
 
     id: str
     formula: Formula

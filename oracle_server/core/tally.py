@@ -1,4 +1,4 @@
-"""What is counted of a session's order: by stream, and of how long events were held."""
+"""Counters of a session's order: by stream, and how long events were held."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ BOUNDS = tuple(ms * _MS for ms in (1, 2, 5, 10, 20, 50, 100, 200, 500, 1_000, 2_
 
 @dataclass(slots=True)
 class StreamCounts:
-    """Of one stream of one monitor: events that came late, were lost on the way, or came a second time."""
+    """Of one stream of one monitor: events that were late, lost, or sent again."""
 
     late: int = 0
     lost: int = 0

@@ -1,20 +1,22 @@
-"""What is said of an event: outcomes, verdict records, decisions."""
+"""The judgement of an event: outcomes, verdicts, decisions, and verdict records."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
 from enum import StrEnum
-from typing import Any, Literal, TypedDict
+from typing import Literal, TypedDict
 
 import msgspec
 
 from oracle_server.core.events import Order, Step
 from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.kinds import TICK
+from oracle_server.core.records import ExplanationRecord, VerdictRecord, WhyRecord
 
 
 class Outcome(StrEnum):
-    """What one property says about one step; `TRUE` and `FALSE` are final, `UNKNOWN` is no judgement."""
+    """How one property stands at one step; `TRUE` and `FALSE` are final, `UNKNOWN` is no judgement."""
 
     TRUE = "true"
     CURRENTLY_TRUE = "currently_true"
@@ -22,7 +24,7 @@ class Outcome(StrEnum):
     FALSE = "false"
     UNKNOWN = "unknown"
 
-    __hash__ = str.__hash__  # an Enum's own takes longer than what it is asked for at each step
+    __hash__ = str.__hash__  # an Enum's own is slow, and outcomes are hashed at each step
 
     @property
     def current(self) -> Outcome:
@@ -39,7 +41,7 @@ _GRAVEST_FIRST = (Outcome.FALSE, Outcome.CURRENTLY_FALSE, Outcome.UNKNOWN, Outco
 
 
 def worst(outcomes: Iterable[Outcome]) -> Outcome:
-    """The gravest of some outcomes; what is not known is graver than what holds, and nothing at all is unknown."""
+    """The gravest of some outcomes, `UNKNOWN` of none; `UNKNOWN` is graver than what holds."""
     return min(outcomes, key=_GRAVEST_FIRST.index, default=Outcome.UNKNOWN)
 
 
@@ -47,23 +49,23 @@ Choice = Literal["allow", "deny"]
 Number = float | Literal["Infinity", "-Infinity"] | None
 """A number as JSON carries it, None where there is none."""
 UNDECIDED = frozenset({"timeout", "unavailable"})
-"""Why an adapter did something without a decision; what it did is told under the kind `unavailable`."""
+"""Why an adapter acted without a decision; the record of its event then has the kind `unavailable`."""
 
 
 class Explanation(msgspec.Struct, frozen=True, gc=False):
     """Why a property is negative at a step: what formulas saw of the event, and the formula that it breaks.
 
-    Where the engine can say more: `text`, and `why` as plain data.
+    `text`, and `why` as plain data, are there where the engine explains its outcome.
     """
 
     formula: str
     signals: Mapping[str, Scalar]
     text: str | None = None
-    why: Mapping[str, Any] | None = None
+    why: WhyRecord | None = None
 
 
 class Verdict(msgspec.Struct, frozen=True, gc=False):
-    """What one property says about one step; `n` counts a session's verdicts from 1 without gaps.
+    """How one property stands at one step; `n` counts a session's verdicts from 1 without gaps.
 
     `degraded`: something before it is known to be lost, skipped or failed. An explanation is there where the
     property became negative, and makes the verdict a violation. `robustness` is there where the engine measures it.
@@ -78,14 +80,14 @@ class Verdict(msgspec.Struct, frozen=True, gc=False):
 
 
 class Decision(msgspec.Struct, frozen=True, gc=False):
-    """What a monitor that asked is told: deny where a guarding property is negative or unknown, else allow."""
+    """The answer to a monitor that asked: deny where a guarding property is negative or unknown, else allow."""
 
     choice: Choice
     denied_by: tuple[str, ...]
 
 
 class Judged(msgspec.Struct, frozen=True, gc=False):
-    """A step with everything that was said about it.
+    """A step with its verdicts and decision.
 
     `number` counts the session's judged events, and is None for ticks and where the event was skipped as late;
     `judged` is the time of judgement in nanoseconds; `decision` is None where nothing was asked.
@@ -99,31 +101,6 @@ class Judged(msgspec.Struct, frozen=True, gc=False):
     decision: Decision | None
 
 
-class Record(TypedDict):
-    """A record of the history; times in nanoseconds, a `step` of None where it was skipped or a deadline ran out."""
-
-    n: int
-    step: int | None
-    property: str
-    order: Order
-    outcome: str
-    stream: str
-    kind: str
-    monitor: str
-    seq: int
-    stamp: int
-    arrived: int
-    judged: int
-    late: bool
-    skewed: bool
-    degraded: bool
-    decision: Choice | None
-    passed: bool | None
-    robustness: Number
-    violation: bool
-    explanation: dict[str, Any] | None
-
-
 class DecisionFrame(TypedDict):
     """The answer to an event with `ask`; `verdicts` are outcomes by the ids of the properties."""
 
@@ -134,7 +111,7 @@ class DecisionFrame(TypedDict):
     verdicts: dict[str, str]
 
 
-def record(judged: Judged, verdict: Verdict) -> Record:
+def record(judged: Judged, verdict: Verdict) -> VerdictRecord:
     """A record of the history as plain data, one per step and property."""
     step, event = judged.step, judged.step.event
     return {
@@ -162,40 +139,41 @@ def record(judged: Judged, verdict: Verdict) -> Record:
 
 
 def json_number(value: float | None) -> Number:
-    """A number as JSON carries it: the infinities as the wire's texts for them."""
+    """A number as JSON can represent it: infinities are the texts `Infinity` and `-Infinity`."""
     if value is None or math.isfinite(value):
         return value
     return "Infinity" if value > 0 else "-Infinity"
 
 
-def explain(judged: Judged, verdict: Verdict) -> dict[str, Any] | None:
-    """A verdict's explanation as plain data, None where there is none: it is no violation, and nobody asked."""
+def explain(judged: Judged, verdict: Verdict) -> ExplanationRecord | None:
+    """A verdict's explanation as plain data, None where it is no violation and none was asked for."""
     why, event = verdict.explanation, judged.step.event
     if why is None:
         return None
-    if event.stream.kind == "tick":
+    if event.stream.kind == TICK:
         where = "when a deadline ran out"
     else:
         where = f"at step {judged.number}, {event.stream.name} ({event.stream.kind} {event.seq} of {event.monitor})"
-    seen = {
-        "stream": event.stream.name,
-        "kind": event.stream.kind,
-        "monitor": event.monitor,
-        "seq": event.seq,
-    }
     how = "does not hold" if verdict.outcome in NEGATIVE else "holds"
     if verdict.outcome is Outcome.UNKNOWN:
         how = "is not known to hold"
-    return {
+    found: ExplanationRecord = {
         "text": f"{verdict.property} {how} {where}: {why.text or why.formula}",
         "formula": why.formula,
-        "event": {**seen, "stamp": judged.step.stamp, "signals": dict(why.signals)},
-        **(why.why or {}),
+        "event": {
+            "stream": event.stream.name,
+            "kind": event.stream.kind,
+            "monitor": event.monitor,
+            "seq": event.seq,
+            "stamp": judged.step.stamp,
+            "signals": dict(why.signals),
+        },
     }
+    return {**found, **why.why} if why.why else found
 
 
 def decision_frame(seq: int, decision: Decision, verdicts: Mapping[str, Outcome]) -> DecisionFrame:
-    """What a monitor is answered that has asked about its event number `seq`, as plain data."""
+    """The `decision` frame for a monitor that asked about its event number `seq`, as plain data."""
     return {
         "type": "decision",
         "seq": seq,

@@ -1,4 +1,4 @@
-"""Whether withholding an event mends a property that it breaks."""
+"""Whether a property that an event breaks holds again once the event is withheld."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The native engine with reelay beside it: native's verdicts, and word of the first step at which reelay differs."""
+"""The native engine with reelay beside it: native's verdicts, and the first step at which reelay differs."""
 
 from __future__ import annotations
 

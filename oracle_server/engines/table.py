@@ -11,13 +11,13 @@ from oracle_server.core.session import orders
 from oracle_server.core.spec import Property
 from oracle_server.engines import stl
 from oracle_server.engines.both import BothEngine
+from oracle_server.engines.external import ExternalEngine
 from oracle_server.engines.native import NativeEngine
 from oracle_server.engines.reelay import ReelayEngine
 from oracle_server.engines.reelay import refusal as reelay_refusal
-from oracle_server.engines.told import ExternalEngine
 
 _UNSHARED = 10
-"""Properties of which each may cost what an engine may; more of them share that of so many."""
+"""Up to so many properties may each cost what an engine may; more of them share the cost of so many."""
 
 
 def read_formula(text: str, time: Time, engine: str) -> Formula:
@@ -64,7 +64,7 @@ def make_engine(prop: Property, share: float = 1) -> Engine:
 
 
 def _compares(prop: Property) -> bool:
-    """Whether reelay is asked too, where it can judge at all."""
+    """Whether reelay judges a property too, where it can."""
     return prop.engine == "both" and reelay_refusal(prop.formula, prop.time) is None
 
 

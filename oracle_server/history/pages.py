@@ -6,15 +6,15 @@ import asyncio
 from collections.abc import Sequence
 from itertools import islice
 
-from oracle_server.core.verdicts import Record
+from oracle_server.core.records import VerdictRecord
 from oracle_server.history.port import Reading
 from oracle_server.history.query import Query
 from oracle_server.history.records import SessionRecord, StoredStep, records
 
 
-async def find(history: Reading, session: SessionRecord, query: Query) -> tuple[list[Record], int | None]:
+async def find(history: Reading, session: SessionRecord, query: Query) -> tuple[list[VerdictRecord], int | None]:
     """The records that a query asks for, and the `n` to go on after, None where there are no more."""
-    found: list[Record] = []
+    found: list[VerdictRecord] = []
     position = query.start(len(session.properties))
     while steps := await history.matching(session.number, query, position):
         # in a thread: a thousand records take their time, and decisions would wait
@@ -32,7 +32,7 @@ async def latest(history: Reading, session: SessionRecord) -> int:
     return last * len(session.properties)
 
 
-def _matching(steps: Sequence[StoredStep], properties: tuple[str, ...], query: Query, most: int) -> list[Record]:
+def _matching(steps: Sequence[StoredStep], properties: tuple[str, ...], query: Query, most: int) -> list[VerdictRecord]:
     direction = 1 if query.ascending else -1
     made = (record for step in steps for record in records(step, properties)[::direction])
     return list(islice(filter(query.matches, made), most))

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from oracle_server.core.verdicts import Outcome, Record
+from oracle_server.core.records import VerdictRecord
+from oracle_server.core.verdicts import Outcome
 from oracle_server.history.records import StoredStep
 
 _LAST = 2**62
@@ -50,7 +51,7 @@ class Query:
             and (not self.outcomes or not self.outcomes.isdisjoint(step.outcomes))
         )
 
-    def matches(self, record: Record) -> bool:
+    def matches(self, record: VerdictRecord) -> bool:
         """Whether a record of a step that may match is wanted."""
         n = record["n"]
         if self.after is not None and (n <= self.after if self.ascending else n >= self.after):

@@ -8,9 +8,11 @@ from typing import Any, NamedTuple
 import msgspec
 
 from oracle_server.core.events import Order, Step, StreamKey
+from oracle_server.core.kinds import TICK
+from oracle_server.core.records import ExplanationRecord, VerdictRecord
 from oracle_server.core.simulated import TimeBase
 from oracle_server.core.spec import By
-from oracle_server.core.verdicts import UNDECIDED, Decision, Judged, Outcome, Record, Verdict, explain, record
+from oracle_server.core.verdicts import UNDECIDED, Decision, Judged, Outcome, Verdict, explain, record
 
 Document = dict[str, Any]
 
@@ -98,7 +100,7 @@ class StoredStep(msgspec.Struct, frozen=True, gc=False):
     decision: Decision | None
     outcomes: tuple[Outcome, ...]
     degraded: tuple[bool, ...]
-    explanations: Mapping[int, Document] = {}
+    explanations: Mapping[int, ExplanationRecord] = {}
     robustness: tuple[float | None, ...] | None = None
     passed: bool | None = None
     why: str | None = None
@@ -106,16 +108,17 @@ class StoredStep(msgspec.Struct, frozen=True, gc=False):
     @property
     def is_tick(self) -> bool:
         """Whether it is a deadline that ran out, and no event."""
-        return self.step.event.stream.kind == "tick"
+        return self.step.event.stream.kind == TICK
 
 
 def stored(position: int, gap: int, judged: Judged, handling: tuple[bool, str] | None = None) -> StoredStep:
     """A judged step as it is kept; `handling` is what the adapter did and why, where that is known already."""
     verdicts = judged.verdicts
     whys, robustness = [v.explanation for v in verdicts], [v.robustness for v in verdicts]
-    explanations = {}
+    explanations: dict[int, ExplanationRecord] = {}
     if any(whys):
-        explanations = {i: explain(judged, v) or {} for i, v in enumerate(verdicts) if v.explanation}
+        found = ((i, explain(judged, v)) for i, v in enumerate(verdicts))
+        explanations = {i: why for i, why in found if why is not None}
     passed, why = handling or (None, None)
     return StoredStep(
         position, judged.order, judged.number, judged.step, gap, judged.judged, judged.decision,
@@ -124,7 +127,7 @@ def stored(position: int, gap: int, judged: Judged, handling: tuple[bool, str] |
     )  # fmt: skip
 
 
-def records(step: StoredStep, properties: tuple[str, ...]) -> list[Record]:
+def records(step: StoredStep, properties: tuple[str, ...]) -> list[VerdictRecord]:
     """The verdict records of a stored step, one a property."""
     judged = Judged(step.step, step.number, step.order, step.judged, (), step.decision)
     first = (step.position - 1) * len(properties) + 1

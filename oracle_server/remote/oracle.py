@@ -82,9 +82,9 @@ class ExternalOracle:
             async with asyncio.timeout_at(until):
                 await self._connected()
         except TimeoutError:
-            return self._failed(f"can't be reached within {self.timeout:g} s").said
+            return self._failed(f"can't be reached within {self.timeout:g} s").text
         except UnreachableError as error:
-            return self._failed(f"can't be reached: {error}").said
+            return self._failed(f"can't be reached: {error}").text
         return None
 
     async def close(self) -> None:

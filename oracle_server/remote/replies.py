@@ -8,6 +8,7 @@ from typing import Any
 
 from oracle_server.core.engine import Answer
 from oracle_server.core.errors import OracleError
+from oracle_server.core.kinds import GROUPS
 from oracle_server.core.verdicts import Outcome
 
 _WORDS = {
@@ -34,7 +35,7 @@ def read_reply(text: str | bytes, event: Mapping[str, Any]) -> Answer:
     value = _value(text)
     if not isinstance(value, Mapping):
         return _answer([value])
-    echoed = "topic" in value or "service" in value
+    echoed = not value.keys().isdisjoint(GROUPS)
     if echoed and not _is_about(event, value):
         raise OtherEventError
     said = [value[key] for key in _KEYS if key in value and not (echoed and key in event)]
@@ -72,7 +73,7 @@ def _shown(word: Any) -> str:
 
 def _is_about(event: Mapping[str, Any], reply: Mapping[str, Any]) -> bool:
     """Whether a reply that repeats the event that it is about repeats this one; oracles may round its time."""
-    name = next(key for key in ("topic", "service") if key in event)
+    name = next(key for key in GROUPS if key in event)
     if str(reply.get(name)).removeprefix("/") != event[name].removeprefix("/"):
         return False
     time = reply.get("time", event["time"])

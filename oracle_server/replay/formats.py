@@ -13,6 +13,8 @@ from rich.console import Console
 from rich.table import Table
 
 from oracle_server.core.errors import one_line
+from oracle_server.core.kinds import UNAVAILABLE
+from oracle_server.core.records import VerdictRecord
 from oracle_server.core.verdicts import UNDECIDED, Judged, explain, record
 from oracle_server.replay.run import Replay
 
@@ -57,10 +59,10 @@ class TextReport:
     def judged(self, replay: Replay, judged: Judged) -> None:
         """Tell of violations, and of what differs from old verdicts."""
         for verdict in judged.verdicts:
-            if verdict.explanation is not None:
+            why = explain(judged, verdict)
+            if why is not None:
                 order = " by arrival" if judged.order == "arrival" else ""
-                text = (explain(judged, verdict) or {})["text"]
-                self._write(replay, f"violation {verdict.n}{order}: {text}")
+                self._write(replay, f"violation {verdict.n}{order}: {why['text']}")
         for found in replay.comparison.take():
             broken = f" ({', '.join(found.properties)})" if found.properties else ""
             event = f"{found.event.stream} {found.event.seq}"
@@ -123,11 +125,12 @@ class CsvReport:
     def judged(self, replay: Replay, judged: Judged) -> None:
         """Write the records of a step, and the heading before the first one."""
         for row in records(replay, judged):
-            row["explanation"] = (row["explanation"] or {}).get("text")
             if not self._headed:
                 self._out.writerow(("spec", *row))
                 self._headed = True
-            cells = (str(cell).lower() if isinstance(cell, bool) else cell for cell in row.values())
+            why = row["explanation"]
+            values: dict[str, object] = {**row, "explanation": why["text"] if why else None}
+            cells = (str(value).lower() if isinstance(value, bool) else value for value in values.values())
             self._out.writerow((replay.spec.id, *cells))
 
     def ended(self, replay: Replay) -> None:
@@ -150,8 +153,9 @@ class JunitReport:
         both = replay.spec.ordering.by == "both" and judged.order == "arrival"
         for verdict in judged.verdicts:
             told = self._told[verdict.property + (" (arrival)" if both else "")]
-            if verdict.explanation is not None and len(told) < _MOST_TOLD:
-                told.append((explain(judged, verdict) or {})["text"])
+            why = explain(judged, verdict)
+            if why is not None and len(told) < _MOST_TOLD:
+                told.append(why["text"])
         replay.comparison.take()
 
     def ended(self, replay: Replay) -> None:
@@ -184,15 +188,18 @@ class JunitReport:
         return f"{head}>\n{inside}    </testcase>\n" if inside else f"{head}/>\n"
 
 
-def records(replay: Replay, judged: Judged) -> list[dict[str, Any]]:
+def records(replay: Replay, judged: Judged) -> list[VerdictRecord]:
     """The records of a step, with what the adapter did where the recording tells."""
-    rows: list[dict[str, Any]] = [{**record(judged, verdict)} for verdict in judged.verdicts]
+    rows = [record(judged, verdict) for verdict in judged.verdicts]
     event = judged.step.event
     if not replay.passed or not judged.decision:
         return rows
     passed, why = replay.passed.pop((event.monitor, event.seq), (None, None))
-    more = {"passed": passed} | ({"kind": "unavailable"} if why in UNDECIDED else {})
-    return [row | more for row in rows]
+    for row in rows:
+        row["passed"] = passed
+        if why in UNDECIDED:
+            row["kind"] = UNAVAILABLE
+    return rows
 
 
 def _attribute(text: str) -> str:

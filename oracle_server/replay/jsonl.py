@@ -12,7 +12,8 @@ import msgspec
 from msgspec import Meta, Struct
 
 from oracle_server.core.errors import TraceError
-from oracle_server.core.events import Event, StepKind, StreamKey
+from oracle_server.core.events import TICKS, Event
+from oracle_server.core.kinds import TICK, StepKind
 from oracle_server.core.spec import Spec
 from oracle_server.core.stamps import stamp_in
 from oracle_server.replay.recording import Place, Projected, Recorded
@@ -108,8 +109,8 @@ class Trace:
         return line
 
     def _event(self, line: Line) -> Event | None:
-        if line.kind == "tick":
-            return Event(StreamKey("", "tick"), "", line.seq or 0, line.stamp, line.arrived or 0, line.message())
+        if line.kind == TICK:
+            return Event(TICKS, "", line.seq or 0, line.stamp, line.arrived or 0, line.message())
         key = find_stream(line.stream, line.kind, self.spec.by_key)
         if key is None:
             self.ignored[line.stream] += 1

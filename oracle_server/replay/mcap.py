@@ -12,6 +12,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from oracle_server.core.errors import TraceError
+from oracle_server.core.kinds import KINDS
 from oracle_server.core.spec import Spec
 from oracle_server.replay.jsonl import Trace
 
@@ -30,7 +31,8 @@ def write_mcap(path: Path, lines: Iterable[dict[str, Any]]) -> int:
         for line in lines:
             stream = line["stream"], line["kind"]
             if stream not in channels:
-                name = line["stream"] if line["kind"] == "topic" else f"{line['stream']}/{line['kind']}"
+                traits = KINDS.get(line["kind"])
+                name = line["stream"] if traits and traits.sole else f"{line['stream']}/{line['kind']}"
                 channels[stream] = writer.register_channel(name, "json", schema, {"kind": line["kind"]})
             writer.add_message(channels[stream], line["arrived"], msgspec.json.encode(line), line["stamp"], line["seq"])
             written += 1

@@ -12,6 +12,7 @@ from oracle_server.core.engine import Answer
 from oracle_server.core.errors import TraceError
 from oracle_server.core.events import Event, Step
 from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.kinds import TICK
 from oracle_server.core.plan import Plan, Projects, plan
 from oracle_server.core.session import Session, orders
 from oracle_server.core.spec import By, Spec
@@ -68,7 +69,7 @@ class Replay:
         monitors: set[str] = set()
         for recorded in itertools.chain((first,), rest):
             event = self._take(recorded)
-            if event.stream.kind == "tick":
+            if event.stream.kind == TICK:
                 continue  # what the deadlines of this session are is its own matter
             if event.monitor not in monitors:
                 monitors.add(event.monitor)
@@ -100,7 +101,7 @@ class Replay:
 
     def _take(self, recorded: Recorded) -> Event:
         event = recorded.event
-        self.events += event.stream.kind != "tick"
+        self.events += event.stream.kind != TICK
         if recorded.passed is not None:
             self.passed[event.monitor, event.seq] = (recorded.passed, recorded.why)
         if recorded.verdict is not None:
@@ -157,7 +158,7 @@ class Replay:
 
 
 def _project(session: Session, event: Event) -> tuple[Mapping[str, Scalar], frozenset[str]]:
-    if event.stream.kind == "tick":
+    if event.stream.kind == TICK:
         return {}, frozenset()
     return session.plan.streams[event.stream].project(event.data)
 
@@ -171,7 +172,7 @@ def _rejudge(session: Session, upcoming: int, position: int, place: Place, step:
     if place.degraded:
         session.judges[place.order].degrade()
     for index in session.plan.external:
-        session.tell(place.order, {index: place.said.get(session.plan.spec.properties[index].id, _NOT_KEPT)})
+        session.receive(place.order, {index: place.said.get(session.plan.spec.properties[index].id, _NOT_KEPT)})
     placed = Step(
         step.event, step.signals, step.failed, step.stamp, place.skewed, place.late, place.forced, place.skipped
     )

@@ -11,12 +11,13 @@ from oracle_server.core.engine import Engine
 from oracle_server.core.errors import OracleError
 from oracle_server.core.events import Order
 from oracle_server.core.plan import Plan, judged_by, plan
+from oracle_server.core.records import ExplanationRecord, VerdictRecord
 from oracle_server.core.session import Session, orders
 from oracle_server.core.spec import Property
-from oracle_server.core.verdicts import Outcome, Record, explain
+from oracle_server.core.verdicts import Outcome, explain
 from oracle_server.engines.native import NativeEngine
 from oracle_server.history.port import Reading
-from oracle_server.history.records import Document, SessionRecord, SnapshotRecord, StoredStep, records
+from oracle_server.history.records import SessionRecord, SnapshotRecord, StoredStep, records
 from oracle_server.review.beginning import begin
 from oracle_server.specfiles.load import parse_spec
 
@@ -32,7 +33,7 @@ class NoExplanationError(OracleError):
     """A verdict can't be explained."""
 
 
-async def explained(history: Reading, session: int, n: int) -> Record | None:
+async def explained(history: Reading, session: int, n: int) -> VerdictRecord | None:
     """The record number `n` of a session with its explanation, None where there is no such record.
 
     A verdict that had been final before is explained by the step that made it so. It takes as long as judging all that
@@ -59,7 +60,7 @@ def _plan(opened: SessionRecord) -> Plan:
     return judged_by(plan(parse_spec(opened.text, opened.id).spec), opened.by)
 
 
-def _demand_explicable(record: Record, prop: Property, stored: StoredStep) -> None:
+def _demand_explicable(record: VerdictRecord, prop: Property, stored: StoredStep) -> None:
     if prop.engine not in _NATIVE:
         raise NoExplanationError(f"the engine of '{prop.id}' can't say why its verdicts are as they are")
     if stored.number is None and not stored.is_tick:
@@ -79,7 +80,7 @@ async def _decided(history: Reading, session: int, stored: StoredStep, index: in
     return found or stored.position
 
 
-async def _explain(history: Reading, session: int, again: _Explaining) -> Document | None:
+async def _explain(history: Reading, session: int, again: _Explaining) -> ExplanationRecord | None:
     first, last = await history.extent(session)
     if first > last:
         raise NoExplanationError(_GONE)
@@ -102,7 +103,7 @@ class _Explaining:
 
     def __init__(self, ready: Plan, index: int, order: Order, target: int) -> None:
         self.target = target
-        self.explanation: Document | None = None
+        self.explanation: ExplanationRecord | None = None
         """Why the property stands as it does at the target, once that was judged."""
         self._plan, self._index, self._order = ready, index, order
         self._core: Session

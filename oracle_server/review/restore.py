@@ -134,7 +134,7 @@ class _Rejudging:
             self._core.judges[order].degrade()
         if not stored.is_tick and not step.skipped:
             asked = self._plan.streams[step.event.stream].asked
-            self._core.tell(order, {i: Answer(outcomes[i], _ONCE, degraded[i]) for i in asked})
+            self._core.receive(order, {i: Answer(outcomes[i], _ONCE, degraded[i]) for i in asked})
         judged = self._core.rejudge(order, step, stored.judged)
         self.differing += tuple([v.outcome for v in judged.verdicts] if judged else ()) != outcomes
         if not stored.is_tick:

@@ -91,5 +91,6 @@ def _answers(stored: StoredStep, external: dict[int, str]) -> dict[str, tuple[st
 
 
 def _reason(stored: StoredStep, index: int) -> str:
-    reasons = stored.explanations.get(index, {}).get("reasons")
+    why = stored.explanations.get(index)
+    reasons = why.get("reasons") if why else None
     return reasons[0]["text"] if reasons else "said so"

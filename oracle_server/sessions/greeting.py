@@ -45,8 +45,8 @@ def described(plan: Plan, key: StreamKey) -> StreamFrame:
     }
     if stream.action == "filter":
         told |= {"on_unavailable": stream.on_unavailable, "decide_within": stream.decide_within}
-    if stream.kind == "topic":
-        told["intercept"] = stream.intercept
-    else:
+    if stream.traits.proxied:
         told |= {"proxy": stream.proxy, "denied_response": stream.denied_response}
+    else:
+        told["intercept"] = stream.intercept
     return told

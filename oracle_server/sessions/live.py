@@ -199,7 +199,7 @@ class LiveSession:
         if any(known.clock == "sim" for known in restored.monitors.values()):
             self.core.simulated = SimulatedTime(self.spec.by_key)
         if self.core.simulated is None and any(known.attached for known in restored.monitors.values()):
-            self.core.heard_since = None
+            self.core.ready_since = None
         for name, known in restored.monitors.items():
             monitor = self.monitors[name] = Monitor(name, known.instance, known.numbering, lost=known.lost)
             if known.attached:
@@ -248,8 +248,8 @@ class LiveSession:
 
     def _look_who_is_back(self) -> None:
         """After a restart: hear all of whom a place was kept, once they are back or their time is over."""
-        if self.core.heard_since is None and not any(m.attached and m.outbox is None for m in self.monitors.values()):
-            self.core.heard_since = self._clock.now()
+        if self.core.ready_since is None and not any(m.attached and m.outbox is None for m in self.monitors.values()):
+            self.core.ready_since = self._clock.now()
 
     def _expire(self, monitor: Monitor) -> None:
         monitor.expiry = None

@@ -17,6 +17,7 @@ from oracle_server.core.dependencies import GraphNode
 from oracle_server.core.errors import EngineError, Finding, FormulaError, SpecError, SpecProblem
 from oracle_server.core.formula.tree import Formula
 from oracle_server.core.hazards import inspect
+from oracle_server.core.kinds import GROUPS
 from oracle_server.core.ros import Ros, ros_hazards
 from oracle_server.core.spec import SILENT, External, Ordering, Property, Retention, Spec, StreamSpec
 from oracle_server.engines.table import goes_back, read_formula, refusal
@@ -196,7 +197,7 @@ def _engines(spec: Spec) -> Iterator[SpecProblem]:
         if prop.blame == "caused":
             yield SpecProblem(("properties", i, "blame"), f"`blame: caused` {native}")
         for j, stream in enumerate(spec.streams):
-            if stream.on_deny == "undo" and stream.kind != "response":
+            if stream.on_deny == "undo" and stream.traits.leads:
                 yield SpecProblem(("streams", j, "on_deny"), f"`on_deny: undo` {native} (property '{prop.id}')")
 
 
@@ -210,8 +211,8 @@ def _in_file(path: tuple[str | int, ...], spec: Spec) -> tuple[str | int, ...]:
     if len(path) < 2 or path[0] != "streams" or not isinstance(path[1], int):
         return path
     stream = spec.streams[path[1]]
-    index = sum(s.kind != "response" for s in spec.streams[: path[1] + 1]) - 1
-    own = stream.kind != "topic" and path[2:3] and path[2] in ("stamp", "hold", "signals")
+    index = sum(s.traits.leads for s in spec.streams[: path[1] + 1]) - 1
+    own = not stream.traits.sole and path[2:3] and path[2] in ("stamp", "hold", "signals")
     return ("streams", index, *((stream.kind,) if own else ()), *path[2:])
 
 
@@ -245,7 +246,7 @@ def _without_tags(loc: tuple[str | int, ...]) -> tuple[str | int, ...]:
     for i, part in enumerate(loc):
         if part == "[key]":
             continue
-        if part in ("topic", "service") and i == 2 and loc[0] == "streams":
+        if part in GROUPS and i == 2 and loc[0] == "streams":
             continue
         path.append(part)
     return tuple(path)

@@ -1,4 +1,4 @@
-"""What is wrong with what a monitor sends, or wants."""
+"""Errors in the frames of a monitor, or in what it asks for."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class WireError(OracleError):
         self.code, self.message, self.seq, self.fatal, self.session = code, message, seq, fatal, session
 
     def frame(self) -> ErrorFrame:
-        """The frame that says so."""
+        """The `error` frame."""
         frame: ErrorFrame = {"type": "error", "code": self.code, "message": self.message, "fatal": self.fatal}
         if self.seq is not None:
             frame["seq"] = self.seq

@@ -8,12 +8,13 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from oracle_server.core.events import Kind, Step, StreamKey
+from oracle_server.core.events import Step, StreamKey
+from oracle_server.core.kinds import KINDS, Kind
 from oracle_server.core.stamps import nanoseconds
 
 
 class FlatEvent(NamedTuple):
-    """One flat event; `time` is when its monitor saw it, `stamp` what it says of a call's publication, both in ns."""
+    """One flat event; `time` is when its monitor observed it, `stamp` the publication time of a call, both in ns."""
 
     stream: str
     kind: Kind
@@ -53,14 +54,15 @@ def flat_event(value: Mapping[str, Any]) -> FlatEvent:
 def as_flat(step: Step, name: str, time: int) -> dict[str, Any]:
     """The flat event of a step at a time (ns), under the name that its stream is to have.
 
-    Raises TypeError where the message is not there, but only what was made of it. A topic's own fields `topic` and
+    Raises TypeError where the event has only the signals of its message. A topic's own fields `topic` and
     `time` have no place in a flat event.
     """
     data, kind = step.event.data, step.event.stream.kind
     if not isinstance(data, dict):
         raise TypeError("the message was not kept")
-    head = {"topic" if kind == "topic" else "service": name, "time": time / 10**9}
-    return {**head, **{k: v for k, v in data.items() if k not in head}} if kind == "topic" else head | {kind: data}
+    traits = KINDS[kind]
+    head = {traits.group: name, "time": time / 10**9}
+    return {**head, **{k: v for k, v in data.items() if k not in head}} if traits.sole else head | {kind: data}
 
 
 def find_stream(name: str, kind: Kind, streams: Container[StreamKey]) -> StreamKey | None:

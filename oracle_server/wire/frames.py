@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Literal, NotRequired, TypedDict
 
-from oracle_server.core.events import Kind
-from oracle_server.core.verdicts import DecisionFrame, Record
+from oracle_server.core.kinds import Kind
+from oracle_server.core.records import VerdictRecord
+from oracle_server.core.verdicts import DecisionFrame
 
 
 class StreamFrame(TypedDict):
@@ -57,7 +58,7 @@ class AckFrame(TypedDict):
     upto: int
 
 
-class ViolationFrame(Record):
+class ViolationFrame(VerdictRecord):
     """A verdict record at which a property became negative."""
 
     type: Literal["violation"]

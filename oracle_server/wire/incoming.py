@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from pydantic import BaseModel, ConfigDict, Field
 
-from oracle_server.core.events import Kind
+from oracle_server.core.kinds import Kind
 from oracle_server.core.simulated import TimeBase
 
 SUBPROTOCOL = "oracle.v1"
@@ -42,7 +42,7 @@ class Attach(_Message):
     streams: list[str] | None = None
     clock: TimeBase = "wall"
     verdicts: bool = False
-    """Whether it wants to be told how the properties stand, now and after each commit that changes it."""
+    """Whether it wants `verdicts` frames: how the properties stand, now and after each commit that changes it."""
 
 
 class EventMessage(_Message):
@@ -61,7 +61,7 @@ class EventMessage(_Message):
 
 
 class QuickEvent(msgspec.Struct, frozen=True, gc=False, tag_field="type", tag="event"):
-    """The same as `EventMessage`, read in a third of the time; what is refused here is refused there, in words."""
+    """The same as `EventMessage`, read in a third of the time; what is refused here is refused there, with a reason."""
 
     seq: Annotated[int, msgspec.Meta(ge=1, lt=2**53)]
     stream: Annotated[str, msgspec.Meta(max_length=255)]
@@ -112,7 +112,7 @@ class HandlingsMessage(_Message):
 
 
 class ClockStamp(_Message):
-    """One stream's word that nothing older will come."""
+    """Nothing older than `stamp` will come from one stream."""
 
     stream: str
     kind: Kind = "topic"
@@ -120,18 +120,18 @@ class ClockStamp(_Message):
 
 
 class ClockMessage(_Message):
-    """How far a monitor's streams have come."""
+    """The clocks of a monitor's streams."""
 
     type: Literal["clock"]
     stamps: list[ClockStamp]
 
 
 TimeSource = Literal["field", "middleware", "arrival"]
-"""Where publication time comes from: a field of the message, the middleware's word, or the clock of who received it."""
+"""Where publication time comes from: a field of the message, the middleware, or the clock of the receiver."""
 
 
 class StreamReport(_Message):
-    """What a monitor says of one of its streams; an empty `trouble` says that nothing is wrong with it."""
+    """The state of one of a monitor's streams; an empty `trouble` means that nothing is wrong with it."""
 
     stream: str
     kind: Kind = "topic"
@@ -140,7 +140,7 @@ class StreamReport(_Message):
 
 
 class ReportMessage(_Message):
-    """How a monitor's streams are with it; replaces what it said of these streams before."""
+    """The state of a monitor's streams; replaces earlier reports of these streams."""
 
     type: Literal["report"]
     streams: list[StreamReport]
@@ -175,7 +175,7 @@ class QuickClock(msgspec.Struct, frozen=True, gc=False, tag_field="type", tag="c
 
 
 class Detach(_Message):
-    """The monitor goes; what it sent is still judged."""
+    """The monitor detaches; what it sent is still judged."""
 
     type: Literal["detach"]
 

@@ -1,4 +1,4 @@
-"""What a server says on the wire, as models: they document and test the frames, which are built as plain data."""
+"""What a server sends, as models: they document and test the frames, which are built as plain data."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
-from oracle_server.core.events import Kind, Order
+from oracle_server.core.events import Order
+from oracle_server.core.kinds import Kind
 from oracle_server.core.verdicts import Outcome
 from oracle_server.wire.incoming import Incoming
 
@@ -44,7 +45,7 @@ class Limits(_Frame):
 
 
 class AttachedFrame(_Frame):
-    """The answer to `attach`; the monitor's numbers go on at `next`."""
+    """The answer to `attach`; the monitor's numbers continue at `next`."""
 
     type: Literal["attached"]
     monitor: str
@@ -100,7 +101,7 @@ class ViolationFrame(_Frame):
 
 
 class PropertyStanding(_Frame):
-    """How one property stands; `level` and `text` say it as diagnostics do, `first_violation` is a record's `n`."""
+    """How one property stands; `level` and `text` are as in diagnostics, `first_violation` is a record's `n`."""
 
     outcome: Outcome
     level: Literal["ok", "warn", "error", "stale"]

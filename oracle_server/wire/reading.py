@@ -1,4 +1,4 @@
-"""A frame's text as a message: quickly where all is as it should be, else with words for what is wrong."""
+"""A frame's text as a message: quickly where it is valid, else slowly, for a message about what is wrong."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def decode(text: str) -> Frame:
         try:
             message = _quick.decode(text)
         except (msgspec.MsgspecError, ValueError, RecursionError):
-            pass  # to be said in words
+            pass  # the models below word the error
         else:
             if _holds_no_misfit(message):
                 return Frame(message, odd)
@@ -74,7 +74,7 @@ def suspicious(text: str) -> bool:
 def event_of(value: Any, *, suspicious: bool) -> AnyEvent:
     """An event of a batch, checked. Raises `WireError`."""
     if not suspicious:
-        with contextlib.suppress(msgspec.ValidationError):  # to be said in words
+        with contextlib.suppress(msgspec.ValidationError):  # the model below words the error
             quick = msgspec.convert(value, QuickEvent)
             if _fits(quick.data, MAX_DEPTH):
                 return quick

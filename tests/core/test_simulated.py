@@ -71,7 +71,7 @@ def test_by_arrival_time_is_simulated_too() -> None:
 
 def test_a_clock_goes_back_where_a_stream_s_reading_does() -> None:
     time = SimulatedTime({s.key: s for s in STREAMS})
-    time.tell("m", [ClockReading(A, 100), ClockReading(B, 90)])
+    time.update("m", [ClockReading(A, 100), ClockReading(B, 90)])
     assert time.now == 105
     assert not time.goes_back("m", [ClockReading(A, 100), ClockReading(B, 90)])
     assert not time.goes_back("n", [ClockReading(A, 1)]), "another monitor may hear of the time later"

@@ -105,10 +105,10 @@ def test_a_tick_waits_for_those_that_are_still_to_come_back() -> None:
     feed(A, 10)
     for stream in (A, B, MODE):
         feed.clock(stream, 12, 30)
-    session.heard_since = None
+    session.ready_since = None
     assert session.advance(500) == []
     assert [session.next_deadline] == [None]
-    session.heard_since = 500
+    session.ready_since = 500
     assert session.next_deadline == 550
     assert session.advance(549) == []
     feed(B, 14, arrived=549)

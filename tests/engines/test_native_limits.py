@@ -59,7 +59,7 @@ def test_an_engine_gives_up_before_a_step_costs_too_much(text: str) -> None:
 def test_what_is_told_apart_has_an_end_though_steps_may_cost_much(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(timeline, "MAX_APART", 500)
     formula = parse_formula(EXPLODING[2], "steps")
-    with pytest.raises(EngineError, match=r"more than 500 .* told apart"):
+    with pytest.raises(EngineError, match=r"more than 500 .* distinguished"):
         run(NativeEngine(formula, share=10**6), formula, traffic(1_000))
 
 

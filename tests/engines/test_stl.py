@@ -141,7 +141,7 @@ def test_a_window_of_a_million_samples_costs_no_more_than_a_small_one() -> None:
         ("once[0:0.5](a > 0)", (1, 5), "whole numbers"),
         ("a > 0 and once[3:2](a > 0)", (1, 15), "ends before"),
         ("once[0:n](a > n)", (1, 5), "numbers"),
-        ("abs(a > 0) > 1", (1, 1), "a formula in place"),
+        ("abs(a > 0) > 1", (1, 1), "not a formula"),
         ("a > 1e999", (1, 1), "too large"),
         ("(" * 900 + "a > 0" + ")" * 900, (1, 1), "too deep"),
         ("a > 0 and " * 500 + "a > 0", (1, 1), "characters"),

@@ -10,6 +10,7 @@ import pytest
 from oracle_server.core.errors import SpecError
 from oracle_server.core.events import Event, StreamKey
 from oracle_server.core.plan import plan
+from oracle_server.core.records import VerdictRecord
 from oracle_server.core.session import Session
 from oracle_server.core.verdicts import record
 from oracle_server.engines import stl
@@ -36,7 +37,7 @@ properties:
 """
 
 
-def judge(*events: tuple[str, Any], hold: str = "speed", latch: str = "false") -> list[dict[str, Any]]:
+def judge(*events: tuple[str, Any], hold: str = "speed", latch: str = "false") -> list[VerdictRecord]:
     """The records of `slow`; every event asks."""
     ready = plan(parse_spec(SPEC.format(hold=hold, latch=latch), "cart").spec)
     session = Session(ready, make_engines(ready))
@@ -46,11 +47,11 @@ def judge(*events: tuple[str, Any], hold: str = "speed", latch: str = "false") -
         for judged in session.ingest(event):
             slow, seen = (record(judged, verdict) for verdict in judged.verdicts)
             assert seen["robustness"] is None
-            records.append({**slow})
+            records.append(slow)
     return records
 
 
-def told(records: list[dict[str, Any]]) -> list[tuple[str, Any]]:
+def told(records: list[VerdictRecord]) -> list[tuple[str, Any]]:
     return [(r["outcome"], r["robustness"]) for r in records]
 
 
@@ -81,6 +82,7 @@ def test_a_failed_signal_is_unknown_until_the_next_value() -> None:
 def test_a_violation_tells_the_robustness_and_the_signals() -> None:
     (_, violated) = judge(("/odom", 1), ("/odom", 4))
     explanation = violated["explanation"]
+    assert explanation is not None
     assert explanation["text"].endswith("for speed = 4.0: historically[0:2](speed < 3): robustness -1")
     assert explanation["values"] == {"speed": 4.0}
     json.dumps(violated, allow_nan=False)

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 
 from hypothesis import strategies as st
 
-from oracle_server.core.events import Event, Step, StepKind, StreamKey
+from oracle_server.core.events import Event, Step, StreamKey
+from oracle_server.core.kinds import StepKind
+from oracle_server.core.records import ExplanationRecord
 from oracle_server.core.verdicts import Decision, Outcome
 from oracle_server.history.port import History
 from oracle_server.history.records import SessionRecord, StoredStep
@@ -42,11 +44,23 @@ def step(
     )  # fmt: skip
     assert event.stamp is not None
     made = Step(event, {"v": position}, frozenset(), event.stamp, skipped=number is None)
-    explanations = {i: {"text": f"{PROPERTIES[i]} does not hold"} for i in violated}
+    explanations: dict[int, ExplanationRecord] = {i: _explanation(made, PROPERTIES[i]) for i in violated}
     return StoredStep(
         position, "publication", position if number == 0 else number, made, 0, 100 * position, decision,
         tuple(outcomes), (False, True), explanations,
     )  # fmt: skip
+
+
+def _explanation(made: Step, name: str) -> ExplanationRecord:
+    stream, kind = made.event.stream
+    return {
+        "text": f"{name} does not hold",
+        "formula": "false",
+        "event": {
+            "stream": stream, "kind": kind, "stamp": made.stamp, "monitor": made.event.monitor, "seq": made.event.seq,
+            "signals": {},
+        },
+    }  # fmt: skip
 
 
 async def add(history: History, *steps: StoredStep, session: int = 1) -> None:

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 
 import oracle_server
 from oracle_server.core.events import StreamKey
-from oracle_server.core.verdicts import FINAL, Decision, Outcome, Record
+from oracle_server.core.records import VerdictRecord
+from oracle_server.core.verdicts import FINAL, Decision, Outcome
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.pages import find, latest
 from oracle_server.history.port import History
@@ -224,7 +225,7 @@ def queries(draw: st.DrawFn) -> Query:
     )
 
 
-def expected(steps: list[StoredStep], query: Query) -> list[Record]:
+def expected(steps: list[StoredStep], query: Query) -> list[VerdictRecord]:
     """The records that a query asks for, by its words: over all of them, one by one."""
     wanted = []
     for stored in steps:

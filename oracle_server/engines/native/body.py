@@ -164,7 +164,7 @@ def _part(expression: Expression, variables: Variables) -> _Part:
 
 
 class Own(Protocol):
-    """The keys that the node above a body tells apart itself."""
+    """The keys that the node above a body distinguishes itself."""
 
     def points(self) -> Collection[Key]:
         """All of them."""
@@ -227,8 +227,8 @@ class Body:
     def touched(self, own: Own) -> Collection[Key]:
         """The keys at which a value may have changed with this step, those with fresh values last.
 
-        At the first step, and where all values may have changed, these are the keys that are told apart here, those of
-        `own`, and the fresh one.
+        At the first step, and where all values may have changed, these are the keys that are distinguished here,
+        those of `own`, and the fresh one.
         """
         if self._timeline.first:
             return self._everything(own)
@@ -295,7 +295,7 @@ class Body:
         found: _Found = {}
         keys: list[Key] = []
         known = -1
-        while known < len(keys):  # what one region tells apart is told apart in the others too
+        while known < len(keys):  # what one region distinguishes is distinguished in the others too
             known = len(keys)
             for region in regions:
                 self._split(list(region), own, found, keys)
@@ -310,11 +310,11 @@ class Body:
                 keys.append(tuple(region))
             return
         place = region.index(ALL)
-        told = _below(found, region[:place])
-        texts: set[str | None] = {None, *own.spread(region, place)}.union(*told)
+        below = _below(found, region[:place])
+        texts: set[str | None] = {None, *own.spread(region, place)}.union(*below)
         for part in self._parts:
             texts.update(part.spread(region, place))
-        self._timeline.spend(self._cost + len(texts) + len(told))
+        self._timeline.spend(self._cost + len(texts) + len(below))
         for text in texts:
             inner = region.copy()
             inner[place] = text

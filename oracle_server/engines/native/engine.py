@@ -25,7 +25,7 @@ class NativeEngine:
     """The state of one formula in one session."""
 
     def __init__(self, formula: Formula, time: Time = "steps", share: float = 1) -> None:
-        """`share` is how much of what an engine may cost this one may: where there are many, they share."""
+        """`share` is the part of an engine's cost limit that this one may use: many engines share it."""
         self._formula, self._time = formula, time
         self._timed = time == "seconds"
         self._timeline = Timeline(timed=self._timed, share=share)
@@ -81,7 +81,7 @@ class NativeEngine:
         return explain(self._formula, self._network, self._time, self._steps, past)
 
     def snapshot(self) -> dict[str, Any]:
-        """All that later verdicts depend on, as plain data that JSON can carry."""
+        """All that later verdicts depend on, as plain data that JSON can represent."""
         nodes = [*(atom for _, atom in self._atoms), *self._operators]
         return {
             "format": FORMAT,
@@ -93,7 +93,7 @@ class NativeEngine:
         }
 
     def restore(self, data: Mapping[str, Any]) -> None:
-        """Go on, before the first step, where a snapshot of the same formula was taken.
+        """Continue from a snapshot of the same formula, before the first step.
 
         Raises `EngineError` where it was taken by a version that keeps other things.
         """
@@ -106,7 +106,7 @@ class NativeEngine:
         self._steps, self._due, self._last = data["steps"], data["due"], Outcome(data["last"])
 
     def mark(self) -> None:
-        """Remember how all stands from now on, until `back` or `keep`; marks can be set within marks."""
+        """Record all changes from now on, until `back` or `keep`; marks can be nested."""
         steps, due, last = self._steps, self._due, self._last
         atoms = [(atom, atom.current) for _, atom in self._atoms]
 
@@ -124,7 +124,7 @@ class NativeEngine:
             undo()
 
     def keep(self) -> None:
-        """Let the steps since the last mark stand."""
+        """Keep the steps since the last mark."""
         journal = self._close()
         if self._timeline.journal is not None:
             self._timeline.journal += journal

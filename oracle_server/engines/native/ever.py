@@ -17,7 +17,7 @@ from oracle_server.engines.native.timeline import FEW, Timeline
 
 
 class Ever:
-    """Once it holds at a key, it holds there for ever."""
+    """Once it holds at a key, it holds there from then on."""
 
     __slots__ = (
         "_at",
@@ -82,7 +82,7 @@ class Ever:
         return self._held.spread(region, place)
 
     def constant(self, region: Region) -> bool | None:
-        """The value all over a region, None where it may differ."""
+        """The value in all of a region, None where it may differ."""
         return self._held.constant(region)
 
     def when(self, key: Key) -> int | None:
@@ -94,7 +94,7 @@ class Ever:
         return [list(self.held.items()), list(self.waiting)]
 
     def restore(self, data: Any) -> None:
-        """Become what a snapshot says."""
+        """Take over a snapshot."""
         held, waiting = data
         for key, time in held:
             self._hold(read_key(key), time)
@@ -102,7 +102,7 @@ class Ever:
         self.waits.update(key for _, key in self.waiting)
 
     def apart(self, variable: int) -> Iterator[str]:
-        """The texts at which it holds, or will, and those that are told apart below."""
+        """The texts at which it holds, or will, and those that are distinguished below."""
         own = texts_at(chain(self.held, self.waits), self.variables, variable)
         return chain(own, self._body.apart(variable))
 
@@ -117,7 +117,7 @@ class Ever:
         return fresh.isdisjoint(self.variables), self._body.can_settle[0](fresh)[1]
 
     def index(self) -> None:
-        """Be asked for `spread`."""
+        """Prepare for `spread`."""
         self._held.index()
 
     def _release(self) -> None:

@@ -2,7 +2,7 @@
 
 A conjunction that fails is explained by one side that does, one that holds by both; a temporal operator by the steps
 that decide it, and its operand at these in turn, as far as they are remembered; and so on down to atoms. What is
-explained at several steps at once is told once.
+explained at several steps at once is explained once.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ Steps = Sequence[int]
 """Numbers of remembered steps, ascending."""
 _MOST_STEPS = 2_000
 _MOST_TOLD = 3
-"""Values that are told of where all decide together."""
+"""Values that are shown where all decide together."""
 
 
 def explain(formula: Formula, network: Network, time: Time, last: int, past: Past) -> Why:
-    """Why the formula holds, or does not, at the last step, number `last`; `past` is what is remembered."""
+    """Why the formula holds, or does not, at the last step, number `last`; `past` are the remembered steps."""
     part = Part(formula, (), {}, {})
     explainer = _Explainer(network, Recall(formula, network, time, last, past), Wording(time, network.timeline.now))
     holds = explainer.holds(part)
@@ -123,9 +123,9 @@ class _Explainer:
             return [self._plain(part, steps, holds)]
         reasons = []
         for body, others, group in groups:
-            told = f"for {self._wording.values(body.scope, body.values)}" + (f" (and {others} more)" if others else "")
+            given = f"for {self._wording.values(body.scope, body.values)}" + (f" (and {others} more)" if others else "")
             parts = tuple(self.reasons(body, holds, group))
-            reasons.append(self._reason(part, group, holds, told, parts=parts))
+            reasons.append(self._reason(part, group, holds, given, parts=parts))
         return reasons
 
     def _groups(self, part: Part, steps: Steps, holds: bool) -> list[tuple[Part, int, Steps]] | None:
@@ -141,7 +141,7 @@ class _Explainer:
         return groups
 
     def _for_all(self, part: Part, steps: Steps, holds: bool) -> Reason:
-        """All values decide together: a few are told of, and the window that all of them need."""
+        """All values decide together: a few are shown, and the window that all of them need."""
         text = "for every value" if holds else "for no value"
         bodies = self._recall.bindings(part) if self._recall.first == 1 else None
         if not bodies or any(self._recall.at(body, s) is not holds for body in bodies for s in steps):
@@ -152,8 +152,8 @@ class _Explainer:
         telling = [item for item in found if any(reason.holds for reason in _leaves(item[1]))][:_MOST_TOLD]
         parts = []
         for body, reasons in telling:
-            told = f"for {self._wording.values(body.scope, body.values)}"
-            parts.append(self._reason(body, steps, holds, told, parts=tuple(reasons)))
+            given = f"for {self._wording.values(body.scope, body.values)}"
+            parts.append(self._reason(body, steps, holds, given, parts=tuple(reasons)))
         return self._reason(part, steps, holds, text, window=window, parts=tuple(parts))
 
     def _pre(self, part: Part, operand: Part, steps: Steps, holds: bool) -> Reason:
@@ -217,13 +217,13 @@ class _Explainer:
     def _nowhere(self, part: Part, operand: Part, steps: Steps, holds: bool) -> Reason:
         assert isinstance(part.formula, tree.Once | tree.Historically)  # noqa: S101 -- see `reasons`
         window, complete = self._windows(part.formula.bound, steps)
-        told, ends = self._where(part.formula.bound, steps, window)
+        where, ends = self._where(part.formula.bound, steps, window)
         words = "at every one" if holds else "none"
         parts: tuple[Reason, ...] = ()
         simple = is_simple(operand.formula)
         if not simple and complete and window and self._recall.are(operand, holds, window):
             parts = self._deeper([(operand, holds, window)])
-        return self._reason(part, steps, holds, f"{words} {told}", window=ends, parts=parts)
+        return self._reason(part, steps, holds, f"{words} {where}", window=ends, parts=parts)
 
     def _since(self, part: Part, steps: Steps, holds: bool) -> Reason:
         formula = part.formula
@@ -256,7 +256,7 @@ class _Explainer:
 
     def _since_not(self, part: Part, left: Part, right: Part, steps: Steps) -> Reason:
         assert isinstance(part.formula, tree.Since)  # noqa: S101 -- see `reasons`
-        told, ends = self._where(part.formula.bound, steps, self._windows(part.formula.bound, steps)[0])
+        where, ends = self._where(part.formula.bound, steps, self._windows(part.formula.bound, steps)[0])
         known, missing = True, set[int]()
         broken = set[int]()
         for step in steps:
@@ -274,7 +274,7 @@ class _Explainer:
         plain = is_simple(right.formula) and not broken
         sides = [(right, False, sorted(missing)), (left, False, sorted(broken))] if known and not plain else []
         parts = tuple(r for side, value, at in sides if at for r in self.reasons(side, value, at))
-        return self._reason(part, steps, False, f"none with its left side ever since {told}", window=ends, parts=parts)
+        return self._reason(part, steps, False, f"none with its left side ever since {where}", window=ends, parts=parts)
 
     def _windows(self, bound: Bound, steps: Steps) -> tuple[list[int], bool]:
         """All steps in the windows of some steps, and whether all of them are remembered."""
@@ -292,7 +292,7 @@ class _Explainer:
         return self._wording.during(*ends), ends
 
     def _deeper(self, sides: list[tuple[Part, bool, Steps]]) -> tuple[Reason, ...]:
-        """The reasons for operands, where there is more to say than whether they held."""
+        """The reasons for operands, where they are more than whether an atom held."""
         if all(is_simple(operand.formula) for operand, _, _ in sides):
             return ()
         return tuple(reason for side in sides if side[2] for reason in self.reasons(*side))
@@ -301,7 +301,7 @@ class _Explainer:
         return [self._recall.time(step) for step in steps]
 
     def _plain(self, part: Part, steps: Steps, holds: bool) -> Reason:
-        """That something held, or did not, and no more."""
+        """The reason that a part held, or did not, without parts of its own."""
         times = self._times(steps)
         now = [*steps] == [self._now]
         text = self._wording.held(times, holds=holds)
@@ -319,7 +319,7 @@ class _Explainer:
         window: tuple[int, int] | None = None,
         parts: tuple[Reason, ...] = (),
     ) -> Reason:
-        """A reason for what is said of `steps`, which steps `found` at `times` decide, or a window."""
+        """A reason at `steps`, which steps `found` at `times` decide, or a window."""
         if [*steps] != [self._now]:
             text = f"({self._wording.at(self._times(steps))}) {text}"
         if len(times) > 1:

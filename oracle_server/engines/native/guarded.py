@@ -80,7 +80,7 @@ class SomeGuarded:
         return self.held
 
     def restore(self, data: Any) -> None:
-        """Become what a snapshot says."""
+        """Take over a snapshot."""
         self.held = [read_key(key) for key in data]
 
     def apart(self, variable: int) -> Iterator[str]:  # noqa: ARG002

@@ -42,13 +42,13 @@ class Held:
         return self._index.spread(region, place)
 
     def constant(self, region: Region) -> bool | None:
-        """Whether it holds all over a region, None where that may differ."""
+        """Whether it holds in all of a region, None where that may differ."""
         if ALL not in region:
             return key_of(region) in self.times
         return None if self.times else False
 
     def index(self) -> None:
-        """Be asked for `spread`."""
+        """Prepare for `spread`."""
         if self._size > 1 and self._index is None:
             self._index = Index(self._size, self._timeline)
             for key in self.times:

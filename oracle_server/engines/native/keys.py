@@ -1,7 +1,7 @@
 """Keys: which values the variables of a part of a formula have.
 
 The key of a part without variables is `()`, with one variable its value's canonical text, with more the tuple of
-their texts, outermost quantifier first. `None` in a text's place is the *fresh* value: any that is not told apart. A
+their texts, outermost quantifier first. `None` in a text's place is the *fresh* value: any that is not distinguished. A
 region is a tuple in which `ALL` stands for every value, fresh and known.
 """
 

@@ -95,7 +95,7 @@ class Latest:
         return self._held.spread(region, place)
 
     def constant(self, region: Region) -> bool | None:
-        """The value all over a region, None where it may differ."""
+        """The value in all of a region, None where it may differ."""
         return self._held.constant(region)
 
     def when(self, key: Key) -> int | None:
@@ -107,7 +107,7 @@ class Latest:
         return [list(self._held.times.items()), list(self._ended.items()), list(self._leaving)]
 
     def restore(self, data: Any) -> None:
-        """Become what a snapshot says."""
+        """Take over a snapshot."""
         held, ended, leaving = data
         for key, time in held:
             self._held.add(read_key(key), time)
@@ -115,7 +115,7 @@ class Latest:
         self._leaving.extend((deadline, read_key(key)) for deadline, key in leaving)
 
     def apart(self, variable: int) -> Iterator[str]:
-        """The texts at which it holds, and those that are told apart below."""
+        """The texts at which it holds, and those that are distinguished below."""
         left = () if self._left is None else self._left.apart(variable)
         return chain(texts_at(self._held.times, self.variables, variable), self._body.apart(variable), left)
 
@@ -136,7 +136,7 @@ class Latest:
         return right[0] or (left[0] and self._upper is None and fresh.isdisjoint(self.variables)), right[1]
 
     def index(self) -> None:
-        """Be asked for `spread`."""
+        """Prepare for `spread`."""
         self._held.index()
 
     def _touch(self, keys: Collection[Key]) -> None:
@@ -201,7 +201,7 @@ class Latest:
                 self._timeline.journal.append(self._leaving.pop)
 
     def _forget(self, key: Key) -> None:
-        """Note that what ended counts no more."""
+        """Record that what ended does not count any more."""
         time = self._ended.pop(key)
         if self._timeline.journal is not None:
             self._timeline.journal.append(partial(self._ended.__setitem__, key, time))

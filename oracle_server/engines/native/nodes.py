@@ -1,8 +1,8 @@
 """What the nodes of an engine have in common, and the atoms.
 
-A node is a part of the formula that has a state: an atom, a temporal operator, a quantifier. What stands between nodes
-is Boolean and is computed on demand. At each step a node takes the keys at which the nodes below it changed, and tells
-the keys at which it changed itself, so that a step costs what changes and not what is known.
+A node is a part of the formula that has a state: an atom, a temporal operator, a quantifier. What is between nodes
+is Boolean and is computed on demand. At each step a node takes the keys at which the nodes below it changed, and
+returns the keys at which it changed itself, so that a step costs what changes and not what is known.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ class Node(Protocol):
         ...
 
     def spread(self, region: Region, place: int) -> Collection[str]:
-        """The texts that tell values apart at a place of a region, where all before that place is no `ALL`."""
+        """The texts that distinguish values at a place of a region, where all before that place is no `ALL`."""
         ...
 
     def constant(self, region: Region) -> bool | None:
-        """The value all over a region, None where it may differ."""
+        """The value in all of a region, None where it may differ."""
         ...
 
     def index(self) -> None:
-        """Be asked for `spread`."""
+        """Prepare for `spread`."""
         ...
 
     def apart(self, variable: int) -> Iterator[str]:
@@ -117,7 +117,7 @@ class AtomNode:
         return [self.current] if self.holds else []
 
     def restore(self, data: Any) -> None:
-        """Become what a snapshot says."""
+        """Take over a snapshot."""
         self.current = read_key(data[0]) if data else _ABSENT
 
     def at(self, key: Key) -> bool:

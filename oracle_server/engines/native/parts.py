@@ -11,7 +11,7 @@ from oracle_server.engines.native.build import Network, Path
 from oracle_server.engines.native.keys import Text
 
 Values = Mapping[int, Text]
-"""What each quantified variable stands for, None for any value that is not told apart."""
+"""What each quantified variable stands for, None for any value that is not distinguished."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,7 @@ class Part:
         return Part(formula, (*self.path, place), self.scope, self.values)
 
     def body(self, network: Network) -> Part:
-        """What a quantifier, and those of its kind that follow, say of their variables."""
+        """The body of a quantifier, and of those of its kind that follow, with its variables bound."""
         formula, path, kind = self.formula, self.path, type(self.formula)
         while isinstance(formula, tree.Exists | tree.Forall) and type(formula) is kind:
             formula, path = formula.body, (*path, 0)
@@ -40,5 +40,5 @@ class Part:
 
 
 def is_simple(formula: Formula) -> bool:
-    """Whether there is nothing to be said of a formula but whether it holds: it is an atom, negated or not."""
+    """Whether a formula needs no explanation but its truth: it is an atom, negated or not."""
     return isinstance(formula, tree.Atom) or (isinstance(formula, tree.Not) and is_simple(formula.operand))

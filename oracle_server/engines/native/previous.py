@@ -63,15 +63,15 @@ class Previous:
         return None
 
     def points(self) -> Collection[Key]:
-        """The keys that are told apart."""
+        """The keys that are distinguished."""
         return self._table.points()
 
     def spread(self, region: Region, place: int) -> Collection[str]:
-        """The texts that are told apart at a place of a region."""
+        """The texts that are distinguished at a place of a region."""
         return self._table.spread(region, place)
 
     def constant(self, region: Region) -> bool | None:
-        """The value all over a region, None where it may differ."""
+        """The value in all of a region, None where it may differ."""
         if ALL not in region:
             return self.at(key_of(region))
         return self._table.fresh.value if len(self._table.states) <= (not self.flat) else None
@@ -81,13 +81,13 @@ class Previous:
         return [[(key, state.value) for key, state in self._table.items()], self.next]
 
     def restore(self, data: Any) -> None:
-        """Become what a snapshot says."""
+        """Take over a snapshot."""
         states, following = data
         self._table.load([(read_key(key), _Value(value)) for key, value in states])
         self.next = [(read_key(key), value) for key, value in following]
 
     def apart(self, variable: int) -> Iterator[str]:
-        """The texts that are told apart here, will be with the next step, or are below."""
+        """The texts that are distinguished here, will be with the next step, or are below."""
         own = chain(self._table.keys(), (key for key, _ in self.next))
         return chain(texts_at(own, self.variables, variable), self._body.apart(variable))
 
@@ -101,7 +101,7 @@ class Previous:
         return self._body.can_settle[0](fresh)
 
     def index(self) -> None:
-        """Be asked for `spread`."""
+        """Prepare for `spread`."""
         self._table.index()
 
     def _become(self) -> None:

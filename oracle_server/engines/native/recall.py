@@ -1,4 +1,4 @@
-"""Whether a part of the formula held at a past step, worked out from what is remembered of the steps since.
+"""Whether a part of the formula held at a past step, computed from the remembered steps since.
 
 The engine keeps no more than later verdicts depend on; here the formula table is read literally, but only where an
 explanation looks, and with `None` for what is not known any more.
@@ -28,7 +28,7 @@ _WORK = 10
 
 
 class Recall:
-    """The values of parts at the steps that are remembered, `first` to `last`; steps are told by their numbers."""
+    """The values of parts at the remembered steps, `first` to `last`; steps are identified by their numbers."""
 
     def __init__(self, formula: Formula, network: Network, time: Time, last: int, past: Past) -> None:
         self._network, self._past, self._effort = network, past, past.effort
@@ -43,7 +43,7 @@ class Recall:
         self._seen: dict[int, Matches] = {}
 
     def time(self, step: int) -> int:
-        """A step's time as explanations tell it: its number or, with `time: seconds`, nanoseconds."""
+        """A step's time as explanations show it: its number or, with `time: seconds`, nanoseconds."""
         return self._times[step - self.first] if self._timed else step
 
     def step(self, time: int) -> int | None:

@@ -97,7 +97,7 @@ class Some:
         return list(self.held)
 
     def restore(self, data: Any) -> None:
-        """Become what a snapshot says."""
+        """Take over a snapshot."""
         self.held = {read_key(key) for key in data}
 
     def apart(self, variable: int) -> Iterator[str]:  # noqa: ARG002
@@ -118,7 +118,7 @@ class Some:
 
 
 class _Held:
-    """The keys of the bound variables at which the body holds; `value` is what was told of them last."""
+    """The keys of the bound variables at which the body holds; `value` is the last value reported."""
 
     __slots__ = ("keys", "value")
 
@@ -175,7 +175,7 @@ class SomeOf:
         self._tell(owns)
 
     def _tell(self, owns: dict[Key, _Held]) -> None:
-        """Note where the value changed, and tell apart no more what has become the same."""
+        """Record where the value changed, and stop distinguishing keys that have become the same."""
         fresh = False
         for own, held in owns.items():
             if bool(held.keys) is not held.value:
@@ -190,11 +190,11 @@ class SomeOf:
             self._table.drop(own, _same)
 
     def _turns(self, key: Key) -> tuple[list[bool], list[bool]]:
-        """Free variables first where they are told apart, bound ones first where they are not."""
+        """Free variables first where they are distinguished, bound ones first where they are not."""
         return [text is None for text in key[: self._own]], [text is not None for text in key[self._own :]]
 
     def _with_rest(self, keys: Collection[Key]) -> Collection[Key]:
-        """The keys, and where the last one stands for all others, what it stands for with free variables told apart."""
+        """The keys; where the last one stands for all others, also its keys with free variables distinguished."""
         if not self._body.flat or not is_fresh(last := list(keys)[-1]):
             return keys
         for key in keys:
@@ -212,15 +212,15 @@ class SomeOf:
         return None
 
     def points(self) -> Collection[Key]:
-        """The keys that are told apart."""
+        """The keys that are distinguished."""
         return self._table.points()
 
     def spread(self, region: Region, place: int) -> Collection[str]:
-        """The texts that are told apart at a place of a region."""
+        """The texts that are distinguished at a place of a region."""
         return self._table.spread(region, place)
 
     def constant(self, region: Region) -> bool | None:
-        """The value all over a region, None where it may differ."""
+        """The value in all of a region, None where it may differ."""
         if ALL not in region:
             return self.at(key_of(region))
         return self._table.fresh.value if len(self._table.states) <= (not self._table.flat) else None
@@ -240,7 +240,7 @@ class SomeOf:
         return [(own, list(held.keys), held.value) for own, held in self._table.items()]
 
     def restore(self, data: Any) -> None:
-        """Become what a snapshot says."""
+        """Take over a snapshot."""
         states = []
         for own, keys, value in data:
             held = _Held()
@@ -249,7 +249,7 @@ class SomeOf:
         self._table.load(states)
 
     def apart(self, variable: int) -> Iterator[str]:
-        """The texts that are told apart here or below."""
+        """The texts that are distinguished here or below."""
         return chain(texts_at(self._table.keys(), self.variables, variable), self._body.apart(variable))
 
     def settled(self, key: Key) -> bool | None:
@@ -263,12 +263,12 @@ class SomeOf:
         return self._body.can_settle[0](fresh)[0], self._body.can_settle[0](fresh | bound)[1]
 
     def index(self) -> None:
-        """Be asked for `spread`."""
+        """Prepare for `spread`."""
         self._table.index()
 
 
 class _Asked:
-    """What a `SomeOf` tells apart, as keys of all variables of its body."""
+    """What a `SomeOf` distinguishes, as keys of all variables of its body."""
 
     def __init__(self, table: Flat[_Held] | Tree[_Held], own: int, bound: int, timeline: Timeline) -> None:
         self._table, self._own, self._timeline = table, own, timeline

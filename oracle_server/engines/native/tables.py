@@ -1,4 +1,4 @@
-"""States by key: one for each key that was told apart, one for all others."""
+"""States by key: one for each key that was distinguished, one for all others."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Flat(Generic[S]):
         return self.states.get(key, self.fresh)
 
     def own(self, key: Key) -> S:
-        """The state at a key, told apart from now on."""
+        """The state at a key, distinguished from now on."""
         if key == self._fresh_key:
             return self.fresh
         state = self.states.get(key)
@@ -89,7 +89,7 @@ class Flat(Generic[S]):
         return state
 
     def drop(self, key: Key, same: Callable[[S, S], bool]) -> None:
-        """Tell a key apart no more where its state is the same as the others'."""
+        """Stop distinguishing a key where its state is the same as the others'."""
         state = self.states.get(key)
         if state is not None and same(state, self.fresh):
             self._remove(key)
@@ -97,7 +97,7 @@ class Flat(Generic[S]):
                 self._timeline.journal.append(partial(self._put, key, state))
 
     def known(self, key: Key) -> S | None:
-        """The state of a key that is told apart, None for others."""
+        """The state of a key that is distinguished, None for others."""
         return self.fresh if key == self._fresh_key else self.states.get(key)
 
     def items(self) -> Iterator[tuple[Key, S]]:
@@ -110,7 +110,7 @@ class Flat(Generic[S]):
         return [self._fresh_key, *self.states]
 
     def points(self) -> Collection[Key]:
-        """The keys that are told apart."""
+        """The keys that are distinguished."""
         return self.states.keys()
 
     def spread(self, region: Region, place: int) -> Collection[str]:
@@ -133,7 +133,7 @@ class Flat(Generic[S]):
                 self._put(key, state)
 
     def index(self) -> None:
-        """Be asked for `spread`, before anything is told apart."""
+        """Prepare for `spread`, before anything is distinguished."""
         if self._size > 1 and self._index is None:
             self._index = _indexed(self._size, self.states, self._timeline)
 
@@ -158,7 +158,7 @@ def _indexed(size: int, keys: Collection[Key], timeline: Timeline) -> Index:
 class Tree(Generic[S]):
     """States by two variables and more that can differ along one variable for all values of another.
 
-    A value that is told apart at a place has a branch of its own; others share the fresh one's.
+    A value that is distinguished at a place has a branch of its own; others share the fresh one's.
     """
 
     __slots__ = ("_branches", "_copy", "_fresh", "_size", "_timeline", "states")
@@ -180,7 +180,7 @@ class Tree(Generic[S]):
         return self.states[self._find(key)]
 
     def own(self, key: Key) -> S:
-        """The state at a key, told apart from now on."""
+        """The state at a key, distinguished from now on."""
         path: Key = ()
         for text in key:
             if text is not None and text not in self._branches.get(path, ()):
@@ -191,7 +191,7 @@ class Tree(Generic[S]):
         return self.states[key]
 
     def drop(self, key: Key, same: Callable[[S, S], bool]) -> None:
-        """Tell a key apart no more where its branch is the same as that of the fresh value beside it."""
+        """Stop distinguishing a key where its branch is the same as that of the fresh value beside it."""
         for length in range(self._size, 0, -1):
             path = key[:length]
             if path[-1] is None:
@@ -203,7 +203,7 @@ class Tree(Generic[S]):
             self._branches[path[:-1]].discard(path[-1])
 
     def known(self, key: Key) -> S | None:
-        """The state of a key that is told apart, None for others."""
+        """The state of a key that is distinguished, None for others."""
         return self.states.get(key)
 
     def items(self) -> Iterator[tuple[Key, S]]:
@@ -215,11 +215,11 @@ class Tree(Generic[S]):
         return [key for key, _ in self.items()]
 
     def points(self) -> Collection[Key]:
-        """The keys that are told apart, fresh values among them."""
+        """The keys that are distinguished, fresh values among them."""
         return self.states.keys()
 
     def spread(self, region: Region, place: int) -> Collection[str]:
-        """The texts that are told apart at a place of a region."""
+        """The texts that are distinguished at a place of a region."""
         return self._branches.get(self._find(region[:place]), ())
 
     def load(self, states: list[tuple[Key, S]]) -> None:
@@ -263,7 +263,7 @@ class Tree(Generic[S]):
             self._grow((*source, text), (*target, text))
 
     def _alike(self, path: Key, other: Key, same: Callable[[S, S], bool]) -> bool:
-        """Whether the same is told apart on two branches, and all states on them are the same."""
+        """Whether the same is distinguished on two branches, and all states on them are the same."""
         if len(path) == self._size:
             mine, others = self.states.get(path), self.states.get(other)
             return mine is not None and others is not None and same(mine, others)

@@ -13,13 +13,13 @@ _TRIM = 1024
 FEW = 16
 """Keys that nodes look at without counting them."""
 MAX_APART = 200_000
-"""Keys of several variables, which multiply, that a node may tell apart: each takes some 500 bytes."""
+"""Keys of several variables, which multiply, that a node may distinguish: each takes some 500 bytes."""
 
 
 class Timeline:
     """A step's time is its number or, where `timed`, nanoseconds; steps are then any time apart, or none.
 
-    `now` is the present step's time, `before` that of the step before it; `first` tells the first step.
+    `now` is the present step's time, `before` that of the step before it; `first`: it is the first step.
     """
 
     __slots__ = (
@@ -66,9 +66,9 @@ class Timeline:
             )
 
     def tell_apart(self, keys: int) -> None:
-        """Count keys of several variables that a node tells apart. Raises `EngineError` where they are too many."""
+        """Count keys of several variables that a node distinguishes. Raises `EngineError` where they are too many."""
         if keys > MAX_APART:
-            raise EngineError(f"more than {MAX_APART} combinations of values would have to be told apart")
+            raise EngineError(f"more than {MAX_APART} combinations of values would have to be distinguished")
 
     @property
     def _owed(self) -> int:
@@ -102,7 +102,7 @@ class Timeline:
         return [self.now, self.before, self.first, self._times, self._owed]
 
     def restore(self, data: Any) -> None:
-        """Become what a snapshot says."""
+        """Take over a snapshot."""
         self.now, self.before, self.first, self._times, *debt = data
         self._debt, self.work = (debt[0] if debt else 0), 0
 

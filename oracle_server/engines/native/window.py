@@ -176,15 +176,15 @@ class Window:
         )
 
     def points(self) -> Collection[Key]:
-        """The keys that are told apart."""
+        """The keys that are distinguished."""
         return self._table.points()
 
     def spread(self, region: Region, place: int) -> Collection[str]:
-        """The texts that are told apart at a place of a region."""
+        """The texts that are distinguished at a place of a region."""
         return self._table.spread(region, place)
 
     def constant(self, region: Region) -> bool | None:
-        """The value all over a region, None where it may differ."""
+        """The value in all of a region, None where it may differ."""
         if ALL not in region:
             return self.at(key_of(region))
         return self._table.fresh.value if len(self._table.states) <= (not self.flat) else None
@@ -213,7 +213,7 @@ class Window:
         return [states, list(self._entering), list(self._leaving), self._peopled]
 
     def restore(self, data: Any) -> None:
-        """Become what a snapshot says."""
+        """Take over a snapshot."""
         states, entering, leaving, self._peopled = data
         queue = deque[int] if self._all else list[int]
         self._table.load([(read_key(key), Runs.of(runs, queue)) for key, runs in states])
@@ -221,7 +221,7 @@ class Window:
         self._leaving.extend((deadline, read_key(key)) for deadline, key in leaving)
 
     def apart(self, variable: int) -> Iterator[str]:
-        """The texts that are told apart here or below."""
+        """The texts that are distinguished here or below."""
         return chain(texts_at(self._table.keys(), self.variables, variable), self._body.apart(variable))
 
     def settled(self, key: Key) -> bool | None:
@@ -247,7 +247,7 @@ class Window:
         return (right[0] and not self._lower) or (left[0] and self._upper is None) or lasting, right[1] or left[1]
 
     def index(self) -> None:
-        """Be asked for `spread`."""
+        """Prepare for `spread`."""
         self._table.index()
 
     def _touch(self, keys: Collection[Key]) -> None:
@@ -344,7 +344,7 @@ class Window:
         return runs.starts[0] >= farthest or bool(runs.ends and runs.ends[0] <= nearest)
 
     def _same(self, runs: Runs, other: Runs) -> bool:
-        """Whether two keys will be told the same from now on for as long as the sides are."""
+        """Whether two keys stay equal from now on for as long as their sides are equal."""
         if runs.left is not other.left or runs.right is not other.right or len(runs.starts) != len(other.starts):
             return False
         # before here, when a run began makes no difference any more

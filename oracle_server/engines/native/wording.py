@@ -48,9 +48,9 @@ class Wording:
         if len(times) == 1:
             return f"at step {times[0]}"
         ranges = _ranges(times)
-        told = ", ".join(f"{a}–{b}" if a != b else str(a) for a, b in ranges[:_MOST_RANGES])  # noqa: RUF001
+        shown = ", ".join(f"{a}–{b}" if a != b else str(a) for a, b in ranges[:_MOST_RANGES])  # noqa: RUF001
         more = f" and {len(ranges) - _MOST_RANGES} more times up to {times[-1]}" if len(ranges) > _MOST_RANGES else ""
-        return f"at each of steps {told}{more}"
+        return f"at each of steps {shown}{more}"
 
     def during(self, first: int, last: int) -> str:
         """Among which steps, as seen from another step than the present one."""

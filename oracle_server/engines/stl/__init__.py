@@ -1,4 +1,4 @@
-"""Signal temporal logic with robustness, on rtamt; where that is not installed, this package says so."""
+"""Signal temporal logic with robustness, on rtamt; where that is not installed, this package raises an error."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ class StlEngine:
         """How far the formula is from changing its truth at the last step, None where that is not known."""
 
     def step(self, time: int, matches: Matches) -> Outcome:
-        """Judge the next step. Robustness 0 tells neither, since rtamt has the same for `<` and `<=`: unknown."""
+        """Judge the next step. Robustness 0 is unknown, since rtamt has the same for `<` and `<=`."""
         self.robustness = None
         sample = self._sample(matches)
         if sample is None:
@@ -54,7 +54,7 @@ class StlEngine:
             return Outcome.CURRENTLY_TRUE
         return Outcome.CURRENTLY_FALSE if robustness < 0 else Outcome.UNKNOWN
 
-    def explain(self, past: Past = NO_PAST) -> Why:  # noqa: ARG002 -- the sample says it all
+    def explain(self, past: Past = NO_PAST) -> Why:  # noqa: ARG002 -- the last sample is enough
         """The robustness, and the signals at the last step."""
         robustness = self.robustness or 0.0
         reason = Reason(self._text, holds=robustness > 0, text=f"robustness {robustness:g}")

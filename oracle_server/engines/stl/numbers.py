@@ -1,4 +1,4 @@
-"""Arithmetic on signals, worked out before rtamt sees a sample.
+"""Arithmetic on signals, computed before rtamt gets a sample.
 
 What divides by zero must not reach a monitor half: it has taken in a sample, or has not.
 """
@@ -84,7 +84,7 @@ def _number(node: Any) -> Number:
         return lambda _: value
     function = _FUNCTIONS.get(type(node))
     if function is None:
-        raise FormulaError("numbers are compared and reckoned with, and here is a formula in place of one")
+        raise FormulaError("a number is expected here, and not a formula")
     parts = [_number(child) for child in operands(node)]
 
     def number(signals: Mapping[str, float]) -> float:

@@ -33,7 +33,7 @@ class Since:
         """What each sample in the window is good for, by time, falling: what a later one surpasses is left out."""
 
     def update(self, left: float, right: float) -> float:
-        """Take in a sample of φ and ψ; the robustness at it."""
+        """Add a sample of φ and ψ; returns the robustness at it."""
         now = self._clock.now
         self._cap(left)
         self._young.append((self._count, now, right))
@@ -70,7 +70,7 @@ class Once:
         self._since = Since(clock, begin, end)
 
     def update(self, sample: float) -> float:
-        """Take in a sample; the robustness at it."""
+        """Add a sample; returns the robustness at it."""
         return self._since.update(math.inf, sample)
 
 
@@ -81,12 +81,12 @@ class Historically:
         self._since = Since(clock, begin, end)
 
     def update(self, sample: float) -> float:
-        """Take in a sample; the robustness at it."""
+        """Add a sample; returns the robustness at it."""
         return -self._since.update(math.inf, -sample)
 
 
 class Iff:
-    """`φ iff ψ`, as rtamt has it; where both are infinite alike 0, of which rtamt would make NaN."""
+    """`φ iff ψ`, as rtamt has it; 0 where both are infinite with one sign, where rtamt would return NaN."""
 
     def update(self, left: float, right: float) -> float:
         """The robustness at a sample."""

@@ -15,7 +15,7 @@ import yaml
 from oracle_server.core.errors import ExpressionError, FormulaError, one_line
 from oracle_server.core.expressions import parse_expression
 from oracle_server.core.formula.parse import parse_formula
-from oracle_server.core.signals import RESERVED
+from oracle_server.core.kinds import RESERVED
 from oracle_server.specfiles.rosmonitoring.config import Config, ConfigError, Interface, read_config
 from oracle_server.specfiles.rosmonitoring.module import PropertyModule, read_module
 from oracle_server.specfiles.rosmonitoring.predicates import Stream, effect

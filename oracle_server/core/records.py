@@ -1,0 +1,88 @@
+"""Verdict records as plain data: what the history keeps of a verdict, and what is sent and shown of it."""
+
+from __future__ import annotations
+
+from typing import Literal, NotRequired, TypedDict
+
+from oracle_server.core.events import Order
+from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.kinds import RecordKind, StepKind
+
+
+class EventRecord(TypedDict):
+    """An event in an explanation; `signals` are what formulas saw of it, `stamp` is in nanoseconds.
+
+    `step` is its number, in reasons only.
+    """
+
+    step: NotRequired[int]
+    stream: str
+    kind: StepKind
+    stamp: int
+    monitor: str
+    seq: int
+    signals: dict[str, Scalar]
+
+
+class ReasonRecord(TypedDict):
+    """One part of a formula in an explanation: whether it holds, and what decides it.
+
+    `at` is the step that decides it, as a number or as a time in nanoseconds; `event` its event, None where that is
+    not known any more. `window` has the first and the last of several such steps. `reasons` are the part's own parts.
+    """
+
+    formula: str
+    holds: bool
+    text: str
+    at: NotRequired[int]
+    event: NotRequired[EventRecord | None]
+    window: NotRequired[list[int]]
+    reasons: NotRequired[list[ReasonRecord]]
+
+
+class WhyRecord(TypedDict):
+    """Why a formula holds or does not: the `values` of its variables that decide it, None for any not seen yet."""
+
+    values: dict[str, Scalar | None]
+    other_values: int
+    reasons: list[ReasonRecord]
+
+
+class ExplanationRecord(TypedDict):
+    """An explanation; what `WhyRecord` has is there where the engine can say more."""
+
+    text: str
+    formula: str
+    event: EventRecord
+    values: NotRequired[dict[str, Scalar | None]]
+    other_values: NotRequired[int]
+    reasons: NotRequired[list[ReasonRecord]]
+
+
+class VerdictRecord(TypedDict):
+    """The verdict of one property at one step; `stamp`, `arrived` and `judged` are in nanoseconds.
+
+    `step` is None for ticks and skipped events, `decision` and `passed` where no decision
+    was asked for, `explanation` where the verdict is no violation and none was asked for.
+    """
+
+    n: int
+    step: int | None
+    property: str
+    order: Order
+    outcome: str
+    stream: str
+    kind: RecordKind
+    monitor: str
+    seq: int
+    stamp: int
+    arrived: int
+    judged: int
+    late: bool
+    skewed: bool
+    degraded: bool
+    decision: Literal["allow", "deny"] | None
+    passed: bool | None
+    robustness: float | str | None
+    violation: bool
+    explanation: ExplanationRecord | None

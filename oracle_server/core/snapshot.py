@@ -1,0 +1,48 @@
+"""The snapshot of a session as plain data: what later verdicts depend on, but for what is held in the order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, TypedDict
+
+from oracle_server.core.events import Order, StreamKey
+from oracle_server.core.formula.tree import Scalar
+
+
+class PropertySnapshot(TypedDict):
+    """One property; `engine` is None where it needs none any more. The fields are those of `PropertyState`."""
+
+    outcome: str
+    negative: bool
+    first_violation: int | None
+    violations: int
+    failures: int
+    broken: str | None
+    renewed: bool
+    engine: dict[str, Any] | None
+
+
+class JudgeSnapshot(TypedDict):
+    """One order of events; times in nanoseconds.
+
+    `held` has a monitor each, the values of its held signals, and the names of those that failed. `recent` are the
+    last steps as `Recent` has them.
+    """
+
+    properties: list[PropertySnapshot]
+    held: Sequence[tuple[str, dict[str, Scalar], list[str]]]
+    counters: dict[str, int]
+    degraded: bool
+    present: int
+    ticked: int
+    outdated: bool
+    recent: list[Any]
+
+
+class SessionSnapshot(TypedDict):
+    """A session; times in nanoseconds. `counts` has a monitor and a stream each: what came late, and what was lost."""
+
+    judges: dict[Order, JudgeSnapshot]
+    present: int | None
+    now: int
+    counts: Sequence[tuple[str, StreamKey, int, int]]
