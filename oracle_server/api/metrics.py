@@ -10,6 +10,7 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Histo
 from prometheus_client.registry import Collector
 
 from oracle_server.core.tally import BOUNDS
+from oracle_server.edge.scopes import needs
 from oracle_server.history.sqlite.schema import OUTCOMES
 from oracle_server.history.sqlite.store import Store
 from oracle_server.process.watchdog import Watchdog
@@ -38,6 +39,7 @@ def router(registry: Registry, store: Store, watchdog: Watchdog) -> APIRouter:
     made = APIRouter(tags=["health"])
 
     @made.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
+    @needs("read")
     async def metrics() -> Response:
         """The server's numbers, for Prometheus."""
         return Response(generate_latest(collectors), headers={"Content-Type": _CONTENT})

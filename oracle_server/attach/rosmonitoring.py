@@ -17,6 +17,7 @@ from oracle_server.core.stamps import stamp_in
 from oracle_server.core.verdicts import NEGATIVE, Judged, Outcome, worst
 from oracle_server.edge.access import grant_of
 from oracle_server.edge.problems import problem
+from oracle_server.edge.scopes import needs
 from oracle_server.history.sqlite.store import Store
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.monitor import Monitor
@@ -43,6 +44,7 @@ def legacy_routes(registry: Registry, store: Store, spec: str | None, max_rate: 
     router = APIRouter()
 
     @router.websocket("/")
+    @needs("submit")
     async def serve_default(socket: WebSocket) -> None:
         if spec is None:
             await _refuse(socket, "`/` has no spec; start the server with --legacy SPEC, or use /legacy/SPEC")
@@ -50,6 +52,7 @@ def legacy_routes(registry: Registry, store: Store, spec: str | None, max_rate: 
             await _serve(socket, registry, store, spec, max_rate)
 
     @router.websocket("/legacy/{spec_id}")
+    @needs("submit")
     async def serve_named(socket: WebSocket, spec_id: str) -> None:
         await _serve(socket, registry, store, spec_id, max_rate)
 

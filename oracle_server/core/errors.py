@@ -17,7 +17,7 @@ and, where they are raised:
 - `remote`: `UnreachableError`, `OtherEventError`, of an oracle elsewhere
 - `review`: `NoExplanationError`
 - `sessions`: `SessionExistsError`
-- `edge`: `TokenError`
+- `edge`: `TokenError`; `UndeclaredRouteError`, of a route that says not who may use it
 - `server`: `ServerError`, a server that can't start
 - `cli`: `ServerUnreachableError`
 """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import msgspec
@@ -36,11 +36,14 @@ class NoExplanationError(OracleError):
     """A verdict can't be explained."""
 
 
-def explained(store: Store, session: int, n: int) -> dict[str, Any] | None:
+def explained(
+    store: Store, session: int, n: int, given_up: Callable[[], bool] = lambda: False
+) -> dict[str, Any] | None:
     """The record number `n` of a session with its explanation, None where there is no such record.
 
     A verdict that had been final before is explained by the step that made it so. Call it off the event loop: it takes
-    as long as judging all that came before. Raises `NoExplanationError`.
+    as long as judging all that came before, or until `given_up`, which is looked at before each step. Raises
+    `NoExplanationError`.
     """
     found = store.read("SELECT id, text, asked FROM sessions WHERE number = ?", (session,))
     if not found:
@@ -58,7 +61,8 @@ def explained(store: Store, session: int, n: int) -> dict[str, Any] | None:
     _demand_explicable(record, properties[index], rows[0])
     undoing = [key.name for key, stream in ready.streams.items() if stream.undoes]
     target = _decided(store, session, record, properties[index], before + 1, index, undoing)
-    return {**record, "explanation": _Explaining(store, session, ready, index).explain(record["order"], target)}
+    explaining = _Explaining(store, session, ready, index, given_up)
+    return {**record, "explanation": explaining.explain(record["order"], target)}
 
 
 def _demand_explicable(record: dict[str, Any], prop: Property, row: Row) -> None:
@@ -93,8 +97,9 @@ def _decided(
 class _Explaining:
     """A session judged again, one property of it by the native engine."""
 
-    def __init__(self, store: Store, session: int, ready: Plan, index: int) -> None:
+    def __init__(self, store: Store, session: int, ready: Plan, index: int, given_up: Callable[[], bool]) -> None:
         self._store, self._session, self._plan, self._index = store, session, ready, index
+        self._given_up = given_up
         self._recorded: list[tuple[int, _Recorded]] = []
 
     def explain(self, order: Order, target: int) -> dict[str, Any] | None:
@@ -104,6 +109,8 @@ class _Explaining:
         for position, row in enumerate(self._rows(start, target), start + 1):
             if row[_POSITION] != position:  # they went since their beginning was looked for
                 raise NoExplanationError(_GONE)
+            if self._given_up():
+                raise NoExplanationError("nobody waits for it any more")
             step_order, step, at = step_of(row)
             letters = row[STEP_COLUMNS.index("outcomes")]
             for place, engine in self._recorded:
