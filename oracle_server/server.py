@@ -176,7 +176,7 @@ def _take_all_files(connections: int) -> None:
 
 
 class _Server(uvicorn.Server):
-    """Says when work is accepted, and judges, commits and tells the monitors before connections are closed."""
+    """Reports when work is accepted; at the end closes the listeners, then commits, then closes the connections."""
 
     def __init__(self, config: uvicorn.Config, registry: Registry, settings: Settings, pid_file: PidFile) -> None:
         super().__init__(config)
@@ -201,6 +201,8 @@ class _Server(uvicorn.Server):
         notify("READY=1")
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        for listener in self.servers:
+            listener.close()
         log.info("stopping")
         notify("STOPPING=1")
         await self._registry.shut_down()

@@ -12,7 +12,7 @@ from oracle_server.api.known import demand_session, state_of
 from oracle_server.edge.access import demand, grant_of
 from oracle_server.edge.scopes import needs
 from oracle_server.history.sqlite.store import Store
-from oracle_server.sessions.registry import Registry, SessionExistsError
+from oracle_server.sessions.registry import Registry, SessionExistsError, SessionStaysOpenError
 from oracle_server.specfiles.library import UnknownSpecError
 from oracle_server.wire.incoming import Identifier
 from oracle_server.wire.json import encode_bytes
@@ -78,7 +78,11 @@ def router(registry: Registry, store: Store) -> APIRouter:
         """Judge what a session holds, and close it; its history stays."""
         await demand_session(request, registry, session_id)
         session = registry.open.get(session_id)
-        if session is not None and not await registry.closed_within(session, _CLOSE_WITHIN):
+        try:
+            closed = session is None or await registry.closed_within(session, _CLOSE_WITHIN)
+        except SessionStaysOpenError as error:
+            raise HTTPException(500, str(error)) from None
+        if not closed:
             raise HTTPException(503, "the history can't be written; the session is closed as soon as it can")
         return await state_of(registry, session_id)
 

@@ -68,6 +68,9 @@ async def _serve(socket: WebSocket, registry: Registry, store: Store, spec_id: s
     except (UnknownSpecError, SpecError) as error:
         await _refuse(socket, str(error))
         return
+    except WireError as error:
+        await _refuse(socket, str(error), 503)
+        return
     await LegacyConnection(socket, session, store, max_rate).serve()
 
 

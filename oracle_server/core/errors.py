@@ -16,7 +16,7 @@ and, where they are raised:
 - `history`: `StoreError`, `FormatError`, of a data directory that can't be used
 - `remote`: `UnreachableError`, `OtherEventError`, of an oracle elsewhere
 - `review`: `NoExplanationError`
-- `sessions`: `SessionExistsError`
+- `sessions`: `SessionExistsError`, `SessionStaysOpenError`
 - `edge`: `TokenError`; `UndeclaredRouteError`, of a route that says not who may use it
 - `server`: `ServerError`, a server that can't start
 - `cli`: `ServerUnreachableError`

@@ -15,6 +15,7 @@ from starlette.exceptions import HTTPException
 from starlette.types import Receive, Scope, Send
 
 from oracle_server.core.errors import SpecError
+from oracle_server.wire.errors import WireError
 
 log = structlog.get_logger()
 
@@ -74,6 +75,10 @@ def install(app: FastAPI) -> None:
     async def _spec(_: Request, error: SpecError) -> JSONResponse:
         found = [{"line": f.line, "column": f.column, "message": f.message} for f in error.findings]
         return problem(422, str(error), errors=found)
+
+    @app.exception_handler(WireError)
+    async def _stopping(_: Request, error: WireError) -> JSONResponse:
+        return problem(503, error.message)
 
     @app.exception_handler(sqlite3.Error)
     async def _history(_: Request, error: sqlite3.Error) -> JSONResponse:

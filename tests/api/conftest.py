@@ -36,6 +36,7 @@ class Asked:
 @pytest.fixture
 async def asked(tmp_path: Path) -> AsyncIterator[Asked]:
     library = Library(copy_specs(tmp_path / "specs"), tmp_path / "put")
+    (tmp_path / "data").mkdir()
     with contextlib.closing(Store(tmp_path / "data")) as store:
         store.start(asyncio.get_running_loop())
         registry = Registry(store, library, Clock(), 10.0)
