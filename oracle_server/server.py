@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import structlog
 import uvicorn
-from starlette.types import ASGIApp
+from fastapi import FastAPI
 
 from oracle_server.api.app import build_app
 from oracle_server.core.errors import OracleError
@@ -24,6 +24,7 @@ from oracle_server.core.spec import Retention
 from oracle_server.edge.access import Access
 from oracle_server.edge.bodies import Bodies
 from oracle_server.edge.origins import Origins
+from oracle_server.edge.scopes import RouteScopes
 from oracle_server.edge.tokens import Tokens
 from oracle_server.edge.transport import WebSocketTransport, bounded
 from oracle_server.history.port import History
@@ -123,11 +124,11 @@ async def _serve(settings: Settings, library: Library, history: History, door: _
             pruning.cancel()
 
 
-def _guarded(app: ASGIApp, settings: Settings, tokens: Tokens) -> Origins:
+def _guarded(app: FastAPI, settings: Settings, tokens: Tokens) -> Origins:
     """The app behind all that a request must pass."""
     allowed = (name.strip() for name in settings.allowed_hosts.split(","))
     hosts = [settings.host, *filter(None, allowed)]
-    return Origins(Access(Bodies(app), tokens), hosts=hosts)
+    return Origins(Access(Bodies(app), tokens, RouteScopes(app.routes)), hosts=hosts)
 
 
 def _refuse_to_be_open(settings: Settings, tokens: Tokens) -> None:
@@ -175,7 +176,7 @@ def _take_all_files(connections: int) -> None:
 
 
 class _Server(uvicorn.Server):
-    """Says when work is accepted, and judges, commits and tells the monitors before connections are closed."""
+    """Reports when work is accepted; at the end closes the listeners, then commits, then closes the connections."""
 
     def __init__(self, config: uvicorn.Config, registry: Registry, settings: Settings, pid_file: PidFile) -> None:
         super().__init__(config)
@@ -200,6 +201,8 @@ class _Server(uvicorn.Server):
         notify("READY=1")
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        for listener in self.servers:
+            listener.close()
         log.info("stopping")
         notify("STOPPING=1")
         await self._registry.shut_down()

@@ -10,6 +10,7 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Histo
 from prometheus_client.registry import Collector
 
 from oracle_server.core.tally import BOUNDS
+from oracle_server.edge.scopes import needs
 from oracle_server.history.port import Writing
 from oracle_server.process.watchdog import Watchdog
 from oracle_server.sessions.counters import TIMES
@@ -37,6 +38,7 @@ def router(registry: Registry, history: Writing, watchdog: Watchdog) -> APIRoute
     made = APIRouter(tags=["health"])
 
     @made.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
+    @needs("read")
     async def metrics() -> Response:
         """The server's numbers, for Prometheus."""
         return Response(generate_latest(collectors), headers={"Content-Type": _CONTENT})

@@ -5,14 +5,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import PurePath
+from typing import Any
 
-from fastapi import APIRouter
+from fastapi import APIRouter, FastAPI
 from fastapi.openapi.docs import get_swagger_ui_html
 from fastapi.responses import HTMLResponse, Response
+
+from oracle_server.edge.scopes import needs
 
 _TYPES = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 _POLICY = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; " + (
@@ -33,24 +35,31 @@ _DOCS = {
 }
 
 
-def router() -> APIRouter:
-    """The pages and their files."""
+def router(app: FastAPI) -> APIRouter:
+    """The pages and their files, and the description of an app's API."""
     made = APIRouter(include_in_schema=False)
     _add_dashboard(made, files("oracle_server") / "dashboard")
     _add_docs(made, files("fastapi_offline") / "static")
+
+    @made.get("/openapi.json")
+    @needs(None)
+    async def describe() -> dict[str, Any]:
+        return app.openapi()
+
     return made
 
 
 def _add_dashboard(made: APIRouter, folder: Traversable) -> None:
-    made.add_api_route("/", _serving((folder / "index.html").read_bytes(), "text/html", _DASHBOARD))
+    _add_file(made, "/", (folder / "index.html").read_bytes(), "text/html", _DASHBOARD)
     for file in folder.iterdir():
         kind = _TYPES.get(PurePath(file.name).suffix)
         if kind is not None:
-            made.add_api_route(f"/dashboard/{file.name}", _serving(file.read_bytes(), kind, _DASHBOARD))
+            _add_file(made, f"/dashboard/{file.name}", file.read_bytes(), kind, _DASHBOARD)
 
 
 def _add_docs(made: APIRouter, folder: Traversable) -> None:
     @made.get("/docs")
+    @needs(None)
     async def docs() -> HTMLResponse:
         return get_swagger_ui_html(
             openapi_url="/openapi.json",
@@ -61,11 +70,11 @@ def _add_docs(made: APIRouter, folder: Traversable) -> None:
         )
 
     for name, kind in _DOCS.items():
-        made.add_api_route(f"/docs/{name}", _serving((folder / name).read_bytes(), kind, _KEPT))
+        _add_file(made, f"/docs/{name}", (folder / name).read_bytes(), kind, _KEPT)
 
 
-def _serving(content: bytes, kind: str, headers: dict[str, str]) -> Callable[[], Awaitable[Response]]:
+def _add_file(made: APIRouter, path: str, content: bytes, kind: str, headers: dict[str, str]) -> None:
+    @made.get(path)
+    @needs(None)
     async def serve() -> Response:
         return Response(content, media_type=kind, headers=headers)
-
-    return serve

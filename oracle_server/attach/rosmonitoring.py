@@ -12,11 +12,12 @@ from fastapi import APIRouter, WebSocket
 from starlette.websockets import WebSocketDisconnect
 
 from oracle_server.attach.throttle import Throttle
-from oracle_server.core.errors import SpecError
+from oracle_server.core.errors import HistoryError, SpecError
 from oracle_server.core.stamps import stamp_in
 from oracle_server.core.verdicts import NEGATIVE, Judged, Outcome, worst
 from oracle_server.edge.access import grant_of
 from oracle_server.edge.problems import problem
+from oracle_server.edge.scopes import needs
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.monitor import Monitor
 from oracle_server.sessions.registry import Registry
@@ -43,6 +44,7 @@ def legacy_routes(registry: Registry, spec: str | None, max_rate: float = 0) -> 
     router = APIRouter()
 
     @router.websocket("/")
+    @needs("submit")
     async def serve_default(socket: WebSocket) -> None:
         if spec is None:
             await _refuse(socket, "`/` has no spec; start the server with --legacy SPEC, or use /legacy/SPEC")
@@ -50,6 +52,7 @@ def legacy_routes(registry: Registry, spec: str | None, max_rate: float = 0) -> 
             await _serve(socket, registry, spec, max_rate)
 
     @router.websocket("/legacy/{spec_id}")
+    @needs("submit")
     async def serve_named(socket: WebSocket, spec_id: str) -> None:
         await _serve(socket, registry, spec_id, max_rate)
 
@@ -64,6 +67,9 @@ async def _serve(socket: WebSocket, registry: Registry, spec_id: str, max_rate: 
         session = await registry.create(spec_id, None, private=True, by="arrival")
     except (UnknownSpecError, SpecError) as error:
         await _refuse(socket, str(error))
+        return
+    except (HistoryError, WireError) as error:
+        await _refuse(socket, str(error), 503)
         return
     await LegacyConnection(socket, session, max_rate).serve()
 

@@ -58,20 +58,24 @@ class Client:
         """
         last = 0
         while True:
+            event: dict[str, str] = {}
             headers = {"Last-Event-ID": str(last)}
             try:
                 with self._http.stream("GET", path, params=query, headers=headers, timeout=_SILENT) as response:
                     if response.is_error:
                         response.read()
                         raise ServerUnreachableError(f"{self._url}: {_detail(response)}")
-                    for line in response.iter_lines():
-                        name, _, value = line.partition(": ")
-                        if (name, value) == ("event", "closed"):
+                    for line in _lines(response):
+                        name, _, value = line.decode().partition(": ")
+                        if line:
+                            event[name] = value
+                            continue
+                        if event.get("event") == "closed":
                             return
-                        if name == "id":
-                            last = int(value)
-                        elif name == "data":
-                            yield json.loads(value)
+                        if "id" in event:
+                            last = int(event["id"])
+                            yield json.loads(event["data"])
+                        event = {}
             except (httpx.RemoteProtocolError, httpx.ReadError, httpx.ReadTimeout):
                 pass  # it was cut: the next one goes on where this one ended
             except (httpx.HTTPError, httpx.InvalidURL) as error:
@@ -85,7 +89,7 @@ class Client:
                 if response.is_error:
                     response.read()
                     raise ServerUnreachableError(f"{self._url}: {_detail(response)}")
-                yield from (line.encode() for line in response.iter_lines())
+                yield from _lines(response)
         except (httpx.HTTPError, httpx.InvalidURL) as error:
             raise self._unreachable(error) from None
 
@@ -99,6 +103,16 @@ class Client:
             after = page["next"]
             if after is None:
                 return items
+
+
+def _lines(response: httpx.Response) -> Iterator[bytes]:
+    """Lines as they come; a line feed ends them and nothing else, since JSON may hold what Python takes for an end."""
+    rest = b""
+    for piece in response.iter_bytes():
+        *whole, rest = (rest + piece).split(b"\n")
+        yield from whole
+    if rest:
+        yield rest
 
 
 def _detail(response: httpx.Response) -> str:

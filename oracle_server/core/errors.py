@@ -17,8 +17,8 @@ and, where they are raised:
 - `history`: `FormatError`, a `HistoryError` of a format that this version does not read
 - `remote`: `UnreachableError`, `OtherEventError`, of an oracle elsewhere
 - `review`: `NoExplanationError`
-- `sessions`: `SessionExistsError`
-- `edge`: `TokenError`
+- `sessions`: `SessionExistsError`, `SessionStaysOpenError`
+- `edge`: `TokenError`; `UndeclaredRouteError`, of a route that says not who may use it
 - `server`: `ServerError`, a server that can't start
 - `cli`: `ServerUnreachableError`
 """

@@ -8,6 +8,9 @@ from oracle_server.core.events import Order
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.kinds import RecordKind, StepKind
 
+Number = float | Literal["Infinity", "-Infinity"] | None
+"""A number as JSON can represent it, None where there is none."""
+
 
 class EventRecord(TypedDict):
     """An event in an explanation; `signals` are what formulas saw of it, `stamp` is in nanoseconds.
@@ -83,6 +86,6 @@ class VerdictRecord(TypedDict):
     degraded: bool
     decision: Literal["allow", "deny"] | None
     passed: bool | None
-    robustness: float | str | None
+    robustness: Number
     violation: bool
     explanation: ExplanationRecord | None

@@ -12,7 +12,7 @@ import msgspec
 from oracle_server.core.events import Order, Step
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.kinds import TICK
-from oracle_server.core.records import ExplanationRecord, VerdictRecord, WhyRecord
+from oracle_server.core.records import ExplanationRecord, Number, VerdictRecord, WhyRecord
 
 
 class Outcome(StrEnum):
@@ -46,8 +46,6 @@ def worst(outcomes: Iterable[Outcome]) -> Outcome:
 
 
 Choice = Literal["allow", "deny"]
-Number = float | Literal["Infinity", "-Infinity"] | None
-"""A number as JSON carries it, None where there is none."""
 UNDECIDED = frozenset({"timeout", "unavailable"})
 """Why an adapter acted without a decision; the record of its event then has the kind `unavailable`."""
 

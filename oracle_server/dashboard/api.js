@@ -17,22 +17,31 @@ export function remember(token) {
   sessionStorage.setItem(TOKEN, token);
 }
 
-/** A document of the API. Throws a `Problem`. */
-export async function get(path, query = {}) {
+/** A document of the API, waited for so many ms unless `signal` is aborted before. Throws a `Problem`. */
+export async function get(path, query = {}, { within = PATIENCE, signal } = {}) {
   const url = new URL(`api/v1/${path}`, document.baseURI);
   for (const [name, value] of Object.entries(query)) url.searchParams.set(name, value);
   const token = sessionStorage.getItem(TOKEN);
   const headers = token ? { Authorization: `Bearer ${token}` } : {};
+  const ends = AbortSignal.any([AbortSignal.timeout(within), ...(signal ? [signal] : [])]);
   let response, text;
   try {
-    response = await fetch(url, { headers, signal: AbortSignal.timeout(PATIENCE), cache: "no-store" });
+    response = await fetch(url, { headers, signal: ends, cache: "no-store" });
     text = await response.text();
   } catch {
     throw new Problem(0, "The server can't be reached; trying again.");
   }
   const document_ = parsed(text);
-  if (response.ok && document_ !== undefined) return document_;
-  throw new Problem(response.status, document_?.detail ?? `The server answered ${response.status}.`);
+  if (response.ok && document_ instanceof Object && !Array.isArray(document_)) return document_;
+  const detail = response.ok ? "The page is not up to date: this answers, but not as an oracle server." : undefined;
+  throw new Problem(response.status, detail ?? document_?.detail ?? `The server answered ${response.status}.`);
+}
+
+/** The items of a list of the API. Throws a `Problem`, or a `TypeError` where it is no list. */
+export async function items(path, query = {}) {
+  const found = (await get(path, query)).items;
+  if (!Array.isArray(found)) throw new TypeError(`${path}: no list`);
+  return found;
 }
 
 /** Whether to ask the history for what the state tells of: it is behind, and the longer the slower the disk is. */
@@ -43,7 +52,12 @@ export class Behind {
   /** Whether `value`, as text, has changed within the last ten looks. */
   changed(value) {
     if (value !== this.#known) [this.#known, this.#looks] = [value, LOOKS];
-    return this.#looks-- > 0;
+    return this.#looks > 0;
+  }
+
+  /** The history was asked, and has answered. */
+  looked() {
+    this.#looks -= 1;
   }
 }
 

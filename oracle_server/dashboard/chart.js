@@ -1,6 +1,6 @@
 // The steps of a session side by side: which event each was, and what every property said of it.
 
-import { Behind, get, of } from "./api.js";
+import { Behind, items, of } from "./api.js";
 import { h, Place } from "./dom.js";
 import { at, event, mark, stream } from "./words.js";
 
@@ -20,6 +20,7 @@ export function chartView(id, n) {
     if (behind.changed(JSON.stringify([n, state.counters, state.properties.map((each) => each.outcome)]))) {
       const asked = n;
       const found = await around(id, asked, properties.length);
+      behind.looked();
       if (asked !== n) return; // somebody has gone on meanwhile, and that was asked for too
       records = found;
     }
@@ -52,9 +53,9 @@ export function chartView(id, n) {
 async function around(id, n, width) {
   const steps = Math.max(1, Math.min(STEPS, Math.floor(MOST / width)));
   const limit = Math.min(MOST, steps * width);
-  if (!n) return (await get(of(id, "verdicts"), { order: "desc", limit })).items.reverse();
+  if (!n) return (await items(of(id, "verdicts"), { order: "desc", limit })).reverse();
   const before = Math.max(0, Math.ceil(n / width) - 1 - Math.floor(steps * BEFORE));
-  return (await get(of(id, "verdicts"), { after: before * width, limit })).items;
+  return items(of(id, "verdicts"), { after: before * width, limit });
 }
 
 function scrolledBack(box) {

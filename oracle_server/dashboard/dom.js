@@ -31,8 +31,8 @@ export class Place {
   show(value, build) {
     const key = JSON.stringify(value, (_, each) => (typeof each === "bigint" ? `${each}n` : each));
     if (key === this.#shown) return false;
-    this.#shown = key;
     this.node.replaceChildren(...[build(value)].flat(Infinity).filter((child) => child !== null));
+    this.#shown = key; // not before: what could not be built is not shown
     return true;
   }
 }

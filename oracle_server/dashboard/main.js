@@ -18,7 +18,7 @@ let turn = 0;
 function route() {
   const [path, query] = location.hash.slice(1).split("?");
   const [, kind, id] = path.split("/").map(decoded);
-  if (kind === "sessions" && id) return sessionView(id, Number(new URLSearchParams(query).get("n")) || null);
+  if (kind === "sessions" && id) return sessionView(id, Number(new URLSearchParams(query).get("n")) || null, refresh);
   if (kind === "specs") return id ? specView(id) : specsView();
   return sessionsView();
 }
@@ -36,6 +36,7 @@ function open() {
   const same = view.goTo && view.key === next.key;
   if (same) view.goTo(next.n);
   else {
+    view.leave?.();
     view = next;
     document.title = view.key ? `${view.key} – oracle-server` : "oracle-server";
     place.replaceChildren(view.node);
@@ -43,21 +44,26 @@ function open() {
   return refresh();
 }
 
-/** Bring the view up to date, and again when it is time; what was asked for before is forgotten. */
+/** Bring the view up to date, and again when it is time, whatever happens; what was asked for before is forgotten. */
 async function refresh() {
   clearTimeout(timer);
   const mine = ++turn;
   const asked = performance.now();
-  if (!document.hidden) {
-    try {
-      await view.refresh();
-      if (mine === turn) tell(true, "live");
-    } catch (problem) {
-      if (!(problem instanceof Problem)) throw problem;
-      if (mine === turn) refused(problem);
-    }
+  try {
+    if (document.hidden) return;
+    await view.refresh();
+    if (mine === turn) tell(true, "live");
+  } catch (problem) {
+    if (mine === turn) failed(problem);
+  } finally {
+    if (mine === turn) timer = setTimeout(refresh, Math.max(PERIOD, SHARE * (performance.now() - asked)));
   }
-  if (mine === turn) timer = setTimeout(refresh, Math.max(PERIOD, SHARE * (performance.now() - asked)));
+}
+
+function failed(problem) {
+  if (problem instanceof Problem) return refused(problem);
+  console.error(problem);
+  tell(false, "The page is not up to date: an answer of the server could not be shown; trying again.");
 }
 
 function refused(problem) {

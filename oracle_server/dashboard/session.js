@@ -7,14 +7,14 @@ import { verdictView } from "./verdict.js";
 import { violationsView } from "./violations.js";
 import { at, badge, count, moment, span, stream } from "./words.js";
 
-/** A session, and its verdict number `n` where one is asked for. */
-export function sessionView(id, n) {
+/** A session, and its verdict number `n` where one is asked for; `again` brings the page up to date at once. */
+export function sessionView(id, n, again) {
   const head = new Place("section");
   const properties = new Place("section");
   const streams = new Place("section");
   const chart = chartView(id, n);
-  const verdict = verdictView(id, n, chart.witness);
-  const violations = violationsView(id);
+  const verdict = verdictView(id, n, chart.witness, again);
+  const violations = violationsView(id, again);
   let spec = null;
   const node = h("div", {}, h("h1", {}, id), head.node,
     h("h2", {}, "Properties"), properties.node,
@@ -28,8 +28,9 @@ export function sessionView(id, n) {
     head.show(headline(state), headed);
     properties.show({ id, spec, told: state.properties }, judged);
     streams.show({ streams: state.streams, monitors: state.monitors, clock: state.clock }, heard);
-    await Promise.all([verdict.refresh(state), violations.refresh(state)]);
+    const parts = await Promise.allSettled([verdict.refresh(state), violations.refresh(state)]);
     await chart.refresh(state);
+    for (const { reason } of parts) if (reason) throw reason;
   }
 
   return {
@@ -41,6 +42,7 @@ export function sessionView(id, n) {
       chart.goTo(other);
       verdict.goTo(other);
     },
+    leave: verdict.leave,
   };
 }
 

@@ -1,6 +1,6 @@
 // All sessions, and how they stand.
 
-import { get } from "./api.js";
+import { items } from "./api.js";
 import { h, Place, table } from "./dom.js";
 import { at, badge, byGravity, count, moment } from "./words.js";
 
@@ -11,7 +11,7 @@ export function sessionsView() {
   const list = new Place("section");
   return {
     node: h("div", {}, h("h1", {}, "Sessions"), list.node),
-    refresh: async () => list.show((await get("sessions")).items.map(told), listed),
+    refresh: async () => list.show((await items("sessions")).map(told), listed),
   };
 }
 

@@ -1,6 +1,6 @@
 // The specs on hand.
 
-import { get } from "./api.js";
+import { get, items } from "./api.js";
 import { h, Place, table } from "./dom.js";
 import { stream } from "./words.js";
 
@@ -9,7 +9,7 @@ export function specsView() {
   const list = new Place("section");
   return {
     node: h("div", {}, h("h1", {}, "Specs"), list.node),
-    refresh: async () => list.show((await get("specs")).items, listed),
+    refresh: async () => list.show(await items("specs"), listed),
   };
 }
 

@@ -1,36 +1,65 @@
 // One verdict, and why it is as it is.
 
-import { get, of, Problem } from "./api.js";
+import { get, items, of, Problem } from "./api.js";
 import { h, Place } from "./dom.js";
 import { badge, event, moment, span } from "./words.js";
 
-/** Verdict `n` of a session; `onWitnesses` gets the steps that explain it. */
-export function verdictView(id, n, onWitnesses) {
+const WITHIN = 600_000; // ms, as the command line waits: the session is judged again up to the verdict
+const PROMPT = 300; // ms in which most explanations are there, so that they appear at once
+const LATER = [404, 503]; // not there yet, or too many are waited for: asked for again
+
+/** Verdict `n` of a session; `onWitnesses` gets the steps that explain it, `again` is called once a slow one is there. */
+export function verdictView(id, n, onWitnesses, again) {
   const place = new Place("section", { class: "verdict", "aria-live": "polite" });
-  let told = null;
+  let question = null;
 
   async function refresh({ clock }) {
-    if (n && (told?.n !== n || told.early)) {
-      const asked = n;
-      const found = await explained(id, asked);
-      if (asked === n) told = found;
+    if (n && (!question || question.told?.early)) await ask();
+    if (question?.problem) {
+      const { problem } = question;
+      question = null; // it is asked anew, at the next refresh
+      throw problem;
     }
-    const shown = told?.n === n ? told : null;
-    onWitnesses(shown ? [...stepsOf(shown.explanation?.reasons)] : []);
+    const shown = n && (question?.told ?? { n, computing: true });
+    onWitnesses([...stepsOf(shown?.explanation?.reasons)]);
     place.show({ clock, shown }, () => (shown ? described(shown, clock) : []));
   }
 
-  return { node: place.node, refresh, goTo: (other) => (n = other) };
+  /** Ask for the explanation, and wait a moment for it; what was told before stays until there is an answer. */
+  async function ask() {
+    const mine = { leaving: new AbortController(), told: question?.told, problem: null };
+    if (mine.told) mine.told.early = false;
+    question = mine;
+    let slow = false;
+    const answered = explained(id, n, mine.leaving.signal).then(
+      (told) => (mine.told = told),
+      (problem) => (mine.problem = problem),
+    ).then(() => slow && mine === question && again());
+    await Promise.race([answered, new Promise((resolve) => setTimeout(resolve, PROMPT))]);
+    slow = true;
+  }
+
+  /** Show another verdict, or none; what was asked for before is waited for no more. */
+  function goTo(other) {
+    if (other === n) return;
+    question?.leaving.abort();
+    [question, n] = [null, other];
+  }
+
+  return { node: place.node, refresh, goTo, leave: () => goTo(null) };
 }
 
 /** The record with its explanation; without one, and with the reason, where it can't be had, or not yet. */
-async function explained(id, n) {
+async function explained(id, n, signal) {
   try {
-    return await get(of(id, `verdicts/${n}/explanation`));
+    const told = await get(of(id, `verdicts/${n}/explanation`), {}, { within: WITHIN, signal });
+    if (told.n === n) return told;
+    throw new TypeError(`no record ${n}`);
   } catch (problem) {
-    if (!(problem instanceof Problem) || ![404, 409].includes(problem.status)) throw problem;
-    const { items } = await get(of(id, "verdicts"), { after: n - 1, limit: 1 });
-    return { ...(items[0]?.n === n ? items[0] : {}), n, refusal: problem.message, early: problem.status === 404 };
+    if (!(problem instanceof Problem) || [0, 200, 401, 403].includes(problem.status)) throw problem;
+    const [record] = await items(of(id, "verdicts"), { after: n - 1, limit: 1 });
+    const early = LATER.includes(problem.status);
+    return { ...(record?.n === n ? record : {}), n, refusal: problem.message, early };
   }
 }
 
@@ -46,6 +75,7 @@ function described(record, clock) {
   return [
     h("h3", {}, `Verdict ${record.n}`, record.property ? [`: ${record.property} `, badge(record.outcome)] : null),
     record.property ? facts(record, clock) : null,
+    record.computing ? h("p", { class: "hint" }, "The explanation is being computed: the session is judged again up to this verdict.") : null,
     record.refusal ? h("p", { class: "complaint" }, record.refusal) : null,
     explanation ? why(explanation) : null,
   ];

@@ -7,8 +7,8 @@ import { at, moment } from "./words.js";
 const PAGE = 20;
 const MOST = 1000;
 
-/** The list of violations; what is older is asked for by a button. */
-export function violationsView(id) {
+/** The list of violations; what is older is asked for by a button, which calls `again`. */
+export function violationsView(id, again) {
   const list = new Place("section");
   const behind = new Behind();
   let [limit, latest] = [PAGE, null];
@@ -17,10 +17,11 @@ export function violationsView(id) {
     if (behind.changed(JSON.stringify([limit, state.properties.map((each) => each.violations)]))) {
       const { items, next } = await get(of(id, "violations"), { order: "desc", limit });
       latest = { items, more: next !== null && limit < MOST };
+      behind.looked();
     }
     list.show({ ...latest, clock: state.clock }, (shown) => listed(shown, () => {
       limit = Math.min(MOST, 2 * limit);
-      return refresh(state);
+      again();
     }));
   }
 

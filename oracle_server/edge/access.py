@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from typing import NoReturn, cast
+from typing import cast
 
 from fastapi import HTTPException
 from starlette.requests import HTTPConnection
@@ -11,19 +10,15 @@ from starlette.types import ASGIApp, Receive, Send
 from starlette.types import Scope as ConnectionScope
 
 from oracle_server.edge.problems import refuse
-from oracle_server.edge.tokens import Grant, Scope, Tokens
-from oracle_server.history.records import SessionRecord
-from oracle_server.sessions.registry import Registry
-
-_OPEN = re.compile(r"/(healthz|readyz|(dashboard/.*)?|docs(/.*)?|openapi\.json)")
-"""What says nothing of any robot: it is told to all."""
+from oracle_server.edge.scopes import RouteScopes
+from oracle_server.edge.tokens import Grant, Tokens
 
 
 class Access:
     """Finds out what the sender of each request and WebSocket may do, from its `Authorization` and nothing else."""
 
-    def __init__(self, app: ASGIApp, tokens: Tokens) -> None:
-        self._app, self._tokens = app, tokens
+    def __init__(self, app: ASGIApp, tokens: Tokens, scopes: RouteScopes) -> None:
+        self._app, self._tokens, self._scopes = app, tokens, scopes
 
     async def __call__(self, scope: ConnectionScope, receive: Receive, send: Send) -> None:
         """Refuse a request or WebSocket, or hand it on with its grant."""
@@ -31,7 +26,7 @@ class Access:
             await self._app(scope, receive, send)
             return
         grant = self._tokens.grant(_bearer(scope))
-        needed = _needed(scope)
+        needed = self._scopes.needed(scope)
         if needed is not None:
             if grant is None:
                 challenge = {"WWW-Authenticate": "Bearer"}
@@ -62,28 +57,6 @@ def demand_spec(connection: HTTPConnection, spec_id: str) -> None:
     bound = grant_of(connection).specs
     if bound is not None and spec_id not in bound:
         raise HTTPException(403, "the token is bound to other specs")
-
-
-async def demand_session(connection: HTTPConnection, registry: Registry, session_id: str) -> SessionRecord:
-    """A session that is known and that the sender's token covers. Raises 404 or 403."""
-    known = await registry.known(session_id)
-    demand(connection, spec=known and known.spec, session=session_id)
-    return known or unknown_session(session_id)
-
-
-def unknown_session(session_id: str) -> NoReturn:
-    """Raise 404."""
-    raise HTTPException(404, f"no session '{session_id}' is known")
-
-
-def _needed(scope: ConnectionScope) -> Scope | None:
-    """The scope that a request needs, None where it needs no token."""
-    path, method = scope["path"], scope.get("method")
-    if scope["type"] == "websocket":
-        return "submit"
-    if method in ("GET", "HEAD"):
-        return None if _OPEN.fullmatch(path) else "read"
-    return "submit" if method == "POST" and path == "/api/v1/sessions" else "admin"
 
 
 def _bearer(scope: ConnectionScope) -> str | None:

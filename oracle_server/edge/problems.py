@@ -14,6 +14,7 @@ from starlette.exceptions import HTTPException
 from starlette.types import Receive, Scope, Send
 
 from oracle_server.core.errors import HistoryError, SpecError
+from oracle_server.wire.errors import WireError
 
 log = structlog.get_logger()
 
@@ -73,6 +74,10 @@ def install(app: FastAPI) -> None:
     async def _spec(_: Request, error: SpecError) -> JSONResponse:
         found = [{"line": f.line, "column": f.column, "message": f.message} for f in error.findings]
         return problem(422, str(error), errors=found)
+
+    @app.exception_handler(WireError)
+    async def _stopping(_: Request, error: WireError) -> JSONResponse:
+        return problem(503, error.message)
 
     @app.exception_handler(HistoryError)
     async def _history(_: Request, error: HistoryError) -> JSONResponse:

@@ -91,11 +91,22 @@ async def _explain(history: Reading, session: int, again: _Explaining) -> Explan
     if position < first - 1:
         raise NoExplanationError(_GONE)
     async for page in history.steps(session, position, again.target):
-        await asyncio.to_thread(again.judge, page, position)
+        await _judge(again, page, position)
         position = page[-1].position
     if position != again.target:
         raise NoExplanationError(_GONE)
     return again.explanation
+
+
+async def _judge(again: _Explaining, page: Sequence[StoredStep], position: int) -> None:
+    """Judge a page in a thread; where this is cancelled, it ends with the thread, which ends with its step."""
+    thread = asyncio.ensure_future(asyncio.to_thread(again.judge, page, position))
+    try:
+        await asyncio.shield(thread)
+    except asyncio.CancelledError:
+        again.given_up = True
+        await asyncio.wait((thread,))
+        raise
 
 
 class _Explaining:
@@ -103,6 +114,8 @@ class _Explaining:
 
     def __init__(self, ready: Plan, index: int, order: Order, target: int) -> None:
         self.target = target
+        self.given_up = False
+        """Whether nobody waits for it any more."""
         self.explanation: ExplanationRecord | None = None
         """Why the property stands as it does at the target, once that was judged."""
         self._plan, self._index, self._order = ready, index, order
@@ -120,6 +133,8 @@ class _Explaining:
         for expected, stored in enumerate(steps, position + 1):
             if stored.position != expected:  # they went since their beginning was looked for
                 raise NoExplanationError(_GONE)
+            if self.given_up:
+                return
             for place, engine in self._recorded:
                 engine.outcome = stored.outcomes[place]
             state.asked = stored.position == self.target

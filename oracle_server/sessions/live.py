@@ -182,6 +182,7 @@ class LiveSession:
         self.ledger.write()
         if self._timer:
             self._timer.cancel()
+            self._armed = self._timer = None
         for monitor in self.monitors.values():
             if monitor.expiry:
                 monitor.expiry.cancel()

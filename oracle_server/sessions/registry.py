@@ -44,6 +44,10 @@ class SessionExistsError(OracleError):
     """A session of that name is there already."""
 
 
+class SessionStaysOpenError(OracleError):
+    """A session that could not be closed."""
+
+
 class Registry:
     """The open sessions, and what the history knows of the closed ones."""
 
@@ -81,7 +85,7 @@ class Registry:
     ) -> LiveSession:
         """Open a new session; `by` overrides the order that its spec asks for.
 
-        Raises `UnknownSpecError`, `SpecError` or `SessionExistsError`.
+        Raises `UnknownSpecError`, `SpecError` or `SessionExistsError`, and `WireError` where the server stops.
         """
         async with self._opening:
             entry = self._library.get(spec_id)
@@ -144,8 +148,14 @@ class Registry:
                 session.ledger.save()
 
     async def closed_within(self, session: LiveSession, patience: float) -> bool:
-        """Close a session, or go on with that; whether it is done after `patience` seconds. It goes on in any case."""
+        """Close a session, or go on with that; whether it is done after `patience` seconds. It goes on in any case.
+
+        Raises `SessionStaysOpenError` where it failed, and `WireError` where the server stops, and leaves it open.
+        """
         _, waiting = await asyncio.wait((self._begin_to_close(session),), timeout=patience)
+        if not waiting and self.open.get(session.id) is session:
+            reason = f"session '{session.id}' could not be closed, and stays open; the server's log says why"
+            raise _stops() if self._stopping else SessionStaysOpenError(reason)
         return not waiting
 
     async def shut_down(self) -> None:
@@ -197,6 +207,8 @@ class Registry:
         spec = entry.plan.spec
         ready = judged_by(entry.plan, by)
         core = Session(ready, await asyncio.to_thread(make_engines, ready))
+        if self._stopping:
+            raise _stops()
         self._last += 1
         properties = tuple(p.id for p in spec.properties)
         record = SessionRecord(
@@ -248,8 +260,15 @@ class Registry:
         task = self._closing.get(session.number)
         if task is None:
             task = self._closing[session.number] = asyncio.get_running_loop().create_task(self._close(session))
-            task.add_done_callback(lambda _: self._closing.pop(session.number))
+            task.add_done_callback(lambda ended: self._closing_ended(session, ended))
         return task
+
+    def _closing_ended(self, session: LiveSession, task: asyncio.Task[None]) -> None:
+        self._closing.pop(session.number)
+        error = None if task.cancelled() else task.exception()
+        if error is not None:
+            session.closing = False  # it goes on, and can be closed later
+            log.error("a session can't be closed", session=session.id, exc_info=error)
 
 
 def _stops() -> WireError:

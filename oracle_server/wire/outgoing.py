@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from oracle_server.core.events import Order
-from oracle_server.core.kinds import Kind
+from oracle_server.core.kinds import Kind, RecordKind
 from oracle_server.core.verdicts import Outcome
 from oracle_server.wire.incoming import Incoming
 
@@ -84,7 +84,7 @@ class ViolationFrame(_Frame):
     order: Order
     outcome: Outcome
     stream: str
-    kind: str
+    kind: RecordKind
     monitor: str
     seq: int
     stamp: int

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import sqlite3
 import subprocess
 from collections.abc import AsyncGenerator
+from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
 
 from oracle_server.history.records import StoredStep
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.review.explanation import NoExplanationError, explained
-from tests.whole.client import attached, make_clock, make_event
+from tests.chaos.served import Served
+from tests.whole.client import attached, make_clock, make_event, make_events
 from tests.whole.conftest import Starts
-from tests.whole.harness import COMMAND, Server, environment
+from tests.whole.harness import COMMAND, PATIENCE, Server, environment
 
 
 def explanation(server: Server, n: int) -> dict[str, Any]:
@@ -184,3 +188,39 @@ async def test_a_deadline_after_an_attempt_that_was_undone_is_not_explained_by_i
     assert (tick["kind"], tick["outcome"]) == ("tick", "currently_true")
     found = explanation(server, tick["n"])
     assert found["explanation"]["text"].startswith("small holds at step 1, /a")
+
+
+SLOW = """
+import time
+from types import SimpleNamespace
+from oracle_server.review import explanation
+
+def slow(_):
+    with open({steps!r}, "ab") as file:
+        file.write(b".")
+    time.sleep(0.02)
+
+explanation.time = SimpleNamespace(sleep=slow)
+"""
+"""Makes each step of an explanation slow, and counts them in a file."""
+
+STEPS = 1000
+
+
+async def test_an_explanation_ends_when_its_client_leaves(start: Starts, tmp_path: Path) -> None:
+    server = start()
+    async with attached(server, session="s", spec="single") as monitor:
+        await monitor.send(make_events(*(make_event(i, at=i, data={"v": 1}) for i in range(1, STEPS + 1))))
+        await monitor.acked(STEPS)
+    assert server.stop() == 0
+    steps = tmp_path / "steps"
+    async with (
+        Served(server.specs, server.data, SLOW.format(steps=str(steps))) as served,
+        httpx.AsyncClient(base_url=served.url, timeout=PATIENCE, trust_env=False) as http,
+    ):
+        impatient = asyncio.create_task(http.get(f"/api/v1/sessions/s/verdicts/{STEPS}/explanation"))
+        await server.until(steps.exists, bool)
+        impatient.cancel()
+        answer = await http.get("/api/v1/sessions/s/verdicts/1/explanation")
+        assert (answer.status_code, answer.json()["n"]) == (200, 1)
+        assert steps.stat().st_size < STEPS

@@ -1,0 +1,38 @@
+"""What may be asked of verdict records: each query parameter once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Annotated, Literal
+
+from fastapi import Depends, Query
+
+from oracle_server.core.verdicts import Outcome
+from oracle_server.history.query import Query as Question
+
+_BELOW = 2**63
+Nanoseconds = Annotated[int | None, Query(ge=0, lt=_BELOW, description="A publication time in ns, included")]
+Number = Annotated[int, Query(ge=0, lt=_BELOW, description="The `n` of the last record seen: goes on behind it")]
+Outcomes = Annotated[list[Outcome], Query(default_factory=list, description="Only these outcomes; repeatable")]
+
+
+def chosen(
+    property: Annotated[  # noqa: A002 -- the contract's word
+        list[str], Query(default_factory=list, description="Only the properties of these ids; repeatable")
+    ],
+    stream: Annotated[str | None, Query(description="Only events of the topic or service of this name")] = None,
+) -> Question:
+    """Records of some properties and one stream, of all where none is named."""
+    return Question(frozenset(property), stream=stream)
+
+
+def paged(
+    question: Annotated[Question, Depends(chosen)],
+    since: Nanoseconds = None,
+    until: Nanoseconds = None,
+    after: Number | None = None,
+    limit: Annotated[int, Query(ge=1, le=1000, description="Records in one answer; `next` tells where to go on")] = 100,
+    order: Annotated[Literal["asc", "desc"], Query(description="The oldest or the newest first")] = "asc",
+) -> Question:
+    """A page of them."""
+    return replace(question, since=since, until=until, after=after, limit=limit, order=order)

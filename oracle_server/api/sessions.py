@@ -1,0 +1,89 @@
+"""Sessions over HTTP: listed, opened, shown, and closed."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Body, HTTPException, Request, Response
+from pydantic import BaseModel, ConfigDict
+
+from oracle_server.api.known import demand_session, state_of
+from oracle_server.edge.access import demand, grant_of
+from oracle_server.edge.scopes import needs
+from oracle_server.history.port import History
+from oracle_server.sessions.registry import Registry, SessionExistsError, SessionStaysOpenError
+from oracle_server.specfiles.library import UnknownSpecError
+from oracle_server.wire.incoming import Identifier
+from oracle_server.wire.json import encode_bytes
+
+_COMMIT_WITHIN = _CLOSE_WITHIN = 10.0
+
+
+class NewSession(BaseModel):
+    """What is asked for by POST /sessions."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    spec: Identifier
+    id: Identifier | None = None
+
+
+class SessionList(BaseModel):
+    """Sessions, each as it stands."""
+
+    items: list[dict[str, Any]]
+
+
+def router(registry: Registry, history: History) -> APIRouter:
+    """The routes of the sessions."""
+    made = APIRouter(prefix="/api/v1", tags=["sessions"])
+
+    @made.get("/sessions", response_model=SessionList)
+    @needs("read")
+    async def list_sessions(request: Request) -> Response:
+        """List all sessions, open ones first."""
+        grant, states = grant_of(request), await registry.states()
+        told = {"items": [s for s in states if grant.covers(spec=s["spec"], session=s["id"])]}
+        return Response(await asyncio.to_thread(encode_bytes, told), media_type="application/json")
+
+    @made.post("/sessions", status_code=201)
+    @needs("submit")
+    async def create_session(wanted: Annotated[NewSession, Body()], request: Request) -> dict[str, Any]:
+        """Open a session that monitors can join by its name; a restarted server still has it."""
+        demand(request, spec=wanted.spec, session=wanted.id)
+        try:
+            session = await registry.create(wanted.spec, wanted.id)
+        except UnknownSpecError as error:
+            raise HTTPException(404, str(error)) from None
+        except SessionExistsError as error:
+            raise HTTPException(409, str(error)) from None
+        try:
+            async with asyncio.timeout(_COMMIT_WITHIN):
+                await history.flush()
+        except TimeoutError:
+            raise HTTPException(503, "the history can't be written; the session is open but not kept yet") from None
+        return await state_of(registry, session.id)
+
+    @made.get("/sessions/{session_id}")
+    @needs("read")
+    async def get_session(session_id: str, request: Request) -> dict[str, Any]:
+        """Tell how a session stands."""
+        await demand_session(request, registry, session_id)
+        return await state_of(registry, session_id)
+
+    @made.delete("/sessions/{session_id}")
+    @needs("admin")
+    async def close_session(session_id: str, request: Request) -> dict[str, Any]:
+        """Judge what a session holds, and close it; its history stays."""
+        await demand_session(request, registry, session_id)
+        session = registry.open.get(session_id)
+        try:
+            closed = session is None or await registry.closed_within(session, _CLOSE_WITHIN)
+        except SessionStaysOpenError as error:
+            raise HTTPException(500, str(error)) from None
+        if not closed:
+            raise HTTPException(503, "the history can't be written; the session is closed as soon as it can")
+        return await state_of(registry, session_id)
+
+    return made

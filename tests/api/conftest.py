@@ -1,0 +1,45 @@
+"""An app over a history of its own, asked without a socket."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import httpx
+import pytest
+from fastapi import FastAPI
+
+from oracle_server.api.app import build_app
+from oracle_server.edge.access import Access
+from oracle_server.edge.scopes import RouteScopes
+from oracle_server.edge.tokens import Tokens
+from oracle_server.history.memory import MemoryHistory
+from oracle_server.process.clock import Clock
+from oracle_server.process.watchdog import Watchdog
+from oracle_server.sessions.registry import Registry
+from oracle_server.specfiles.library import Library
+from tests.whole.conftest import copy_specs
+
+
+@dataclass
+class Asked:
+    """An app that anybody may ask all of, and its parts."""
+
+    app: FastAPI
+    registry: Registry
+    http: httpx.AsyncClient
+
+
+@pytest.fixture
+async def asked(tmp_path: Path) -> AsyncIterator[Asked]:
+    library = Library(copy_specs(tmp_path / "specs"), tmp_path / "put")
+    history = MemoryHistory()
+    history.start(asyncio.get_running_loop())
+    registry = Registry(history, library, Clock(), 10.0)
+    app = build_app(registry, library, history, Watchdog())
+    guarded = Access(app, Tokens(tmp_path / "no tokens"), RouteScopes(app.routes))
+    transport = httpx.ASGITransport(guarded, raise_app_exceptions=False)
+    async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1") as http:
+        yield Asked(app, registry, http)

@@ -1,0 +1,82 @@
+"""Explanations in turn: how many may be waited for, and what becomes of those that nobody waits for any more."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Callable
+from typing import Any
+
+import httpx
+import pytest
+
+from oracle_server.api import explaining
+from oracle_server.api.explaining import MOST
+from tests.api.conftest import Asked
+from tests.processes import PATIENCE
+
+
+async def until(done: Callable[[], object]) -> None:
+    async with asyncio.timeout(PATIENCE):
+        while not done():
+            await asyncio.sleep(0.01)
+
+
+class Blocked:
+    """Takes the place of what explains: each explanation waits until it is allowed, or given up."""
+
+    def __init__(self) -> None:
+        self.begun: list[int] = []
+        self.ended: list[int] = []
+        self.allowed = asyncio.Event()
+        self.at_once = 0
+
+    async def __call__(self, _: object, __: int, n: int) -> dict[str, Any]:
+        self.begun.append(n)
+        self.at_once = max(self.at_once, len(self.begun) - len(self.ended))
+        try:
+            await self.allowed.wait()
+        finally:
+            self.ended.append(n)
+        return {"n": n}
+
+
+@contextlib.asynccontextmanager
+async def waiting(asked: Asked, numbers: range) -> AsyncIterator[list[asyncio.Task[httpx.Response]]]:
+    ask = asked.http.get
+    tasks = [asyncio.create_task(ask(f"/api/v1/sessions/s/verdicts/{n}/explanation")) for n in numbers]
+    try:
+        yield tasks
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.wait(tasks)
+
+
+async def test_one_is_computed_at_a_time_and_so_many_wait(asked: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
+    blocked = Blocked()
+    monkeypatch.setattr(explaining, "explained", blocked)
+    assert (await asked.http.post("/api/v1/sessions", json={"spec": "single", "id": "s"})).status_code == 201
+    async with waiting(asked, range(1, MOST + 1)) as tasks:
+        await until(lambda: blocked.begun)
+        refused = await asked.http.get("/api/v1/sessions/s/verdicts/99/explanation")
+        assert refused.status_code == 503
+        assert int(refused.headers["Retry-After"]) > 0
+        assert "ask again later" in refused.json()["detail"]
+        blocked.allowed.set()
+        answers = [(await task).json()["n"] for task in tasks]
+    assert answers == blocked.begun == list(range(1, MOST + 1))
+    assert blocked.at_once == 1
+
+
+async def test_who_leaves_makes_room_for_others(asked: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
+    blocked = Blocked()
+    monkeypatch.setattr(explaining, "explained", blocked)
+    assert (await asked.http.post("/api/v1/sessions", json={"spec": "single", "id": "s"})).status_code == 201
+    async with waiting(asked, range(1, MOST + 1)):
+        await until(lambda: blocked.begun)
+    await until(lambda: blocked.ended)
+    assert blocked.begun == [1], "what only waited was never begun"
+    blocked.allowed.set()
+    answers = [await asked.http.get(f"/api/v1/sessions/s/verdicts/{n}/explanation") for n in range(20, 20 + MOST)]
+    assert [answer.json()["n"] for answer in answers] == list(range(20, 20 + MOST))
