@@ -151,6 +151,19 @@ def test_a_subscription_goes_once_the_one_in_its_place_has_had_time_however_soon
     heard.stop()
 
 
+def test_a_held_message_that_can_not_be_published_does_not_hold_up_those_behind_it(scene: Scene) -> None:
+    peer = scene.peer()
+    received = peer.record(msg.Int64, "/here", profile(durability=LASTING))
+    forwarded = endpoints.MatchedPublisher(peer.node, msg.Int64, "/here")
+    offered = [profile(durability=LASTING)]
+    forwarded.match(offered)  # from now on messages are held
+    for message in (object(), msg.Int64(data=1)):
+        assert forwarded.publish(message)
+    peer.until(lambda: (forwarded.look(offered), received)[1])
+    assert values(received) == [1]
+    forwarded.stop()
+
+
 def test_what_only_the_old_subscription_has_got_is_taken_before_what_comes_on_the_new_one(scene: Scene) -> None:
     peer = scene.peer()
     taken: list[int] = []
