@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 
 import msgspec
@@ -11,6 +11,7 @@ import msgspec
 from oracle_server.core.engine import Engine, Measuring
 from oracle_server.core.events import TICKS, Event, Order, Step
 from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.holding import Held, together
 from oracle_server.core.past import Past
 from oracle_server.core.plan import Plan, StreamPlan
 from oracle_server.core.property_state import Names, PropertyState
@@ -52,7 +53,8 @@ class Judge:
         self._numbers = numbers
         self._decides = decides
         self._measures = any(isinstance(engine, Measuring) for engine in engines)
-        self._held: dict[str, _Held] = {}
+        self._held: dict[str, Held] = {}
+        """By monitor; the monitor with the latest event is the last one."""
         self._degraded = False
         self._unordered = not any(stream.ordered for stream in plan.spec.streams)
         self.properties = [PropertyState(p, e) for p, e in zip(plan.spec.properties, engines, strict=True)]
@@ -98,7 +100,7 @@ class Judge:
         """Take over a snapshot; verdicts are numbered from `numbers`. Raises `EngineError` where it can't be used."""
         for state, saved in zip(self.properties, data["properties"], strict=True):
             state.restore(saved)
-        self._held = {monitor: _Held(dict(values), set(failed)) for monitor, values, failed in data["held"]}
+        self._held = {monitor: Held(dict(values), set(failed)) for monitor, values, failed in data["held"]}
         self.counters = Counters(**data["counters"])
         self._degraded, self.present, self._ticked = data["degraded"], data["present"], data["ticked"]
         self._outdated = data.get("outdated", False)
@@ -133,7 +135,7 @@ class Judge:
     def tick(self, time: int, now: int) -> Judged | None:
         """Judge a step at `time` with held signals only, and take it back; None where it changes no outcome."""
         self._ticked, self._outdated = time, False
-        signals, failed = self._all_held()
+        signals, failed = together(self._held.values())
         views = self._plan.silent
         self._tick = time, signals
         found = [s.tick(view, time, signals, failed) for s, view in zip(self.properties, views, strict=True)]
@@ -204,7 +206,7 @@ class Judge:
         """The guards with `blame: caused` that would be negative without the event too."""
         if not (self._decides and step.event.ask):
             return _NO_ONE
-        held = self._held.get(step.event.monitor, _Held())
+        held = self._held.get(step.event.monitor, Held())
         return frozenset(
             i
             for i in stream.blames
@@ -267,7 +269,7 @@ class Judge:
         if not stream.spec.hold and not self._held:
             return signals, step.failed
         if stream.spec.hold:
-            held = self._held[event.monitor] = self._held.pop(event.monitor, _Held())  # its event is the latest
+            held = self._held[event.monitor] = self._held.pop(event.monitor, Held())  # its event is the latest
             held.take(stream.spec.hold, step)
         known = self._held.get(event.monitor)
         if known is None:
@@ -288,33 +290,6 @@ class Judge:
         tick = () if self._tick is None else ((self._tick[0], self._plan.silent[index], self._tick[1]),)
         return self._recent.past(lambda stream: views[stream].views[index], *tick)
 
-    def _all_held(self) -> tuple[dict[str, Scalar], Names]:
-        """The held signals of all monitors; where two hold the same one, that of the monitor with the latest event."""
-        values: dict[str, Scalar] = {}
-        failed: set[str] = set()
-        for held in self._held.values():
-            values |= held.values
-            failed = (failed - held.values.keys()) | held.failed
-        return {k: v for k, v in values.items() if k not in failed}, failed
-
 
 def _denies(verdict: Verdict, *, blamed: bool) -> bool:
     return verdict.outcome in DENYING and (blamed or verdict.outcome not in NEGATIVE)
-
-
-@dataclass(slots=True)
-class _Held:
-    """The last values of one monitor's held signals; `failed` are those whose last value is not known."""
-
-    values: dict[str, Scalar] = field(default_factory=dict)
-    failed: set[str] = field(default_factory=set)
-
-    def copy(self) -> _Held:
-        return _Held(dict(self.values), set(self.failed))
-
-    def take(self, names: frozenset[str], step: Step) -> None:
-        self.failed = (self.failed - names) | (names & step.failed)
-        for name in names:
-            self.values.pop(name, None)
-            if name in step.signals:
-                self.values[name] = step.signals[name]
