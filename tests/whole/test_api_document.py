@@ -13,6 +13,8 @@ from hypothesis import HealthCheck
 from schemathesis.checks import CHECKS
 
 from oracle_server.api.openapi import description
+from oracle_server.api.verdicts import Record, RecordPage
+from tests.whole.client import attached, make_clock, make_event
 from tests.whole.harness import Server
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "openapi.json"
@@ -65,3 +67,17 @@ def test_pages_of_other_origins_are_never_let_in(server: Server) -> None:
         response = server.http.options("/api/v1/specs/lamp", headers=headers | asked)
         assert response.status_code in (403, 405)
         assert not [name for name in response.headers if name.startswith("access-control")]
+
+
+async def test_records_are_as_they_are_described(server: Server, session: str) -> None:
+    async with attached(server, session=session, spec="timed") as monitor:
+        await monitor.send(make_event(1, "/a", at=0), make_clock("/a", 60), make_clock("/b", 60))
+        await monitor.violated(1)
+        await monitor.acked(1)
+    page = server.get(f"sessions/{session}/verdicts")
+    assert page.keys() == RecordPage.model_fields.keys()
+    assert {r["kind"] for r in page["items"]} == {"topic", "tick"}
+    explained = [server.get(f"sessions/{session}/verdicts/{r['n']}/explanation") for r in page["items"]]
+    for record in (*page["items"], *explained):
+        assert record.keys() == Record.model_fields.keys()
+        assert Record.model_validate(record).model_dump(mode="json") == record

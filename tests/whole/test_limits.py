@@ -10,12 +10,8 @@ from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 
 import pytest
-from fastapi import HTTPException
-from starlette.types import Message, Receive, Scope, Send
 
 from oracle_server.attach.throttle import Throttle
-from oracle_server.edge import bodies
-from oracle_server.edge.bodies import Bodies
 from oracle_server.wire.incoming import MAX_KEYS
 from tests.whole.client import attached, connected, make_event, make_events, seqs
 from tests.whole.conftest import Starts
@@ -143,28 +139,6 @@ async def test_who_says_nothing_or_half_a_word_is_not_waited_for(server: Server)
     assert (nothing, half, slow) == (b"", b"", b"")
     assert again.count(b"HTTP/1.1 200 ") == 1
     assert [f["code"] for f in frames] == ["bad_attach"]
-
-
-async def test_a_body_that_does_not_come_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bodies, "BODY_WITHIN", 0.01)
-
-    async def app(scope: Scope, receive: Receive, send: Send) -> None:
-        assert await receive()
-        await receive()
-
-    pieces = iter([{"type": "http.request", "body": b"x", "more_body": True}])
-
-    async def receive() -> Message:
-        with suppress(StopIteration):
-            return next(pieces)
-        return await asyncio.Future()
-
-    async def send(_: Message) -> None:
-        raise AssertionError
-
-    async with asyncio.timeout(PATIENCE):
-        with pytest.raises(HTTPException, match="408"):
-            await Bodies(app)({"type": "http"}, receive, send)
 
 
 def test_a_body_that_is_too_long_is_refused_whatever_it_is_for(server: Server) -> None:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator
 from pathlib import Path
 
 import httpx
@@ -13,7 +12,7 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 
-from oracle_server.edge.tokens import Tokens, add, hash_of, listed, remove
+from oracle_server.edge.tokens import add, hash_of
 from tests.whole.client import make_attach, make_event
 from tests.whole.conftest import Starts
 from tests.whole.harness import PATIENCE, Server, failed, problem, run
@@ -173,36 +172,6 @@ def test_tokens_come_and_go_while_the_server_runs(guarded: Guarded) -> None:
     assert guarded.ask("late", "GET", "/api/v1/sessions").status_code == 200
     assert run("token", "remove", "late", "--data-dir", data).returncode == 0
     problem(guarded.ask("late", "GET", "/api/v1/sessions"), 401)
-
-
-def test_tokens_that_come_and_go_at_once_undo_each_other_nowhere(tmp_path: Path) -> None:
-    file, names = tmp_path / "tokens.json", [f"t{i}" for i in range(30)]
-    add(file, "gone", ["read"])
-    with ThreadPoolExecutor(8) as threads:
-        making = [threads.submit(add, file, name, ["read"]) for name in names]
-        removing = threads.submit(remove, file, "gone")
-        assert len({made.result() for made in making}) == len(names)
-        removing.result()
-    assert sorted(token.name for token in listed(file)) == sorted(names)
-
-
-SPOILING: list[Callable[[Path], object]] = [
-    lambda file: file.unlink(),
-    lambda file: file.write_text("{"),
-    lambda file: file.write_text('{"tokens": []}'),
-    lambda file: file.chmod(0o644),
-]
-
-
-@pytest.mark.parametrize("spoil", SPOILING, ids=["lost", "broken", "empty", "readable"])
-def test_a_file_that_is_spoilt_lets_nobody_in(tmp_path: Path, spoil: Callable[[Path], object]) -> None:
-    file = tmp_path / "tokens.json"
-    secret = add(file, "a", ["admin"])
-    tokens = Tokens(file)
-    assert tokens.grant(secret)
-    spoil(file)
-    assert tokens.grant(secret) is None
-    assert tokens.grant(None) is None
 
 
 def test_the_command_line_uses_a_token(guarded: Guarded) -> None:
