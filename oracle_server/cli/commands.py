@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import sys
 from collections.abc import Callable
 from enum import StrEnum
@@ -312,6 +313,7 @@ def token_list(data_dir: DataDir = None, as_json: AsJson = False) -> None:
 
 def main() -> None:
     """Run the command line; an error is one line on standard error and exit status 2."""
+    _write_utf8()
     try:
         status = app(standalone_mode=False)
     except (typer.Abort, KeyboardInterrupt):
@@ -327,6 +329,13 @@ def main() -> None:
             raise
         sys.exit(_fail(usage()))
     sys.exit(status if isinstance(status, int) else 0)
+
+
+def _write_utf8() -> None:
+    """Write UTF-8 whatever the locale, as JSON and XML have it; what has no place in it, escaped."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(encoding="utf-8", errors="backslashreplace")
 
 
 def _fail(message: str) -> int:

@@ -59,7 +59,7 @@ class TextReport:
         for verdict in judged.verdicts:
             if verdict.explanation is not None:
                 order = " by arrival" if judged.order == "arrival" else ""
-                text = (explain(judged, verdict) or {})["text"]
+                text = one_line((explain(judged, verdict) or {})["text"])
                 self._write(replay, f"violation {verdict.n}{order}: {text}")
         for found in replay.comparison.take():
             broken = f" ({', '.join(found.properties)})" if found.properties else ""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import json
 import socket
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -199,13 +198,6 @@ def test_serve_refuses_settings_that_make_no_sense(tmp_path: Path) -> None:
 
 
 # What reads a running server
-
-
-@pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    folder = tmp_path_factory.mktemp("cli")
-    with Server(copy_specs(folder / "specs"), folder / "data") as running:
-        yield running
 
 
 async def test_reading_a_running_server(server: Server) -> None:
