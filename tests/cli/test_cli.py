@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import json
 import socket
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -251,6 +253,15 @@ def test_reading_a_server_that_is_not_there(command: list[str]) -> None:
     assert url in line
     assert "oracle-server start" in line
     assert "no_url" in failed(*command, "--url", "no_url")
+
+
+def test_a_command_loads_only_what_it_needs() -> None:
+    """Help, and a word that is mistyped, wait for no engine and no server."""
+    program = "import sys, oracle_server.cli; print(*sys.modules)"
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, encoding="utf-8", check=True)
+    loaded = set(ended.stdout.split())
+    assert "oracle_server.cli.commands" in loaded
+    assert not loaded & {"cel", "fastapi", "httpx", "lark", "msgspec", "pydantic", "rich.console", "uvicorn", "yaml"}
 
 
 def test_commands_that_are_none() -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from oracle_server.cli.commands import serve
+from oracle_server.cli.serving import serve
 from oracle_server.process.daemon import _ON_THE_COMMAND_LINE
 from oracle_server.process.pidfile import running
 from oracle_server.process.settings import Settings
