@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import ssl
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import httpx
@@ -17,6 +18,8 @@ _WITHIN = 10.0
 _SILENT = 60.0
 """Seconds without a sign of life, of which there is one every 15, after which a stream is opened anew."""
 _RECONNECT_AFTER = 1.0
+_CUT = httpx.RemoteProtocolError, httpx.ReadError, httpx.ReadTimeout
+"""What ends a stream that the next one goes on with."""
 
 
 class ServerUnreachableError(OracleError):
@@ -28,28 +31,34 @@ class Client:
 
     def __init__(self, url: str, token: str | None = None) -> None:
         self._url = url.rstrip("/")
+        if token and not token.isascii():
+            raise ServerUnreachableError("ORACLE_TOKEN or --token: is no token; `oracle-server token add` prints one")
         headers = {"Authorization": f"Bearer {token}"} if token else {}
-        self._http = httpx.Client(
-            base_url=f"{self._url}/api/v1/", headers=headers, timeout=_WITHIN, trust_env=False, verify=_tls()
-        )
+        with self._reaching():
+            self._http = httpx.Client(
+                base_url=f"{self._url}/api/v1/", headers=headers, timeout=_WITHIN, trust_env=False, verify=_tls()
+            )
 
     def get(self, path: str, within: float = _WITHIN, **query: Any) -> dict[str, Any]:
         """A document, waited for so many seconds. Raises `ServerUnreachableError`."""
-        try:
+        with self._reaching():
             response = self._http.get(path, params={k: v for k, v in query.items() if v is not None}, timeout=within)
             document: dict[str, Any] = response.json()
-        except (httpx.HTTPError, httpx.InvalidURL) as error:
-            raise self._unreachable(error) from None
-        except ValueError:
-            raise ServerUnreachableError(f"{self._url}: answers, but not as an oracle server") from None
         if response.is_error:
             raise ServerUnreachableError(f"{self._url}: {document.get('detail', response.reason_phrase)}")
         return document
 
-    def _unreachable(self, error: Exception) -> ServerUnreachableError:
-        return ServerUnreachableError(
-            f"{self._url}: can't be reached ({error}); start it with `oracle-server start`, or set ORACLE_URL"
-        )
+    @contextlib.contextmanager
+    def _reaching(self) -> Iterator[None]:
+        """Word what can go wrong when a server is read."""
+        try:
+            yield
+        except (httpx.HTTPError, httpx.InvalidURL, UnicodeEncodeError) as error:
+            raise ServerUnreachableError(
+                f"{self._url}: can't be reached ({error}); start it with `oracle-server start`, or set ORACLE_URL"
+            ) from None
+        except (ValueError, LookupError):
+            raise ServerUnreachableError(f"{self._url}: answers, but not as an oracle server") from None
 
     def events(self, path: str, **query: Any) -> Iterator[dict[str, Any]]:
         """What a stream tells, over as many connections as it takes, until it says that it is closed.
@@ -58,40 +67,31 @@ class Client:
         """
         last = 0
         while True:
-            event: dict[str, str] = {}
             headers = {"Last-Event-ID": str(last)}
-            try:
-                with self._http.stream("GET", path, params=query, headers=headers, timeout=_SILENT) as response:
-                    if response.is_error:
-                        response.read()
-                        raise ServerUnreachableError(f"{self._url}: {_detail(response)}")
-                    for line in _lines(response):
-                        name, _, value = line.decode().partition(": ")
-                        if line:
-                            event[name] = value
-                            continue
-                        if event.get("event") == "closed":
-                            return
-                        if "id" in event:
-                            last = int(event["id"])
-                            yield json.loads(event["data"])
-                        event = {}
-            except (httpx.RemoteProtocolError, httpx.ReadError, httpx.ReadTimeout):
-                pass  # it was cut: the next one goes on where this one ended
-            except (httpx.HTTPError, httpx.InvalidURL) as error:
-                raise self._unreachable(error) from None
+            with (
+                self._reaching(),
+                contextlib.suppress(*_CUT),
+                self._http.stream("GET", path, params=query, headers=headers, timeout=_SILENT) as response,
+            ):
+                self._demand_success(response)
+                for event in _events(_lines(response)):
+                    if event.get(b"event") == b"closed":
+                        return
+                    if b"id" in event:
+                        yield json.loads(event[b"data"])
+                        last = int(event[b"id"])
             time.sleep(_RECONNECT_AFTER)
 
     def lines(self, path: str) -> Iterator[bytes]:
         """The lines of a document in JSON Lines. Raises `ServerUnreachableError`."""
-        try:
-            with self._http.stream("GET", path) as response:
-                if response.is_error:
-                    response.read()
-                    raise ServerUnreachableError(f"{self._url}: {_detail(response)}")
-                yield from _lines(response)
-        except (httpx.HTTPError, httpx.InvalidURL) as error:
-            raise self._unreachable(error) from None
+        with self._reaching(), self._http.stream("GET", path) as response:
+            self._demand_success(response)
+            yield from _lines(response)
+
+    def _demand_success(self, response: httpx.Response) -> None:
+        if response.is_error:
+            response.read()
+            raise ServerUnreachableError(f"{self._url}: {_detail(response)}")
 
     def pages(self, path: str, **query: Any) -> list[dict[str, Any]]:
         """All the items behind a paged address."""
@@ -106,13 +106,25 @@ class Client:
 
 
 def _lines(response: httpx.Response) -> Iterator[bytes]:
-    """Lines as they come; a line feed ends them and nothing else, since JSON may hold what Python takes for an end."""
+    """The lines of a response. A text in JSON may hold whatever else `str.splitlines` takes for the end of one."""
     rest = b""
-    for piece in response.iter_bytes():
-        *whole, rest = (rest + piece).split(b"\n")
-        yield from whole
+    for chunk in response.iter_bytes():
+        *lines, rest = (rest + chunk).split(b"\n")
+        yield from lines
     if rest:
         yield rest
+
+
+def _events(lines: Iterable[bytes]) -> Iterator[dict[bytes, bytes]]:
+    """The fields of each Server-Sent Event, once it is whole."""
+    event: dict[bytes, bytes] = {}
+    for line in lines:
+        if line:
+            name, _, value = line.partition(b": ")
+            event[name] = value
+        elif event:
+            yield event
+            event = {}
 
 
 def _detail(response: httpx.Response) -> str:

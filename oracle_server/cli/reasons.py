@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from oracle_server.core.errors import one_line
 from oracle_server.core.kinds import GROUPS, TICK
 
 _NAMED = frozenset({*GROUPS, "kind", "monitor"})
@@ -25,7 +26,7 @@ def told(record: Mapping[str, Any]) -> str:
         others = why.get("other_values")
         lines.append(f"  for {given}" + (f" (and {others} more)" if others else ""))
     lines += _lines(why.get("reasons", ()), "    ")
-    return "\n".join(lines) + "\n"
+    return "".join(f"{one_line(line)}\n" for line in lines)
 
 
 def _lines(reasons: Sequence[Mapping[str, Any]], indent: str) -> Iterator[str]:

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from oracle_server.cli.client import Client
 from oracle_server.cli.reasons import told
+from oracle_server.core.errors import one_line
 from oracle_server.edge.tokens import Token
 
 _EXPLAINED_WITHIN = 600.0
@@ -47,7 +48,7 @@ def show_verdicts(client: Client, session: str, properties: list[str], outcomes:
     if violations:
         sys.stdout.write("\n")
         _show_records(violations, as_json=False)
-        sys.stdout.write("\n" + "".join(f"{r['n']}: {r['explanation']['text']}\n" for r in violations))
+        sys.stdout.write("\n" + "".join(f"{r['n']}: {one_line(r['explanation']['text'])}\n" for r in violations))
 
 
 def follow_verdicts(client: Client, session: str, properties: list[str], outcomes: list[str], *, as_json: bool) -> None:

@@ -153,5 +153,5 @@ def _last_words(log: Path, begin: int) -> str:
     """What a server that could not start has said at last."""
     with log.open("rb") as file:
         file.seek(begin)
-        lines = file.read().decode(errors="replace").strip().splitlines()
-    return lines[-1].removeprefix("oracle-server: ") if lines else ""
+        lines = file.read().decode(errors="replace").strip().split("\n")
+    return lines[-1].removeprefix("oracle-server: ")

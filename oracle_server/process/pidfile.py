@@ -34,7 +34,7 @@ class PidFile:
         """Make the folder and lock it. Raises `PidFileError` where another server has it, or it can't be used."""
         try:
             folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-            self._file = (folder / NAME).open("a+")
+            self._file = (folder / NAME).open("a+", encoding="utf-8")
         except OSError as error:
             raise PidFileError(f"{folder}: can't be used as data directory: {error.strerror}") from None
         if not self._locked():
@@ -74,7 +74,7 @@ def running(folder: Path) -> Running | None:
     """The server that holds a data directory, None where none does. Raises `PidFileError` where that can't be read."""
     deadline = time.monotonic() + _WITHIN
     try:
-        with (folder / NAME).open() as file:
+        with (folder / NAME).open(encoding="utf-8") as file:
             while _is_locked(file):
                 file.seek(0)
                 pid, *more = file.read().split("\n")

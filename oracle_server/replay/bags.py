@@ -96,7 +96,7 @@ def _typestore(folders: Sequence[Path]) -> Typestore:
         for path in found:
             package = (path.parent.parent if path.parent.name == "msg" else path.parent).name
             try:
-                types = get_types_from_msg(path.read_text(), f"{package}/msg/{path.stem}")
+                types = get_types_from_msg(path.read_text(encoding="utf-8"), f"{package}/msg/{path.stem}")
                 store.register({name: t for name, t in types.items() if name not in store.fielddefs})
             except Exception as error:  # noqa: BLE001 -- whatever is wrong with the file, it is no definition
                 raise TraceError(f"{path}: can't be read as a message definition: {_reason(error)}") from None

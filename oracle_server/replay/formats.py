@@ -62,7 +62,8 @@ class TextReport:
             why = explain(judged, verdict)
             if why is not None:
                 order = " by arrival" if judged.order == "arrival" else ""
-                self._write(replay, f"violation {verdict.n}{order}: {why['text']}")
+                text = one_line(why["text"])
+                self._write(replay, f"violation {verdict.n}{order}: {text}")
         for found in replay.comparison.take():
             broken = f" ({', '.join(found.properties)})" if found.properties else ""
             event = f"{found.event.stream} {found.event.seq}"

@@ -82,7 +82,7 @@ class Document:
 
 def read_yaml(text: str, file: str) -> Document:
     """Read a text. Raises `SpecError` with file, line and column."""
-    document = Document(file, text.split("\n"))
+    document = Document(file, [*text.splitlines(), ""])  # YAML ends lines at more than newlines, as this does
     if len(text) > MAX_TEXT:
         raise _refused(file, None, f"the file has {len(text)} characters; at most {MAX_TEXT} are read")
     try:

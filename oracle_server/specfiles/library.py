@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from dataclasses import dataclass
 from pathlib import Path
@@ -86,14 +87,34 @@ class Library:
         if file.spec.id != spec_id:
             raise SpecError([Finding(f"{spec_id}.yaml", 1, 1, f"its id is '{file.spec.id}', not '{spec_id}'")])
         path = self._uploads / f"{spec_id}.yaml"
-        draft = path.with_suffix(".draft")
         with self._putting:
             new = spec_id not in self._entries
-            self._uploads.mkdir(parents=True, exist_ok=True)
-            draft.write_text(text)
-            draft.replace(path)
+            _keep(path, text)
             self._entries[spec_id] = entry = Entry(file, plan(file.spec), "put", path, _look(path))
         return entry, new
+
+
+def _keep(path: Path, text: str) -> None:
+    """Write a file that is whole and there after a crash of the machine too. Raises OSError."""
+    if not path.parent.exists():
+        path.parent.mkdir(parents=True)
+        _sync(path.parent.parent)
+    draft = path.with_suffix(".draft")
+    with draft.open("wb") as file:
+        file.write(text.encode())
+        file.flush()
+        os.fsync(file.fileno())
+    draft.replace(path)
+    _sync(path.parent)
+
+
+def _sync(folder: Path) -> None:
+    """Have what a folder lists be on the disk."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
 
 
 def _read(path: Path, source: Literal["file", "put"]) -> Entry:

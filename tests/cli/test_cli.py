@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import json
 import socket
-from collections.abc import Iterator
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -201,13 +202,6 @@ def test_serve_refuses_settings_that_make_no_sense(tmp_path: Path) -> None:
 # What reads a running server
 
 
-@pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    folder = tmp_path_factory.mktemp("cli")
-    with Server(copy_specs(folder / "specs"), folder / "data") as running:
-        yield running
-
-
 async def test_reading_a_running_server(server: Server) -> None:
     async with attached(server, session="s1", spec="single") as monitor:
         await monitor.send(*(make_event(i, at=i, data={"v": v}) for i, v in enumerate((1, 11, 1), start=1)))
@@ -259,6 +253,15 @@ def test_reading_a_server_that_is_not_there(command: list[str]) -> None:
     assert url in line
     assert "oracle-server start" in line
     assert "no_url" in failed(*command, "--url", "no_url")
+
+
+def test_a_command_loads_only_what_it_needs() -> None:
+    """Help, and a word that is mistyped, wait for no engine and no server."""
+    program = "import sys, oracle_server.cli; print(*sys.modules)"
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, encoding="utf-8", check=True)
+    loaded = set(ended.stdout.split())
+    assert "oracle_server.cli.commands" in loaded
+    assert not loaded & {"cel", "fastapi", "httpx", "lark", "msgspec", "pydantic", "rich.console", "uvicorn", "yaml"}
 
 
 def test_commands_that_are_none() -> None:

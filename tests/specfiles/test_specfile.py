@@ -185,6 +185,17 @@ def test_a_formulas_error_is_told_where_it_stands(style: str, data: st.DataObjec
     assert [(f.line, f.column) for f in findings(text)] == [(row, column)], text
 
 
+@pytest.mark.parametrize("end", ["\n", "\r", "\r\n", "\x85", "\u2028", "\u2029"])
+@pytest.mark.parametrize(
+    ("style", "place"), [("'{}'", (9, 19)), ('"{}"', (9, 19)), ("|\n      {}", (10, 11)), ("{}", (9, 18))]
+)
+def test_whatever_yaml_takes_for_the_end_of_a_line_counts_as_one(end: str, style: str, place: tuple[int, int]) -> None:
+    head = f"# one{end}# two{end}# three{end}"
+    text = "id: x\nstreams:\n  - topic: /a\nproperties:\n  - id: p\n    formula: " + style.format("not x{")
+    (found,) = findings(head + text)
+    assert (found.line, found.column) == place
+
+
 def test_a_file_that_is_too_long_or_no_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "long.yaml").write_text("# " + "x" * 3_000_000)
     (tmp_path / "folder.yaml").mkdir()

@@ -20,6 +20,12 @@ __all__ = ["COMMAND", "PATIENCE", "Server", "environment", "failed", "problem", 
 
 T = TypeVar("T")
 
+STRICT = {
+    "PYTHONWARNDEFAULTENCODING": "1",
+    "PYTHONWARNINGS": "error::EncodingWarning,ignore::EncodingWarning:rosbags.rosbag2.reader",
+}
+"""Makes it an error to open a text file in the encoding of the machine's locale."""
+
 COMMAND = Path(sys.executable).parent / "oracle-server"
 
 
@@ -30,7 +36,7 @@ class Server:
         self.specs, self.data = specs, data
         self._checked = 0
         command: list[str | Path] = [COMMAND, "serve", "--specs", specs, "--data-dir", data, "--port", port]
-        self.process = Process("the server", command, environment(**settings))
+        self.process = Process("the server", command, environment(**STRICT, **settings))
         try:
             self.url = self.said(r"url=(https?://\S+)")[1]
         except AssertionError:  # it did not start in time, and would stay behind
@@ -105,8 +111,8 @@ class Server:
 
 def run(*arguments: str | Path, **settings: str) -> subprocess.CompletedProcess[str]:
     """Run the command line to its end."""
-    command, env = [COMMAND, *arguments], environment(**settings)
-    return subprocess.run(command, capture_output=True, text=True, timeout=2 * PATIENCE, env=env, check=False)
+    command, env = [COMMAND, *arguments], environment(**STRICT, **settings)
+    return subprocess.run(command, capture_output=True, encoding="utf-8", timeout=2 * PATIENCE, env=env, check=False)
 
 
 def failed(*arguments: str | Path, **settings: str) -> str:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import asyncio
-import fcntl
 import json
 import os
 import signal
 import socket
-import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from inspect import signature
@@ -16,13 +13,10 @@ from pathlib import Path
 
 import pytest
 
-from oracle_server.cli.commands import serve
+from oracle_server.cli.serving import serve
 from oracle_server.process.daemon import _ON_THE_COMMAND_LINE
-from oracle_server.process.logs import RotatingFile
-from oracle_server.process.notify import notify
-from oracle_server.process.pidfile import NAME, PidFile, running
+from oracle_server.process.pidfile import running
 from oracle_server.process.settings import Settings
-from oracle_server.process.watchdog import Watchdog
 from tests.whole.conftest import copy_specs
 from tests.whole.harness import PATIENCE, Server, failed, run
 
@@ -112,29 +106,6 @@ def test_the_pid_file_of_one_that_was_killed_deceives_nobody(data: Path, specs: 
     start(data, specs)
 
 
-def test_who_looks_whether_a_server_runs_keeps_none_from_starting(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    PidFile(tmp_path).release()
-    with (tmp_path / NAME).open() as looked_at:
-        fcntl.flock(looked_at, fcntl.LOCK_SH)
-        monkeypatch.setattr(time, "sleep", lambda _: fcntl.flock(looked_at, fcntl.LOCK_UN))
-        mine = PidFile(tmp_path)
-    assert running(tmp_path) == (os.getpid(), None)
-    mine.release()
-
-
-def test_a_server_that_has_not_told_yet_who_it_is_is_waited_for(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Its pid is needed to stop it, and 0 would be everyone in the caller's own group."""
-    mine = PidFile(tmp_path)
-    (tmp_path / NAME).write_text("")
-    monkeypatch.setattr(time, "sleep", lambda _: mine.tell("http://127.0.0.1:1"))
-    assert running(tmp_path) == (os.getpid(), "http://127.0.0.1:1")
-    mine.release()
-
-
 def test_what_keeps_it_from_starting_is_told(data: Path, specs: Path, tmp_path: Path) -> None:
     assert "is no folder" in failed("start", "--data-dir", data, "--specs", tmp_path / "nowhere", "--port", "0")
     (specs / "single.yaml").write_text("id: single\n")
@@ -162,43 +133,3 @@ def test_systemd_is_told_how_it_stands(data: Path, specs: Path, tmp_path: Path) 
                 assert stopped.result() == 0
     assert b"READY=1" in told
     assert set(told) == {b"READY=1", b"WATCHDOG=1", b"STOPPING=1"}
-
-
-def test_who_listens_and_takes_nothing_holds_nothing_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    room = int(Path("/proc/sys/net/unix/max_dgram_qlen").read_text()) + 1
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
-        listener.bind(str(tmp_path / "notify"))
-        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
-        for _ in range(room + 1):
-            notify("WATCHDOG=1")
-        assert listener.recv(100) == b"WATCHDOG=1"
-
-
-async def test_a_loop_that_stands_still_is_reported_with_its_place(capsys: pytest.CaptureFixture[str]) -> None:
-    with Watchdog(stalled=0.2) as watchdog:
-        begin = time.monotonic()
-        while not watchdog.stalls and time.monotonic() < begin + PATIENCE:
-            pass  # the loop has no turn
-    assert watchdog.stalls == 1
-    said = capsys.readouterr().out
-    assert "stands still" in said
-    assert "test_daemon.py" in said
-
-
-async def test_a_loop_that_goes_round_is_not_reported() -> None:
-    with Watchdog(stalled=3600) as watchdog:
-        for _ in range(100):
-            await asyncio.sleep(0)
-    assert watchdog.stalls == 0
-
-
-def test_the_log_is_put_aside_when_it_is_full(tmp_path: Path) -> None:
-    log = RotatingFile(tmp_path / "a.log", max_size=100, kept=2)
-    for number in range(40):
-        log.write(f"line {number:03}\n")
-    log.close()
-    names = ["a.log.2", "a.log.1", "a.log"]
-    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(names)
-    kept = "".join((tmp_path / name).read_text() for name in names).splitlines()
-    assert kept == [f"line {number:03}" for number in range(40 - len(kept), 40)]
-    assert all((tmp_path / name).stat().st_size <= 100 for name in names)

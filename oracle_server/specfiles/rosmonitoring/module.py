@@ -37,9 +37,9 @@ class PropertyModule:
 def read_module(path: Path) -> PropertyModule:
     """Read a property module. Raises `ConfigError` with file and line."""
     try:
-        tree = ast.parse(path.read_text(), str(path))
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: can't be read: {getattr(error, 'strerror', None) or error}") from None
+        tree = ast.parse(path.read_bytes(), str(path))
+    except OSError as error:
+        raise ConfigError(f"{path}: can't be read: {error.strerror}") from None
     except (SyntaxError, ValueError, RecursionError) as error:
         raise ConfigError(
             f"{path}:{getattr(error, 'lineno', 1)}: is no Python: {getattr(error, 'msg', error)}"

@@ -37,9 +37,9 @@ class _Signals:
 def import_config(config: Path, modules: Sequence[Path], out: Path | None) -> None:
     """Write the spec of a configuration, or print it. Raises `ConfigError`."""
     try:
-        value = yaml.safe_load(config.read_text())
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{config}: can't be read: {getattr(error, 'strerror', None) or error}") from None
+        value = yaml.safe_load(config.read_bytes())
+    except OSError as error:
+        raise ConfigError(f"{config}: can't be read: {error.strerror}") from None
     except (yaml.YAMLError, RecursionError) as error:
         raise ConfigError(f"{config}: is no YAML: {one_line(' '.join(str(error).split()))}") from None
     text = spec_text(read_config(value, str(config)), [read_module(path) for path in modules], config.name)
@@ -47,7 +47,7 @@ def import_config(config: Path, modules: Sequence[Path], out: Path | None) -> No
         sys.stdout.write(text)
         return
     try:
-        out.write_text(text)
+        out.write_text(text, encoding="utf-8")
     except OSError as error:
         raise ConfigError(f"{out}: can't be written: {error.strerror}") from None
 

@@ -24,7 +24,7 @@ def path(tmp_path: Path) -> Path:
 def test_a_file_that_changes_while_it_is_read_is_read_again(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def overtaken(read: Path) -> SpecFile:
         found = load_spec(read)
-        path.write_text(SPEC % 2)
+        path.write_text(SPEC % 2, encoding="utf-8")
         return found
 
     monkeypatch.setattr(library, "load_spec", overtaken)
@@ -46,3 +46,24 @@ def test_a_file_that_is_gone_is_known_as_it_was(path: Path) -> None:
     specs = Library(path.parent, path.parent / "uploads")
     path.unlink()
     assert specs.get("x").file.text == SPEC % 1
+
+
+def test_a_spec_that_was_put_is_on_the_disk_before_that_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whole before it has its name, and then the name: what was answered outlives the machine's power."""
+    synced: list[tuple[str, object]] = []
+
+    def sync(handle: int) -> None:
+        path = Path(os.readlink(f"/proc/self/fd/{handle}"))
+        there = sorted(p.name for p in path.iterdir()) if path.is_dir() else path.read_bytes().decode()
+        synced.append((path.name, there))
+
+    monkeypatch.setattr(os, "fsync", sync)
+    specs = Library(None, tmp_path / "data" / "specs")
+    text = SPEC % 1 + "description: über\n"
+    specs.put("x", text)
+    assert synced == [("data", ["specs"]), ("x.draft", text), ("specs", ["x.yaml"])]
+    synced.clear()
+    specs.put("x", SPEC % 2)
+    assert synced == [("x.draft", SPEC % 2), ("specs", ["x.yaml"])]

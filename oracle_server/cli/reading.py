@@ -1,0 +1,68 @@
+"""The commands that read a running server: `specs`, `sessions`, `verdicts` and `record`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from oracle_server.cli.options import AsJson
+
+Url = Annotated[str, typer.Option(envvar="ORACLE_URL", help="The server's address.")]
+Token = Annotated[str | None, typer.Option(envvar="ORACLE_TOKEN", help="The server's token.")]
+_DEFAULT_URL = "http://127.0.0.1:8642"
+
+
+def specs(url: Url = _DEFAULT_URL, token: Token = None, as_json: AsJson = False) -> None:
+    """List the specs that a running server has on hand."""
+    from oracle_server.cli.client import Client
+    from oracle_server.cli.tables import show_specs
+
+    show_specs(Client(url, token), as_json=as_json)
+
+
+def sessions(url: Url = _DEFAULT_URL, token: Token = None, as_json: AsJson = False) -> None:
+    """List the sessions of a running server."""
+    from oracle_server.cli.client import Client
+    from oracle_server.cli.tables import show_sessions
+
+    show_sessions(Client(url, token), as_json=as_json)
+
+
+def verdicts(
+    session: Annotated[str, typer.Argument(metavar="SESSION")],
+    property_: Annotated[list[str] | None, typer.Option("--property", help="Only this property; repeatable.")] = None,
+    outcome: Annotated[list[str] | None, typer.Option(help="Only this outcome; repeatable.")] = None,
+    follow: Annotated[bool, typer.Option("--follow", help="Go on with what comes, until the session ends.")] = False,
+    explain: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Say why verdict number N is as it is.")
+    ] = None,
+    url: Url = _DEFAULT_URL,
+    token: Token = None,
+    as_json: AsJson = False,
+) -> None:
+    """Print a session's verdicts: a summary and its violations, or the records that are asked for."""
+    from oracle_server.cli.client import Client
+    from oracle_server.cli.tables import follow_verdicts, show_explanation, show_verdicts
+
+    if explain is not None:
+        show_explanation(Client(url, token), session, explain, as_json=as_json)
+        return
+    if follow:
+        follow_verdicts(Client(url, token), session, property_ or [], outcome or [], as_json=as_json)
+        return
+    show_verdicts(Client(url, token), session, property_ or [], outcome or [], as_json=as_json)
+
+
+def record(
+    session: Annotated[str, typer.Argument(metavar="SESSION")],
+    out: Annotated[Path, typer.Option("--output", "-o", help="The file to write, .mcap or .jsonl.")],
+    url: Url = _DEFAULT_URL,
+    token: Token = None,
+) -> None:
+    """Store what the monitors of a session sent, for `replay`."""
+    from oracle_server.cli.client import Client
+    from oracle_server.cli.record import record_session
+
+    record_session(Client(url, token), session, out)

@@ -1,0 +1,45 @@
+"""`replay`: a recording judged offline."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from oracle_server.cli.options import SpecFiles
+
+
+class By(StrEnum):
+    """An order of events."""
+
+    PUBLICATION = "publication"
+    ARRIVAL = "arrival"
+    BOTH = "both"
+
+
+class Form(StrEnum):
+    """What a report is written as."""
+
+    TEXT = "text"
+    JSONL = "jsonl"
+    CSV = "csv"
+    JUNIT = "junit"
+
+
+def replay(
+    specs: SpecFiles,
+    trace: Annotated[Path, typer.Argument(metavar="TRACE", help="A recording: .jsonl, .bag, .mcap, ROS 2 bag folder.")],
+    by: Annotated[By | None, typer.Option(help="The order to judge in; default: as the spec says.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="The same as --format jsonl.")] = False,
+    form: Annotated[Form, typer.Option("--format", help="What to print.")] = Form.TEXT,
+    types: Annotated[list[Path] | None, typer.Option(help="A folder with .msg files, for bags without.")] = None,
+) -> None:
+    """Judge a recording offline, through the same session code as the server."""
+    from oracle_server.process.garbage import look_seldom
+    from oracle_server.replay.command import run_replay
+
+    look_seldom()
+    chosen = Form.JSONL if as_json else form
+    raise typer.Exit(run_replay(specs, trace, by.value if by else None, chosen.value, types or []))

@@ -1,0 +1,76 @@
+"""A server in the foreground and in the background: `serve`, `start`, `stop` and `status`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from inspect import Parameter, Signature, signature
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from oracle_server.cli.options import AsJson, DataDir
+
+Within = Annotated[float, typer.Option(min=0.1, help="Seconds to wait.")]
+_OF_A_SERVER: dict[str, Any] = {
+    "specs": Annotated[Path | None, typer.Option("--specs", help="The folder of the specs; default ./specs.")],
+    "data_dir": DataDir,
+    "host": Annotated[str | None, typer.Option(help="The address to bind; default 127.0.0.1.")],
+    "port": Annotated[int | None, typer.Option(min=0, max=65535, help="The port; default 8642.")],
+    "legacy": Annotated[str | None, typer.Option(metavar="SPEC", help="The spec of ROSMonitoring's monitors.")],
+    "tls_cert": Annotated[Path | None, typer.Option(help="The server's certificate (PEM), for TLS.")],
+    "tls_key": Annotated[Path | None, typer.Option(help="The certificate's key (PEM).")],
+    "tls_client_ca": Annotated[
+        Path | None, typer.Option(help="Clients must show a certificate of this authority (PEM).")
+    ],
+    "insecure": Annotated[
+        bool | None, typer.Option("--insecure", help="Be reachable by others without tokens or TLS.")
+    ],
+}
+"""The settings that a server takes on its command line, in the foreground or in the background."""
+
+_Command = Callable[..., None]
+
+
+def _takes_settings(command: _Command) -> _Command:
+    """Let a command take `_OF_A_SERVER` besides options of its own; it gets them as keywords, None where not given."""
+    own = [p for p in signature(command).parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
+    settings = [
+        Parameter(name, Parameter.KEYWORD_ONLY, default=None, annotation=kind) for name, kind in _OF_A_SERVER.items()
+    ]
+    command.__signature__ = Signature([*own, *settings])  # type: ignore[attr-defined]
+    return command
+
+
+@_takes_settings
+def serve(**settings: Any) -> None:
+    """Run the server in the foreground, until SIGTERM or SIGINT."""
+    from oracle_server.process.settings import load_settings
+    from oracle_server.server import serve as run
+
+    run(load_settings(**settings))
+
+
+@_takes_settings
+def start(within: Within = 300.0, **settings: Any) -> None:
+    """Run the server in the background; return once it accepts work."""
+    from oracle_server.process.daemon import start as run
+    from oracle_server.process.settings import load_settings
+
+    run(load_settings(**settings), within)
+
+
+def stop(data_dir: DataDir = None, within: Within = 60.0) -> None:
+    """Stop the server of a data directory, once it has judged and committed what it holds."""
+    from oracle_server.process.daemon import stop as run
+    from oracle_server.process.settings import load_settings
+
+    run(load_settings(data_dir=data_dir).data_dir, within)
+
+
+def status(data_dir: DataDir = None, as_json: AsJson = False) -> None:
+    """Tell how the server of a data directory stands; exit status 3 where none runs."""
+    from oracle_server.process.daemon import status as tell
+    from oracle_server.process.settings import load_settings
+
+    raise typer.Exit(tell(load_settings(data_dir=data_dir).data_dir, as_json=as_json))

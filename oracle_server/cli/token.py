@@ -1,0 +1,49 @@
+"""`token`: who may use the server."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated
+
+import typer
+
+from oracle_server.cli.options import AsJson, DataDir
+
+
+class Scope(StrEnum):
+    """What a token is good for."""
+
+    SUBMIT = "submit"
+    READ = "read"
+    ADMIN = "admin"
+
+
+def add(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Whose it is.")],
+    scope: Annotated[list[Scope], typer.Option(help="What it is good for; repeatable.")],
+    spec: Annotated[list[str] | None, typer.Option(help="Good for this spec only; repeatable.")] = None,
+    session: Annotated[list[str] | None, typer.Option(help="Good for this session only; repeatable.")] = None,
+    data_dir: DataDir = None,
+) -> None:
+    """Make a token and print it; it is shown this once. A server that runs knows it at once."""
+    from oracle_server.edge import tokens
+    from oracle_server.process.settings import load_settings
+
+    typer.echo(tokens.add(load_settings(data_dir=data_dir).token_file, name, [s.value for s in scope], spec, session))
+
+
+def remove(name: Annotated[str, typer.Argument(metavar="NAME")], data_dir: DataDir = None) -> None:
+    """Make a token good for nothing."""
+    from oracle_server.edge import tokens
+    from oracle_server.process.settings import load_settings
+
+    tokens.remove(load_settings(data_dir=data_dir).token_file, name)
+
+
+def list_(data_dir: DataDir = None, as_json: AsJson = False) -> None:
+    """List the tokens: whose they are and what they are good for."""
+    from oracle_server.cli.tables import show_tokens
+    from oracle_server.edge import tokens
+    from oracle_server.process.settings import load_settings
+
+    show_tokens(tokens.listed(load_settings(data_dir=data_dir).token_file), as_json=as_json)

@@ -1,0 +1,81 @@
+"""The server's log, written by a process of its own: what logs is the whole process."""
+
+from __future__ import annotations
+
+import json
+import stat
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+from oracle_server.process.logs import KEPT, MAX_SIZE
+from tests.processes import PATIENCE, environment
+
+LOGS = """
+import logging, sys
+from pathlib import Path
+import structlog
+from oracle_server.process.logs import set_up_logs
+from oracle_server.process.settings import Settings
+
+set_up_logs(Settings(log=sys.argv[1], log_file=Path(sys.argv[2]) if sys.argv[2:] else None))
+log = structlog.get_logger()
+"""
+
+
+def written(program: str, *arguments: object) -> str:
+    """Log by a program, and tell what stands on its standard error."""
+    command = [sys.executable, "-c", LOGS + program, *map(str, arguments)]
+    ended = subprocess.run(command, capture_output=True, timeout=PATIENCE, env=environment(), check=True)
+    assert ended.stdout == b""
+    return ended.stderr.decode()
+
+
+def test_a_full_log_is_put_aside_and_the_oldest_of_them_goes(tmp_path: Path) -> None:
+    file = tmp_path / "new" / "server.log"
+    written("for number in range(70): log.info(f'{number:02}' + 1_000_000 * '.')", "json", file)
+    names = [f"server.log.{age}" for age in range(KEPT, 0, -1)] + ["server.log"]
+    assert sorted(path.name for path in file.parent.iterdir()) == sorted(names)
+    assert all(file.with_name(name).stat().st_size <= MAX_SIZE for name in names)
+    text = "".join(file.with_name(name).read_text(encoding="utf-8") for name in names)
+    kept = [int(json.loads(line)["event"][:2]) for line in text.split("\n")[:-1]]
+    assert kept[-1] == 69
+    assert all(b == a + 1 for a, b in pairwise(kept))
+    assert len(text) > KEPT * 0.9 * MAX_SIZE
+    assert stat.S_IMODE(file.parent.stat().st_mode) == 0o700
+
+
+def test_all_that_is_logged_is_json_where_that_is_asked_for(tmp_path: Path) -> None:
+    program = (
+        "log.info('ours', text='ü\\u2028')\n"
+        "log.debug('not logged')\n"
+        "logging.getLogger('theirs').info('not logged')\n"
+        "logging.getLogger('theirs').warning('%s', 'odd\\ud800')\n"
+        "try: 1 / 0\n"
+        "except ZeroDivisionError: log.exception('a bug')\n"
+    )
+    written(program, "json", tmp_path / "log")
+    lines = [json.loads(line) for line in (tmp_path / "log").read_text(encoding="utf-8").split("\n")[:-1]]
+    assert [(line["event"], line["level"]) for line in lines] == [
+        ("ours", "info"),
+        ("odd\ud800", "warning"),
+        ("a bug", "error"),
+    ]
+    assert lines[0]["text"] == "ü\u2028"
+    assert "ZeroDivisionError" in lines[2]["exception"]
+    assert all(line["timestamp"].endswith("Z") for line in lines)
+
+
+def test_without_a_file_the_log_is_on_standard_error_for_people() -> None:
+    said = written("log.info('ours', n=1); logging.getLogger('theirs').error('of a library')", "console")
+    ours, theirs = said.split("\n")[:-1]
+    assert "[info" in ours
+    assert ours.endswith("n=1")
+    assert "[error" in theirs
+    assert "of a library" in theirs
+
+
+def test_a_disk_that_is_full_costs_lines_and_nothing_else() -> None:
+    program = "for _ in range(3): log.info('lost'); logging.getLogger('theirs').error('lost too')"
+    assert written(program, "json", "/dev/full") == ""

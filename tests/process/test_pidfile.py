@@ -1,0 +1,35 @@
+"""The pid file of a data directory."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+from oracle_server.process.pidfile import NAME, PidFile, running
+
+
+def test_who_looks_whether_a_server_runs_keeps_none_from_starting(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    PidFile(tmp_path).release()
+    with (tmp_path / NAME).open() as looked_at:
+        fcntl.flock(looked_at, fcntl.LOCK_SH)
+        monkeypatch.setattr(time, "sleep", lambda _: fcntl.flock(looked_at, fcntl.LOCK_UN))
+        mine = PidFile(tmp_path)
+    assert running(tmp_path) == (os.getpid(), None)
+    mine.release()
+
+
+def test_a_server_that_has_not_told_yet_who_it_is_is_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its pid is needed to stop it, and 0 would be everyone in the caller's own group."""
+    mine = PidFile(tmp_path)
+    (tmp_path / NAME).write_text("")
+    monkeypatch.setattr(time, "sleep", lambda _: mine.tell("http://127.0.0.1:1"))
+    assert running(tmp_path) == (os.getpid(), "http://127.0.0.1:1")
+    mine.release()
