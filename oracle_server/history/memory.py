@@ -11,7 +11,7 @@ from typing import Any
 
 import msgspec
 
-from oracle_server.core.events import Order
+from oracle_server.core.events import Order, StreamKey
 from oracle_server.core.verdicts import FINAL
 from oracle_server.history.port import Done
 from oracle_server.history.query import Query
@@ -248,7 +248,7 @@ class MemoryHistory:
         steps = (s for s in self._steps(session) if s.order == order and s.position <= upto)
         return next((s.position for s in steps if s.outcomes[index] in FINAL), None)
 
-    async def last_counted(self, session: int, order: Order, upto: int, undoing: Sequence[str]) -> int | None:
+    async def last_counted(self, session: int, order: Order, upto: int, undoing: Sequence[StreamKey]) -> int | None:
         """The position of the last step that later ones build on."""
         steps = (s for s in reversed(self._steps(session)) if s.order == order and s.position <= upto)
         return next((s.position for s in steps if s.number is not None and not _is_undone(s, undoing)), None)
@@ -294,7 +294,7 @@ def _arrival(stored: StoredStep) -> tuple[int, str, int, int]:
     return event.arrived, event.monitor, event.seq, stored.position
 
 
-def _is_undone(stored: StoredStep, undoing: Sequence[str]) -> bool:
+def _is_undone(stored: StoredStep, undoing: Sequence[StreamKey]) -> bool:
     stream = stored.step.event.stream
     denied = stored.decision is not None and stored.decision.choice == "deny"
-    return denied and stream.kind != "response" and stream.name in undoing
+    return denied and stream in undoing

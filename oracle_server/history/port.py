@@ -14,7 +14,7 @@ import asyncio
 from collections.abc import AsyncGenerator, Callable, Sequence
 from typing import Protocol
 
-from oracle_server.core.events import Order
+from oracle_server.core.events import Order, StreamKey
 from oracle_server.history.query import Query
 from oracle_server.history.records import (
     Document,
@@ -171,10 +171,10 @@ class Reading(Protocol):
         """The position of the first step at which a property (by index) is `true` or `false` for good, None if none."""
         ...
 
-    async def last_counted(self, session: int, order: Order, upto: int, undoing: Sequence[str]) -> int | None:
+    async def last_counted(self, session: int, order: Order, upto: int, undoing: Sequence[StreamKey]) -> int | None:
         """The position of the last step that later ones build on: no tick, not skipped, no denied attempt.
 
-        A denied topic message or request counts for itself alone on the streams `undoing`.
+        A denied event of the streams `undoing` counts for itself alone.
         """
         ...
 

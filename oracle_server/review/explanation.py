@@ -75,7 +75,7 @@ async def _decided(history: Reading, session: int, stored: StoredStep, index: in
     """The position of the step that decides a verdict: that made it final, or the last one that counts."""
     found = await history.first_final(session, stored.order, index, stored.position)
     if found is None and stored.is_tick and ready.spec.properties[index].time == "steps":  # ticks mean nothing to it
-        undoing = [key.name for key, stream in ready.streams.items() if stream.undoes]
+        undoing = [key for key, stream in ready.streams.items() if stream.undoes]
         found = await history.last_counted(session, stored.order, stored.position, undoing)
     return found or stored.position
 

@@ -183,7 +183,7 @@ async def test_the_deciding_step_is_found(history: History) -> None:
     assert await history.first_final(1, "publication", 1, 4) is None
     assert await history.first_final(1, "publication", 0, 6) is None
     assert await history.first_final(1, "arrival", 1, 6) is None
-    assert await history.last_counted(1, "publication", 5, ["/s"]) == 2
+    assert await history.last_counted(1, "publication", 5, [StreamKey("/s", "request")]) == 2
     assert await history.last_counted(1, "publication", 5, []) == 3
     assert await history.last_counted(1, "arrival", 5, []) is None
 

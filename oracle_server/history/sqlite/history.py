@@ -7,9 +7,10 @@ import contextlib
 import sqlite3
 from bisect import bisect_left
 from collections.abc import AsyncGenerator, Sequence
+from itertools import chain
 from pathlib import Path
 
-from oracle_server.core.events import Order
+from oracle_server.core.events import Order, StreamKey
 from oracle_server.core.verdicts import Outcome
 from oracle_server.history.port import Done
 from oracle_server.history.query import Query
@@ -251,11 +252,15 @@ class SqliteHistory:
         (position,) = await self._reader.row(sql, (session, upto, order, index + 1, *_FINAL))
         return None if position is None else int(position)
 
-    async def last_counted(self, session: int, order: Order, upto: int, undoing: Sequence[str]) -> int | None:
+    async def last_counted(self, session: int, order: Order, upto: int, undoing: Sequence[StreamKey]) -> int | None:
         """The position of the last step that later ones build on."""
-        undone = f"decision IS 'deny' AND kind != 'response' AND stream IN ({','.join('?' * len(undoing))})"
+        undone = (
+            f"decision IS 'deny' AND (stream, kind) IN (VALUES {','.join(['(?,?)'] * len(undoing))})"
+            if undoing
+            else "0"
+        )
         sql = f"SELECT max(position) FROM steps WHERE {_UPTO} AND number IS NOT NULL AND NOT ({undone})"  # noqa: S608
-        (position,) = await self._reader.row(sql, (session, upto, order, *undoing))
+        (position,) = await self._reader.row(sql, (session, upto, order, *chain.from_iterable(undoing)))
         return None if position is None else int(position)
 
     async def extents(self) -> list[Extent]:
