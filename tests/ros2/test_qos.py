@@ -110,7 +110,7 @@ def test_what_is_said_once_before_anything_is_matched_is_heard_once_by_all(scene
     lasting = peer.record(msg.Int64, "/number", profile(durability=LASTING))
     publisher = peer.publisher(msg.Int64, "/number_mon", qos=profile(durability=LASTING, depth=1))
     publisher.publish(msg.Int64(data=1))
-    peer.until(lambda: volatile and lasting, "what was said once is not heard")
+    peer.until(lambda: volatile and lasting, "what was published once is not received")
     peer.until(lambda: offers(peer, "/number") == [(RELIABLE, LASTING)])
     assert (values(volatile), values(lasting)) == ([1], [1])
     adapter.ends_well()
