@@ -9,12 +9,12 @@ import typer
 
 from oracle_server.cli.options import AsJson
 
-Url = Annotated[str, typer.Option(envvar="ORACLE_URL", help="The server's address.")]
-Token = Annotated[str | None, typer.Option(envvar="ORACLE_TOKEN", help="The server's token.")]
+UrlOption = Annotated[str, typer.Option(envvar="ORACLE_URL", help="The server's address.")]
+TokenOption = Annotated[str | None, typer.Option(envvar="ORACLE_TOKEN", help="The server's token.")]
 _DEFAULT_URL = "http://127.0.0.1:8642"
 
 
-def specs(url: Url = _DEFAULT_URL, token: Token = None, as_json: AsJson = False) -> None:
+def specs(url: UrlOption = _DEFAULT_URL, token: TokenOption = None, as_json: AsJson = False) -> None:
     """List the specs that a running server has on hand."""
     from oracle_server.cli.client import Client
     from oracle_server.cli.tables import show_specs
@@ -22,7 +22,7 @@ def specs(url: Url = _DEFAULT_URL, token: Token = None, as_json: AsJson = False)
     show_specs(Client(url, token), as_json=as_json)
 
 
-def sessions(url: Url = _DEFAULT_URL, token: Token = None, as_json: AsJson = False) -> None:
+def sessions(url: UrlOption = _DEFAULT_URL, token: TokenOption = None, as_json: AsJson = False) -> None:
     """List the sessions of a running server."""
     from oracle_server.cli.client import Client
     from oracle_server.cli.tables import show_sessions
@@ -38,8 +38,8 @@ def verdicts(
     explain: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Say why verdict number N is as it is.")
     ] = None,
-    url: Url = _DEFAULT_URL,
-    token: Token = None,
+    url: UrlOption = _DEFAULT_URL,
+    token: TokenOption = None,
     as_json: AsJson = False,
 ) -> None:
     """Print a session's verdicts: a summary and its violations, or the records that are asked for."""
@@ -58,8 +58,8 @@ def verdicts(
 def record(
     session: Annotated[str, typer.Argument(metavar="SESSION")],
     out: Annotated[Path, typer.Option("--output", "-o", help="The file to write, .mcap or .jsonl.")],
-    url: Url = _DEFAULT_URL,
-    token: Token = None,
+    url: UrlOption = _DEFAULT_URL,
+    token: TokenOption = None,
 ) -> None:
     """Store what the monitors of a session sent, for `replay`."""
     from oracle_server.cli.client import Client

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -37,9 +38,12 @@ def replay(
     types: Annotated[list[Path] | None, typer.Option(help="A folder with .msg files, for bags without.")] = None,
 ) -> None:
     """Judge a recording offline, through the same session code as the server."""
+    import structlog
+
     from oracle_server.process.garbage import look_seldom
     from oracle_server.replay.command import run_replay
 
+    structlog.configure(logger_factory=structlog.PrintLoggerFactory(sys.stderr))  # the report is on standard output
     look_seldom()
     chosen = Form.JSONL if as_json else form
     raise typer.Exit(run_replay(specs, trace, by.value if by else None, chosen.value, types or []))

@@ -12,6 +12,8 @@ from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import Atom, Formula, atoms
 from oracle_server.core.kinds import KINDS, Kind, Traits
 
+IDENTIFIER = r"^[A-Za-z0-9_.-]{1,64}$"
+"""What specs, properties, sessions and tokens may be called."""
 SECOND = 10**9
 By = Literal["publication", "arrival", "both"]
 SILENT = Atom(())

@@ -92,11 +92,7 @@ class Oracles:
         waited = asyncio.get_running_loop().time() - since
         if waited > oracle.timeout / 2:
             return Answer(Outcome.UNKNOWN, f"was not asked: it was {waited:.1f} s behind")
-        try:
-            return await oracle.ask(ask, since + oracle.timeout)
-        except Exception:
-            log.exception("an oracle could not be asked")
-            return Answer(Outcome.UNKNOWN, "could not be asked; the server's log says why")
+        return await oracle.ask(ask, since + oracle.timeout)
 
     def _tell(self, judged: list[Judged]) -> None:
         self._deliver(judged)

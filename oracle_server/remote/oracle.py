@@ -63,14 +63,8 @@ class ExternalOracle:
                 self.begun = True
                 await socket.send(text)
                 answer = read_reply(await socket.recv(), event)._replace(anew=anew)
-        except TimeoutError:
-            return self._failed(f"did not answer within {self.timeout:g} s")
-        except ConnectionClosed:
-            return self._failed("closed the connection before it answered")
-        except UnreachableError as error:
-            return self._failed(f"can't be reached: {error}")
-        except OtherEventError:
-            return self._failed("answered about another event")
+        except Exception as error:  # noqa: BLE001 -- whatever it is, the answer is not known
+            return self._failed(self._reason(error))
         if self._away:
             self._away = False
             log.info("an oracle answers again", oracle=self._asked.url)
@@ -82,9 +76,9 @@ class ExternalOracle:
             async with asyncio.timeout_at(until):
                 await self._connected()
         except TimeoutError:
-            return self._failed(f"can't be reached within {self.timeout:g} s").text
+            return f"can't be reached within {self.timeout:g} s"
         except UnreachableError as error:
-            return self._failed(f"can't be reached: {error}").text
+            return f"can't be reached: {error}"
         return None
 
     async def close(self) -> None:
@@ -127,8 +121,26 @@ class ExternalOracle:
         except (OSError, WebSocketException, ValueError, EOFError) as error:
             self._retry_at, self._unreachable = loop.time() + _RETRY_AFTER, str(error) or type(error).__name__
             raise UnreachableError(self._unreachable) from None
+        except Exception:
+            log.exception("an oracle could not be connected to", oracle=self._asked.url)
+            self._retry_at, self._unreachable = loop.time() + _RETRY_AFTER, "the server's log says why"
+            raise UnreachableError(self._unreachable) from None
         self._retry_at = 0.0
         return socket
+
+    def _reason(self, error: Exception) -> str:
+        """Why there is no answer, in words."""
+        match error:
+            case TimeoutError():
+                return f"did not answer within {self.timeout:g} s"
+            case ConnectionClosed():
+                return "closed the connection before it answered"
+            case UnreachableError():
+                return f"can't be reached: {error}"
+            case OtherEventError():
+                return "answered about another event"
+        log.exception("an oracle could not be asked", oracle=self._asked.url)
+        return "could not be asked; the server's log says why"
 
     def _failed(self, reason: str) -> Answer:
         self._drop()

@@ -7,7 +7,8 @@ from typing import Any, Literal, NamedTuple
 from oracle_server.core.events import Event, Order
 from oracle_server.core.verdicts import NEGATIVE, Judged, Outcome
 
-Kind = Literal["satisfied", "violated", "unknown"]
+Meaning = Literal["satisfied", "violated", "unknown"]
+"""What an old verdict and ours are compared by."""
 _SATISFIED = frozenset({"true", "currently_true"})
 _VIOLATED = frozenset({"false", "currently_false", "violation", "violated"})
 
@@ -17,7 +18,7 @@ class Difference(NamedTuple):
 
     event: Event
     was: str
-    now: Kind
+    now: Meaning
     properties: tuple[str, ...]
 
     def as_data(self) -> dict[str, Any]:
@@ -63,8 +64,8 @@ class Comparison:
         if was is None:
             return
         self.compared += 1
-        now = _now(judged)
-        if _kind(was) != now:
+        now = _meaning_now(judged)
+        if _meaning(was) != now:
             self.differing += 1
             broken = tuple(v.property for v in judged.verdicts if v.outcome in NEGATIVE)
             self.found.append(Difference(event, was, now, broken))
@@ -81,12 +82,12 @@ class Comparison:
         return {"compared": self.compared, "differing": self.differing} if self.compared else {}
 
 
-def _kind(verdict: str) -> Kind:
+def _meaning(verdict: str) -> Meaning:
     word = verdict.strip().lower()
     return "satisfied" if word in _SATISFIED else "violated" if word in _VIOLATED else "unknown"
 
 
-def _now(judged: Judged) -> Kind:
+def _meaning_now(judged: Judged) -> Meaning:
     outcomes = {verdict.outcome for verdict in judged.verdicts}
     if outcomes & NEGATIVE:
         return "violated"

@@ -19,8 +19,7 @@ from oracle_server.core.stamps import stamp_in
 from oracle_server.replay.recording import Place, Projected, Recorded
 from oracle_server.wire.flat import decode_object, find_stream, flat_event
 
-Nanoseconds = Annotated[int, Meta(ge=0, le=2**63 - 1)]
-Count = Annotated[int, Meta(ge=0, le=2**63 - 1)]
+Natural = Annotated[int, Meta(ge=0, le=2**63 - 1)]
 MAX_LINE = 64 * 2**20
 
 
@@ -36,15 +35,15 @@ class Line(Struct):
     signals: dict[str, str | bool | int | float] | None = None
     failed: list[str] = []
     kind: StepKind = "topic"
-    stamp: Nanoseconds | None = None
-    arrived: Nanoseconds | None = None
+    stamp: Natural | None = None
+    arrived: Natural | None = None
     monitor: str = "replay"
-    seq: Count | None = None
+    seq: Natural | None = None
     source: str = ""
-    call: Count | None = None
-    lost: Count = 0
+    call: Natural | None = None
+    lost: Natural = 0
     ask: bool = False
-    otherwise: Nanoseconds | None = None
+    otherwise: Natural | None = None
     places: list[Place] = []
     passed: bool | None = None
     why: str | None = None

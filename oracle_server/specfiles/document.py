@@ -19,8 +19,10 @@ from oracle_server.core.errors import Finding, SpecError
 MAX_TEXT = 256 * 1024
 MAX_DEPTH = 24
 
-Path = tuple[str | int, ...]
-Place = tuple[int, int]
+KeyPath = tuple[str | int, ...]
+"""Keys and indexes that lead to a part of a document."""
+Position = tuple[int, int]
+"""A line and a column, from 1."""
 
 _QUOTED = {
     '"': re.compile(r"\\x..|\\u.{4}|\\U.{8}|\\.|.", re.DOTALL),
@@ -34,15 +36,15 @@ _FLOAT = re.compile(r"[-+]?(\d+\.\d*|\.\d+|\d+(?=[eE]))([eE][-+]?\d{1,4})?")
 
 @dataclass(slots=True)
 class Document:
-    """A value, the place of each part of it by path, and the place of each key; lines and columns count from 1."""
+    """A value, the place of each part of it by path, and the place of each key."""
 
     file: str
     lines: list[str]
     value: Any = None
-    values: dict[Path, events.Event] = field(default_factory=dict)
-    keys: dict[Path, Place] = field(default_factory=dict)
+    values: dict[KeyPath, events.Event] = field(default_factory=dict)
+    keys: dict[KeyPath, Position] = field(default_factory=dict)
 
-    def place(self, path: Path, within: Place | None = None) -> Place:
+    def place(self, path: KeyPath, within: Position | None = None) -> Position:
         """Where a part stands, or a place inside its text; the nearest part around it where it is not there."""
         while path and path not in self.values:
             path = path[:-1]
@@ -59,11 +61,11 @@ class Document:
             return (start[0], start[1] + self._raw_length(start, event.style, column - 1))
         return start
 
-    def key_place(self, path: Path) -> Place:
+    def key_place(self, path: KeyPath) -> Position:
         """Where a key stands, or its value where it has none of its own."""
         return self.keys.get(path) or self.place(path)
 
-    def _indentation(self, path: Path, start: Place) -> int:
+    def _indentation(self, path: KeyPath, start: Position) -> int:
         """How far the text of a literal block is indented: as its header says, else as its first line is."""
         header = re.match(r"\|[+-]?([1-9])", self.lines[start[0] - 1][start[1] - 1 :])
         if header and path in self.keys:
@@ -71,7 +73,7 @@ class Document:
         body = next((line for line in self.lines[start[0] :] if line.strip()), "")
         return len(body) - len(body.lstrip(" "))
 
-    def _raw_length(self, start: Place, style: str | None, length: int) -> int:
+    def _raw_length(self, start: Position, style: str | None, length: int) -> int:
         """How many characters of the file stand for the first ones of a text, with its opening quote."""
         raw = self.lines[start[0] - 1][start[1] - 1 :]
         if style not in _QUOTED:
@@ -110,7 +112,7 @@ class _Builder:
     stream: Iterator[events.Event]
     depth: int = 0
 
-    def node(self, path: Path, event: events.Event | None) -> Any:
+    def node(self, path: KeyPath, event: events.Event | None) -> Any:
         if event is None:
             return None
         if isinstance(event, events.AliasEvent) or getattr(event, "anchor", None):
@@ -128,7 +130,7 @@ class _Builder:
         self.depth -= 1
         return value
 
-    def _mapping(self, path: Path) -> dict[str, Any]:
+    def _mapping(self, path: KeyPath) -> dict[str, Any]:
         value: dict[str, Any] = {}
         while not isinstance(key := next(self.stream), events.MappingEndEvent):
             if not isinstance(key, events.ScalarEvent):
@@ -140,7 +142,7 @@ class _Builder:
             value[key.value] = self.node(inner, next(self.stream))
         return value
 
-    def _list(self, path: Path) -> list[Any]:
+    def _list(self, path: KeyPath) -> list[Any]:
         value: list[Any] = []
         while not isinstance(item := next(self.stream), events.SequenceEndEvent):
             value.append(self.node((*path, len(value)), item))
@@ -170,7 +172,7 @@ def _on_one_line(event: events.Event) -> bool:
     return start is not None and end is not None and start.line == end.line
 
 
-def _start(event: events.Event) -> Place:
+def _start(event: events.Event) -> Position:
     mark: Any = event.start_mark
     return (mark.line + 1, mark.column + 1)
 

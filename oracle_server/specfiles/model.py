@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, StrictBool, StrictInt, StrictStr, Tag
 
+from oracle_server.core.spec import IDENTIFIER
 from oracle_server.core.units import duration, size
 
 
@@ -25,7 +26,7 @@ def _ros_type(value: object, kind: str) -> object:
 Duration = Annotated[int, BeforeValidator(duration)]
 Size = Annotated[int, BeforeValidator(size)]
 Delay = Annotated[int | None, BeforeValidator(_delay)]
-Identifier = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,64}$")]
+Identifier = Annotated[str, Field(pattern=IDENTIFIER)]
 RosName = Annotated[str, Field(pattern=r"^[~/A-Za-z][A-Za-z0-9_/{}~]*$", max_length=255)]
 MessageType = Annotated[str, BeforeValidator(partial(_ros_type, kind="msg")), Field(pattern=r"^(\w+/msg/\w+)?$")]
 ServiceType = Annotated[str, BeforeValidator(partial(_ros_type, kind="srv")), Field(pattern=r"^(\w+/srv/\w+)?$")]

@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from oracle_server.core.kinds import Kind
 from oracle_server.core.simulated import TimeBase
+from oracle_server.core.spec import IDENTIFIER
 
 SUBPROTOCOL = "oracle.v1"
 MAX_FRAME = 2**20
@@ -20,7 +21,7 @@ MAX_BATCH = 2**15
 MAX_KEYS = 50_000
 """Most keys of all objects in one event's data."""
 
-Identifier = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,64}$")]
+Identifier = Annotated[str, Field(pattern=IDENTIFIER)]
 MonitorName = Annotated[str, Field(pattern=r"^[~/A-Za-z0-9_][A-Za-z0-9_/.-]*$", max_length=255)]
 Stamp = Annotated[int, Field(ge=0, lt=2**63)]
 Seq = Annotated[int, Field(ge=1, lt=2**53)]
