@@ -27,6 +27,7 @@ from oracle_server.edge.origins import Origins
 from oracle_server.edge.scopes import RouteScopes
 from oracle_server.edge.tokens import Tokens
 from oracle_server.edge.transport import WebSocketTransport, bounded
+from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.port import History
 from oracle_server.history.retention import Pruner
 from oracle_server.history.sqlite.history import SqliteHistory
@@ -68,7 +69,7 @@ def serve(settings: Settings) -> None:
             library.get(settings.legacy)  # refuses one that is not on hand
         listener = _listen(settings.host, settings.port)
         try:
-            history = SqliteHistory(settings.data_dir, settings.durability)
+            history = _history(settings)
             try:
                 asyncio.run(_serve(settings, library, history, _Door(tokens, tls, pid_file, listener)))
             finally:
@@ -77,6 +78,13 @@ def serve(settings: Settings) -> None:
             listener.close()
     finally:
         pid_file.release()
+
+
+def _history(settings: Settings) -> History:
+    if settings.history == "sqlite":
+        return SqliteHistory(settings.data_dir, settings.durability)
+    log.warning("the history is kept in memory: it ends with this process, and an ack does not outlive it")
+    return MemoryHistory()
 
 
 class _Door(NamedTuple):

@@ -67,8 +67,7 @@ class MemoryHistory:
         loop.call_soon(self._commit)
 
     def close(self) -> None:
-        """Commit what waits."""
-        self._commit()
+        """Nothing is left to do: what is kept ends with the process."""
 
     @property
     def pending(self) -> int:

@@ -30,6 +30,8 @@ class Settings(BaseSettings):
     data_dir: Path = Field(default_factory=_data_dir)
     specs: Path | None = None
     legacy: str | None = None
+    history: Literal["sqlite", "memory"] = "sqlite"
+    """Where the history is kept: in the data directory, or in memory, where it ends with the process."""
     durability: Literal["full", "normal"] = "full"
     resume_within: Annotated[float, Field(gt=0, le=3600)] = 10.0
     log: Literal["console", "json"] = "console"

@@ -37,7 +37,7 @@ def copy_specs(target: Path) -> Path:
 @pytest.fixture(scope="session")
 def shared_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     folder = tmp_path_factory.mktemp("server")
-    running = Server(copy_specs(folder / "specs"), folder / "data")
+    running = Server(copy_specs(folder / "specs"), folder / "data", ORACLE_HISTORY="memory")
     with running:
         yield running
 
