@@ -118,7 +118,7 @@ def _guards(spec: Spec) -> Iterator[SpecProblem]:
                 yield SpecProblem(
                     path, f"property '{prop.id}' guards {name}, whose action is `log`: it could deny nothing"
                 )
-            elif prop.blame == "any" and prop.engine not in ("rtamt", "external") and not mendable(spec, prop, name):
+            elif prop.blame == "any" and not (prop.numeric or prop.external) and not mendable(spec, prop, name):
                 yield SpecProblem(
                     path,
                     f"property '{prop.id}' can be negative at an event of {name} that withholding would not mend: "
@@ -163,7 +163,7 @@ def _gaps(spec: Spec) -> Iterator[SpecProblem]:
     """The streams at whose events a formula over numbers lacks some."""
     held = frozenset[str]().union(*(s.hold for s in spec.streams))
     for i, prop in enumerate(spec.properties):
-        if prop.engine != "rtamt":
+        if not prop.numeric:
             continue
         named = [c.key for atom in prop.atoms for c in atom.constraints]
         read = [key for key in named if any(_has(s, key, held) for s in spec.streams)]

@@ -87,7 +87,10 @@ class External:
 
 @dataclass(frozen=True, slots=True)
 class Property:
-    """A named formula; `text` is the formula as its author wrote it. An `external` one has `SILENT` there."""
+    """A named formula; `text` is the formula as its author wrote it.
+
+    An `external` one has `SILENT` there, and a `numeric` one, whose formula is over numbers, stands for its signals.
+    """
 
     id: str
     formula: Formula
@@ -97,7 +100,8 @@ class Property:
     guards: frozenset[str] = frozenset()
     blame: Literal["any", "caused"] = "any"
     latch: bool = False
-    engine: Literal["auto", "native", "reelay", "both", "rtamt", "external"] = "auto"
+    engine: str = "auto"
+    numeric: bool = False
     external: External | None = None
 
     @property

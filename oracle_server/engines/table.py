@@ -1,6 +1,10 @@
-"""Which engine judges a property."""
+"""Which engine judges a property: one row an engine. A new engine is its file beside this one, and a row."""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import NamedTuple
 
 from oracle_server.core.engine import Engine
 from oracle_server.core.errors import EngineError
@@ -17,55 +21,109 @@ from oracle_server.engines.reelay import ReelayEngine
 from oracle_server.engines.reelay import refusal as reelay_refusal
 
 _UNSHARED = 10
-"""Up to so many properties may each cost what an engine may; more of them share the cost of so many."""
+"""Properties of which each may cost what an engine may; more of them share that of so many."""
 
 
-def read_formula(text: str, time: Time, engine: str) -> Formula:
-    """A property's formula, in the language of its engine; of one in rtamt's, the signals that it reads.
+class Refusal(NamedTuple):
+    """Why an engine can't judge a property, and the key of the spec that is to be changed."""
 
-    Raises `FormulaError`, and `EngineError` where rtamt is not installed.
+    key: str
+    reason: str
+
+
+def _any(_: Property) -> Refusal | None:
+    return None
+
+
+def _always(_: Property) -> bool:
+    return True
+
+
+def _never(_: Property) -> bool:
+    return False
+
+
+class Row(NamedTuple):
+    """An engine.
+
+    `make` returns a fresh one for a property, which may cost a `share` of what engines may. `read` reads a formula in
+    the engine's language, and raises `FormulaError`, or `EngineError` where something is not installed. `refuses`
+    returns why it can't judge a property, `goes_back` whether it can take steps back. A verdict of an `explicable`
+    one is explained on request by the native engine, which reads the same formulas; the outcomes of a `native` one are
+    that engine's own. The formulas of a `numeric` one are over numbers, and only their signals are known outside it.
     """
-    if engine != "rtamt":
-        return parse_formula(text, time)
+
+    make: Callable[[Property, float], Engine]
+    read: Callable[[str, Time], Formula] = parse_formula
+    refuses: Callable[[Property], Refusal | None] = _any
+    goes_back: Callable[[Property], bool] = _always
+    explicable: bool = True
+    native: bool = False
+    numeric: bool = False
+
+
+def _native(prop: Property, share: float) -> Engine:
+    return NativeEngine(prop.formula, prop.time, share)
+
+
+def _reelay(prop: Property, _: float) -> Engine:
+    return ReelayEngine(prop.formula)
+
+
+def _both(prop: Property, share: float) -> Engine:
+    native = NativeEngine(prop.formula, prop.time, share)
+    return BothEngine(native, ReelayEngine(prop.formula)) if _reelay_can(prop) else native
+
+
+def _rtamt(prop: Property, _: float) -> Engine:
+    from oracle_server.engines.stl.engine import StlEngine
+
+    return StlEngine(prop.text, prop.time)
+
+
+def _external(prop: Property, _: float) -> Engine:
+    return ExternalEngine(prop.text)
+
+
+def _read_stl(text: str, time: Time) -> Formula:
     stl.demand()
     from oracle_server.engines.stl.parse import read_stl
 
     return read_stl(text, time).formula
 
 
-def refusal(prop: Property) -> str | None:
-    """Why no engine of this version can judge a property as its spec asks, None where one can."""
-    return reelay_refusal(prop.formula, prop.time) if prop.engine == "reelay" else None
+def _reelay_refuses(prop: Property) -> Refusal | None:
+    reason = reelay_refusal(prop.formula, prop.time)
+    return None if reason is None else Refusal("time" if prop.time != "steps" else "formula", reason)
 
 
-def goes_back(prop: Property) -> bool:
-    """Whether the engine that judges a property can take steps back."""
-    return prop.engine in ("auto", "native") or (prop.engine == "both" and not _compares(prop))
+def _reelay_can(prop: Property) -> bool:
+    return _reelay_refuses(prop) is None
+
+
+ENGINES: Mapping[str, Row] = MappingProxyType(
+    {
+        "auto": Row(_native, native=True),
+        "native": Row(_native, native=True),
+        "reelay": Row(_reelay, refuses=_reelay_refuses, goes_back=_never),
+        "both": Row(_both, goes_back=lambda prop: not _reelay_can(prop), native=True),
+        "rtamt": Row(_rtamt, _read_stl, goes_back=_never, explicable=False, numeric=True),
+        "external": Row(_external, goes_back=_never, explicable=False),
+    }
+)
+"""By the names that specs give them."""
 
 
 def make_engine(prop: Property, share: float = 1) -> Engine:
     """A fresh engine for a property, which may cost a `share` of what engines may; reelay's takes tens of milliseconds.
 
-    Raises `EngineError` where there is none.
+    Raises `EngineError` where it can't judge the property.
     """
-    reason = refusal(prop)
-    if reason:
-        raise EngineError(reason)
-    if prop.external is not None:
-        return ExternalEngine(prop.text)
-    if prop.engine == "reelay":
-        return ReelayEngine(prop.formula)
-    if prop.engine == "rtamt":
-        from oracle_server.engines.stl.engine import StlEngine
-
-        return StlEngine(prop.text, prop.time)
-    native = NativeEngine(prop.formula, prop.time, share)
-    return BothEngine(native, ReelayEngine(prop.formula)) if _compares(prop) else native
-
-
-def _compares(prop: Property) -> bool:
-    """Whether reelay judges a property too, where it can."""
-    return prop.engine == "both" and reelay_refusal(prop.formula, prop.time) is None
+    row = ENGINES[prop.engine]
+    refusal = row.refuses(prop)
+    if refusal is not None:
+        raise EngineError(refusal.reason)
+    return row.make(prop, share)
 
 
 def make_engines(plan: Plan) -> list[list[Engine]]:

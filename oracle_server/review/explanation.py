@@ -16,12 +16,12 @@ from oracle_server.core.session import Session, orders
 from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import Outcome, explain
 from oracle_server.engines.native import NativeEngine
+from oracle_server.engines.table import ENGINES
 from oracle_server.history.port import Reading
 from oracle_server.history.records import SessionRecord, SnapshotRecord, StoredStep, records
 from oracle_server.review.beginning import begin
 from oracle_server.specfiles.load import parse_spec
 
-_NATIVE = frozenset({"auto", "native", "both", "reelay"})
 _REMEMBERED = 20_000
 _EFFORT = 2_000_000
 _LONG = 50_000
@@ -49,7 +49,7 @@ async def explained(history: Reading, session: int, n: int) -> VerdictRecord | N
     record = records(stored, opened.properties)[index]
     ready = await asyncio.to_thread(_plan, opened)
     prop = ready.spec.properties[index]
-    if prop.engine not in _NATIVE and record["explanation"] is not None:
+    if not ENGINES[prop.engine].explicable and record["explanation"] is not None:
         return record
     _demand_explicable(record, prop, stored)
     target = await _decided(history, session, stored, index, ready)
@@ -61,7 +61,7 @@ def _plan(opened: SessionRecord) -> Plan:
 
 
 def _demand_explicable(record: VerdictRecord, prop: Property, stored: StoredStep) -> None:
-    if prop.engine not in _NATIVE:
+    if not ENGINES[prop.engine].explicable:
         raise NoExplanationError(f"the engine of '{prop.id}' can't say why its verdicts are as they are")
     if stored.number is None and not stored.is_tick:
         raise NoExplanationError(f"verdict {record['n']} is no judgement: its event came late, or could not be kept")
@@ -152,7 +152,7 @@ class _Explaining:
         return core
 
     def _engine(self, index: int, prop: Property) -> Engine:
-        if prop.engine in _NATIVE and (index == self._index or prop.engine != "reelay"):
+        if ENGINES[prop.engine].explicable and (index == self._index or ENGINES[prop.engine].native):
             return NativeEngine(prop.formula, prop.time)
         engine = _Recorded()
         self._recorded.append((index, engine))

@@ -20,7 +20,7 @@ from oracle_server.core.hazards import inspect
 from oracle_server.core.kinds import GROUPS
 from oracle_server.core.ros import Ros, ros_hazards
 from oracle_server.core.spec import SILENT, External, Ordering, Property, Retention, Spec, StreamSpec
-from oracle_server.engines.table import goes_back, read_formula, refusal
+from oracle_server.engines.table import ENGINES
 from oracle_server.specfiles.document import MAX_TEXT, Document, read_yaml
 from oracle_server.specfiles.model import ChannelModel, PropertyModel, ServiceModel, SpecModel, TopicModel
 
@@ -93,7 +93,7 @@ def _property(document: Document, index: int, model: PropertyModel, findings: li
         findings.append(Finding(document.file, *document.place(place), "the key 'formula' is missing"))
         return None
     try:
-        formula = read_formula(model.formula, model.time, model.engine)
+        formula = ENGINES[model.engine].read(model.formula, model.time)
     except EngineError as error:
         findings.append(Finding(document.file, *document.place((*place, "engine")), f"property '{model.id}': {error}"))
         return None
@@ -145,6 +145,7 @@ def _made(model: PropertyModel, formula: Formula, text: str, external: External 
         blame=model.blame,
         latch=model.latch,
         engine=model.engine,
+        numeric=ENGINES[model.engine].numeric,
         external=external,
     )
 
@@ -187,11 +188,11 @@ def _channel(model: ChannelModel) -> dict[str, Any]:
 
 def _engines(spec: Spec) -> Iterator[SpecProblem]:
     for i, prop in enumerate(spec.properties):
-        reason = refusal(prop)
-        if reason:
-            key = "engine" if prop.engine != "reelay" else "time" if prop.time != "steps" else "formula"
-            yield SpecProblem(("properties", i, key), f"property '{prop.id}': {reason}")
-        if goes_back(prop):
+        row = ENGINES[prop.engine]
+        refusal = row.refuses(prop)
+        if refusal is not None:
+            yield SpecProblem(("properties", i, refusal.key), f"property '{prop.id}': {refusal.reason}")
+        if row.goes_back(prop):
             continue
         native = f"takes an engine that can go back, and `engine: {prop.engine}` can't; `native` can"
         if prop.blame == "caused":

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, StrictBool, StrictInt, StrictStr, Tag
 
 from oracle_server.core.spec import IDENTIFIER
 from oracle_server.core.units import duration, size
+from oracle_server.engines.table import ENGINES
 
 
 def _delay(value: object) -> int | None:
@@ -22,6 +23,11 @@ def _ros_type(value: object, kind: str) -> object:
     package, *rest = value.replace(".", "/").split("/")
     return "/".join((package, kind, *rest) if len(rest) == 1 else (package, *rest))
 
+
+if TYPE_CHECKING:
+    EngineName = str
+else:
+    EngineName = Literal[tuple(ENGINES)]
 
 Duration = Annotated[int, BeforeValidator(duration)]
 Size = Annotated[int, BeforeValidator(size)]
@@ -104,7 +110,7 @@ class PropertyModel(_Model):
     guards: list[RosName] = []
     blame: Literal["any", "caused"] = "any"
     latch: StrictBool = False
-    engine: Literal["auto", "native", "reelay", "both", "rtamt", "external"] = "auto"
+    engine: EngineName = "auto"
     url: Annotated[str, Field(pattern=r"^wss?://")] | None = None
     timeout: Annotated[Duration, Field(gt=0)] = 10**9
     streams: list[RosName] | None = None

@@ -12,7 +12,7 @@ from oracle_server.core.past import NO_PAST, Past
 from oracle_server.core.spec import SILENT, External, Property
 from oracle_server.core.verdicts import Outcome
 from oracle_server.engines.native import NativeEngine
-from oracle_server.engines.table import make_engine, read_formula
+from oracle_server.engines.table import ENGINES, make_engine
 from tests.core.sessions import A, Feed, open_session, prop
 
 RISES = "not (pre {v: 1} and {v: 2})"
@@ -22,7 +22,7 @@ def made(engine: Any) -> Property:
     if engine == "external":
         return Property("p", SILENT, "the oracle", engine=engine, external=External("ws://127.0.0.1:1"))
     text = "historically (v < 1.5)" if engine == "rtamt" else RISES
-    return Property("p", read_formula(text, "steps", engine), text, engine=engine)
+    return Property("p", ENGINES[engine].read(text, "steps"), text, engine=engine)
 
 
 @pytest.mark.parametrize("engine", ["native", "auto", "both", "external", "rtamt"])

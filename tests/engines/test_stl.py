@@ -16,7 +16,7 @@ from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import Scalar, atoms
 from oracle_server.core.verdicts import Outcome
 from oracle_server.engines.stl.engine import StlEngine
-from oracle_server.engines.table import read_formula
+from oracle_server.engines.table import ENGINES
 from tests.engines.robustness import Node, Sample, formulas, samples, value
 
 SECOND = 10**9
@@ -29,7 +29,7 @@ class Stepped:
 
     def __init__(self, text: str, time: Time = "steps") -> None:
         self.engine = StlEngine(text, time)
-        self._names = [atom.constraints[0].key for atom in atoms(read_formula(text, time, "rtamt"))]
+        self._names = [atom.constraints[0].key for atom in atoms(ENGINES["rtamt"].read(text, time))]
 
     def step(self, signals: Mapping[str, Scalar], time: int = 0) -> tuple[Outcome, float | None]:
         matches = [(canonical(signals[name]),) if name in signals else None for name in self._names]
@@ -149,6 +149,6 @@ def test_a_window_of_a_million_samples_costs_no_more_than_a_small_one() -> None:
 )
 def test_what_can_not_be_judged_is_refused_at_its_place(text: str, place: tuple[int, int], word: str) -> None:
     with pytest.raises(FormulaError) as refused:
-        read_formula(text, "steps", "rtamt")
+        ENGINES["rtamt"].read(text, "steps")
     assert word in refused.value.message
     assert (refused.value.line, refused.value.column) == place
