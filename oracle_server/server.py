@@ -130,6 +130,7 @@ async def _serve(settings: Settings, library: Library, history: History, door: _
             await _Server(config, registry, settings, door.pid_file).serve(sockets=[door.listener])
         finally:
             pruning.cancel()
+            await asyncio.wait((pruning,))
 
 
 def _guarded(app: FastAPI, settings: Settings, tokens: Tokens) -> Origins:

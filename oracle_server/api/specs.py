@@ -91,7 +91,11 @@ def router(library: Library) -> APIRouter:
     async def put_spec(spec_id: Identifier, request: Request, response: Response) -> SpecDocument:
         """Validate a spec as `check` does, and take it in; sessions that are open keep theirs."""
         demand_spec(request, spec_id)
-        entry, new = await asyncio.to_thread(library.put, spec_id, await _text(request))
+        text = await _text(request)
+        try:
+            entry, new = await asyncio.to_thread(library.put, spec_id, text)
+        except OSError as error:
+            raise HTTPException(503, f"the spec can't be kept: {error.strerror}") from None
         response.status_code = 201 if new else 200
         return _document(entry, warnings=[str(w) for w in entry.file.warnings])
 
