@@ -76,6 +76,7 @@ def test_an_adapter_ends_cleanly_in_mid_flight(number: signal.Signals, tmp_path:
     with Scene(tmp_path) as scene:
         flight = Flight(scene, listen(scene))
         flight.passes(20)
+        flight.ears.until(lambda: all(flight.ears.heard(topic) for topic in TOPICS), "a topic on which nothing is said")
         before = {topic: [stamp(said) for said in flight.ears.heard(topic)] for topic in TOPICS}
         flight.adapter.ends_well(number)
         [monitor] = flight.server.session("s")["monitors"]
@@ -84,6 +85,6 @@ def test_an_adapter_ends_cleanly_in_mid_flight(number: signal.Signals, tmp_path:
         assert without_gaps([event["seq"] for event in events])
         assert flight.server.session("s")["counters"]["held"] == 0
         taken = {(event["stream"], event["stamp"]) for event in events}
-        ends = {stream: max(at for name, at in taken if name == stream) for stream in before}
+        ends = {stream: max((at for name, at in taken if name == stream), default=0) for stream in before}
         for topic, stamps in before.items():
             assert {(topic, at) for at in stamps if at <= ends[topic]} <= taken
