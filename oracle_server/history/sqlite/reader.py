@@ -5,7 +5,9 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import sqlite3
+import threading
 from collections.abc import AsyncGenerator, Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -13,6 +15,7 @@ from oracle_server.core.errors import HistoryError
 from oracle_server.history.sqlite.rows import Row
 
 T = TypeVar("T")
+R = TypeVar("R")
 Values = Sequence[object]
 
 
@@ -55,17 +58,28 @@ class Reader:
         database's log could not be taken in meanwhile, and would grow without bound.
         """
         reader = await _in_thread(self._connect)
+        in_use = threading.Lock()
+
+        def read(make: Callable[[Row], R], sql: str, values: Values = ()) -> list[R]:
+            with in_use:
+                return [make(row) for row in reader.execute(sql, values)]
+
         try:
-            await _in_thread(lambda: reader.execute(f"CREATE TEMP TABLE sorted AS {order}", values).fetchall())
-            (count,) = await _in_thread(lambda: reader.execute("SELECT count(*) FROM sorted").fetchone())
+            await _in_thread(lambda: read(tuple, f"CREATE TEMP TABLE sorted AS {order}", values))
+            ((count,),) = await _in_thread(lambda: read(tuple, "SELECT count(*) FROM sorted"))
             for first in range(1, count + 1, size):
-                bounds = (*values, first, first + size - 1)
-                yield await _in_thread(lambda bounds=bounds: [make(row) for row in reader.execute(page, bounds)])  # type: ignore[misc]
-        finally:
-            reader.close()
+                yield await _in_thread(partial(read, make, page, (*values, first, first + size - 1)))
+        finally:  # where this is cancelled, a thread still reads: SQLite would crash, were it closed meanwhile
+            reader.interrupt()
+            asyncio.get_running_loop().run_in_executor(None, _close, reader, in_use)
 
     def _connect(self) -> sqlite3.Connection:
         return sqlite3.connect(self._uri, uri=True, isolation_level=None, check_same_thread=False)
+
+
+def _close(reader: sqlite3.Connection, in_use: threading.Lock) -> None:
+    with in_use:
+        reader.close()
 
 
 async def _in_thread(work: Callable[[], T]) -> T:
