@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import sqlite3
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import aclosing, closing
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from typing import Any
 import pytest
 
 from oracle_server.core.errors import HistoryError
+from oracle_server.core.verdicts import Decision
 from oracle_server.history.records import MonitorRecord
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.history.sqlite.reader import Reader
@@ -135,3 +137,26 @@ async def test_no_connection_is_closed_that_a_thread_still_reads_with(tmp_path: 
     watched.going.set()
     assert await asyncio.to_thread(watched.closed.wait, PATIENCE)
     assert not watched.closed_too_early
+
+
+async def test_what_a_decision_waits_for_waits_for_no_other_reader(tmp_path: Path) -> None:
+    """Who reads long histories takes all of the loop's own threads, for seconds."""
+    history = SqliteHistory(tmp_path)
+    history.start(asyncio.get_running_loop())
+    history.open_session(opened())
+    await add(history, step(1, decision=Decision("deny", ("p",))))
+    asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(1))
+    going = threading.Event()
+    others = asyncio.ensure_future(asyncio.to_thread(going.wait))
+    try:
+        async with asyncio.timeout(PATIENCE):
+            found = await history.asked_step(1, "m", 1)
+            assert found is not None
+            assert found.decision == Decision("deny", ("p",))
+            assert await history.session("s") == opened()
+            assert await history.closed_state("s") is None
+        assert not others.done()
+    finally:
+        going.set()
+    await others
+    await asyncio.to_thread(history.close)
