@@ -14,7 +14,7 @@ import pytest
 
 from oracle_server.core.errors import HistoryError
 from oracle_server.core.verdicts import Decision
-from oracle_server.history.records import MonitorRecord
+from oracle_server.history.records import MonitorRecord, SnapshotRecord
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.history.sqlite.reader import Reader
 from oracle_server.history.sqlite.writer import Durability, Writer
@@ -159,4 +159,15 @@ async def test_what_a_decision_waits_for_waits_for_no_other_reader(tmp_path: Pat
     finally:
         going.set()
     await others
+    await asyncio.to_thread(history.close)
+
+
+async def test_a_snapshot_that_can_not_be_decoded_has_no_data(tmp_path: Path) -> None:
+    history = SqliteHistory(tmp_path)
+    history.start(asyncio.get_running_loop())
+    history.save_snapshot(1, SnapshotRecord(3, {"a": 1}, 2, {"m": [1, 0, []]}))
+    await history.flush()
+    with closing(sqlite3.connect(history.path)) as database, database:
+        database.execute("UPDATE snapshots SET data = substr(data, 2)")
+    assert await history.snapshot(1) == SnapshotRecord(3, None, 2, {"m": [1, 0, []]})
     await asyncio.to_thread(history.close)

@@ -47,6 +47,12 @@ async def test_nothing_waits_for_an_answer_that_the_history_has(tmp_path: Path) 
     _, again = await second.expect("decision", 2)
     assert again == denied
     assert (await second.expect("ack"))[-1]["upto"] >= 1
+    live.ledger.write()
+    await history.flush()
+    acks = len(await second.expect("ack"))
+    live.ingest(monitor, event(1, ask=True, speed=9))
+    await second.expect("decision", 3)
+    assert len(await second.expect("ack", acks + 1)) == acks + 1, "what was sent again alone is acked again"
 
 
 async def test_what_waits_for_answers_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -64,6 +70,10 @@ async def test_what_waits_for_answers_is_bounded(tmp_path: Path, monkeypatch: py
     for seq in range(1, 31):
         live.ingest(monitor, event(seq, ask=True, speed=seq))
     assert not live.has_room, "its monitors are not read meanwhile"
+    async with asyncio.timeout(10):
+        while not history.asked:
+            await asyncio.sleep(0)
+    assert not live.has_room, "one that is taken makes room for none"
     history.going.set()
     async with asyncio.timeout(10):
         await live.room()
