@@ -59,7 +59,7 @@ def router(registry: Registry, history: Reading) -> APIRouter:
         begin = after if last_event_id is None else _number(last_event_id)
         wanted = replace(question, outcomes=frozenset(outcome), after=begin, limit=_PAGE, violations=violations)
         events = _events(registry, history, session_id, known, wanted)
-        return EventSourceResponse(events, headers={"Cache-Control": "no-history"})
+        return EventSourceResponse(events, headers={"Cache-Control": "no-store"})
 
     return made
 

@@ -42,6 +42,7 @@ class Answers:
     def want(self, monitor: Monitor, outbox: Outbox, seq: int) -> None:
         """Answer a monitor about its event of a number as soon as the history has been read, then acknowledge it."""
         self._wanted.append((monitor, outbox, seq))
+        monitor.unsettled += 1
         if len(self._wanted) > _MOST:
             self._room.clear()
         if self._task is None:
@@ -55,18 +56,21 @@ class Answers:
                     self._room.set()
                 if monitor.outbox is outbox:
                     await self._answer(monitor, outbox, seq)
+                monitor.unsettled -= 1
+                monitor.let_go()
         finally:
             self._task = None
 
     async def _answer(self, monitor: Monitor, outbox: Outbox, seq: int) -> None:
+        problem = "an event that was sent again can't be answered"  # it goes on without an answer, as its spec says
         try:
             step = await self._history.asked_step(self._session, monitor.name, seq)
-        except HistoryError as error:  # the monitor goes on without an answer, as its spec says
-            log.error(
-                "an event that was sent again can't be answered", monitor=monitor.name, seq=seq, reason=str(error)
-            )
-            return
-        if step is not None and step.decision is not None:
-            verdicts = dict(zip(self._properties, step.outcomes, strict=True))
-            outbox.send(decision_frame(seq, step.decision, verdicts))
-        monitor.acknowledge()
+            if step is not None and step.decision is not None:
+                verdicts = dict(zip(self._properties, step.outcomes, strict=True))
+                outbox.send(decision_frame(seq, step.decision, verdicts))
+        except HistoryError as error:
+            log.error(problem, monitor=monitor.name, seq=seq, reason=str(error))
+        except Exception:  # whatever it is: those behind it would wait for ever
+            log.exception(problem, monitor=monitor.name, seq=seq)
+        else:
+            monitor.acknowledge()

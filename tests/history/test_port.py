@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 import oracle_server
 from oracle_server.core.events import StreamKey
 from oracle_server.core.records import VerdictRecord
+from oracle_server.core.spec import By
 from oracle_server.core.verdicts import FINAL, Decision, Outcome
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.pages import find, latest
@@ -32,6 +33,7 @@ from oracle_server.history.records import (
 from oracle_server.history.sqlite.history import SqliteHistory
 from tests.history.making import PROPERTIES, add, opened, some_steps, step
 
+Direction = Literal["asc", "desc"]
 FALSE, TRUE, HELD = Outcome.CURRENTLY_FALSE, Outcome.TRUE, Outcome.CURRENTLY_TRUE
 
 
@@ -191,11 +193,61 @@ async def test_the_deciding_step_is_found(history: History) -> None:
 ROBUST = msgspec.structs.replace(step(1), robustness=(float("inf"), -0.5), passed=False, why="timeout")
 
 
-@pytest.mark.parametrize("kept", [ROBUST, msgspec.structs.replace(step(1), robustness=(None, float("-inf")))])
+def marked(**fields: object) -> StoredStep:
+    """A step whose event has a call, a source and losses, with more fields of the step."""
+    made = step(1, decision=Decision("deny", ("p",)))
+    event = msgspec.structs.replace(made.step.event, source="/node", call=7, lost=3)
+    whole = msgspec.structs.replace(made.step, event=event, **fields)
+    return msgspec.structs.replace(made, step=whole, gap=2)
+
+
+@pytest.mark.parametrize(
+    "kept",
+    [
+        ROBUST,
+        msgspec.structs.replace(step(1), robustness=(None, float("-inf"))),
+        marked(late=True),
+        marked(skewed=True),
+        marked(forced=True),
+        marked(failed=frozenset({"speed", "mode"})),
+        step(1, number=None),
+    ],
+)
 async def test_a_step_is_kept_whole(history: History, kept: StoredStep) -> None:
     history.open_session(opened())
     await add(history, kept)
     assert await history.step(1, 1) == kept
+
+
+@pytest.mark.parametrize("by", [None, "arrival"])
+async def test_a_session_is_kept_whole(history: History, by: By | None) -> None:
+    record = opened(private=by is not None)._replace(by=by)
+    history.open_session(record)
+    await history.flush()
+    assert await history.session(1) == await history.session("s") == record
+    assert await history.open_sessions() == [record]
+
+
+@pytest.mark.parametrize("order", ["asc", "desc"])
+async def test_what_is_asked_for_is_found_however_much_else_may_match(history: History, order: Direction) -> None:
+    """A property is not looked at by a backend, so that most of what it finds is not wanted."""
+    history.open_session(opened())
+    own = [1, 2, 51, 52, 53, 103, 104, 160]
+    await add(history, *(step(i, outcomes=(FALSE, FALSE if i in own else HELD)) for i in range(1, 161)))
+    query = Query(frozenset({"q"}), frozenset({FALSE}), limit=50, order=order)
+    found, after = await find(history, opened(), query)
+    assert [record["n"] for record in found] == sorted((2 * i for i in own), reverse=order == "desc")
+    assert after is None
+    found, after = await find(history, opened(), Query(limit=3, order=order))
+    assert [record["n"] for record in found] == ([1, 2, 3] if order == "asc" else [320, 319, 318])
+    assert after == found[-1]["n"]
+
+
+async def test_times_that_bound_a_question_are_included(history: History) -> None:
+    history.open_session(opened())
+    await add(history, *(step(i) for i in range(1, 6)))
+    found, _ = await find(history, opened(), Query(since=20, until=40))
+    assert sorted({record["stamp"] for record in found}) == [20, 30, 40]
 
 
 async def test_the_data_of_an_event_is_not_kept(history: History) -> None:
@@ -204,9 +256,6 @@ async def test_the_data_of_an_event_is_not_kept(history: History) -> None:
     event = msgspec.structs.replace(whole.step.event, data={"image": "…"})
     await add(history, msgspec.structs.replace(whole, step=msgspec.structs.replace(whole.step, event=event)))
     assert await history.step(1, 1) == whole
-
-
-Direction = Literal["asc", "desc"]
 
 
 @st.composite

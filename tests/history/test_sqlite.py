@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import asyncio
 import sqlite3
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import aclosing, closing
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from oracle_server.core.errors import HistoryError
-from oracle_server.history.records import MonitorRecord
+from oracle_server.core.verdicts import Decision
+from oracle_server.history.records import MonitorRecord, SnapshotRecord
 from oracle_server.history.sqlite.history import SqliteHistory
+from oracle_server.history.sqlite.reader import Reader
 from oracle_server.history.sqlite.writer import Durability, Writer
 from tests.history.making import add, opened, step
 from tests.whole.harness import PATIENCE, failed
@@ -83,4 +88,86 @@ async def test_a_reader_that_stands_still_keeps_the_log_from_nothing(tmp_path: P
                 busy, _, _ = database.execute("PRAGMA wal_checkpoint(RESTART)").fetchone()
             assert not busy
             assert sum([len(page) async for page in pages]) >= 1500
+    await asyncio.to_thread(history.close)
+
+
+class Watched(sqlite3.Connection):
+    """A connection that notes whether it is closed while a statement runs, which can end the process."""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self.begun, self.going, self.closed = threading.Event(), threading.Event(), threading.Event()
+        self.runs = self.closed_too_early = False
+        self.create_function("pause", 0, self._pause)
+
+    def _pause(self) -> int:
+        self.runs = True
+        self.begun.set()
+        self.going.wait(PATIENCE)
+        self.runs = False
+        return 1
+
+    def close(self) -> None:
+        self.closed_too_early = self.runs
+        if not self.runs:
+            super().close()
+        self.closed.set()
+
+
+async def test_no_connection_is_closed_that_a_thread_still_reads_with(tmp_path: Path) -> None:
+    """Who asks for a long trace may leave at any time."""
+    with closing(sqlite3.connect(tmp_path / "history.sqlite")) as database:
+        database.execute("CREATE TABLE steps (position)")
+    watched = sqlite3.connect(
+        tmp_path / "history.sqlite", isolation_level=None, check_same_thread=False, factory=Watched
+    )
+
+    class Given(Reader):
+        def _connect(self) -> sqlite3.Connection:
+            return watched
+
+    pages = Given(tmp_path / "history.sqlite").pages(
+        tuple, "SELECT pause() AS key", "SELECT key FROM sorted WHERE rowid BETWEEN ? AND ?", (), 10
+    )
+    reading = asyncio.ensure_future(anext(pages))
+    assert await asyncio.to_thread(watched.begun.wait, PATIENCE)
+    reading.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await reading
+    watched.going.set()
+    assert await asyncio.to_thread(watched.closed.wait, PATIENCE)
+    assert not watched.closed_too_early
+
+
+async def test_what_a_decision_waits_for_waits_for_no_other_reader(tmp_path: Path) -> None:
+    """Who reads long histories takes all of the loop's own threads, for seconds."""
+    history = SqliteHistory(tmp_path)
+    history.start(asyncio.get_running_loop())
+    history.open_session(opened())
+    await add(history, step(1, decision=Decision("deny", ("p",))))
+    asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(1))
+    going = threading.Event()
+    others = asyncio.ensure_future(asyncio.to_thread(going.wait))
+    try:
+        async with asyncio.timeout(PATIENCE):
+            found = await history.asked_step(1, "m", 1)
+            assert found is not None
+            assert found.decision == Decision("deny", ("p",))
+            assert await history.session("s") == opened()
+            assert await history.closed_state("s") is None
+        assert not others.done()
+    finally:
+        going.set()
+    await others
+    await asyncio.to_thread(history.close)
+
+
+async def test_a_snapshot_that_can_not_be_decoded_has_no_data(tmp_path: Path) -> None:
+    history = SqliteHistory(tmp_path)
+    history.start(asyncio.get_running_loop())
+    history.save_snapshot(1, SnapshotRecord(3, {"a": 1}, 2, {"m": [1, 0, []]}))
+    await history.flush()
+    with closing(sqlite3.connect(history.path)) as database, database:
+        database.execute("UPDATE snapshots SET data = substr(data, 2)")
+    assert await history.snapshot(1) == SnapshotRecord(3, None, 2, {"m": [1, 0, []]})
     await asyncio.to_thread(history.close)

@@ -47,6 +47,12 @@ async def test_nothing_waits_for_an_answer_that_the_history_has(tmp_path: Path) 
     _, again = await second.expect("decision", 2)
     assert again == denied
     assert (await second.expect("ack"))[-1]["upto"] >= 1
+    live.ledger.write()
+    await history.flush()
+    acks = len(await second.expect("ack"))
+    live.ingest(monitor, event(1, ask=True, speed=9))
+    await second.expect("decision", 3)
+    assert len(await second.expect("ack", acks + 1)) == acks + 1, "what was sent again alone is acked again"
 
 
 async def test_what_waits_for_answers_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -64,6 +70,10 @@ async def test_what_waits_for_answers_is_bounded(tmp_path: Path, monkeypatch: py
     for seq in range(1, 31):
         live.ingest(monitor, event(seq, ask=True, speed=seq))
     assert not live.has_room, "its monitors are not read meanwhile"
+    async with asyncio.timeout(10):
+        while not history.asked:
+            await asyncio.sleep(0)
+    assert not live.has_room, "one that is taken makes room for none"
     history.going.set()
     async with asyncio.timeout(10):
         await live.room()
@@ -116,3 +126,50 @@ async def test_a_history_that_can_not_be_read_ends_no_session(
     live.ingest(monitor, event(1, ask=True, speed=9))
     assert [frame["seq"] for frame in await outbox.expect("decision", 3)] == [1, 2, 1]
     assert "disk I/O error" in capsys.readouterr().out
+
+
+async def test_no_failure_leaves_an_event_waiting_or_a_session_unread(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A row that can't be understood, say: the events behind it are answered, and there is room again."""
+    monkeypatch.setattr(answers, "_MOST", 1)
+    history = MemoryHistory()
+    sessions = registry(history, tmp_path, GUARD)
+    outbox = Kept()
+    live, monitor = await sessions.attach(attach("s", "guard"), outbox)
+    for seq in (1, 2, 3):
+        live.ingest(monitor, event(seq, ask=True, speed=9))
+    await outbox.expect("decision", 3)
+    live.ledger.write()
+    await history.flush()
+    good = history.asked_step
+
+    async def fails(session: int, name: str, seq: int) -> StoredStep | None:
+        if seq == 1:
+            raise ValueError("no outcome 'x'")
+        return await good(session, name, seq)
+
+    monkeypatch.setattr(history, "asked_step", fails)
+    for seq in (1, 2, 3):
+        live.ingest(monitor, event(seq, ask=True, speed=9))
+    assert not live.has_room
+    assert [frame["seq"] for frame in await outbox.expect("decision", 5)] == [1, 2, 3, 2, 3]
+    async with asyncio.timeout(10):
+        await live.room()
+    assert "no outcome 'x'" in capsys.readouterr().out
+
+
+async def test_a_monitor_that_detaches_is_answered_first(tmp_path: Path) -> None:
+    history = Stuck()
+    sessions = registry(history, tmp_path, GUARD)
+    first = Kept()
+    live, monitor = await sessions.attach(attach("s", "guard"), first)
+    live.ingest(monitor, event(1, ask=True, speed=9))
+    await first.expect("ack")
+    second = Kept()
+    live, monitor = await sessions.attach(attach("s", "guard"), second)
+    live.ingest(monitor, event(1, ask=True, speed=9))
+    live.detach(monitor)
+    history.going.set()
+    await second.expect("detached")
+    assert [frame["type"] for frame in second.frames if frame["type"] != "ack"] == ["decision", "detached"]

@@ -7,6 +7,7 @@ import contextlib
 import sqlite3
 from bisect import bisect_left
 from collections.abc import AsyncGenerator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from itertools import chain
 from pathlib import Path
 
@@ -41,6 +42,8 @@ from oracle_server.history.sqlite.schema import MONITOR_COLUMNS, REFUSED_COLUMNS
 from oracle_server.history.sqlite.writer import Durability, Writer
 
 _PAGE = 1_000
+_LOOKUPS = 4
+"""Threads for what decisions and monitors wait for: long queries of others take all of the event loop's own."""
 _STEPS = f"SELECT {','.join(STEP_COLUMNS)} FROM steps"  # noqa: S608 -- no value is written into a statement
 _SESSIONS = f"SELECT {','.join(SESSION_COLUMNS)} FROM sessions"  # noqa: S608
 _UPTO = "session = ? AND position <= ? AND ord = ?"
@@ -71,6 +74,8 @@ class SqliteHistory:
         self.path = folder / "history.sqlite"
         self._writer = Writer(self.path, durability)
         self._reader = Reader(self.path)
+        self._lookup_threads = ThreadPoolExecutor(_LOOKUPS, "history lookup")
+        self._lookups = Reader(self.path, self._lookup_threads)
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Begin to write; callbacks run on `loop`."""
@@ -79,6 +84,7 @@ class SqliteHistory:
     def close(self) -> None:
         """Commit what waits and close the database. Call it off the event loop."""
         self._writer.close()
+        self._lookup_threads.shutdown()
 
     # how the writing goes
 
@@ -178,12 +184,12 @@ class SqliteHistory:
     async def session(self, name: str | int) -> SessionRecord | None:
         """A session by its id or number."""
         key = "id" if isinstance(name, str) else "number"
-        return await self._reader.one(session_of, f"{_SESSIONS} WHERE {key} = ?", (name,))
+        return await self._lookups.one(session_of, f"{_SESSIONS} WHERE {key} = ?", (name,))
 
     async def closed_state(self, name: str) -> Document | None:
         """How a closed session stood."""
         sql = "SELECT state FROM sessions WHERE id = ? AND closed IS NOT NULL"
-        return await self._reader.one(document_of, sql, (name,))
+        return await self._lookups.one(document_of, sql, (name,))
 
     async def closed_states(self, limit: int) -> list[Document]:
         """How the closed sessions stood, the newest first."""
@@ -217,7 +223,7 @@ class SqliteHistory:
     async def asked_step(self, session: int, monitor: str, seq: int) -> StoredStep | None:
         """The step of an event at which it was decided."""
         where = "WHERE session = ? AND monitor = ? AND seq = ? AND decision IS NOT NULL"
-        return await self._reader.one(step_of, f"{_STEPS} {where}", (session, monitor, seq))
+        return await self._lookups.one(step_of, f"{_STEPS} {where}", (session, monitor, seq))
 
     async def steps(self, session: int, after: int, upto: int | None = None) -> AsyncGenerator[list[StoredStep], None]:
         """The steps behind a position, up to another, by pages."""

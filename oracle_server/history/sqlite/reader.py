@@ -5,7 +5,10 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import sqlite3
+import threading
 from collections.abc import AsyncGenerator, Callable, Sequence
+from concurrent.futures import Executor
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -13,15 +16,17 @@ from oracle_server.core.errors import HistoryError
 from oracle_server.history.sqlite.rows import Row
 
 T = TypeVar("T")
+R = TypeVar("R")
 Values = Sequence[object]
 
 
 class Reader:
     """Reads what is committed. Every method raises `HistoryError` where the database can't be read."""
 
-    def __init__(self, path: Path) -> None:
-        """Read a database, whose file is there."""
+    def __init__(self, path: Path, threads: Executor | None = None) -> None:
+        """Read a database, whose file is there, in some threads, or in the event loop's own."""
         self._uri = f"file:{path}?mode=ro"
+        self._threads = threads
 
     async def all(self, make: Callable[[Row], T], sql: str, values: Values = ()) -> list[T]:
         """What is made of each row, in the thread that reads them."""
@@ -43,7 +48,7 @@ class Reader:
             with contextlib.closing(self._connect()) as reader:
                 return work(reader)
 
-        return await _in_thread(run)
+        return await self._in_thread(run)
 
     async def pages(
         self, make: Callable[[Row], T], order: str, page: str, values: Values, size: int
@@ -54,22 +59,32 @@ class Reader:
         with those keys whose places there are from one number to another. So no read stays open between two pages: the
         database's log could not be taken in meanwhile, and would grow without bound.
         """
-        reader = await _in_thread(self._connect)
+        reader = await self._in_thread(self._connect)
+        in_use = threading.Lock()
+
+        def read(make: Callable[[Row], R], sql: str, values: Values = ()) -> list[R]:
+            with in_use:
+                return [make(row) for row in reader.execute(sql, values)]
+
         try:
-            await _in_thread(lambda: reader.execute(f"CREATE TEMP TABLE sorted AS {order}", values).fetchall())
-            (count,) = await _in_thread(lambda: reader.execute("SELECT count(*) FROM sorted").fetchone())
+            await self._in_thread(lambda: read(tuple, f"CREATE TEMP TABLE sorted AS {order}", values))
+            ((count,),) = await self._in_thread(lambda: read(tuple, "SELECT count(*) FROM sorted"))
             for first in range(1, count + 1, size):
-                bounds = (*values, first, first + size - 1)
-                yield await _in_thread(lambda bounds=bounds: [make(row) for row in reader.execute(page, bounds)])  # type: ignore[misc]
-        finally:
-            reader.close()
+                yield await self._in_thread(partial(read, make, page, (*values, first, first + size - 1)))
+        finally:  # where this is cancelled, a thread still reads: SQLite would crash, were it closed meanwhile
+            reader.interrupt()
+            asyncio.get_running_loop().run_in_executor(self._threads, _close, reader, in_use)
+
+    async def _in_thread(self, work: Callable[[], R]) -> R:
+        try:
+            return await asyncio.get_running_loop().run_in_executor(self._threads, work)
+        except sqlite3.Error as error:
+            raise HistoryError(f"the history can't be read: {error}") from None
 
     def _connect(self) -> sqlite3.Connection:
         return sqlite3.connect(self._uri, uri=True, isolation_level=None, check_same_thread=False)
 
 
-async def _in_thread(work: Callable[[], T]) -> T:
-    try:
-        return await asyncio.to_thread(work)
-    except sqlite3.Error as error:
-        raise HistoryError(f"the history can't be read: {error}") from None
+def _close(reader: sqlite3.Connection, in_use: threading.Lock) -> None:
+    with in_use:
+        reader.close()
