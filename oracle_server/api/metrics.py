@@ -13,7 +13,7 @@ from oracle_server.core.tally import BOUNDS
 from oracle_server.edge.scopes import needs
 from oracle_server.history.port import Writing
 from oracle_server.process.watchdog import Watchdog
-from oracle_server.sessions.counters import TIMES
+from oracle_server.sessions.counters import DECISION_BOUNDS
 from oracle_server.sessions.registry import Registry
 
 _SESSION_COUNTERS = {
@@ -57,10 +57,12 @@ class ServerCollector(Collector):
         yield from self._counted()
         yield from self._present()
         counters, sessions = self._registry.counters, list(self._registry.open.values())
-        held = counters.held([session.core.holds for session in sessions])
+        held = counters.total_holds([session.core.holds for session in sessions])
         yield _histogram("hold", "How long events were held in the order", BOUNDS, held.buckets, held.total)
         times = counters.decisions
-        yield _histogram("decision", "From an event's arrival to its decision", TIMES, times.buckets, times.total)
+        yield _histogram(
+            "decision", "From an event's arrival to its decision", DECISION_BOUNDS, times.buckets, times.total
+        )
 
     def _counted(self) -> Iterator[Metric]:
         counters = self._registry.counters
@@ -69,13 +71,13 @@ class ServerCollector(Collector):
         for outcome, count in counters.outcomes.items():
             verdicts.add_metric([outcome.value], count)
         yield verdicts
-        counts = counters.summed([session.counts() for session in self._registry.open.values()])
+        counts = counters.total_counts([session.counts() for session in self._registry.open.values()])
         for name, what in _SESSION_COUNTERS.items():
             yield CounterMetricFamily(f"oracle_{name}", what, counts[name])
         yield CounterMetricFamily(
             "oracle_throttled", "Times that a monitor was too fast and waited", counters.throttled
         )
-        yield CounterMetricFamily("oracle_attachments", "Connections on which a monitor attached", counters.opened)
+        yield CounterMetricFamily("oracle_attachments", "Connections on which a monitor attached", counters.attachments)
         yield CounterMetricFamily("oracle_stalls", "Times that the event loop stood still", self._watchdog.stalls)
 
     def _present(self) -> Iterator[Metric]:

@@ -70,7 +70,7 @@ async def _events(
     yield format_sse_event(comment="the verdicts of a session")
     while True:
         live = registry.open.get(session_id)
-        upcoming = live.ledger.news.next() if live else None
+        upcoming = live.ledger.commits.next() if live else None
         text, seen, more = await _page(history, known, wanted)
         if text:
             yield text
@@ -80,7 +80,7 @@ async def _events(
         if upcoming is None:
             yield format_sse_event(event="closed", data_str="{}")
             return
-        if live and live.ledger.news.over and registry.open.get(session_id) is live:
+        if live and live.ledger.commits.ended and registry.open.get(session_id) is live:
             return  # the server stops, and the session goes on with the next one
         while not (await asyncio.wait((upcoming,), timeout=_KEEPALIVE))[0]:
             yield KEEPALIVE_COMMENT

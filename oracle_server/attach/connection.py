@@ -216,7 +216,7 @@ class Connection:
         try:
             async with asyncio.timeout(_ANSWER_WITHIN):
                 session, monitor = self._place = await self._registry.attach(wanted, self)
-                self._registry.counters.opened += 1
+                self._registry.counters.attachments += 1
                 log.info("monitor attached", session=session.id, monitor=monitor.name)
                 await self._registry.flush()  # a monitor that is greeted is waited for by a restarted server
         except TimeoutError:
@@ -227,7 +227,7 @@ class Connection:
         if self._talk.ended:
             return
         self._talk.greet(attached_frame(session, monitor), monitor.numbering.upto)
-        session.tell_verdicts(monitor)
+        session.send_verdicts(monitor)
         self._ready.set()
         if self._direct is not None:
             self._direct.taker = self
@@ -326,12 +326,12 @@ def _hand_over(message: Heard, session: LiveSession, monitor: Monitor) -> None:
         case WireError():
             session.refuse(monitor, message)
         case QuickClock() | ClockMessage():
-            session.clock(monitor, message)
+            session.update_clocks(monitor, message)
         case HandlingMessage():
-            session.outcome(monitor, message)
+            session.record_handling(monitor, message)
         case QuickHandlings(outcomes=outcomes) | HandlingsMessage(outcomes=outcomes):
             for outcome in outcomes:
-                session.outcome(monitor, outcome)
+                session.record_handling(monitor, outcome)
         case ReportMessage():
             session.report(monitor, message)
         case Detach():

@@ -62,10 +62,10 @@ def streams(spec: Annotated[Path, typer.Argument(metavar="SPEC", help="A spec fi
     import json
 
     from oracle_server.core.plan import plan
-    from oracle_server.sessions.greeting import described
+    from oracle_server.sessions.greeting import stream_frame
     from oracle_server.specfiles.load import load_spec
 
     ready = plan(load_spec(spec).spec)
-    told = [described(ready, key) for key in ready.streams]
-    document = {"spec": ready.spec.id, "spec_digest": ready.spec.digest, "streams": told}
+    frames = [stream_frame(ready, key) for key in ready.streams]
+    document = {"spec": ready.spec.id, "spec_digest": ready.spec.digest, "streams": frames}
     typer.echo(json.dumps(document, indent=2))

@@ -220,7 +220,7 @@ async def test_a_formula_that_explodes_is_told_and_costs_the_others_nothing(serv
     assert all(r["degraded"] for r in unknown[1:])
     assert states["small"]["broken"] is None
     assert engine_failures(server) == failures + 1
-    server.said("a property is judged no more")
+    server.said("a property is no longer judged")
 
 
 def engine_failures(server: Server) -> float:

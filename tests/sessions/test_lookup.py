@@ -10,7 +10,7 @@ import pytest
 from oracle_server.core.errors import HistoryError
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.records import StoredStep
-from oracle_server.sessions import answers
+from oracle_server.sessions import lookup
 from tests.sessions.making import GUARD, Kept, attach, event, registry
 
 
@@ -50,7 +50,7 @@ async def test_nothing_waits_for_an_answer_that_the_history_has(tmp_path: Path) 
 
 
 async def test_what_waits_for_answers_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(answers, "_MOST", 10)
+    monkeypatch.setattr(lookup, "_MOST", 10)
     history = Stuck()
     sessions = registry(history, tmp_path, GUARD)
     outbox = Kept()
