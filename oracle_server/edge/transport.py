@@ -92,48 +92,48 @@ class HttpTransport(H11Protocol):
             self._patience = None
 
 
-class Taker(Protocol):
-    """Who takes messages as they come, without being woken for each."""
+class Receiver(Protocol):
+    """Processes messages on their arrival, without a task that is woken for each."""
 
-    def take(self, text: str) -> bool:
-        """Take a message now; False where it has to wait to be received, with all that come until it was."""
+    def offer(self, text: str) -> bool:
+        """Process a message now; False where it must wait to be received, as must all that arrive before that."""
 
-    def taken(self) -> None:
-        """No more messages have come for now."""
+    def flush(self) -> None:
+        """Write replies, after each message of a read from the socket was offered."""
 
 
 class WebSocketTransport(WebSocketsSansIOProtocol):
-    """One WebSocket; in the extensions of its scope it is there as `DIRECT`."""
+    """One WebSocket; the extensions of its scope hold it as `DIRECT`."""
 
-    taker: Taker | None = None
+    receiver: Receiver | None = None
 
     def handle_connect(self, event: Request) -> None:
-        """Let the application find this."""
+        """Add this transport to the extensions of the scope."""
         super().handle_connect(event)
         if not self.close_sent:
             cast("dict[str, object]", self.scope["extensions"])[DIRECT] = self
 
     def data_received(self, data: bytes) -> None:
-        """Hand over what has come."""
+        """Offer the messages in `data` to the receiver, then let it write its replies."""
         super().data_received(data)
-        if self.taker is not None:
-            self.taker.taken()
+        if self.receiver is not None:
+            self.receiver.flush()
 
     def send_receive_event_to_app(self) -> None:
-        """Hand over a message, unless others wait before it."""
-        if self.taker is not None and self.queue.empty() and not self.close_sent and self._is_taken(self.taker):
+        """Offer a message to the receiver, or queue it where others wait before it."""
+        if self.receiver is not None and self.queue.empty() and not self.close_sent and self._offer(self.receiver):
             self.frames = []
         else:
             super().send_receive_event_to_app()
 
-    def _is_taken(self, taker: Taker) -> bool:
+    def _offer(self, receiver: Receiver) -> bool:
         if self.curr_msg_data_type != "text":
             return False
         try:
             text = b"".join(self.frames).decode()
         except UnicodeDecodeError:
             return False
-        return taker.take(text)
+        return receiver.offer(text)
 
     def write(self, texts: Iterable[bytes]) -> bool:
         """Write messages in one go; False where they have to wait, since the peer is slow or leaves, or has gone."""

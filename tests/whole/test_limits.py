@@ -178,7 +178,7 @@ def test_the_throttle_lets_a_burst_through_and_then_the_rate(monkeypatch: pytest
     throttle = Throttle(1000)
     for _ in range(1999):
         throttle.count()
-    assert throttle.is_due
+    assert throttle.must_yield
     assert throttle.pause() == 0
     for _ in range(1000):
         throttle.count()
