@@ -52,11 +52,11 @@ def build_app(
 
 
 def _attach_route(registry: Registry, max_rate: float) -> APIRouter:
-    made = APIRouter()
+    routes = APIRouter()
 
-    @made.websocket("/api/v1/attach")
+    @routes.websocket("/api/v1/attach")
     @needs("submit")
     async def attach(socket: WebSocket) -> None:
         await Connection(socket, registry, max_rate).serve()
 
-    return made
+    return routes

@@ -79,7 +79,7 @@ async def test_a_token_is_asked_for_and_kept_to_oneself(start: Starts, tmp_path:
     await expect(field).to_have_value("")
     await field.fill(submits)
     await page.get_by_role("button", name="Use").click()
-    await expect(page.get_by_role("status")).to_contain_text("the token's scopes do not hold `read`")
+    await expect(page.get_by_role("status")).to_contain_text("the token lacks the scope `read`")
     await field.fill(secret)
     await page.get_by_role("button", name="Use").click()
     await expect(page.get_by_role("status")).to_have_text("live")
