@@ -40,10 +40,10 @@ def replay(
     """Judge a recording offline, through the same session code as the server."""
     import structlog
 
-    from oracle_server.process.garbage import look_seldom
+    from oracle_server.process.garbage import collect_rarely
     from oracle_server.replay.command import run_replay
 
     structlog.configure(logger_factory=structlog.PrintLoggerFactory(sys.stderr))  # the report is on standard output
-    look_seldom()
+    collect_rarely()
     chosen = Form.JSONL if as_json else form
     raise typer.Exit(run_replay(specs, trace, by.value if by else None, chosen.value, types or []))
