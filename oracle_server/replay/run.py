@@ -18,7 +18,7 @@ from oracle_server.core.session import Session, orders
 from oracle_server.core.spec import By, Spec
 from oracle_server.core.verdicts import Judged, Outcome
 from oracle_server.engines.table import make_engines
-from oracle_server.remote.offline import Consultation
+from oracle_server.remote.offline import OfflineOracles
 from oracle_server.replay.comparison import Comparison
 from oracle_server.replay.recording import Place, Projected, Recorded, Recording
 
@@ -44,7 +44,7 @@ class Replay:
         self._recording = recording
         self._anew = by is not None
         self._session: Session | None = None
-        self._consultation: Consultation | None = None
+        self._oracles: OfflineOracles | None = None
 
     def __iter__(self) -> Iterator[Judged]:
         """What is judged, in order. Raises `TraceError` where the recording can't be used."""
@@ -59,13 +59,13 @@ class Replay:
                     self.comparison.judged(item)
                 yield item
         finally:
-            if self._consultation is not None:
-                self._consultation.close()
+            if self._oracles is not None:
+                self._oracles.close()
 
     def _as_new(self, first: Recorded, rest: Iterator[Recorded]) -> Iterator[Judged]:
         session = self._session = self._open()
         if session.asking is not None:
-            self._consultation = Consultation(session)
+            self._oracles = OfflineOracles(session)
         monitors: set[str] = set()
         for recorded in itertools.chain((first,), rest):
             event = self._take(recorded)
@@ -78,7 +78,7 @@ class Replay:
         yield from self._settled(session.finish(session.now))
 
     def _settled(self, judged: list[Judged]) -> list[Judged]:
-        return judged if self._consultation is None else judged + self._consultation.settle()
+        return judged if self._oracles is None else judged + self._oracles.settle()
 
     def _again(self, first: Recorded, rest: Iterator[Recorded]) -> Iterator[Judged]:
         """Judge in the recorded order: what was judged before an event arrived comes before what it brought about."""
