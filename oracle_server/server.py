@@ -1,4 +1,4 @@
-"""Builds the server, starts its parts in order, and stops them in the opposite one."""
+"""The server: builds its parts, starts them in order, and stops them in reverse."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from oracle_server.history.port import History
 from oracle_server.history.retention import Pruner
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.process.clock import Clock
-from oracle_server.process.garbage import look_seldom
+from oracle_server.process.garbage import collect_rarely
 from oracle_server.process.logs import set_up_logs
 from oracle_server.process.notify import notify
 from oracle_server.process.pidfile import PidFile
@@ -45,9 +45,9 @@ from oracle_server.wire.incoming import MAX_FRAME
 _LOOPBACK = ("127.0.0.1", "::1", "localhost")
 _STOP_WITHIN = 10
 _UNSENT = 2**14
-"""Bytes that the system takes for a client that reads nothing, beyond what the client has room for."""
-_TURN = 0.001
-"""Seconds after which a thread that computes gives way to the event loop, whose decisions wait for no reader."""
+"""Bytes that the operating system buffers for a client that does not read."""
+_SWITCH_INTERVAL = 0.001
+"""Seconds after which a computing thread yields the interpreter to the event loop, which must decide quickly."""
 
 log = structlog.get_logger()
 
@@ -62,11 +62,11 @@ def serve(settings: Settings) -> None:
     pid_file = PidFile(settings.data_dir)
     try:
         tokens = Tokens(settings.token_file)
-        _refuse_to_be_open(settings, tokens)
+        _require_protection(settings, tokens)
         tls = _tls(settings)
         library = Library(_specs_folder(settings), settings.data_dir / "specs")
         if settings.legacy is not None:
-            library.get(settings.legacy)  # refuses one that is not on hand
+            library.get(settings.legacy)  # raises for an unknown spec
         listener = _listen(settings.host, settings.port)
         try:
             history = _history(settings)
@@ -88,7 +88,7 @@ def _history(settings: Settings) -> History:
 
 
 class _Door(NamedTuple):
-    """Where the server is reached, by whom and how."""
+    """How clients reach the server: by which socket, with which TLS and tokens."""
 
     tokens: Tokens
     tls: ssl.SSLContext | None
@@ -97,8 +97,8 @@ class _Door(NamedTuple):
 
 
 async def _serve(settings: Settings, library: Library, history: History, door: _Door) -> None:
-    _take_all_files(settings.max_connections)
-    sys.setswitchinterval(_TURN)
+    _raise_file_limit(settings.max_connections)
+    sys.setswitchinterval(_SWITCH_INTERVAL)
     tls = door.tls
     history.start(asyncio.get_running_loop())
     clock = Clock(at_least=await history.last_time())
@@ -107,10 +107,10 @@ async def _serve(settings: Settings, library: Library, history: History, door: _
     pruner = Pruner(history, bounds, library.retention, clock.now, registry.save)
     with Watchdog() as watchdog:
         await registry.restore_all()
-        look_seldom()
+        collect_rarely()
         app = build_app(registry, library, history, watchdog, legacy=settings.legacy, max_rate=settings.max_rate)
         config = uvicorn.Config(
-            _guarded(app, settings, door.tokens),
+            _protected(app, settings, door.tokens),
             http=bounded(settings.max_connections),
             ws=WebSocketTransport,
             ws_max_size=MAX_FRAME,
@@ -133,14 +133,15 @@ async def _serve(settings: Settings, library: Library, history: History, door: _
             await asyncio.wait((pruning,))
 
 
-def _guarded(app: FastAPI, settings: Settings, tokens: Tokens) -> Origins:
-    """The app behind all that a request must pass."""
+def _protected(app: FastAPI, settings: Settings, tokens: Tokens) -> Origins:
+    """The app behind the checks of origin, token and body."""
     allowed = (name.strip() for name in settings.allowed_hosts.split(","))
     hosts = [settings.host, *filter(None, allowed)]
     return Origins(Access(Bodies(app), tokens, RouteScopes(app.routes)), hosts=hosts)
 
 
-def _refuse_to_be_open(settings: Settings, tokens: Tokens) -> None:
+def _require_protection(settings: Settings, tokens: Tokens) -> None:
+    """Raise `ServerError` where the server would be reachable beyond loopback without tokens and TLS."""
     if settings.host in _LOOPBACK or (tokens.required and settings.tls_cert):
         return
     missing = " and ".join(
@@ -151,13 +152,13 @@ def _refuse_to_be_open(settings: Settings, tokens: Tokens) -> None:
     if not settings.insecure:
         raise ServerError(
             f"{settings.host}: others could reach the server there, and {missing} would be missing; "
-            "set them up, bind 127.0.0.1, or say --insecure"
+            "set them up, bind 127.0.0.1, or add --insecure"
         )
     log.warning("reachable by others without protection", host=settings.host, missing=missing)
 
 
 def _tls(settings: Settings) -> ssl.SSLContext | None:
-    """TLS as it is asked for. Raises `ServerError` where the certificates can't be used."""
+    """The TLS context of the settings. Raises `ServerError` where the certificates can't be used."""
     if settings.tls_cert is None or settings.tls_key is None:
         return None
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
@@ -173,8 +174,8 @@ def _tls(settings: Settings) -> ssl.SSLContext | None:
     return context
 
 
-def _take_all_files(connections: int) -> None:
-    """Let the process open as many files as it may, and say so where that is too few for its connections."""
+def _raise_file_limit(connections: int) -> None:
+    """Raise the limit of open files for so many connections, and warn where the hard limit is too low."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     wanted = connections + 200
     if soft != resource.RLIM_INFINITY and soft < wanted:
@@ -185,7 +186,7 @@ def _take_all_files(connections: int) -> None:
 
 
 class _Server(uvicorn.Server):
-    """Reports when work is accepted; at the end closes the listeners, then commits, then closes the connections."""
+    """Reports when it accepts work; to stop, closes the listeners, commits, and then closes the connections."""
 
     def __init__(self, config: uvicorn.Config, registry: Registry, settings: Settings, pid_file: PidFile) -> None:
         super().__init__(config)
@@ -193,7 +194,7 @@ class _Server(uvicorn.Server):
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """Stop on SIGTERM and SIGINT without raising them again afterwards: a clean stop exits with 0."""
+        """Stop on SIGTERM and SIGINT without raising them again, so that a clean stop exits with 0."""
         loop = asyncio.get_running_loop()
         for number in (signal.SIGTERM, signal.SIGINT):
             loop.add_signal_handler(number, self.handle_exit, number, None)
@@ -205,7 +206,7 @@ class _Server(uvicorn.Server):
             host, port = listener.getsockname()[:2]
             scheme = "https" if self._settings.tls_cert else "http"
             url = f"{scheme}://{_bracketed(host)}:{port}"
-            self._pid_file.tell(url)
+            self._pid_file.publish(url)
             log.info("accepting work", url=url, data=str(self._settings.data_dir))
         notify("READY=1")
 
@@ -230,7 +231,7 @@ def _specs_folder(settings: Settings) -> Path | None:
 
 def _listen(host: str, port: int) -> socket.socket:
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    # asyncio turns Nagle's algorithm off only where the protocol is named; with it a decision can wait 40 ms
+    # asyncio disables Nagle's algorithm only where the protocol is given; with it a decision can wait 40 ms
     listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, _UNSENT)
@@ -238,8 +239,8 @@ def _listen(host: str, port: int) -> socket.socket:
         listener.bind((host, port))
     except OSError as error:
         listener.close()
-        mend = "; stop what uses it, or choose another --port" if error.errno == errno.EADDRINUSE else ""
-        raise ServerError(f"{_bracketed(host)}:{port}: {error.strerror}{mend}") from None
+        hint = "; stop what uses it, or choose another --port" if error.errno == errno.EADDRINUSE else ""
+        raise ServerError(f"{_bracketed(host)}:{port}: {error.strerror}{hint}") from None
     return listener
 
 

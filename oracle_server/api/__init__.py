@@ -1,1 +1,1 @@
-"""The HTTP API."""
+"""The HTTP API: its routes, one module for each resource."""

@@ -25,10 +25,10 @@ def build_app(
     legacy: str | None = None,
     max_rate: float = 0,
 ) -> FastAPI:
-    """The app over a server's parts; `RouteScopes` of its routes tells what each of them needs.
+    """The app over a server's parts; `RouteScopes` looks up the scope that each of its routes needs.
 
-    `legacy` is the spec of the old monitors that name none; each monitor may send `max_rate` events a second, 0 for any
-    number.
+    `legacy` is the spec of the legacy monitors that name none. Each monitor may send `max_rate` events a second on
+    average; 0 is no limit.
     """
     app = FastAPI(
         title="oracle-server",
@@ -52,11 +52,11 @@ def build_app(
 
 
 def _attach_route(registry: Registry, max_rate: float) -> APIRouter:
-    made = APIRouter()
+    routes = APIRouter()
 
-    @made.websocket("/api/v1/attach")
+    @routes.websocket("/api/v1/attach")
     @needs("submit")
     async def attach(socket: WebSocket) -> None:
         await Connection(socket, registry, max_rate).serve()
 
-    return made
+    return routes

@@ -1,4 +1,4 @@
-"""Explanations on request: one is computed at a time, a few wait, and one that nobody waits for is given up."""
+"""Explanations on request: computed one at a time, with a bounded queue; cancelled when the client disconnects."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from oracle_server.history.port import Reading
 from oracle_server.review.explanation import explained
 
 MOST = 16
-"""Explanations that may be waited for at a time, the one that is computed included."""
-_LOOK_EVERY = 0.25
-"""Seconds between two looks whether the client is still there."""
-_AGAIN_AFTER = 5
-"""Seconds after which a client that was refused may ask again."""
+"""Requests that may be open at a time, including the one that is computed."""
+_CHECK_EVERY = 0.25
+"""Seconds between two checks whether the client is still connected."""
+_RETRY_AFTER = 5
+"""Seconds after which a client that was refused should try again."""
 
 _Record = VerdictRecord | None
 
@@ -25,33 +25,33 @@ class Explainer:
 
     def __init__(self, history: Reading) -> None:
         self._history = history
-        self._turn = asyncio.Lock()
-        self._asked = 0
+        self._computing = asyncio.Lock()
+        self._open = 0
 
     async def explained(self, request: Request, session: int, n: int) -> _Record:
-        """Record number `n` of a session, by its number, with its explanation; None where there is no such record.
+        """Verdict record `n` of a session (by its number) with its explanation; None where there is no such record.
 
-        Raises `NoExplanationError`, and 503 where too many explanations are waited for already.
+        Raises `NoExplanationError`, and 503 where `MOST` requests are open already.
         """
-        if self._asked >= MOST:
+        if self._open >= MOST:
             detail = f"{MOST} explanations are being computed or waited for already; ask again later"
-            raise HTTPException(503, detail, {"Retry-After": str(_AGAIN_AFTER)})
-        computing = asyncio.create_task(self._in_turn(session, n))
-        self._asked += 1
-        computing.add_done_callback(self._answered)
+            raise HTTPException(503, detail, {"Retry-After": str(_RETRY_AFTER)})
+        explanation = asyncio.create_task(self._explained(session, n))
+        self._open += 1
+        explanation.add_done_callback(self._done)
         try:
-            while not (await asyncio.wait((computing,), timeout=_LOOK_EVERY))[0]:
+            while not (await asyncio.wait((explanation,), timeout=_CHECK_EVERY))[0]:
                 if await request.is_disconnected():
-                    raise HTTPException(400, "the client left before its answer")
-            return computing.result()
+                    raise HTTPException(400, "the client disconnected before the answer")
+            return explanation.result()
         finally:
-            computing.cancel()
+            explanation.cancel()
 
-    async def _in_turn(self, session: int, n: int) -> _Record:
-        async with self._turn:
+    async def _explained(self, session: int, n: int) -> _Record:
+        async with self._computing:
             return await explained(self._history, session, n)
 
-    def _answered(self, computing: asyncio.Task[_Record]) -> None:
-        self._asked -= 1
-        if not computing.cancelled():
-            computing.exception()  # it has been seen: who waited for it has got it, or has left
+    def _done(self, explanation: asyncio.Task[_Record]) -> None:
+        self._open -= 1
+        if not explanation.cancelled():
+            explanation.exception()  # marks it as retrieved, where the client has disconnected

@@ -1,4 +1,4 @@
-"""Whether the server runs, and whether it can judge."""
+"""Health checks: whether the server runs, and whether it can judge."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from oracle_server.history.port import History
 
 
 class Health(BaseModel):
-    """The server's state in a word."""
+    """The answer of a health check that succeeds."""
 
     status: Literal["ok", "ready"]
 
 
 def router(history: History) -> APIRouter:
     """The routes of health checks."""
-    made = APIRouter(tags=["health"])
+    routes = APIRouter(tags=["health"])
 
-    @made.get("/healthz")
+    @routes.get("/healthz")
     @needs(None)
     async def alive() -> Health:
-        """Tell that the server runs."""
+        """Check that the server runs."""
         return Health(status="ok")
 
-    @made.get("/readyz")
+    @routes.get("/readyz")
     @needs(None)
     async def ready() -> Health:
-        """Tell whether the server can judge."""
+        """Check that the server can judge; 503 while its history can't be written."""
         if history.failure is not None:
             raise HTTPException(503, f"the history can't be written: {history.failure}")
         return Health(status="ready")
 
-    return made
+    return routes

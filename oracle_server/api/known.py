@@ -1,4 +1,4 @@
-"""Sessions that a request names: known to the server, and within what its sender's token is bound to."""
+"""Looks up the session that a request names, and checks that the sender's token covers it."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from oracle_server.sessions.registry import Registry
 
 
 async def demand_session(connection: HTTPConnection, registry: Registry, session_id: str) -> SessionRecord:
-    """A session that is known and that the sender's token covers. Raises 404 or 403."""
+    """The record of a session that the sender's token covers. Raises 404 or 403."""
     known = await registry.known(session_id)
     demand(connection, spec=known and known.spec, session=session_id)
     return known or unknown_session(session_id)
 
 
 async def state_of(registry: Registry, session_id: str) -> dict[str, Any]:
-    """How a session stands, or stood when it was closed. Raises 404."""
+    """A session's state, as of its end where it is closed. Raises 404."""
     return await registry.state(session_id) or unknown_session(session_id)
 
 
 def unknown_session(session_id: str) -> NoReturn:
-    """Raise 404."""
+    """Raise 404 for a session."""
     raise HTTPException(404, f"no session '{session_id}' is known")

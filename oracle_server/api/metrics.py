@@ -1,4 +1,4 @@
-"""`/metrics` for Prometheus: made of plain numbers when it is asked for. No label holds a session or a topic."""
+"""`/metrics` for Prometheus. No label has sessions or topics as values, so that the number of series is bounded."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from oracle_server.core.tally import BOUNDS
 from oracle_server.edge.scopes import needs
 from oracle_server.history.port import Writing
 from oracle_server.process.watchdog import Watchdog
-from oracle_server.sessions.counters import TIMES
+from oracle_server.sessions.counters import DECISION_BOUNDS
 from oracle_server.sessions.registry import Registry
 
 _SESSION_COUNTERS = {
-    "late": "Events that were older than something judged",
+    "late": "Events older than an event judged before",
     "skewed": "Events stamped too far ahead of their arrival",
     "skipped": "Events that were not judged: late, or while the history could not be written",
-    "lost": "Events that never came",
-    "duplicates": "Events that came again",
+    "lost": "Events that never arrived",
+    "duplicates": "Events that were received again",
     "denied": "Events that were denied",
-    "refused": "Events that could not be read, or of no stream",
-    "violations": "Properties that became negative",
-    "engine_failures": "Engines that judge no more",
+    "refused": "Events that could not be read, or of an unknown stream",
+    "violations": "Verdicts at which a property became negative",
+    "engine_failures": "Engines that failed and judge no further events",
 }
 _CONTENT = "text/plain; version=0.0.4; charset=utf-8"
 
@@ -35,32 +35,34 @@ def router(registry: Registry, history: Writing, watchdog: Watchdog) -> APIRoute
     collectors = CollectorRegistry()
     collectors.register(ServerCollector(registry, history, watchdog))
     ProcessCollector(registry=collectors)
-    made = APIRouter(tags=["health"])
+    routes = APIRouter(tags=["health"])
 
-    @made.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
+    @routes.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
     @needs("read")
     async def metrics() -> Response:
         """The server's numbers, for Prometheus."""
         return Response(generate_latest(collectors), headers={"Content-Type": _CONTENT})
 
-    return made
+    return routes
 
 
 class ServerCollector(Collector):
-    """What one server has to tell."""
+    """Collects the metrics of one server."""
 
     def __init__(self, registry: Registry, history: Writing, watchdog: Watchdog) -> None:
         self._registry, self._history, self._watchdog = registry, history, watchdog
 
     def collect(self) -> Iterator[Metric]:
-        """All metrics, as they are now."""
+        """All metrics, with their present values."""
         yield from self._counted()
         yield from self._present()
         counters, sessions = self._registry.counters, list(self._registry.open.values())
-        held = counters.held([session.core.holds for session in sessions])
+        held = counters.total_holds([session.core.holds for session in sessions])
         yield _histogram("hold", "How long events were held in the order", BOUNDS, held.buckets, held.total)
         times = counters.decisions
-        yield _histogram("decision", "From an event's arrival to its decision", TIMES, times.buckets, times.total)
+        yield _histogram(
+            "decision", "From an event's arrival to its decision", DECISION_BOUNDS, times.buckets, times.total
+        )
 
     def _counted(self) -> Iterator[Metric]:
         counters = self._registry.counters
@@ -69,19 +71,17 @@ class ServerCollector(Collector):
         for outcome, count in counters.outcomes.items():
             verdicts.add_metric([outcome.value], count)
         yield verdicts
-        counts = counters.summed([session.counts() for session in self._registry.open.values()])
+        counts = counters.total_counts([session.counts() for session in self._registry.open.values()])
         for name, what in _SESSION_COUNTERS.items():
             yield CounterMetricFamily(f"oracle_{name}", what, counts[name])
-        yield CounterMetricFamily(
-            "oracle_throttled", "Times that a monitor was too fast and waited", counters.throttled
-        )
-        yield CounterMetricFamily("oracle_attachments", "Connections on which a monitor attached", counters.opened)
-        yield CounterMetricFamily("oracle_stalls", "Times that the event loop stood still", self._watchdog.stalls)
+        yield CounterMetricFamily("oracle_throttled", "Pauses of monitors that sent too fast", counters.throttled)
+        yield CounterMetricFamily("oracle_attachments", "Connections on which a monitor attached", counters.attachments)
+        yield CounterMetricFamily("oracle_stalls", "Stalls of the event loop", self._watchdog.stalls)
 
     def _present(self) -> Iterator[Metric]:
         sessions = self._registry.open.values()
         outboxes = [m.outbox for s in sessions for m in s.monitors.values() if m.outbox]
-        depths = GaugeMetricFamily("oracle_queue_depth", "What waits, by where", labels=["queue"])
+        depths = GaugeMetricFamily("oracle_queue_depth", "Entries that wait, by queue", labels=["queue"])
         depths.add_metric(["order"], sum(len(s.core.buffer) for s in sessions))
         depths.add_metric(["history"], self._history.pending)
         depths.add_metric(["monitors"], sum(getattr(outbox, "queued", 0) for outbox in outboxes))

@@ -1,4 +1,4 @@
-"""The API as it is described at /openapi.json: `python -m oracle_server.api.openapi > docs/openapi.json`."""
+"""Writes the API's description, which docs/openapi.json holds: `python -m oracle_server.api.openapi`."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Pages for people, from files that are served here, so that they work where there is no other network.
+"""The pages for browsers: `/`, the dashboard, and `/docs`, the API to try out.
 
-`/` is the dashboard, `/docs` the API to try out.
+All their files are served from here, so that they work without another network.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _TYPES = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 _POLICY = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; " + (
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-"""The dashboard shows what robots say: were some of it taken for code, the browser would still not run it."""
+"""The dashboard shows data from robots; with this policy a browser runs none of it, even where it is injected."""
 _DASHBOARD = {
     "Cache-Control": "no-cache",
     "Content-Security-Policy": _POLICY,
@@ -36,29 +36,29 @@ _DOCS = {
 
 
 def router(app: FastAPI) -> APIRouter:
-    """The pages and their files, and the description of an app's API."""
-    made = APIRouter(include_in_schema=False)
-    _add_dashboard(made, files("oracle_server") / "dashboard")
-    _add_docs(made, files("fastapi_offline") / "static")
+    """The routes of the pages, their files, and the description of an app's API."""
+    routes = APIRouter(include_in_schema=False)
+    _add_dashboard(routes, files("oracle_server") / "dashboard")
+    _add_docs(routes, files("fastapi_offline") / "static")
 
-    @made.get("/openapi.json")
+    @routes.get("/openapi.json")
     @needs(None)
     async def describe() -> dict[str, Any]:
         return app.openapi()
 
-    return made
+    return routes
 
 
-def _add_dashboard(made: APIRouter, folder: Traversable) -> None:
-    _add_file(made, "/", (folder / "index.html").read_bytes(), "text/html", _DASHBOARD)
+def _add_dashboard(routes: APIRouter, folder: Traversable) -> None:
+    _add_file(routes, "/", (folder / "index.html").read_bytes(), "text/html", _DASHBOARD)
     for file in folder.iterdir():
         kind = _TYPES.get(PurePath(file.name).suffix)
         if kind is not None:
-            _add_file(made, f"/dashboard/{file.name}", file.read_bytes(), kind, _DASHBOARD)
+            _add_file(routes, f"/dashboard/{file.name}", file.read_bytes(), kind, _DASHBOARD)
 
 
-def _add_docs(made: APIRouter, folder: Traversable) -> None:
-    @made.get("/docs")
+def _add_docs(routes: APIRouter, folder: Traversable) -> None:
+    @routes.get("/docs")
     @needs(None)
     async def docs() -> HTMLResponse:
         return get_swagger_ui_html(
@@ -70,11 +70,11 @@ def _add_docs(made: APIRouter, folder: Traversable) -> None:
         )
 
     for name, kind in _DOCS.items():
-        _add_file(made, f"/docs/{name}", (folder / name).read_bytes(), kind, _KEPT)
+        _add_file(routes, f"/docs/{name}", (folder / name).read_bytes(), kind, _KEPT)
 
 
-def _add_file(made: APIRouter, path: str, content: bytes, kind: str, headers: dict[str, str]) -> None:
-    @made.get(path)
+def _add_file(routes: APIRouter, path: str, content: bytes, kind: str, headers: dict[str, str]) -> None:
+    @routes.get(path)
     @needs(None)
     async def serve() -> Response:
         return Response(content, media_type=kind, headers=headers)

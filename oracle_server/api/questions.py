@@ -1,4 +1,4 @@
-"""What may be asked of verdict records: each query parameter once."""
+"""The query parameters that select verdict records."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ from oracle_server.history.query import Query as Question
 
 _BELOW = 2**63
 Nanoseconds = Annotated[int | None, Query(ge=0, lt=_BELOW, description="A publication time in ns, included")]
-Number = Annotated[int, Query(ge=0, lt=_BELOW, description="The `n` of the last record seen: goes on behind it")]
+Number = Annotated[
+    int, Query(ge=0, lt=_BELOW, description="The `n` of the last record that was read; records after it follow")
+]
 Outcomes = Annotated[list[Outcome], Query(default_factory=list, description="Only these outcomes; repeatable")]
 
 
@@ -22,7 +24,7 @@ def chosen(
     ],
     stream: Annotated[str | None, Query(description="Only events of the topic or service of this name")] = None,
 ) -> Question:
-    """Records of some properties and one stream, of all where none is named."""
+    """The question for records of some properties and one stream; of all where none is named."""
     return Question(frozenset(property), stream=stream)
 
 
@@ -31,8 +33,10 @@ def paged(
     since: Nanoseconds = None,
     until: Nanoseconds = None,
     after: Number | None = None,
-    limit: Annotated[int, Query(ge=1, le=1000, description="Records in one answer; `next` tells where to go on")] = 100,
+    limit: Annotated[
+        int, Query(ge=1, le=1000, description="Records in one answer; `next` is the `after` of the following page")
+    ] = 100,
     order: Annotated[Literal["asc", "desc"], Query(description="The oldest or the newest first")] = "asc",
 ) -> Question:
-    """A page of them."""
+    """The question for one page of records."""
     return replace(question, since=since, until=until, after=after, limit=limit, order=order)

@@ -18,10 +18,11 @@ from oracle_server.wire.incoming import Identifier
 from oracle_server.wire.json import encode_bytes
 
 _COMMIT_WITHIN = _CLOSE_WITHIN = 10.0
+"""Seconds for a session to be committed, or closed, before a request is answered by 503."""
 
 
 class NewSession(BaseModel):
-    """What is asked for by POST /sessions."""
+    """The body of POST /sessions."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -30,27 +31,27 @@ class NewSession(BaseModel):
 
 
 class SessionList(BaseModel):
-    """Sessions, each as it stands."""
+    """The states of sessions."""
 
     items: list[dict[str, Any]]
 
 
 def router(registry: Registry, history: History) -> APIRouter:
     """The routes of the sessions."""
-    made = APIRouter(prefix="/api/v1", tags=["sessions"])
+    routes = APIRouter(prefix="/api/v1", tags=["sessions"])
 
-    @made.get("/sessions", response_model=SessionList)
+    @routes.get("/sessions", response_model=SessionList)
     @needs("read")
     async def list_sessions(request: Request) -> Response:
         """List all sessions, open ones first."""
         grant, states = grant_of(request), await registry.states()
-        told = {"items": [s for s in states if grant.covers(spec=s["spec"], session=s["id"])]}
-        return Response(await asyncio.to_thread(encode_bytes, told), media_type="application/json")
+        document = {"items": [s for s in states if grant.covers(spec=s["spec"], session=s["id"])]}
+        return Response(await asyncio.to_thread(encode_bytes, document), media_type="application/json")
 
-    @made.post("/sessions", status_code=201)
+    @routes.post("/sessions", status_code=201)
     @needs("submit")
     async def create_session(wanted: Annotated[NewSession, Body()], request: Request) -> dict[str, Any]:
-        """Open a session that monitors can join by its name; a restarted server still has it."""
+        """Open a session that monitors can attach to by its name; it stays open when the server restarts."""
         demand(request, spec=wanted.spec, session=wanted.id)
         try:
             session = await registry.create(wanted.spec, wanted.id)
@@ -62,20 +63,20 @@ def router(registry: Registry, history: History) -> APIRouter:
             async with asyncio.timeout(_COMMIT_WITHIN):
                 await history.flush()
         except TimeoutError:
-            raise HTTPException(503, "the history can't be written; the session is open but not kept yet") from None
+            raise HTTPException(503, "the history can't be written; the session is open, but not stored yet") from None
         return await state_of(registry, session.id)
 
-    @made.get("/sessions/{session_id}")
+    @routes.get("/sessions/{session_id}")
     @needs("read")
     async def get_session(session_id: str, request: Request) -> dict[str, Any]:
-        """Tell how a session stands."""
+        """Get a session's state."""
         await demand_session(request, registry, session_id)
         return await state_of(registry, session_id)
 
-    @made.delete("/sessions/{session_id}")
+    @routes.delete("/sessions/{session_id}")
     @needs("admin")
     async def close_session(session_id: str, request: Request) -> dict[str, Any]:
-        """Judge what a session holds, and close it; its history stays."""
+        """Judge all held events of a session, and close it; its history is kept."""
         await demand_session(request, registry, session_id)
         session = registry.open.get(session_id)
         try:
@@ -83,7 +84,7 @@ def router(registry: Registry, history: History) -> APIRouter:
         except SessionStaysOpenError as error:
             raise HTTPException(500, str(error)) from None
         if not closed:
-            raise HTTPException(503, "the history can't be written; the session is closed as soon as it can")
+            raise HTTPException(503, "the history can't be written; the session is closed as soon as it can be")
         return await state_of(registry, session_id)
 
-    return made
+    return routes

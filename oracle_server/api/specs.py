@@ -1,4 +1,4 @@
-"""The specs on hand over HTTP: listed, shown, and put."""
+"""Specs over HTTP: listed, read, and uploaded."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class PropertyDocument(BaseModel):
 
 
 class SpecDocument(BaseModel):
-    """A spec on hand; `source` tells whether it was read from the specs folder or put over HTTP."""
+    """A spec; `source` is `file` where it was read from the specs folder, and `put` where it was uploaded."""
 
     id: str
     description: str
@@ -44,19 +44,19 @@ class SpecDocument(BaseModel):
     streams: list[StreamDocument]
     properties: list[PropertyDocument]
     problem: str | None = Field(None, description="In the list: why a file that has changed can't be used")
-    text: str | None = Field(None, description="Where one spec is asked for: its text")
-    warnings: list[str] | None = Field(None, description="Where a spec is put: what `check` warns of")
+    text: str | None = Field(None, description="For GET of one spec: its text")
+    warnings: list[str] | None = Field(None, description="For PUT: the warnings of `check`")
 
 
 class SpecList(BaseModel):
-    """The specs on hand."""
+    """All specs."""
 
     items: list[SpecDocument]
 
 
 def router(library: Library) -> APIRouter:
     """The routes of the specs."""
-    made = APIRouter(prefix="/api/v1", tags=["specs"])
+    routes = APIRouter(prefix="/api/v1", tags=["specs"])
 
     def listed(spec_id: str) -> SpecDocument:
         try:
@@ -64,17 +64,17 @@ def router(library: Library) -> APIRouter:
         except SpecError as error:
             return _document(library.last(spec_id), problem=str(error))
 
-    @made.get("/specs", response_model_exclude_unset=True)
+    @routes.get("/specs", response_model_exclude_unset=True)
     @needs("read")
     async def list_specs(request: Request) -> SpecList:
-        """List the specs on hand; `problem` says why a file that has changed can't be used."""
+        """List all specs; `problem` is why a file that has changed can't be used."""
         bound = grant_of(request).specs
         return SpecList(items=[listed(spec_id) for spec_id in library.ids() if bound is None or spec_id in bound])
 
-    @made.get("/specs/{spec_id}", response_model_exclude_unset=True)
+    @routes.get("/specs/{spec_id}", response_model_exclude_unset=True)
     @needs("read")
     async def get_spec(spec_id: str, request: Request) -> SpecDocument:
-        """Tell what a spec says, with its text."""
+        """Get a spec with its text."""
         demand_spec(request, spec_id)
         try:
             entry = library.get(spec_id)
@@ -82,14 +82,14 @@ def router(library: Library) -> APIRouter:
             raise HTTPException(404, str(error)) from None
         return _document(entry, text=entry.file.text)
 
-    @made.put(
+    @routes.put(
         "/specs/{spec_id}",
         response_model_exclude_unset=True,
         openapi_extra={"requestBody": {"content": {"application/yaml": {}}}},
     )
     @needs("admin")
     async def put_spec(spec_id: Identifier, request: Request, response: Response) -> SpecDocument:
-        """Validate a spec as `check` does, and take it in; sessions that are open keep theirs."""
+        """Validate a spec as `check` does, and store it; open sessions keep the version that they were opened with."""
         demand_spec(request, spec_id)
         text = await _text(request)
         try:
@@ -99,7 +99,7 @@ def router(library: Library) -> APIRouter:
         response.status_code = 201 if new else 200
         return _document(entry, warnings=[str(w) for w in entry.file.warnings])
 
-    return made
+    return routes
 
 
 def _document(entry: Entry, **more: Any) -> SpecDocument:
@@ -119,7 +119,7 @@ async def _text(request: Request) -> str:
     try:
         body = await request.body()
     except ClientDisconnect:
-        raise HTTPException(400, "the client left in the middle") from None
+        raise HTTPException(400, "the client disconnected before the end of the body") from None
     try:
         return body.decode()
     except UnicodeDecodeError:

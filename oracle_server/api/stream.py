@@ -1,8 +1,8 @@
 """A session's verdicts as Server-Sent Events: from the history, page by page, and then as they are committed.
 
-A reader takes what it wants from the history, so that a slow one keeps nothing waiting; HttpTransport ends those that
-have stopped to read. FastAPI frames the events, and does not run the stream: it would keep the event loop
-busy with each record, where a thread makes the text of a whole page.
+Each stream reads from the history, so that a slow client delays nothing; `HttpTransport` disconnects clients that do
+not read at all. FastAPI only formats the events: its own streaming would encode each record on the event loop, where
+a thread encodes a whole page here.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ from oracle_server.sessions.registry import Registry
 from oracle_server.wire.json import encode
 
 _PAGE = 100
-"""Records that are read at once: what stays in memory for a reader that has stopped, and keeps Python busy."""
+"""Records that are read at once; so many stay in memory for a client that does not read."""
 _KEEPALIVE = 15.0
-"""Seconds of silence after which a comment is sent, so that both sides see whether the other is there."""
+"""Seconds without an event after which a comment is sent, so that both sides notice a lost connection."""
 _GATHER = 0.05
-"""Seconds between two looks at the history, so that a busy session's readers cost little."""
+"""Seconds between two reads of the history, so that streams of a busy session cost little."""
 
 
 def router(registry: Registry, history: Reading) -> APIRouter:
     """The route of the stream."""
-    made = APIRouter(prefix="/api/v1", tags=["verdicts"])
+    routes = APIRouter(prefix="/api/v1", tags=["verdicts"])
 
-    @made.get(
+    @routes.get(
         "/sessions/{session_id}/stream",
         response_class=StreamingResponse,
         responses={200: {"content": {"text/event-stream": {}}, "description": "Verdict records; the id is their n"}},
@@ -54,14 +54,14 @@ def router(registry: Registry, history: Reading) -> APIRouter:
         after: Number = 0,
         last_event_id: Annotated[str | None, Header(description="The id of the last event that was read")] = None,
     ) -> EventSourceResponse:
-        """The verdicts behind `after`, or behind Last-Event-ID, and all that come; `closed` tells that none will."""
+        """Stream the verdicts after `after` or Last-Event-ID, then new ones; the event `closed` is the last one."""
         known = await demand_session(request, registry, session_id)
         begin = after if last_event_id is None else _number(last_event_id)
         wanted = replace(question, outcomes=frozenset(outcome), after=begin, limit=_PAGE, violations=violations)
         events = _events(registry, history, session_id, known, wanted)
         return EventSourceResponse(events, headers={"Cache-Control": "no-store"})
 
-    return made
+    return routes
 
 
 async def _events(
@@ -70,7 +70,7 @@ async def _events(
     yield format_sse_event(comment="the verdicts of a session")
     while True:
         live = registry.open.get(session_id)
-        upcoming = live.ledger.news.next() if live else None
+        upcoming = live.ledger.commits.next() if live else None
         text, seen, more = await _page(history, known, wanted)
         if text:
             yield text
@@ -80,15 +80,15 @@ async def _events(
         if upcoming is None:
             yield format_sse_event(event="closed", data_str="{}")
             return
-        if live and live.ledger.news.over and registry.open.get(session_id) is live:
-            return  # the server stops, and the session goes on with the next one
+        if live and live.ledger.commits.ended and registry.open.get(session_id) is live:
+            return  # the server stops; the client reconnects to the next one, which continues the session
         while not (await asyncio.wait((upcoming,), timeout=_KEEPALIVE))[0]:
             yield KEEPALIVE_COMMENT
         await asyncio.sleep(_GATHER)
 
 
 async def _page(history: Reading, known: SessionRecord, wanted: Question) -> tuple[bytes, int, bool]:
-    """Events for what comes next in the history, the `n` up to which that is all, and whether there is more."""
+    """The next events as text, the `n` up to which the history was read, and whether there are more."""
     seen = await latest(history, known)
     items, more = await find(history, known, wanted)
     if more is not None:

@@ -1,4 +1,4 @@
-"""A session's verdict history over HTTP: its records, its violations, one verdict explained, and its trace."""
+"""A session's verdicts over HTTP: its records, its violations, the explanation of one, and the session's trace."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _CHUNK = 100
 
 
 class Record(BaseModel):
-    """What one property said at one step, or at a deadline that ran out (`kind` is `tick`); times in nanoseconds."""
+    """The outcome of one property at a step, or at an expired deadline (`kind` is `tick`); times in nanoseconds."""
 
     n: int = Field(description="The number of the verdict in its session, without gaps")
     step: int | None = Field(description="The number of the step; null where the event was not judged")
@@ -46,7 +46,7 @@ class Record(BaseModel):
     monitor: str
     seq: int
     stamp: int = Field(description="When the event was published")
-    arrived: int = Field(description="When it came, in the session's time")
+    arrived: int = Field(description="When it arrived, in the session's time")
     judged: int = Field(description="When it was judged, in the server's time")
     late: bool
     skewed: bool
@@ -59,47 +59,47 @@ class Record(BaseModel):
 
 
 class RecordPage(BaseModel):
-    """Records, and where to go on."""
+    """A page of records."""
 
     items: list[Record]
-    next: int | None = Field(description="What to ask for as `after` to go on; null where there are no more")
+    next: int | None = Field(description="The `after` of the following page; null where there are no more records")
 
 
 def router(registry: Registry, history: History) -> APIRouter:
     """The routes of a session's history."""
-    made = APIRouter(prefix="/api/v1", tags=["verdicts"])
+    routes = APIRouter(prefix="/api/v1", tags=["verdicts"])
     explainer = Explainer(history)
 
     async def page(request: Request, session_id: str, question: Question) -> Response:
         known = await demand_session(request, registry, session_id)
         items, after = await find(history, known, question)
-        made = await asyncio.to_thread(encode_bytes, {"items": items, "next": after})  # a thousand take their time
-        return Response(made, media_type="application/json")
+        body = await asyncio.to_thread(encode_bytes, {"items": items, "next": after})  # 1,000 records take long
+        return Response(body, media_type="application/json")
 
-    @made.get("/sessions/{session_id}/verdicts", response_model=RecordPage)
+    @routes.get("/sessions/{session_id}/verdicts", response_model=RecordPage)
     @needs("read")
     async def list_verdicts(
         request: Request, session_id: str, question: Annotated[Question, Depends(paged)], outcome: Outcomes
     ) -> Response:
-        """The verdict history; `since` and `until` bound the publication time in nanoseconds."""
+        """List verdict records; `since` and `until` bound the publication time in nanoseconds."""
         return await page(request, session_id, replace(question, outcomes=frozenset(outcome)))
 
-    @made.get("/sessions/{session_id}/violations", response_model=RecordPage)
+    @routes.get("/sessions/{session_id}/violations", response_model=RecordPage)
     @needs("read")
     async def list_violations(
         request: Request, session_id: str, question: Annotated[Question, Depends(paged)]
     ) -> Response:
-        """The verdicts at which a property became negative, with their explanations."""
+        """List the verdicts at which a property became negative, with their explanations."""
         return await page(request, session_id, replace(question, violations=True))
 
-    @made.get("/sessions/{session_id}/verdicts/{n}/explanation", response_model=Record)
+    @routes.get("/sessions/{session_id}/verdicts/{n}/explanation", response_model=Record)
     @needs("read")
     async def explain_verdict(
         request: Request, session_id: str, n: Annotated[int, PathParameter(ge=1, lt=2**63)]
     ) -> Response:
-        """A verdict with its explanation, positive ones too: all that came before is judged again, one at a time.
+        """Get any verdict with its explanation, for which all events before it are judged again.
 
-        It may take minutes; it is given up when the client leaves. 503 where too many are waited for.
+        This may take minutes. It is cancelled when the client disconnects. 503 where too many requests wait.
         """
         known = await demand_session(request, registry, session_id)
         try:
@@ -110,22 +110,22 @@ def router(registry: Registry, history: History) -> APIRouter:
             raise HTTPException(404, f"session '{session_id}' has no verdict {n} in its history yet")
         return Response(encode_bytes(record), media_type="application/json")
 
-    @made.get(
+    @routes.get(
         "/sessions/{session_id}/trace",
         response_class=StreamingResponse,
         responses={200: {"content": {"application/jsonl": {}}}},
     )
     @needs("read")
     async def get_trace(request: Request, session_id: str) -> StreamingResponse:
-        """Give what was judged as JSON Lines that `replay` takes: the events in the order of their arrival."""
+        """Get the session's trace as JSON Lines, in the order of arrival; `replay` reads it."""
         known = await demand_session(request, registry, session_id)
         return StreamingResponse(_json_lines(trace_lines(history, known.number)), media_type="application/jsonl")
 
-    return made
+    return routes
 
 
 async def _json_lines(pages: AsyncGenerator[list[Document], None]) -> AsyncIterator[bytes]:
-    """Pages of lines as pieces of some size, for each of which the reader is waited for."""
+    """The lines as text, in chunks of `_CHUNK`; the next one is made when the client has read the last one."""
     async with aclosing(pages):
         async for lines in pages:
             for start in range(0, len(lines), _CHUNK):

@@ -1,4 +1,4 @@
-"""One WebSocket: the shell around a conversation, which reads, writes and keeps time."""
+"""One monitor's WebSocket: it reads and writes the frames of a conversation, and enforces the timeouts."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import assert_never
 import structlog
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from oracle_server.attach.conversation import MAX_QUEUE, Conversation, Heard
-from oracle_server.attach.patience import Patience
+from oracle_server.attach.conversation import MAX_QUEUE, Conversation, Received
 from oracle_server.attach.throttle import Throttle
+from oracle_server.attach.timeout import ReusableTimeout
 from oracle_server.core.errors import HistoryError
 from oracle_server.edge.access import grant_of
 from oracle_server.edge.transport import DIRECT, WebSocketTransport
@@ -36,15 +36,15 @@ from oracle_server.wire.incoming import (
 from oracle_server.wire.json import encode, encode_bytes
 
 _ATTACH_WITHIN = 10.0
-"""Seconds for the first frame to come."""
+"""Seconds for the first frame to arrive."""
 _ANSWER_WITHIN = 8.0
-"""Seconds to open and commit what `attach` wants: an adapter waits for 10 s."""
+"""Seconds to open and commit the session of an `attach`: an adapter waits for 10 s."""
 _STALLED = 5.0
-"""Seconds for which a monitor may take no frame, or leave too many."""
+"""Seconds for which a monitor may read no frame, or leave too many unread."""
 _CLOSE_WITHIN = 5.0
-"""Seconds for the last frames to be taken."""
+"""Seconds for the monitor to read the last frames."""
 _BATCH = '{"type":"events"'
-"""How a batch begins, mostly: it is taken in turns."""
+"""How most batches begin; they are left to the reader, which yields to other connections."""
 
 log = structlog.get_logger()
 
@@ -53,52 +53,52 @@ class Connection:
     """Serves one WebSocket until it ends."""
 
     def __init__(self, socket: WebSocket, registry: Registry, max_rate: float = 0) -> None:
-        """Serve a socket whose monitor may send `max_rate` events a second on average; 0 for any number."""
+        """Serve a socket whose monitor may send `max_rate` events a second on average; 0 is no limit."""
         self._socket, self._registry = socket, registry
-        self._talk = Conversation()
-        self._place: tuple[LiveSession, Monitor] | None = None
+        self._conversation = Conversation()
+        self._attached: tuple[LiveSession, Monitor] | None = None
         self._throttle = Throttle(max_rate)
-        self._ready = asyncio.Event()  # there is something to write
-        self._over = asyncio.Event()
+        self._ready = asyncio.Event()  # frames wait, or the conversation has ended
+        self._closed = asyncio.Event()
         self._sending = asyncio.Lock()
-        self._taking = False  # what is sent now is written with the rest, once all is taken
+        self._processing = False  # frames that are queued meanwhile are written together afterwards
         self._direct: WebSocketTransport | None = socket.scope.get("extensions", {}).get(DIRECT)
         self._idle = False  # the reader waits for a frame
-        self._owed = 0.0  # seconds that it is to rest before the next one
+        self._due_pause = 0.0  # seconds to wait before the next frame is processed
         self._backlog: asyncio.TimerHandle | None = None
-        self._stalled = Patience(_STALLED, self._give_up)
+        self._stalled = ReusableTimeout(_STALLED, self._give_up)
         self._tasks: list[asyncio.Task[None]] = []
 
     # For the session
 
     def send(self, frame: Outgoing) -> None:
         """Queue a frame."""
-        self._talk.send(frame)
-        if not self._taking:
+        self._conversation.send(frame)
+        if not self._processing:
             self._ready.set()
-        if len(self._talk.queue) > MAX_QUEUE and self._backlog is None:
-            self._backlog = asyncio.get_running_loop().call_later(_STALLED, self._look_again)
+        if len(self._conversation.queue) > MAX_QUEUE and self._backlog is None:
+            self._backlog = asyncio.get_running_loop().call_later(_STALLED, self._check_backlog)
 
     def drop(self, reason: WireError) -> None:
         """Send an error after what is queued, and close."""
-        self._talk.drop(reason)
+        self._conversation.drop(reason)
         self._ready.set()
 
     def finish(self, frame: Outgoing) -> None:
         """Send a last frame after what is queued, and close."""
-        self._talk.finish(frame)
+        self._conversation.finish(frame)
         self._ready.set()
 
     async def sent(self) -> None:
-        """Wait until the last frame was sent, or can't be any more."""
-        await self._over.wait()
+        """Wait until the last frame was sent, or the connection is lost."""
+        await self._closed.wait()
 
     @property
     def queued(self) -> int:
-        """Frames that wait for the monitor to read them."""
-        return len(self._talk.queue)
+        """The number of frames that wait to be written."""
+        return len(self._conversation.queue)
 
-    # Its life
+    # Lifetime
 
     async def serve(self) -> None:
         """Accept the connection and serve it until either side ends it."""
@@ -118,10 +118,10 @@ class Connection:
             if self._backlog is not None:
                 self._backlog.cancel()
             if self._direct is not None:
-                self._direct.taker = None
-            if self._place is not None:
-                session, monitor = self._place
-                _, reason = self._talk.end
+                self._direct.receiver = None
+            if self._attached is not None:
+                session, monitor = self._attached
+                _, reason = self._conversation.end
                 log.info("monitor gone", session=session.id, monitor=monitor.name, reason=reason or "left")
                 session.disconnected(monitor, self)
 
@@ -129,9 +129,9 @@ class Connection:
         for task in self._tasks:
             task.cancel()
 
-    def _look_again(self) -> None:
+    def _check_backlog(self) -> None:
         self._backlog = None
-        self._talk.cut_off_crowded()
+        self._conversation.cut_off_crowded()
         self._ready.set()
 
     def _fail(self) -> None:
@@ -141,30 +141,30 @@ class Connection:
     # Writing
 
     async def _write(self) -> None:
-        """Send what is queued, and close once the end of the queue is the end of the connection."""
+        """Write queued frames until the conversation has ended and all are written, then close."""
         try:
-            while not self._talk.ended or self._talk.queue:
+            while not self._conversation.ended or self._conversation.queue:
                 await self._ready.wait()
                 self._ready.clear()
                 await self._send_queued()
-            await self._socket.close(*self._talk.end)
+            await self._socket.close(*self._conversation.end)
         except (WebSocketDisconnect, RuntimeError, OSError):
             return
         finally:
-            self._over.set()
+            self._closed.set()
 
     async def _send_queued(self) -> None:
-        """Send what is queued; the peer must take each frame within `_STALLED`, but for the last ones."""
+        """Write queued frames; before the end, the connection is given up where one takes longer than `_STALLED`."""
         async with self._sending:
-            while (frame := self._talk.next_frame()) is not None:
-                if not self._talk.ended:
+            while (frame := self._conversation.next_frame()) is not None:
+                if not self._conversation.ended:
                     self._stalled.begin()
                 await self._socket.send_text(encode(frame))
                 self._stalled.end()
 
-    async def _answer(self) -> None:
-        """Send at once what a frame was answered with: waking the writer for it would take longer than the judging."""
-        if not self._talk.queue:
+    async def _send_replies(self) -> None:
+        """Write replies directly: waking the writer would take longer than judging."""
+        if not self._conversation.queue:
             return
         if self._sending.locked():
             self._ready.set()
@@ -179,58 +179,58 @@ class Connection:
     async def _read(self) -> None:
         try:
             await self._attach()
-            while self._place is not None and not self._talk.ended:
-                session, _ = self._place
+            while self._attached is not None and not self._conversation.ended:
+                session, _ = self._attached
                 await session.room()
                 data = await self._next()
-                if self._owed:
-                    await asyncio.sleep(self._owed)
-                    self._owed = 0.0
-                self._hear(data)
-                await self._answer()
-                while self._throttle.is_due:
-                    await asyncio.sleep(self._pause())  # others take their turn
-                    self._take_some()
-                    await self._answer()
+                if self._due_pause:
+                    await asyncio.sleep(self._due_pause)
+                    self._due_pause = 0.0
+                self._process_frame(data)
+                await self._send_replies()
+                while self._throttle.must_yield:
+                    await asyncio.sleep(self._pause())  # yields even for 0 s
+                    self._process_messages()
+                    await self._send_replies()
         except WireError as error:
             self.drop(error)
         except WebSocketDisconnect:
-            self._talk.lost()
-        except Exception:  # noqa: BLE001 -- whatever it is, the others go on
+            self._conversation.lost()
+        except Exception:  # noqa: BLE001 -- no other connection may be affected
             self._fail()
         finally:
             self._ready.set()
 
     async def _attach(self) -> None:
-        """Wait for `attach`, and answer it. Raises a fatal `WireError` where it can't be done in time."""
+        """Receive `attach`, and answer it. Raises a fatal `WireError` where it is refused, or takes too long."""
         try:
             async with asyncio.timeout(_ATTACH_WITHIN):
                 data = await self._receive()
         except TimeoutError:
             raise WireError("bad_attach", f"no `attach` within {_ATTACH_WITHIN:.0f} s", fatal=True) from None
-        self._talk.receive(data)
-        wanted = self._talk.next_message()
+        self._conversation.receive(data)
+        wanted = self._conversation.next_message()
         if not isinstance(wanted, Attach):
             return
         self._check_grant(wanted)
         try:
             async with asyncio.timeout(_ANSWER_WITHIN):
-                session, monitor = self._place = await self._registry.attach(wanted, self)
-                self._registry.counters.opened += 1
+                session, monitor = self._attached = await self._registry.attach(wanted, self)
+                self._registry.counters.attachments += 1
                 log.info("monitor attached", session=session.id, monitor=monitor.name)
-                await self._registry.flush()  # a monitor that is greeted is waited for by a restarted server
+                await self._registry.flush()  # after a restart, the server waits for all monitors that were greeted
         except TimeoutError:
-            message = f"the history did not take the session within {_ANSWER_WITHIN:.0f} s; attach again later"
+            message = f"the session was not committed within {_ANSWER_WITHIN:.0f} s; attach again later"
             raise WireError("history_unavailable", message, fatal=True) from None
         except HistoryError as error:
             raise WireError("history_unavailable", f"{error}; attach again later", fatal=True) from None
-        if self._talk.ended:
+        if self._conversation.ended:
             return
-        self._talk.greet(attached_frame(session, monitor), monitor.numbering.upto)
-        session.tell_verdicts(monitor)
+        self._conversation.greet(attached_frame(session, monitor), monitor.numbering.upto)
+        session.send_verdicts(monitor)
         self._ready.set()
         if self._direct is not None:
-            self._direct.taker = self
+            self._direct.receiver = self
 
     def _check_grant(self, wanted: Attach) -> None:
         live = self._registry.open.get(wanted.session or "")
@@ -239,7 +239,7 @@ class Connection:
             raise WireError("forbidden", "the token is bound to other specs or sessions", fatal=True)
 
     async def _next(self) -> str | bytes:
-        """The next frame that was not taken as it came."""
+        """Receive the next frame that `offer` has declined."""
         self._idle = True
         try:
             return await self._receive()
@@ -253,90 +253,94 @@ class Connection:
         text: str | None = message.get("text")
         return message.get("bytes") or b"" if text is None else text
 
-    def take(self, text: str) -> bool:
-        """Take a frame as it comes: waking the reader for it would take longer than the judging."""
-        if self._place is None or not self._place[0].has_room:
+    def offer(self, text: str) -> bool:
+        """Process a frame on its arrival, since waking the reader would take longer than judging.
+
+        Returns False where the frame must wait for the reader.
+        """
+        if self._attached is None or not self._attached[0].has_room:
             return False
-        waits = not self._idle or self._owed or self._throttle.is_long
-        if waits or self._talk.ended or text.startswith(_BATCH):
+        waits = not self._idle or self._due_pause or self._throttle.is_full
+        if waits or self._conversation.ended or text.startswith(_BATCH):
             return False
         try:
-            return self._hear(text, batches=False)
-        except Exception:  # noqa: BLE001 -- whatever it is, the others go on
+            return self._process_frame(text, batches=False)
+        except Exception:  # noqa: BLE001 -- no other connection may be affected
             self._fail()
             return True
 
-    def taken(self) -> None:
-        """Send what was answered, and rest where this monitor is too fast."""
+    def flush(self) -> None:
+        """Write the replies to the frames that were processed on arrival, and note for how long to pause."""
         if self._idle:
-            self._owed = self._pause()
-        if self._talk.queue and not self._talk.ended and self._direct is not None:
-            if not self._sending.locked() and self._direct.write([encode_bytes(frame) for frame in self._talk.queue]):
-                self._talk.written()
+            self._due_pause = self._pause()
+        queue = self._conversation.queue
+        if queue and not self._conversation.ended and self._direct is not None:
+            if not self._sending.locked() and self._direct.write([encode_bytes(frame) for frame in queue]):
+                self._conversation.written()
             else:
                 self._ready.set()
 
     def _pause(self) -> float:
-        """Seconds to rest, for a monitor that is too fast."""
+        """Seconds to pause before more is read, where the monitor sends too fast."""
         pause = self._throttle.pause()
         if pause:
             self._registry.counters.throttled += 1
-            self._talk.throttle()
+            self._conversation.throttle()
             self._ready.set()
         return pause
 
-    # Taking
+    # Processing
 
-    def _hear(self, data: str | bytes, *, batches: bool = True) -> bool:
-        """Take a frame; False for a batch where these are not wanted."""
+    def _process_frame(self, data: str | bytes, *, batches: bool = True) -> bool:
+        """Process a frame; False for a batch where `batches` is False."""
         self._throttle.count()
-        if not self._talk.receive(data, batches=batches):
+        if not self._conversation.receive(data, batches=batches):
             return False
-        self._take_some()
+        self._process_messages()
         return True
 
-    def _take_some(self) -> None:
-        """Take what was received, until it is at its end or others are to take their turn."""
-        assert self._place is not None  # noqa: S101 -- only called once attached
-        session, monitor = self._place
-        talk, throttle = self._talk, self._throttle
-        self._taking = True
+    def _process_messages(self) -> None:
+        """Process the messages of the received frame, until its end or until other connections are due."""
+        assert self._attached is not None  # noqa: S101 -- only called once attached
+        session, monitor = self._attached
+        conversation, throttle = self._conversation, self._throttle
+        self._processing = True
         try:
-            while (message := talk.next_message()) is not None:
+            while (message := conversation.next_message()) is not None:
                 try:
-                    _hand_over(message, session, monitor)
+                    _dispatch(message, session, monitor)
                 except WireError as error:
-                    talk.refuse(error)
-                if not talk.in_batch:
+                    conversation.refuse(error)
+                if not conversation.in_batch:
                     break
                 throttle.count()
-                if throttle.is_due:
+                if throttle.must_yield:
                     break
         finally:
-            self._taking = False
-            if talk.ended:
+            self._processing = False
+            if conversation.ended:
                 self._ready.set()
 
 
-def _hand_over(message: Heard, session: LiveSession, monitor: Monitor) -> None:
-    """Give a monitor's message to its session. Raises `WireError` where it is refused."""
+def _dispatch(message: Received, session: LiveSession, monitor: Monitor) -> None:
+    """Pass a monitor's message to its session. Raises `WireError` where it is refused."""
     match message:
         case QuickEvent() | EventMessage():
             session.ingest(monitor, message)
         case WireError():
             session.refuse(monitor, message)
         case QuickClock() | ClockMessage():
-            session.clock(monitor, message)
+            session.update_clocks(monitor, message)
         case HandlingMessage():
-            session.outcome(monitor, message)
+            session.record_handling(monitor, message)
         case QuickHandlings(outcomes=outcomes) | HandlingsMessage(outcomes=outcomes):
             for outcome in outcomes:
-                session.outcome(monitor, outcome)
+                session.record_handling(monitor, outcome)
         case ReportMessage():
             session.report(monitor, message)
         case Detach():
             session.detach(monitor)
         case Attach():
-            pass  # only as the first frame, which `_attach` takes
+            pass  # only the first frame, which `_attach` answers
         case _:
             assert_never(message)

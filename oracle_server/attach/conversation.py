@@ -1,7 +1,8 @@
-"""One monitor's conversation without a socket: which frame may come when, what answers it, and how it ends.
+"""The protocol of one monitor's connection as a state machine, without a socket: which frame is allowed when.
 
-No asyncio and no clock. The monitor's frames go in by `receive`, and come out as messages by `next_message`. What is
-sent to it goes in by `send`, `greet`, `drop` and `finish`, and comes out by `next_frame`; then `end` says how to close.
+It needs no asyncio and no clock. `receive` takes the monitor's frames, and `next_message` returns their messages.
+`send`, `greet`, `drop` and `finish` queue frames for the monitor, and `next_frame` returns them; then `end` is how to
+close the connection.
 """
 
 from __future__ import annotations
@@ -32,25 +33,25 @@ from oracle_server.wire.reading import decode, event_of
 
 
 class State(Enum):
-    """How far a conversation has come."""
+    """The state of a conversation."""
 
-    WAITING = "nothing has come yet"
-    ATTACHING = "the session is being opened, or committed"
-    ATTACHED = "the monitor is greeted, and its frames are taken"
-    DETACHING = "the monitor has detached, and what it sent is being committed"
-    ENDED = "the last frame is queued, or the monitor is gone"
+    WAITING = "no frame has been received yet"
+    ATTACHING = "the session is being opened or committed"
+    ATTACHED = "the monitor is greeted, and its frames are processed"
+    DETACHING = "the monitor has detached, and its events are being committed"
+    ENDED = "the last frame is queued, or the connection is lost"
 
 
 class Local(Enum):
-    """What happens on the server's side."""
+    """An event on the server's side."""
 
-    GREETED = "the session is open, and committed"
-    FINISHED = "a last frame is to be sent"
-    LOST = "the peer is gone"
+    GREETED = "the session is open and committed"
+    FINISHED = "a last frame is queued"
+    LOST = "the connection is lost"
 
 
 class Refusal(NamedTuple):
-    """A frame is answered by an error; without a `message` by that of the error that reading the frame raised."""
+    """A frame is answered by an error; `message` defaults to that of the error that reading the frame raised."""
 
     code: str
     message: str | None = None
@@ -58,13 +59,13 @@ class Refusal(NamedTuple):
 
 
 class Otherwise(Enum):
-    """Neither a state nor an answer."""
+    """Neither a state nor a refusal."""
 
-    LATER = "the frame is to be received again later"
-    IGNORED = "nothing comes of it"
+    LATER = "the frame must be received again later"
+    IGNORED = "it has no effect"
 
 
-Heard = (
+Received = (
     Attach
     | AnyEvent
     | AnyClock
@@ -77,11 +78,11 @@ Heard = (
 )
 """A message of a monitor; a `WireError` is an event that can't be read, whose number is used up."""
 Step = State | Refusal | Otherwise
-"""What comes of a frame: it is taken, and the conversation is in that state; or it is not."""
+"""The effect of a frame or local event: the next state where it is accepted, or why it is not."""
 
 _TAKEN: Final = frozenset({*get_args(Message), *get_args(Quick)} - {Attach, Detach})
 FRAMES: Final = frozenset({*_TAKEN, Attach, Detach, WireError, bytes})
-"""What a frame can be: a message, a text that can't be read, or bytes."""
+"""The types of frames: messages, texts that can't be read, and bytes."""
 
 _BYTES: Final[dict[type | Local, Step]] = {bytes: Refusal("malformed", "frames are text, not bytes", fatal=True)}
 _ENDINGS: Final[dict[type | Local, Step]] = {
@@ -107,7 +108,7 @@ TABLE: Final[Mapping[State, Mapping[type | Local, Step]]] = {
         **dict.fromkeys(_TAKEN, State.ATTACHED),
         Attach: Refusal("bad_attach", "attached already"),
         Detach: State.DETACHING,
-        WireError: State.ATTACHED,  # taken as a message: the number of an event is used up
+        WireError: State.ATTACHED,  # returned as a message: an event that can't be read uses up its number
         **_BYTES,
         **_ENDINGS,
     },
@@ -120,30 +121,30 @@ TABLE: Final[Mapping[State, Mapping[type | Local, Step]]] = {
 }
 
 MAX_QUEUE: Final = 10_000
-"""Frames that may wait for a monitor for long; beyond, it is cut off, and resumes by itself."""
+"""Frames that may wait for some seconds; a monitor with more is disconnected, and resumes by itself."""
 MAX_BURST: Final = 50_000
-"""Frames that may wait at any time: what was held up may be judged, and sent, all at once."""
+"""Frames that may wait at any time: all held events may be judged, and their frames sent, at once."""
 
 _CLOSE_CODES: Final = {"shutting_down": 1012, "history_unavailable": 1013}
-"""Of a close after a fatal error, where they say more than that the monitor was refused."""
+"""The close codes after fatal errors; `_REFUSED` after all others."""
 _REFUSED: Final = 1008
 _BATCHES: Final = (Events, QuickEvents)
 _UNGREETED: Final = (State.WAITING, State.ATTACHING)
 
 
 class Conversation:
-    """One monitor's conversation, from its first frame to the last."""
+    """The frames between the server and one monitor on one connection, from the first to the last."""
 
     def __init__(self) -> None:
         self.state = State.WAITING
         self.ended = False
-        """Whether nothing more is taken, and nothing more queued."""
+        """Whether no more frames are received or queued."""
         self.end = 1000, ""
-        """With which code a conversation that has ended is closed, and why; no reason where the monitor left."""
+        """The close code and reason of a conversation that has ended; no reason where the monitor left."""
         self.in_batch = False
-        """Whether `next_message` may have more of a batch."""
+        """Whether `next_message` may return more of a batch."""
         self.queue: deque[Outgoing] = deque()
-        """The frames that wait, in their order; before the greeting they are not to be written."""
+        """The frames that wait, in their order; before the greeting they must not be written."""
         self._steps = TABLE[self.state]
         self._messages: Iterator[Any] = iter(())
         self._suspicious = self._throttled = False
@@ -151,10 +152,10 @@ class Conversation:
     # From the monitor
 
     def receive(self, data: str | bytes, *, batches: bool = True) -> bool:
-        """Take a frame, once `next_message` has given all of the last one.
+        """Receive a frame, once `next_message` has returned all of the last one.
 
-        False where it has to be received again later: while the session is being opened, and for a batch where these
-        are not wanted.
+        Returns False where it must be received again later: while the session is being opened, or a batch where
+        `batches` is False.
         """
         message, suspicious = _read(data)
         step = self._steps[type(message)]
@@ -169,12 +170,12 @@ class Conversation:
             self.refuse(WireError(step.code, step.message or str(message), fatal=step.fatal))
         return True
 
-    def next_message(self) -> Heard | None:
-        """The next message of what was received, None where there is no more; what can't be read is answered."""
+    def next_message(self) -> Received | None:
+        """The next message of the received frame, None at its end; parts that can't be read are refused."""
         for value in self._messages:
             if type(value) is QuickEvent:  # as most are
                 return value
-            message: Heard = _checked(value, self._suspicious) if self.in_batch else value
+            message: Received = _checked(value, self._suspicious) if self.in_batch else value
             if isinstance(message, WireError):
                 self.refuse(message)
                 if message.code != "bad_event":
@@ -184,7 +185,7 @@ class Conversation:
         return None
 
     def lost(self) -> None:
-        """The peer is gone: nothing more is sent."""
+        """End the conversation because the connection is lost; waiting frames are dropped."""
         self.queue.clear()
         self._moves(Local.LOST)
 
@@ -202,27 +203,27 @@ class Conversation:
             self._cut_off()
 
     def greet(self, attached: AttachedFrame, upto: int) -> None:
-        """Answer `attach`, before all that was queued since, and ack what came on earlier connections."""
+        """Queue the answer to `attach` before all other frames, and ack events of earlier connections."""
         if self._moves(Local.GREETED):
             self.queue.appendleft(attached)
             if upto:
                 self.send({"type": "ack", "upto": upto})
 
     def refuse(self, error: WireError) -> None:
-        """Answer with an error; a fatal one is the end."""
+        """Queue an error; a fatal one ends the conversation."""
         if error.fatal:
             self.drop(error)
         else:
             self.send(error.frame())
 
     def throttle(self) -> None:
-        """Say once that events come too fast."""
+        """Queue the error `throttled`, once in a conversation."""
         if not self._throttled:
             self._throttled = True
-            self.send(WireError("throttled", "more events than may come; the rest is read more slowly").frame())
+            self.send(WireError("throttled", "too many events a second; the rest is read more slowly").frame())
 
     def cut_off_crowded(self) -> None:
-        """End a conversation whose queue has been too long for long."""
+        """End the conversation if more than `MAX_QUEUE` frames wait."""
         if len(self.queue) > MAX_QUEUE:
             self._cut_off()
 
@@ -235,18 +236,18 @@ class Conversation:
         ungreeted = self.state in _UNGREETED
         if self._moves(Local.FINISHED):
             if ungreeted:
-                self.queue.clear()  # the monitor knows of nothing yet
+                self.queue.clear()  # the monitor has not received `attached`
             self.queue.append(frame)
             self.end = code, reason
 
     # To the socket
 
     def next_frame(self) -> Outgoing | None:
-        """The next frame to write, None for now; before the greeting there is none but an error."""
+        """The next frame to write, None while there is none; before the greeting only an error is written."""
         return self.queue.popleft() if self.queue and self.state not in _UNGREETED else None
 
     def written(self) -> None:
-        """All that waited was written."""
+        """Clear the queue after all of it was written."""
         self.queue.clear()
 
     # Inside
@@ -270,7 +271,7 @@ class Conversation:
 
 
 def _read(data: str | bytes) -> tuple[Message | Quick | WireError | bytes, bool]:
-    """A frame as one of `FRAMES`, and whether the events of a batch may have too many keys."""
+    """A frame as one of the types in `FRAMES`, and whether the events of a batch may have too many keys."""
     if isinstance(data, bytes):
         return data, False
     try:
@@ -280,7 +281,7 @@ def _read(data: str | bytes) -> tuple[Message | Quick | WireError | bytes, bool]
 
 
 def _checked(value: Any, suspicious: bool) -> AnyEvent | WireError:
-    """An event of a batch, or why it can't be read."""
+    """An event of a batch, or the error where it can't be read."""
     try:
         return event_of(value, suspicious=suspicious)
     except WireError as error:

@@ -1,4 +1,4 @@
-"""ROSMonitoring's own protocol: one flat JSON event a frame, and for each the whole event back with a verdict."""
+"""ROSMonitoring's own WebSocket protocol: each frame is one flat JSON event, and the reply is it with a verdict."""
 
 from __future__ import annotations
 
@@ -29,17 +29,18 @@ from oracle_server.wire.incoming import AnyEvent, Attach
 from oracle_server.wire.reading import event_of, suspicious
 
 MONITOR = "legacy"
-"""What a session calls the monitor that it serves: the protocol gives it no name."""
-_OURS = frozenset({"verdict", "spec", "error"})
+"""The name of a legacy monitor in its session: the protocol has no names."""
+_REPLY_KEYS = frozenset({"verdict", "spec", "error"})
 _STALLED = 5.0
+"""Seconds for which a monitor may not read its reply."""
 
 log = structlog.get_logger()
 
 
 def legacy_routes(registry: Registry, spec: str | None, max_rate: float = 0) -> APIRouter:
-    """The addresses that old monitors connect to; `/` is that of `spec`, and refused without one.
+    """The addresses that legacy monitors connect to; `/` uses `spec`, and is refused without one.
 
-    Each may send `max_rate` events a second on average; 0 for any number.
+    Each monitor may send `max_rate` events a second on average; 0 is no limit.
     """
     router = APIRouter()
 
@@ -79,7 +80,7 @@ async def _refuse(socket: WebSocket, reason: str, status: int = 404) -> None:
 
 
 class LegacyConnection:
-    """Serves one old monitor, in a session of its own, until either side ends it."""
+    """Serves one legacy monitor, in a session of its own, until either side ends it."""
 
     def __init__(self, socket: WebSocket, session: LiveSession, max_rate: float = 0) -> None:
         self._throttle = Throttle(max_rate)
@@ -90,19 +91,19 @@ class LegacyConnection:
         self._over = asyncio.Event()
 
     def send(self, frame: Outgoing) -> None:
-        """Pass over a frame that this protocol has no words for: an ack, a violation, credit."""
+        """Ignore a frame that this protocol does not have: an ack, a violation, credit."""
 
-    def drop(self, reason: WireError) -> None:  # noqa: ARG002 -- the protocol has no word for it
-        """Close: the session takes nothing more."""
+    def drop(self, reason: WireError) -> None:  # noqa: ARG002 -- the protocol can't send it
+        """Close the connection."""
         self._dropped = True
         if self._answering:
             self._answering.cancel()
 
     def finish(self, frame: Outgoing) -> None:
-        """Pass over the confirmation of a detach, which only the end of the connection brings about."""
+        """Ignore the confirmation of a detach: the connection has ended then."""
 
     async def sent(self) -> None:
-        """Wait until the connection is over."""
+        """Wait until the connection has ended."""
         await self._over.wait()
 
     async def serve(self) -> None:
@@ -110,16 +111,16 @@ class LegacyConnection:
         monitor = self._session.attach(Attach(type="attach", monitor=MONITOR, instance=secrets.token_hex(8)), self)
         try:
             await self._socket.accept()
-            log.info("old monitor attached", session=self._session.id)
+            log.info("legacy monitor attached", session=self._session.id)
             if not self._dropped:
                 async with asyncio.TaskGroup() as tasks:
                     self._answering = tasks.create_task(self._answer_all(monitor))
             if self._dropped:
                 await self._socket.close(1012)
         except (WebSocketDisconnect, RuntimeError, OSError):
-            pass  # it left, and its session ends with it
+            pass  # the connection is lost, and its session ends with it
         finally:
-            log.info("old monitor gone", session=self._session.id)
+            log.info("legacy monitor gone", session=self._session.id)
             self._session.detach(monitor)
             self._over.set()
 
@@ -134,9 +135,9 @@ class LegacyConnection:
                 async with asyncio.timeout(_STALLED):
                     await self._socket.send_text(reply)
                 self._throttle.count()
-                if self._throttle.is_due:
+                if self._throttle.must_yield:
                     await asyncio.sleep(self._throttle.pause())
-        except (WebSocketDisconnect, RuntimeError, OSError):  # TimeoutError, an OSError: it reads nothing any more
+        except (WebSocketDisconnect, RuntimeError, OSError):  # also TimeoutError, where the monitor does not read
             return
         except Exception:
             log.exception("a connection failed")
@@ -154,12 +155,12 @@ class LegacyConnection:
         except (ValueError, TypeError, RecursionError) as error:
             reason = "nested too deep" if isinstance(error, RecursionError) else str(error)
             self._session.refuse(monitor, WireError("bad_event", reason, seq=self._seq))
-            return answered(text, value, {"verdict": Outcome.UNKNOWN, "error": f"not an event: {reason}"})
+            return reply_text(text, value, {"verdict": Outcome.UNKNOWN, "error": f"not an event: {reason}"})
         except WireError as error:
             if error.code == "bad_event":
                 self._session.refuse(monitor, error)
-            return answered(text, value, {"verdict": Outcome.UNKNOWN, "error": error.message})
-        return answered(text, value, verdict_of(judged, self._seq))
+            return reply_text(text, value, {"verdict": Outcome.UNKNOWN, "error": error.message})
+        return reply_text(text, value, verdict_of(judged, self._seq))
 
     def _event(self, text: str, value: dict[str, Any]) -> AnyEvent:
         flat = flat_event(value)
@@ -174,9 +175,9 @@ class LegacyConnection:
 
 
 def verdict_of(judged: list[Judged], seq: int) -> dict[str, str]:
-    """What a reply says of event number `seq`: the worst over the properties, and which ones are negative.
+    """The reply's keys for event number `seq`: the worst outcome of the properties, and which ones are negative.
 
-    A deadline that ran out just before it has a verdict of its own.
+    Verdicts of deadlines that expired just before it are left out.
     """
     own = [j for j in judged if (j.step.event.monitor, j.step.event.seq) == (MONITOR, seq)]
     verdicts = [verdict for item in own for verdict in item.verdicts]
@@ -184,19 +185,19 @@ def verdict_of(judged: list[Judged], seq: int) -> dict[str, str]:
     return {"verdict": worst(v.outcome for v in verdicts).value} | ({"spec": ", ".join(broken)} if broken else {})
 
 
-def answered(text: str | None, value: dict[str, Any], words: dict[str, str]) -> str:
-    """A frame with words added, every byte of its other values as it came; the words alone where it is no object.
+def reply_text(text: str | None, value: dict[str, Any], keys: dict[str, str]) -> str:
+    """The text of an event with keys added, all its other bytes unchanged; the keys alone where it is no object.
 
-    Old monitors look a reply's event up by its `time`, so that no digit of it may change.
+    Legacy monitors find a reply's event by its `time`, so that no digit of it may change.
     """
-    added = msgspec.json.encode(words).decode()
+    added = msgspec.json.encode(keys).decode()
     if text is None or not value:
         return added
-    if _OURS & value.keys():
+    if _REPLY_KEYS & value.keys():
         try:
             raw = msgspec.json.decode(text, type=dict[str, msgspec.Raw])
         except msgspec.DecodeError:
-            pass  # a bare NaN: words stand twice, and count as they stand last
+            pass  # a bare NaN: the keys are there twice, and readers use the last one
         else:
-            return msgspec.json.encode({k: v for k, v in raw.items() if k not in _OURS} | words).decode()
+            return msgspec.json.encode({k: v for k, v in raw.items() if k not in _REPLY_KEYS} | keys).decode()
     return f"{text.rstrip()[:-1]},{added[1:]}"

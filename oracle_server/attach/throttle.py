@@ -1,19 +1,19 @@
-"""How fast one monitor may be heard: an average over a while, so that what it kept back while away may come at once."""
+"""The rate limit of one monitor: an average, so that a monitor may send at once what it queued while disconnected."""
 
 from __future__ import annotations
 
 import time
 
 _BURST = 2.0
-"""Seconds of events that may come at once."""
+"""Seconds' worth of events that may come at once."""
 _AT_ONCE = 64
-"""Events of one connection before the others have their turn."""
+"""Events of one connection that are processed before it yields to the others."""
 _TURN = 0.005
-"""Seconds after which they have it in any case: a formula may be slow."""
+"""Seconds after which it yields in any case: a formula may be slow."""
 
 
 class Throttle:
-    """A bucket that fills at `rate` events a second; 0 for any number."""
+    """A token bucket that fills at `rate` events a second; 0 is no limit."""
 
     def __init__(self, rate: float) -> None:
         self._rate = rate
@@ -26,17 +26,17 @@ class Throttle:
         self._run += 1
 
     @property
-    def is_due(self) -> bool:
-        """Whether it is the others' turn."""
-        return self.is_long or (self._run > 0 and time.monotonic() - self._at > _TURN)
+    def must_yield(self) -> bool:
+        """Whether the connection should call `pause` and yield to the others."""
+        return self.is_full or (self._run > 0 and time.monotonic() - self._at > _TURN)
 
     @property
-    def is_long(self) -> bool:
-        """Whether many were counted since the last `pause`."""
+    def is_full(self) -> bool:
+        """Whether `_AT_ONCE` events were counted since the last `pause`."""
         return self._run >= _AT_ONCE
 
     def pause(self) -> float:
-        """Seconds for which nothing more should be read, for what was counted since the last call."""
+        """Settle the events counted since the last call; returns for how many seconds nothing should be read."""
         counted, self._run = self._run, 0
         now = time.monotonic()
         passed, self._at = now - self._at, now

@@ -1,4 +1,4 @@
-"""The command line."""
+"""The command line, `oracle-server`."""
 
 from oracle_server.cli.commands import main
 

@@ -1,4 +1,4 @@
-"""Reads a running server over HTTP."""
+"""An HTTP client that reads a running server."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from oracle_server.core.errors import OracleError
 
 _WITHIN = 10.0
 _SILENT = 60.0
-"""Seconds without a sign of life, of which there is one every 15, after which a stream is opened anew."""
+"""Seconds without data after which a stream is reopened; the server sends a comment every 15 s."""
 _RECONNECT_AFTER = 1.0
 _CUT = httpx.RemoteProtocolError, httpx.ReadError, httpx.ReadTimeout
-"""What ends a stream that the next one goes on with."""
+"""Errors after which a stream is reopened where it ended."""
 
 
 class ServerUnreachableError(OracleError):
@@ -27,12 +27,12 @@ class ServerUnreachableError(OracleError):
 
 
 class Client:
-    """Reads one server over HTTP."""
+    """A connection to one server, by its address and an optional token."""
 
     def __init__(self, url: str, token: str | None = None) -> None:
         self._url = url.rstrip("/")
         if token and not token.isascii():
-            raise ServerUnreachableError("ORACLE_TOKEN or --token: is no token; `oracle-server token add` prints one")
+            raise ServerUnreachableError("ORACLE_TOKEN or --token: not a token; `oracle-server token add` prints one")
         headers = {"Authorization": f"Bearer {token}"} if token else {}
         with self._reaching():
             self._http = httpx.Client(
@@ -40,7 +40,7 @@ class Client:
             )
 
     def get(self, path: str, within: float = _WITHIN, **query: Any) -> dict[str, Any]:
-        """A document, waited for so many seconds. Raises `ServerUnreachableError`."""
+        """Get a document within `within` seconds. Raises `ServerUnreachableError`."""
         with self._reaching():
             response = self._http.get(path, params={k: v for k, v in query.items() if v is not None}, timeout=within)
             document: dict[str, Any] = response.json()
@@ -50,7 +50,7 @@ class Client:
 
     @contextlib.contextmanager
     def _reaching(self) -> Iterator[None]:
-        """Word what can go wrong when a server is read."""
+        """Turn the errors of a request into `ServerUnreachableError`."""
         try:
             yield
         except (httpx.HTTPError, httpx.InvalidURL, UnicodeEncodeError) as error:
@@ -61,9 +61,9 @@ class Client:
             raise ServerUnreachableError(f"{self._url}: answers, but not as an oracle server") from None
 
     def events(self, path: str, **query: Any) -> Iterator[dict[str, Any]]:
-        """What a stream tells, over as many connections as it takes, until it says that it is closed.
+        """The records of a stream until its end, over several connections if necessary.
 
-        Raises `ServerUnreachableError` where there is no such stream, or no server any more.
+        Raises `ServerUnreachableError` where there is no such stream, or the server can't be reached again.
         """
         last = 0
         while True:
@@ -94,7 +94,7 @@ class Client:
             raise ServerUnreachableError(f"{self._url}: {_detail(response)}")
 
     def pages(self, path: str, **query: Any) -> list[dict[str, Any]]:
-        """All the items behind a paged address."""
+        """The items of all pages of a list. Raises `ServerUnreachableError`."""
         items: list[dict[str, Any]] = []
         after = None
         while True:
@@ -106,7 +106,7 @@ class Client:
 
 
 def _lines(response: httpx.Response) -> Iterator[bytes]:
-    """The lines of a response. A text in JSON may hold whatever else `str.splitlines` takes for the end of one."""
+    """The lines of a response, split at newlines only: JSON texts may contain the other ends of `str.splitlines`."""
     rest = b""
     for chunk in response.iter_bytes():
         *lines, rest = (rest + chunk).split(b"\n")
@@ -116,7 +116,7 @@ def _lines(response: httpx.Response) -> Iterator[bytes]:
 
 
 def _events(lines: Iterable[bytes]) -> Iterator[dict[bytes, bytes]]:
-    """The fields of each Server-Sent Event, once it is whole."""
+    """The fields of each complete Server-Sent Event."""
     event: dict[bytes, bytes] = {}
     for line in lines:
         if line:
@@ -135,7 +135,7 @@ def _detail(response: httpx.Response) -> str:
 
 
 def _tls() -> ssl.SSLContext:
-    """As ORACLE_CA, ORACLE_CLIENT_CERT and ORACLE_CLIENT_KEY say. Raises `ServerUnreachableError`."""
+    """TLS by ORACLE_CA, ORACLE_CLIENT_CERT and ORACLE_CLIENT_KEY. Raises `ServerUnreachableError`."""
     authority, cert, key = (os.environ.get(f"ORACLE_{name}") or None for name in ("CA", "CLIENT_CERT", "CLIENT_KEY"))
     try:
         context = ssl.create_default_context(cafile=authority)

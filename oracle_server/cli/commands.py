@@ -1,4 +1,4 @@
-"""The command line: every command, and nothing of what it does."""
+"""All commands of the command line, and the entry point."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-tokens = typer.Typer(help="Who may use the server: tokens, of which it keeps hashes only.", add_completion=False)
+tokens = typer.Typer(help="Manage the tokens of a server, which stores only their hashes.", add_completion=False)
 
 
 @app.callback(invoke_without_command=True)
@@ -64,7 +64,7 @@ def main() -> None:
     except OracleError as error:
         sys.exit(_fail(str(error)))
     except Exception as error:
-        usage = getattr(error, "format_message", None)  # typer's usage errors, whichever click it carries
+        usage = getattr(error, "format_message", None)  # a usage error of click, of which typer may have its own copy
         if usage is None:
             raise
         sys.exit(_fail(usage()))
@@ -72,7 +72,7 @@ def main() -> None:
 
 
 def _write_utf8() -> None:
-    """Write UTF-8 whatever the locale, as JSON and XML have it; what has no place in it, escaped."""
+    """Write UTF-8 whatever the locale, as JSON and XML need it; escape characters that UTF-8 can't represent."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(encoding="utf-8", errors="backslashreplace")

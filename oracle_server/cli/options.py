@@ -8,5 +8,5 @@ from typing import Annotated
 import typer
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-DataDir = Annotated[Path | None, typer.Option(help="Where the history is kept.")]
+DataDir = Annotated[Path | None, typer.Option(help="The directory of the history.")]
 SpecFiles = Annotated[list[Path], typer.Argument(metavar="SPEC…", help="Spec files.")]

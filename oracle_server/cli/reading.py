@@ -15,7 +15,7 @@ _DEFAULT_URL = "http://127.0.0.1:8642"
 
 
 def specs(url: UrlOption = _DEFAULT_URL, token: TokenOption = None, as_json: AsJson = False) -> None:
-    """List the specs that a running server has on hand."""
+    """List the specs of a running server."""
     from oracle_server.cli.client import Client
     from oracle_server.cli.tables import show_specs
 
@@ -34,15 +34,13 @@ def verdicts(
     session: Annotated[str, typer.Argument(metavar="SESSION")],
     property_: Annotated[list[str] | None, typer.Option("--property", help="Only this property; repeatable.")] = None,
     outcome: Annotated[list[str] | None, typer.Option(help="Only this outcome; repeatable.")] = None,
-    follow: Annotated[bool, typer.Option("--follow", help="Go on with what comes, until the session ends.")] = False,
-    explain: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="Say why verdict number N is as it is.")
-    ] = None,
+    follow: Annotated[bool, typer.Option("--follow", help="Print new verdicts, until the session ends.")] = False,
+    explain: Annotated[int | None, typer.Option(metavar="N", min=1, help="Explain verdict number N.")] = None,
     url: UrlOption = _DEFAULT_URL,
     token: TokenOption = None,
     as_json: AsJson = False,
 ) -> None:
-    """Print a session's verdicts: a summary and its violations, or the records that are asked for."""
+    """Print a session's verdicts: a summary and its violations, or the selected records."""
     from oracle_server.cli.client import Client
     from oracle_server.cli.tables import follow_verdicts, show_explanation, show_verdicts
 

@@ -1,4 +1,4 @@
-"""An explained verdict as text: what decides it as a tree, each part with the event behind it."""
+"""An explained verdict as text: the tree of its reasons, each with the event that decides it."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from oracle_server.core.errors import one_line
 from oracle_server.core.kinds import GROUPS, TICK
 
 _NAMED = frozenset({*GROUPS, "kind", "monitor"})
-"""Signals whose values are shown before the others."""
+"""Signals that are part of an event's description, and not listed with the others."""
 
 
-def told(record: Mapping[str, Any]) -> str:
-    """The lines of a verdict's record with its explanation."""
+def explanation_text(record: Mapping[str, Any]) -> str:
+    """The text of a verdict record with its explanation, line by line."""
     why = record["explanation"]
     if why is None:
-        return f"verdict {record['n']}: {record['property']} is {record['outcome']}; nothing more is known\n"
+        return f"verdict {record['n']}: {record['property']} is {record['outcome']}; there is no explanation\n"
     head = f"verdict {record['n']}: {record['property']} is {record['outcome']}, decided by {_event(why['event'])}"
     lines = [head, f"  {why['formula']}"]
     values = why.get("values")
@@ -39,7 +39,7 @@ def _lines(reasons: Sequence[Mapping[str, Any]], indent: str) -> Iterator[str]:
 
 def _event(event: Mapping[str, Any]) -> str:
     if event["kind"] == TICK:
-        return "a deadline that ran out"
+        return "an expired deadline"
     where = f"{event['stream']} ({event['kind']} {event['seq']} of {event['monitor']}, stamp {event['stamp']})"
     shown = {name: value for name, value in event["signals"].items() if name not in _NAMED}
     return where + "".join(f" {name}={json.dumps(value)}" for name, value in sorted(shown.items()))

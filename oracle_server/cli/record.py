@@ -1,4 +1,4 @@
-"""`record`: what a session's monitors sent, from a running server to a file."""
+"""The command `record`: writes the trace of a session on a running server to a file."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from oracle_server.replay.mcap import write_mcap
 
 
 def record_session(client: Client, session: str, out: Path) -> None:
-    """Write the trace of a session: as MCAP, or as JSON Lines where the file is named so.
+    """Write the trace of a session as MCAP or JSON Lines, by the suffix of `out`.
 
     Raises `ServerUnreachableError`, or `TraceError` where the file can't be written.
     """

@@ -1,4 +1,4 @@
-"""`replay`: a recording judged offline."""
+"""The command `replay`: judges a recording offline."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from oracle_server.cli.options import SpecFiles
 
 
 class By(StrEnum):
-    """An order of events."""
+    """The order in which events are judged."""
 
     PUBLICATION = "publication"
     ARRIVAL = "arrival"
@@ -21,7 +21,7 @@ class By(StrEnum):
 
 
 class Form(StrEnum):
-    """What a report is written as."""
+    """The format of the report."""
 
     TEXT = "text"
     JSONL = "jsonl"
@@ -32,18 +32,18 @@ class Form(StrEnum):
 def replay(
     specs: SpecFiles,
     trace: Annotated[Path, typer.Argument(metavar="TRACE", help="A recording: .jsonl, .bag, .mcap, ROS 2 bag folder.")],
-    by: Annotated[By | None, typer.Option(help="The order to judge in; default: as the spec says.")] = None,
+    by: Annotated[By | None, typer.Option(help="The order to judge in; default: that of the spec.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="The same as --format jsonl.")] = False,
-    form: Annotated[Form, typer.Option("--format", help="What to print.")] = Form.TEXT,
+    form: Annotated[Form, typer.Option("--format", help="The format of the report.")] = Form.TEXT,
     types: Annotated[list[Path] | None, typer.Option(help="A folder with .msg files, for bags without.")] = None,
 ) -> None:
     """Judge a recording offline, through the same session code as the server."""
     import structlog
 
-    from oracle_server.process.garbage import look_seldom
+    from oracle_server.process.garbage import collect_rarely
     from oracle_server.replay.command import run_replay
 
     structlog.configure(logger_factory=structlog.PrintLoggerFactory(sys.stderr))  # the report is on standard output
-    look_seldom()
+    collect_rarely()
     chosen = Form.JSONL if as_json else form
     raise typer.Exit(run_replay(specs, trace, by.value if by else None, chosen.value, types or []))

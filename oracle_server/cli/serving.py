@@ -1,4 +1,4 @@
-"""A server in the foreground and in the background: `serve`, `start`, `stop` and `status`."""
+"""The commands that run a server: `serve`, and in the background `start`, `stop` and `status`."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ _OF_A_SERVER: dict[str, Any] = {
     "tls_cert": Annotated[Path | None, typer.Option(help="The server's certificate (PEM), for TLS.")],
     "tls_key": Annotated[Path | None, typer.Option(help="The certificate's key (PEM).")],
     "tls_client_ca": Annotated[
-        Path | None, typer.Option(help="Clients must show a certificate of this authority (PEM).")
+        Path | None, typer.Option(help="Clients must present a certificate of this authority (PEM).")
     ],
     "insecure": Annotated[
-        bool | None, typer.Option("--insecure", help="Be reachable by others without tokens or TLS.")
+        bool | None, typer.Option("--insecure", help="Allow a bind beyond loopback without tokens or TLS.")
     ],
 }
 """The settings that a server takes on its command line, in the foreground or in the background."""
@@ -33,7 +33,7 @@ _Command = Callable[..., None]
 
 
 def _takes_settings(command: _Command) -> _Command:
-    """Let a command take `_OF_A_SERVER` besides options of its own; it gets them as keywords, None where not given."""
+    """Add the options `_OF_A_SERVER` to a command; it receives them as keyword arguments, None where not given."""
     own = [p for p in signature(command).parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
     settings = [
         Parameter(name, Parameter.KEYWORD_ONLY, default=None, annotation=kind) for name, kind in _OF_A_SERVER.items()
@@ -61,7 +61,7 @@ def start(within: Within = 300.0, **settings: Any) -> None:
 
 
 def stop(data_dir: DataDir = None, within: Within = 60.0) -> None:
-    """Stop the server of a data directory, once it has judged and committed what it holds."""
+    """Stop the server of a data directory, after it has judged and committed all held events."""
     from oracle_server.process.daemon import stop as run
     from oracle_server.process.settings import load_settings
 
@@ -69,8 +69,8 @@ def stop(data_dir: DataDir = None, within: Within = 60.0) -> None:
 
 
 def status(data_dir: DataDir = None, as_json: AsJson = False) -> None:
-    """Tell how the server of a data directory stands; exit status 3 where none runs."""
-    from oracle_server.process.daemon import status as tell
+    """Show the state of the server of a data directory; the exit status is 3 where none runs."""
+    from oracle_server.process.daemon import status as run
     from oracle_server.process.settings import load_settings
 
-    raise typer.Exit(tell(load_settings(data_dir=data_dir).data_dir, as_json=as_json))
+    raise typer.Exit(run(load_settings(data_dir=data_dir).data_dir, as_json=as_json))

@@ -1,4 +1,4 @@
-"""The commands on files of specs: `check`, `import` and `streams`."""
+"""The commands for spec files: `check`, `import` and `streams`."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ class RosVersion(StrEnum):
 
 def check(
     specs: SpecFiles,
-    ros: Annotated[RosVersion | None, typer.Option(help="Warn of what this version of ROS lacks.")] = None,
-    ros_graph: Annotated[Path | None, typer.Option(help="A dump of the robot's graph, to find deadlocks by.")] = None,
+    ros: Annotated[RosVersion | None, typer.Option(help="Warn of what this version of ROS can't do.")] = None,
+    ros_graph: Annotated[Path | None, typer.Option(help="A dump of the ROS graph, to find deadlocks.")] = None,
 ) -> None:
     """Validate specs: schema, expressions, formulas, ordering hazards."""
     from oracle_server.specfiles.load import load_spec
@@ -58,14 +58,14 @@ def import_(
 
 
 def streams(spec: Annotated[Path, typer.Argument(metavar="SPEC", help="A spec file.")]) -> None:
-    """Print what an adapter has to observe for a spec, for its `--log` without a server."""
+    """Print the streams that an adapter observes for a spec; its `--log` reads them where there is no server."""
     import json
 
     from oracle_server.core.plan import plan
-    from oracle_server.sessions.greeting import described
+    from oracle_server.sessions.greeting import stream_frame
     from oracle_server.specfiles.load import load_spec
 
     ready = plan(load_spec(spec).spec)
-    told = [described(ready, key) for key in ready.streams]
-    document = {"spec": ready.spec.id, "spec_digest": ready.spec.digest, "streams": told}
+    frames = [stream_frame(ready, key) for key in ready.streams]
+    document = {"spec": ready.spec.id, "spec_digest": ready.spec.digest, "streams": frames}
     typer.echo(json.dumps(document, indent=2))

@@ -1,4 +1,4 @@
-"""What the commands that read a server print: a JSON document, or a table."""
+"""The output of commands that read a server or its tokens: a JSON document, or a table."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from rich.console import Console
 from rich.table import Table
 
 from oracle_server.cli.client import Client
-from oracle_server.cli.reasons import told
+from oracle_server.cli.reasons import explanation_text
 from oracle_server.core.errors import one_line
 from oracle_server.edge.tokens import Token
 
 _EXPLAINED_WITHIN = 600.0
-"""Seconds: all that was judged before is judged again."""
+"""Seconds for an explanation, for which all earlier steps are judged again."""
 
 
 def show_specs(client: Client, *, as_json: bool) -> None:
-    """Print the specs on hand."""
+    """Print all specs."""
     document = client.get("specs")
     rows = [(s["id"], str(len(s["streams"])), str(len(s["properties"])), s["description"]) for s in document["items"]]
     _show(document, ("spec", "streams", "properties", "description"), rows, as_json=as_json)
@@ -52,7 +52,7 @@ def show_verdicts(client: Client, session: str, properties: list[str], outcomes:
 
 
 def follow_verdicts(client: Client, session: str, properties: list[str], outcomes: list[str], *, as_json: bool) -> None:
-    """Print a session's verdict records, a line each, as they come."""
+    """Print a session's verdict records, one a line, until the session ends."""
     for record in client.events(f"sessions/{session}/stream", property=properties, outcome=outcomes):
         keys = (*_RECORD, *_measured([record]))
         line = json.dumps(record) if as_json else "  ".join(_record_row(record, keys)).rstrip()
@@ -61,13 +61,13 @@ def follow_verdicts(client: Client, session: str, properties: list[str], outcome
 
 
 def show_explanation(client: Client, session: str, n: int, *, as_json: bool) -> None:
-    """Print why a verdict is as it is."""
+    """Print the explanation of a verdict."""
     record = client.get(f"sessions/{session}/verdicts/{n}/explanation", _EXPLAINED_WITHIN)
-    sys.stdout.write(json.dumps(record) + "\n" if as_json else told(record))
+    sys.stdout.write(json.dumps(record) + "\n" if as_json else explanation_text(record))
 
 
 def show_tokens(tokens: Sequence[Token], *, as_json: bool) -> None:
-    """Print what tokens are good for."""
+    """Print tokens with their scopes, specs and sessions."""
     items = [t.model_dump(mode="json", exclude={"sha256"}) for t in tokens]
     cells = [[", ".join(sorted(item[key])) if item[key] else "all" for key in _BOUND] for item in items]
     rows = [(item["name"], *cell) for item, cell in zip(items, cells, strict=True)]
@@ -79,7 +79,7 @@ _RECORD = ("n", "step", "property", "outcome", "stream", "kind", "decision")
 
 
 def _measured(items: Sequence[dict[str, Any]]) -> tuple[str, ...]:
-    """The column of the robustness, where any has one; sessions that were closed by an older version don't tell it."""
+    """The column of the robustness, if any item has one; sessions closed by an older version lack the key."""
     return ("robustness",) if any(item.get("robustness") is not None for item in items) else ()
 
 

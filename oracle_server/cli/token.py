@@ -1,4 +1,4 @@
-"""`token`: who may use the server."""
+"""The command `token`: adds, removes and lists the tokens of a server."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from oracle_server.cli.options import AsJson, DataDir
 
 
 class Scope(StrEnum):
-    """What a token is good for."""
+    """What a token permits."""
 
     SUBMIT = "submit"
     READ = "read"
@@ -19,13 +19,13 @@ class Scope(StrEnum):
 
 
 def add(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Whose it is.")],
-    scope: Annotated[list[Scope], typer.Option(help="What it is good for; repeatable.")],
-    spec: Annotated[list[str] | None, typer.Option(help="Good for this spec only; repeatable.")] = None,
-    session: Annotated[list[str] | None, typer.Option(help="Good for this session only; repeatable.")] = None,
+    name: Annotated[str, typer.Argument(metavar="NAME", help="The token's name.")],
+    scope: Annotated[list[Scope], typer.Option(help="What it permits; repeatable.")],
+    spec: Annotated[list[str] | None, typer.Option(help="Valid for this spec only; repeatable.")] = None,
+    session: Annotated[list[str] | None, typer.Option(help="Valid for this session only; repeatable.")] = None,
     data_dir: DataDir = None,
 ) -> None:
-    """Make a token and print it; it is shown this once. A server that runs knows it at once."""
+    """Create a token and print it; it is not shown again. A running server accepts it at once."""
     from oracle_server.edge import tokens
     from oracle_server.process.settings import load_settings
 
@@ -33,7 +33,7 @@ def add(
 
 
 def remove(name: Annotated[str, typer.Argument(metavar="NAME")], data_dir: DataDir = None) -> None:
-    """Make a token good for nothing."""
+    """Revoke a token."""
     from oracle_server.edge import tokens
     from oracle_server.process.settings import load_settings
 
@@ -41,7 +41,7 @@ def remove(name: Annotated[str, typer.Argument(metavar="NAME")], data_dir: DataD
 
 
 def list_(data_dir: DataDir = None, as_json: AsJson = False) -> None:
-    """List the tokens: whose they are and what they are good for."""
+    """List the tokens with their scopes, specs and sessions."""
     from oracle_server.cli.tables import show_tokens
     from oracle_server.edge import tokens
     from oracle_server.process.settings import load_settings

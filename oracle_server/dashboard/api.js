@@ -1,10 +1,10 @@
-// The server's HTTP API: documents as it gives them, and what it refuses.
+// A client of the server's HTTP API.
 
 const TOKEN = "oracle-token";
-const PATIENCE = 10_000;
-const LOOKS = 10;
+const TIMEOUT = 10_000; // ms
+const REFRESHES = 10;
 
-/** An answer that is none: `status` is HTTP's, or 0 where no server answered. */
+/** A request that failed: `status` is HTTP's, or 0 where the server can't be reached. */
 export class Problem extends Error {
   constructor(status, message) {
     super(message);
@@ -12,13 +12,13 @@ export class Problem extends Error {
   }
 }
 
-/** Keep a token for this tab, until it is closed. */
+/** Store a token for this tab, until it is closed. */
 export function remember(token) {
   sessionStorage.setItem(TOKEN, token);
 }
 
-/** A document of the API, waited for so many ms unless `signal` is aborted before. Throws a `Problem`. */
-export async function get(path, query = {}, { within = PATIENCE, signal } = {}) {
+/** Get a document within `within` ms; `signal` aborts the request. Throws a `Problem`. */
+export async function get(path, query = {}, { within = TIMEOUT, signal } = {}) {
   const url = new URL(`api/v1/${path}`, document.baseURI);
   for (const [name, value] of Object.entries(query)) url.searchParams.set(name, value);
   const token = sessionStorage.getItem(TOKEN);
@@ -37,27 +37,27 @@ export async function get(path, query = {}, { within = PATIENCE, signal } = {}) 
   throw new Problem(response.status, detail ?? document_?.detail ?? `The server answered ${response.status}.`);
 }
 
-/** The items of a list of the API. Throws a `Problem`, or a `TypeError` where it is no list. */
+/** Get the items of a list. Throws a `Problem`, or a `TypeError` where the answer is not a list. */
 export async function items(path, query = {}) {
   const found = (await get(path, query)).items;
   if (!Array.isArray(found)) throw new TypeError(`${path}: no list`);
   return found;
 }
 
-/** Whether to ask the history for what the state tells of: it is behind, and the longer the slower the disk is. */
-export class Behind {
+/** Whether to read the history again after a session's state has changed: it follows the state with a delay. */
+export class DelayedHistory {
   #known;
-  #looks = 0;
+  #refreshes = 0;
 
-  /** Whether `value`, as text, has changed within the last ten looks. */
-  changed(value) {
-    if (value !== this.#known) [this.#known, this.#looks] = [value, LOOKS];
-    return this.#looks > 0;
+  /** Whether to read it: until it was read ten times since `value`, a text, changed. */
+  isDue(value) {
+    if (value !== this.#known) [this.#known, this.#refreshes] = [value, REFRESHES];
+    return this.#refreshes > 0;
   }
 
-  /** The history was asked, and has answered. */
-  looked() {
-    this.#looks -= 1;
+  /** Count that it was read. */
+  wasRead() {
+    this.#refreshes -= 1;
   }
 }
 
@@ -66,7 +66,7 @@ export function of(session, what = "") {
   return `sessions/${encodeURIComponent(session)}${what && "/"}${what}`;
 }
 
-/** JSON with its integers exact: those beyond a double's are BigInt. */
+/** Parse JSON with exact integers: those that a double can't represent become BigInt. */
 function parsed(text) {
   try {
     return JSON.parse(text, (_, value, context) => {

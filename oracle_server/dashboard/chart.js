@@ -1,27 +1,27 @@
-// The steps of a session side by side: which event each was, and what every property said of it.
+// The chart of a session's steps: the event and the outcome of every property, one column a step.
 
-import { Behind, items, of } from "./api.js";
+import { DelayedHistory, items, of } from "./api.js";
 import { h, Place } from "./dom.js";
 import { at, event, mark, stream } from "./words.js";
 
 const STEPS = 60;
-const BEFORE = 0.5; // of the steps are shown before the one that is looked at
+const BEFORE = 0.5; // the share of the steps that are shown before the chosen one
 const MOST = 1000; // records in one answer
 
-/** The newest steps, or those around verdict `n`; `witness` marks the steps that explain it. */
+/** A view of the newest steps, or of those around verdict `n`; `witness` marks the steps that explain it. */
 export function chartView(id, n) {
   const picture = new Place("section", { class: "chart" });
-  const behind = new Behind();
+  const history = new DelayedHistory();
   let [order, records, witnesses, moved] = [null, [], [], true];
 
   async function refresh(state) {
     const orders = [...new Set(state.properties.map((each) => each.order))];
     const properties = [...new Set(state.properties.map((each) => each.id))];
-    if (behind.changed(JSON.stringify([n, state.counters, state.properties.map((each) => each.outcome)]))) {
-      const asked = n;
-      const found = await around(id, asked, properties.length);
-      behind.looked();
-      if (asked !== n) return; // somebody has gone on meanwhile, and that was asked for too
+    if (history.isDue(JSON.stringify([n, state.counters, state.properties.map((each) => each.outcome)]))) {
+      const requested = n;
+      const found = await around(id, requested, properties.length);
+      history.wasRead();
+      if (requested !== n) return; // another verdict was chosen meanwhile, which has its own request
       records = found;
     }
     if (moved) order = records.find((each) => each.n === n)?.order ?? order ?? orders[0];
@@ -31,11 +31,11 @@ export function chartView(id, n) {
   function draw(by) {
     const columns = columnsOf(records, by.properties.length).filter((each) => each.order === order);
     const scrolled = scrolledBack(picture.node.firstChild);
-    const anew = picture.show({ ...by, order, witnesses, columns }, (shown) => drawn(shown, (other) => {
+    const changed = picture.show({ ...by, order, witnesses, columns }, (shown) => drawn(shown, (other) => {
       order = other;
       draw(by);
     }));
-    if (!by.n && anew && !scrolled) picture.node.firstChild.scrollLeft = Number.MAX_SAFE_INTEGER;
+    if (!by.n && changed && !scrolled) picture.node.firstChild.scrollLeft = Number.MAX_SAFE_INTEGER;
     const chosen = by.n && moved && picture.node.querySelector(".chosen");
     if (chosen) chosen.scrollIntoView({ block: "center", inline: "center" });
     moved = by.n && moved && !chosen;
@@ -62,13 +62,13 @@ function scrolledBack(box) {
   return box?.scrollWidth && box.scrollLeft + box.clientWidth < box.scrollWidth - 8;
 }
 
-/** The records of each step together. */
+/** The records grouped by step. */
 function columnsOf(records, width) {
   const columns = new Map();
   for (const record of records) {
     const position = Math.ceil(record.n / width);
-    if (!columns.has(position)) columns.set(position, { ...record, said: {} });
-    columns.get(position).said[record.property] = { n: record.n, outcome: record.outcome, violation: record.violation };
+    if (!columns.has(position)) columns.set(position, { ...record, outcomes: {} });
+    columns.get(position).outcomes[record.property] = { n: record.n, outcome: record.outcome, violation: record.violation };
   }
   return [...columns.values()];
 }
@@ -79,12 +79,12 @@ function drawn({ id, n, order, orders, properties, witnesses, columns }, choose)
   const row = (name, cells) => h("tr", {}, h("th", { scope: "row", title: name }, name), cells);
   const head = columns.map((each) => h("th", { scope: "col", class: explains(each) }, number(each)));
   const lanes = [...new Set(columns.map(lane))].sort();
-  const heard = lanes.map((name) => row(name, columns.map((each) =>
+  const events = lanes.map((name) => row(name, columns.map((each) =>
     lane(each) === name ? h("td", { class: explains(each), title: title(each) }, sign(each)) : h("td"))));
-  const said = properties.map((name) => row(name, columns.map((each) => h("td", {}, cell(id, n, name, each)))));
+  const outcomes = properties.map((name) => row(name, columns.map((each) => h("td", {}, cell(id, n, name, each)))));
   return [
     h("div", { class: "scroll", tabindex: 0 },
-      h("table", {}, h("thead", {}, h("tr", {}, h("th", {}, "step"), head)), h("tbody", {}, heard, said))),
+      h("table", {}, h("thead", {}, h("tr", {}, h("th", {}, "step"), head)), h("tbody", {}, events, outcomes))),
     h("p", { class: "tools" }, n ? moves(id, n, columns) : newest(),
       orders.length < 2 ? null : orders.map((each) =>
         h("button", { "aria-pressed": String(each === order), onclick: () => choose(each) }, `by ${each}`))),
@@ -92,12 +92,13 @@ function drawn({ id, n, order, orders, properties, witnesses, columns }, choose)
 }
 
 function newest() {
-  return h("span", { class: "hint" }, "The newest steps. Choose a verdict to see why it is so.");
+  return h("span", { class: "hint" }, "The newest steps. Choose a verdict to see its explanation.");
 }
 
 function moves(id, n, columns) {
-  const property = columns.flatMap((each) => Object.entries(each.said)).find(([, said]) => said.n === n)?.[0];
-  const [first, last] = [columns[0], columns.at(-1)].map((each) => each.said[property]?.n ?? n);
+  const outcomes = columns.flatMap((each) => Object.entries(each.outcomes));
+  const property = outcomes.find(([, outcome]) => outcome.n === n)?.[0];
+  const [first, last] = [columns[0], columns.at(-1)].map((each) => each.outcomes[property]?.n ?? n);
   return [
     first < n && h("a", { href: at(id, first) }, "← Earlier"),
     last > n && h("a", { href: at(id, last) }, "Later →"),
@@ -125,9 +126,10 @@ function title(of) {
 }
 
 function cell(id, n, property, of) {
-  const said = of.said[property];
-  if (!said) return "";
-  const classes = [said.outcome, said.violation && "violation", said.n === n && "chosen"].filter(Boolean).join(" ");
-  const label = `${property} at step ${of.step ?? "–"}: ${said.outcome}`;
-  return h("a", { class: classes, href: at(id, said.n), title: label, "aria-label": label }, mark(said.outcome));
+  const verdict = of.outcomes[property];
+  if (!verdict) return "";
+  const { outcome } = verdict;
+  const classes = [outcome, verdict.violation && "violation", verdict.n === n && "chosen"].filter(Boolean).join(" ");
+  const label = `${property} at step ${of.step ?? "–"}: ${outcome}`;
+  return h("a", { class: classes, href: at(id, verdict.n), title: label, "aria-label": label }, mark(outcome));
 }

@@ -1,6 +1,6 @@
-// Elements from values. What a robot says only ever becomes text: nothing here reads HTML.
+// Builds elements from values. Data from robots only ever becomes text: nothing here parses HTML.
 
-/** A new element; `on…` attributes are listeners, null and false ones are left out, as null children are. */
+/** A new element; `on…` attributes are listeners; attributes that are null or false, and null children, are left out. */
 export function h(name, attributes = {}, ...children) {
   const node = document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) {
@@ -11,7 +11,7 @@ export function h(name, attributes = {}, ...children) {
   return node;
 }
 
-/** A table with a head; each row is a list of cells, or a row made already. */
+/** A table with a head; each row is a list of cells, or a row element. */
 export function table(name, head, rows) {
   const cells = (row) => h("tr", {}, row.map((cell) => h("td", {}, cell)));
   return h("table", { class: name },
@@ -19,7 +19,7 @@ export function table(name, head, rows) {
     h("tbody", {}, rows.map((row) => (row instanceof Node ? row : cells(row)))));
 }
 
-/** A place that is built anew only when what it shows has changed, so that focus and selection stay. */
+/** An element that is rebuilt only when the value that it shows has changed, so that focus and selection are kept. */
 export class Place {
   #shown;
 
@@ -27,12 +27,12 @@ export class Place {
     this.node = h(name, attributes);
   }
 
-  /** Show what `build` makes of `value`; whether that was another value than before. */
+  /** Show the elements that `build` makes of `value`, if it has changed; returns whether it has. */
   show(value, build) {
     const key = JSON.stringify(value, (_, each) => (typeof each === "bigint" ? `${each}n` : each));
     if (key === this.#shown) return false;
     this.node.replaceChildren(...[build(value)].flat(Infinity).filter((child) => child !== null));
-    this.#shown = key; // not before: what could not be built is not shown
+    this.#shown = key; // only now, since building may fail
     return true;
   }
 }

@@ -1,4 +1,4 @@
-// The page: which view the address names, when it is brought up to date, and what stands in its way.
+// The page: it opens the view that the address names, refreshes it, and shows errors.
 
 import { Problem, remember } from "./api.js";
 import { h } from "./dom.js";
@@ -7,13 +7,13 @@ import { sessionsView } from "./sessions.js";
 import { specView, specsView } from "./specs.js";
 
 const PERIOD = 1000;
-const SHARE = 10; // of the time at most one part goes into asking, however slow the answers are
+const SHARE = 10; // requests take at most one tenth of the time, however slow the answers are
 
 const place = document.getElementById("view");
 const link = document.getElementById("link");
 let view = sessionsView();
 let timer;
-let turn = 0;
+let latest = 0; // the number of the last refresh
 
 function route() {
   const [path, query] = location.hash.slice(1).split("?");
@@ -44,35 +44,35 @@ function open() {
   return refresh();
 }
 
-/** Bring the view up to date, and again when it is time, whatever happens; what was asked for before is forgotten. */
+/** Refresh the view, and schedule the next refresh in any case; an earlier refresh has no effect any more. */
 async function refresh() {
   clearTimeout(timer);
-  const mine = ++turn;
-  const asked = performance.now();
+  const mine = ++latest;
+  const begin = performance.now();
   try {
     if (document.hidden) return;
     await view.refresh();
-    if (mine === turn) tell(true, "live");
+    if (mine === latest) showStatus(true, "live");
   } catch (problem) {
-    if (mine === turn) failed(problem);
+    if (mine === latest) failed(problem);
   } finally {
-    if (mine === turn) timer = setTimeout(refresh, Math.max(PERIOD, SHARE * (performance.now() - asked)));
+    if (mine === latest) timer = setTimeout(refresh, Math.max(PERIOD, SHARE * (performance.now() - begin)));
   }
 }
 
 function failed(problem) {
   if (problem instanceof Problem) return refused(problem);
   console.error(problem);
-  tell(false, "The page is not up to date: an answer of the server could not be shown; trying again.");
+  showStatus(false, "The page is not up to date: an answer of the server could not be shown; trying again.");
 }
 
 function refused(problem) {
-  const shut = [401, 403].includes(problem.status);
-  if (!shut) tell(false, problem.message);
-  else if (!link.querySelector("form")) tell(false, problem.message, tokenForm());
+  const needsToken = [401, 403].includes(problem.status);
+  if (!needsToken) showStatus(false, problem.message);
+  else if (!link.querySelector("form")) showStatus(false, problem.message, tokenForm());
 }
 
-function tell(good, text, ...more) {
+function showStatus(good, text, ...more) {
   if (link.textContent === text && !more.length) return;
   link.className = good ? "good" : "bad";
   link.replaceChildren(text, ...more);
@@ -83,7 +83,7 @@ function tokenForm() {
   const entered = (submitted) => {
     submitted.preventDefault();
     remember(field.value.trim());
-    tell(true, "…");
+    showStatus(true, "…");
     refresh();
   };
   return h("form", { onsubmit: entered }, field, h("button", {}, "Use"));

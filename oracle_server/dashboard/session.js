@@ -1,4 +1,4 @@
-// One session: its properties, its latest steps, its violations, its streams; and any verdict, explained.
+// The view of one session: its properties, steps, violations, streams and monitors, and the explanation of a verdict.
 
 import { get, of } from "./api.js";
 import { chartView } from "./chart.js";
@@ -7,7 +7,7 @@ import { verdictView } from "./verdict.js";
 import { violationsView } from "./violations.js";
 import { at, badge, count, moment, span, stream } from "./words.js";
 
-/** A session, and its verdict number `n` where one is asked for; `again` brings the page up to date at once. */
+/** The view of a session, and of its verdict number `n` if given; `again` refreshes the page at once. */
 export function sessionView(id, n, again) {
   const head = new Place("section");
   const properties = new Place("section");
@@ -26,8 +26,8 @@ export function sessionView(id, n, again) {
     const state = await get(of(id));
     spec ??= await formulas(state);
     head.show(headline(state), headed);
-    properties.show({ id, spec, told: state.properties }, judged);
-    streams.show({ streams: state.streams, monitors: state.monitors, clock: state.clock }, heard);
+    properties.show({ id, spec, states: state.properties }, propertyTable);
+    streams.show({ streams: state.streams, monitors: state.monitors, clock: state.clock }, streamTables);
     const parts = await Promise.allSettled([verdict.refresh(state), violations.refresh(state)]);
     await chart.refresh(state);
     for (const { reason } of parts) if (reason) throw reason;
@@ -46,7 +46,7 @@ export function sessionView(id, n, again) {
   };
 }
 
-/** What the spec on hand says, unless it is another than the session was opened with. */
+/** The properties of the session's spec by id; none where the server has another version of it. */
 async function formulas(state) {
   const found = await get(`specs/${encodeURIComponent(state.spec)}`).catch(() => null);
   return Object.fromEntries(found?.digest === state.spec_digest ? found.properties.map((each) => [each.id, each]) : []);
@@ -63,18 +63,18 @@ function headed(state) {
       h("strong", { class: state.status }, state.status), ` since ${moment(state.closed ?? state.opened)}, judged by `,
       h("a", { href: `#/specs/${encodeURIComponent(state.spec)}` }, state.spec),
       state.clock === "sim" ? ", in simulated time" : "",
-      state.next ? [", goes on as ", h("a", { href: at(state.next) }, state.next)] : null),
+      state.next ? [", continued as ", h("a", { href: at(state.next) }, state.next)] : null),
     h("p", { class: "counters" }, counted.map(([name, value]) => h("span", {}, `${value} ${name}`))),
     state.waiting ? h("p", { class: "waiting" }, state.waiting) : null,
     state.disagree?.length ? h("p", { class: "complaint" }, `The orders disagree on ${state.disagree.join(", ")}.`) : null,
   ];
 }
 
-function judged({ id, spec, told }) {
-  const both = new Set(told.map((each) => each.order)).size > 1;
+function propertyTable({ id, spec, states }) {
+  const both = new Set(states.map((each) => each.order)).size > 1;
   const first = (each) => each.first_violation &&
     h("a", { href: at(id, each.first_violation) }, `verdict ${each.first_violation}`);
-  return table("properties", ["property", "outcome", "violations", "first at", "unknown"], told.map((each) => [
+  return table("properties", ["property", "outcome", "violations", "first at", "unknown"], states.map((each) => [
     [
       h("strong", {}, each.id), both ? ` by ${each.order}` : null,
       spec[each.id] ? [h("p", { class: "hint" }, spec[each.id].description), h("code", {}, spec[each.id].formula)] : null,
@@ -87,18 +87,18 @@ function judged({ id, spec, told }) {
   ]));
 }
 
-function heard({ streams, monitors, clock }) {
+function streamTables({ streams, monitors, clock }) {
   return [
-    !streams.length ? null : table("streams", ["stream", "monitor", "frontier", "behind now", "held", "late", "lost", "duplicates"],
+    !streams.length ? null : table("streams", ["stream", "monitor", "frontier", "lag", "held", "late", "lost", "duplicates"],
       streams.map((each) => [
         stream(each.stream, each.kind), each.monitor, moment(each.frontier, clock), span(each.lag),
         count(each.depth), count(each.late), count(each.lost), count(each.duplicates),
       ])),
-    table("monitors", ["monitor", "state", "events so far", "what it says of its streams"], monitors.map((each) => [
+    table("monitors", ["monitor", "state", "events so far", "troubles that it reports"], monitors.map((each) => [
       each.name,
-      each.connected ? "connected" : each.attached ? "away" : "detached",
+      each.connected ? "connected" : each.attached ? "disconnected" : "detached",
       String(each.next - 1),
-      each.streams.filter((said) => said.trouble).map((said) => h("p", { class: "complaint" }, `${said.stream}: ${said.trouble}`)),
+      each.streams.filter((one) => one.trouble).map((one) => h("p", { class: "complaint" }, `${one.stream}: ${one.trouble}`)),
     ])),
   ];
 }

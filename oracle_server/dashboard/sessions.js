@@ -1,22 +1,22 @@
-// All sessions, and how they stand.
+// The list of all sessions with their states.
 
 import { items } from "./api.js";
 import { h, Place, table } from "./dom.js";
 import { at, badge, byGravity, count, moment } from "./words.js";
 
-const HEAD = ["session", "spec", "", "worst of its properties", "violations", "steps", "monitors", "opened"];
+const HEAD = ["session", "spec", "status", "worst outcome", "violations", "steps", "monitors", "opened"];
 
 /** The list of sessions. */
 export function sessionsView() {
   const list = new Place("section");
   return {
     node: h("div", {}, h("h1", {}, "Sessions"), list.node),
-    refresh: async () => list.show((await items("sessions")).map(told), listed),
+    refresh: async () => list.show((await items("sessions")).map(summary), listed),
   };
 }
 
-/** What the list shows of a session, and nothing that changes more often. */
-function told(state) {
+/** The part of a session's state that the list shows. */
+function summary(state) {
   const { id, spec, status, clock, opened, properties, counters, monitors, continued_by: next } = state;
   const connected = monitors.filter((each) => each.connected).length;
   const outcomes = properties.map((each) => each.outcome).sort(byGravity);

@@ -1,4 +1,4 @@
-// The specs on hand.
+// The list of all specs, and the view of one.
 
 import { get, items } from "./api.js";
 import { h, Place, table } from "./dom.js";

@@ -1,59 +1,59 @@
-// One verdict, and why it is as it is.
+// The explanation of one verdict.
 
 import { get, items, of, Problem } from "./api.js";
 import { h, Place } from "./dom.js";
 import { badge, event, moment, span } from "./words.js";
 
 const WITHIN = 600_000; // ms, as the command line waits: the session is judged again up to the verdict
-const PROMPT = 300; // ms in which most explanations are there, so that they appear at once
-const LATER = [404, 503]; // not there yet, or too many are waited for: asked for again
+const PROMPT = 300; // ms within which most explanations arrive, so that they are shown at once
+const LATER = [404, 503]; // not in the history yet, or too many requests: tried again
 
-/** Verdict `n` of a session; `onWitnesses` gets the steps that explain it, `again` is called once a slow one is there. */
+/** A view of verdict `n`; `onWitnesses` receives the steps that explain it, `again` is called when a slow answer arrives. */
 export function verdictView(id, n, onWitnesses, again) {
   const place = new Place("section", { class: "verdict", "aria-live": "polite" });
-  let question = null;
+  let request = null;
 
   async function refresh({ clock }) {
-    if (n && (!question || question.told?.early)) await ask();
-    if (question?.problem) {
-      const { problem } = question;
-      question = null; // it is asked anew, at the next refresh
+    if (n && (!request || request.record?.early)) await send();
+    if (request?.problem) {
+      const { problem } = request;
+      request = null; // it is sent again at the next refresh
       throw problem;
     }
-    const shown = n && (question?.told ?? { n, computing: true });
+    const shown = n && (request?.record ?? { n, computing: true });
     onWitnesses([...stepsOf(shown?.explanation?.reasons)]);
     place.show({ clock, shown }, () => (shown ? described(shown, clock) : []));
   }
 
-  /** Ask for the explanation, and wait a moment for it; what was told before stays until there is an answer. */
-  async function ask() {
-    const mine = { leaving: new AbortController(), told: question?.told, problem: null };
-    if (mine.told) mine.told.early = false;
-    question = mine;
+  /** Request the explanation, and wait a moment for it; the last answer is shown until the next one arrives. */
+  async function send() {
+    const mine = { leaving: new AbortController(), record: request?.record, problem: null };
+    if (mine.record) mine.record.early = false;
+    request = mine;
     let slow = false;
     const answered = explained(id, n, mine.leaving.signal).then(
-      (told) => (mine.told = told),
+      (record) => (mine.record = record),
       (problem) => (mine.problem = problem),
-    ).then(() => slow && mine === question && again());
+    ).then(() => slow && mine === request && again());
     await Promise.race([answered, new Promise((resolve) => setTimeout(resolve, PROMPT))]);
     slow = true;
   }
 
-  /** Show another verdict, or none; what was asked for before is waited for no more. */
+  /** Show another verdict, or none; an open request is aborted. */
   function goTo(other) {
     if (other === n) return;
-    question?.leaving.abort();
-    [question, n] = [null, other];
+    request?.leaving.abort();
+    [request, n] = [null, other];
   }
 
   return { node: place.node, refresh, goTo, leave: () => goTo(null) };
 }
 
-/** The record with its explanation; without one, and with the reason, where it can't be had, or not yet. */
+/** The record with its explanation, or with the reason (`refusal`) why there is none, or none yet (`early`). */
 async function explained(id, n, signal) {
   try {
-    const told = await get(of(id, `verdicts/${n}/explanation`), {}, { within: WITHIN, signal });
-    if (told.n === n) return told;
+    const record = await get(of(id, `verdicts/${n}/explanation`), {}, { within: WITHIN, signal });
+    if (record.n === n) return record;
     throw new TypeError(`no record ${n}`);
   } catch (problem) {
     if (!(problem instanceof Problem) || [0, 200, 401, 403].includes(problem.status)) throw problem;
@@ -88,7 +88,7 @@ function facts(record, clock) {
     `step ${record.step ?? "–"}: ${event(record)}`,
     `published ${moment(record.stamp, clock)}`,
     `arrived ${moment(record.arrived, clock)}`,
-    // what is judged is told in the server's time, which a simulation's is not
+    // `judged` is in the server's time, `arrived` in the session's
     clock === "sim" ? `judged ${moment(record.judged)}` : `judged ${span(Number(record.judged) - Number(record.arrived))} later`,
     decided,
     ...marks,
@@ -106,7 +106,7 @@ function why(explanation) {
     h("p", {}, h("code", {}, explanation.formula)),
     values.length ? h("p", {}, `for ${values.join(", ")}${more}`) : null,
     reasons(explanation.reasons),
-    signals("what formulas saw of the event", explanation.event?.signals),
+    signals("signals of the event", explanation.event?.signals),
   ];
 }
 

@@ -1,23 +1,23 @@
-// A session's violations, the newest first.
+// The list of a session's violations, the newest first.
 
-import { Behind, get, of } from "./api.js";
+import { DelayedHistory, get, of } from "./api.js";
 import { h, Place } from "./dom.js";
 import { at, moment } from "./words.js";
 
 const PAGE = 20;
 const MOST = 1000;
 
-/** The list of violations; what is older is asked for by a button, which calls `again`. */
+/** A view of the violations; a button shows older ones, and calls `again` to refresh the page. */
 export function violationsView(id, again) {
   const list = new Place("section");
-  const behind = new Behind();
+  const history = new DelayedHistory();
   let [limit, latest] = [PAGE, null];
 
   async function refresh(state) {
-    if (behind.changed(JSON.stringify([limit, state.properties.map((each) => each.violations)]))) {
+    if (history.isDue(JSON.stringify([limit, state.properties.map((each) => each.violations)]))) {
       const { items, next } = await get(of(id, "violations"), { order: "desc", limit });
       latest = { items, more: next !== null && limit < MOST };
-      behind.looked();
+      history.wasRead();
     }
     list.show({ ...latest, clock: state.clock }, (shown) => listed(shown, () => {
       limit = Math.min(MOST, 2 * limit);

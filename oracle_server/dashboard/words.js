@@ -1,26 +1,26 @@
-// How outcomes, times and events are told.
+// The wording of outcomes, times, events and streams.
 
 import { h } from "./dom.js";
 
 const MARKS = { true: "✔", currently_true: "✓", currently_false: "✗", false: "✘", unknown: "?" };
 const GRAVEST_FIRST = ["false", "currently_false", "unknown", "currently_true", "true"];
 
-/** The sign of an outcome, for those who don't see its colour. */
+/** The sign of an outcome, for readers who can't see its colour. */
 export function mark(outcome) {
   return MARKS[outcome] ?? "?";
 }
 
-/** An outcome, in the words of the records. */
+/** An outcome with its sign, as a coloured element. */
 export function badge(outcome) {
   return h("span", { class: `outcome ${outcome}` }, `${mark(outcome)} ${outcome}`);
 }
 
-/** The gravest of some outcomes first. */
+/** Compares two outcomes; the gravest is sorted first. */
 export function byGravity(one, other) {
   return GRAVEST_FIRST.indexOf(one) - GRAVEST_FIRST.indexOf(other);
 }
 
-/** A moment in nanoseconds: of the day on a wall clock, in seconds on a simulated one. */
+/** The text of a time (ns): the time of day for the wall clock, seconds for a simulated one. */
 export function moment(nanoseconds, clock = "wall") {
   if (nanoseconds === null || nanoseconds === undefined) return "–";
   if (clock === "sim") return `${(Number(nanoseconds) / 1e9).toFixed(3)} s`;
@@ -32,7 +32,7 @@ function day(date) {
   return date.toDateString() === new Date().toDateString() ? "" : `${date.toLocaleDateString("sv")} `;
 }
 
-/** A span of time in nanoseconds. */
+/** The text of a duration (ns). */
 export function span(nanoseconds) {
   if (nanoseconds === null || nanoseconds === undefined) return "–";
   const ms = Number(nanoseconds) / 1e6;
@@ -43,14 +43,14 @@ export function span(nanoseconds) {
   return `${Math.round(s / size)} ${unit}`;
 }
 
-/** A count, with what is none kept quiet. */
+/** The text of a count; "–" for zero. */
 export function count(value) {
   return value ? String(value) : "–";
 }
 
-/** What a record or a reason is about. */
+/** The text of the event of a record or reason. */
 export function event(of) {
-  if (of.kind === "tick") return "a deadline that ran out";
+  if (of.kind === "tick") return "an expired deadline";
   return `${of.stream} (${of.kind} ${of.seq} of ${of.monitor})`;
 }
 
@@ -59,7 +59,7 @@ export function at(session, n) {
   return `#/sessions/${encodeURIComponent(session)}${n ? `?n=${n}` : ""}`;
 }
 
-/** A stream's name, and its kind where it is a service's. */
+/** A stream's name, with its kind for the streams of a service. */
 export function stream(name, kind) {
   return kind === "topic" ? name : `${name} ${kind}s`;
 }

@@ -1,1 +1,1 @@
-"""Who may talk to the server, and how much."""
+"""The server's edge: which requests are let in, what they may do, and how long they may take."""

@@ -1,4 +1,4 @@
-"""Lets through what a token allows: 401 without a good one, 403 beyond its scopes, before anything else is read."""
+"""Authentication by token: 401 without a valid one, 403 beyond its scopes, before the rest of a request is read."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from oracle_server.edge.tokens import Grant, Tokens
 
 
 class Access:
-    """Finds out what the sender of each request and WebSocket may do, from its `Authorization` and nothing else."""
+    """ASGI middleware that looks up the grant of each request and WebSocket by its `Authorization` header."""
 
     def __init__(self, app: ASGIApp, tokens: Tokens, scopes: RouteScopes) -> None:
         self._app, self._tokens, self._scopes = app, tokens, scopes
 
     async def __call__(self, scope: ConnectionScope, receive: Receive, send: Send) -> None:
-        """Refuse a request or WebSocket, or hand it on with its grant."""
+        """Refuse a request or WebSocket, or pass it on with its grant."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
@@ -34,26 +34,26 @@ class Access:
                 await refuse(scope, receive, send, 401, detail, challenge)
                 return
             if not grant.may(needed):
-                await refuse(scope, receive, send, 403, f"the token's scopes do not hold `{needed}`")
+                await refuse(scope, receive, send, 403, f"the token lacks the scope `{needed}`")
                 return
         scope.setdefault("state", {})["grant"] = grant
         await self._app(scope, receive, send)
 
 
 def grant_of(connection: HTTPConnection) -> Grant:
-    """What the sender of a request or WebSocket may do."""
+    """The grant of the sender of a request or WebSocket."""
     return cast("Grant", connection.state.grant)
 
 
 def demand(connection: HTTPConnection, *, spec: str | None = None, session: str | None = None) -> None:
-    """Raise 403 where a token is bound to other specs or sessions; None stands for none that it could be bound to."""
+    """Raise 403 where the sender's token is bound to other specs or sessions; None matches no bound token."""
     grant = grant_of(connection)
     if not grant.covers(spec=spec, session=session):
         raise HTTPException(403, "the token is bound to other specs or sessions")
 
 
 def demand_spec(connection: HTTPConnection, spec_id: str) -> None:
-    """Raise 403 where the sender's token is bound to other specs; what it says of sessions does not matter."""
+    """Raise 403 where the sender's token is bound to other specs, whatever sessions it is bound to."""
     bound = grant_of(connection).specs
     if bound is not None and spec_id not in bound:
         raise HTTPException(403, "the token is bound to other specs")

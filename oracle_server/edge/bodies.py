@@ -1,4 +1,4 @@
-"""The bodies of requests: bounded in size and time, whatever they are for."""
+"""Limits on the bodies of requests: their size, and the time that they take to arrive."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from fastapi import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 MAX_BODY = 2**20
-"""Bytes of a request's body."""
+"""The most bytes that a request's body may have."""
 BODY_WITHIN = 30.0
-"""Seconds in which all of it must have come."""
+"""Seconds within which all of it must arrive."""
 
 
 class Bodies:
-    """Answers 413 to a body that is too long, and 408 to one that does not come."""
+    """ASGI middleware that answers 413 to a body that is too large, and 408 to one that takes too long."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Hand a request on with its body counted."""
+        """Pass a request on, and count its body as it is read."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
@@ -29,13 +29,13 @@ class Bodies:
 
         async def counted() -> Message:
             nonlocal size, over
-            if over:  # what comes after the body is the end of the connection, however long that takes
+            if over:  # after the body comes only the disconnect, which has no time limit
                 return await receive()
             try:
                 async with asyncio.timeout_at(deadline):
                     message = await receive()
             except TimeoutError:
-                raise HTTPException(408, f"the body did not come within {BODY_WITHIN:.0f} s") from None
+                raise HTTPException(408, f"the body did not arrive within {BODY_WITHIN:.0f} s") from None
             size += len(message.get("body", b""))
             over = not message.get("more_body", False)
             if size > MAX_BODY:

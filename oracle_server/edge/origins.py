@@ -1,4 +1,4 @@
-"""Who may talk to the server: a web page of another origin may not, nor one that reached it under another name."""
+"""Protection against web pages of other origins: only known Host and Origin headers are let in."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ _LOOPBACK = ("localhost", "127.0.0.1", "::1")
 
 
 class Origins:
-    """Answers 421 to a foreign Host and 403 to a foreign Origin, for HTTP and WebSockets alike.
+    """ASGI middleware that answers 421 to a foreign Host and 403 to a foreign Origin, for HTTP and WebSockets.
 
-    Being bound to loopback is not enough: any page in a browser on this machine can connect to it.
+    Binding to loopback is not enough: any page in a browser on this machine can connect to it.
     """
 
     def __init__(self, app: ASGIApp, hosts: Iterable[str] = ()) -> None:
-        """Let `hosts` pass besides the names of loopback."""
+        """Let in requests for `hosts` and for the names of loopback."""
         self._app = app
         self._hosts = frozenset(host.lower() for host in (*_LOOPBACK, *hosts))
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Refuse a request or WebSocket, or hand it on."""
+        """Refuse a request or WebSocket, or pass it on."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
@@ -38,7 +38,7 @@ class Origins:
 
     def _refusal(self, host: str, origin: str | None, own_address: str) -> tuple[int, str] | None:
         name = _name(host)
-        if name not in self._hosts and name != own_address:  # an address can't be rebound to another machine
+        if name not in self._hosts and name != own_address:  # DNS rebinding needs a name, not an address
             return 421, f"this server does not answer for the host '{name or ''}'"
         if origin is not None and _location(origin) != host.lower():
             return 403, "pages of another origin may not use this server"

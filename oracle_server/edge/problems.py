@@ -1,4 +1,4 @@
-"""Errors over HTTP as RFC 9457 has them: `application/problem+json`."""
+"""HTTP errors as RFC 9457 defines them: `application/problem+json`."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ log = structlog.get_logger()
 
 
 def problem(status: int, detail: str, **more: Any) -> JSONResponse:
-    """An error as a response."""
+    """A response with an error."""
     body = {"type": "about:blank", "title": HTTPStatus(status).phrase, "status": status, "detail": detail, **more}
     return JSONResponse(body, status, media_type="application/problem+json")
 
 
 class Problem(BaseModel):
-    """An error, as RFC 9457 has it; `errors` are its places, in a spec or in a request."""
+    """An error as in RFC 9457; `errors` are its places, in a spec or in a request."""
 
     type: str
     title: str
@@ -38,7 +38,7 @@ class Problem(BaseModel):
 _CONTENT = {"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}}
 RESPONSES: dict[int | str, dict[str, Any]] = {
     "4XX": {"description": "The request can't be answered", "model": Problem, "content": _CONTENT},
-    "5XX": {"description": "The server can't answer at the moment", "content": _CONTENT},
+    "5XX": {"description": "The server can't answer the request at present", "content": _CONTENT},
 }
 
 
@@ -57,7 +57,7 @@ async def refuse(
 
 
 def install(app: FastAPI) -> None:
-    """Answer every error of an app as a problem."""
+    """Answer every error of an app by a problem."""
 
     @app.exception_handler(HTTPException)
     async def _http(_: Request, error: HTTPException) -> JSONResponse:
@@ -81,7 +81,7 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(HistoryError)
     async def _history(_: Request, error: HistoryError) -> JSONResponse:
-        log.error("a question can't be answered", reason=str(error))
+        log.error("the history can't be read", reason=str(error))
         return problem(503, str(error))
 
     @app.exception_handler(Exception)

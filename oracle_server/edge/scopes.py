@@ -1,4 +1,4 @@
-"""The scope that each route needs: declared beside the route, looked up before anything of a request is read."""
+"""The scope that each route needs: declared at the route, and looked up before a request is processed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from oracle_server.edge.tokens import Scope
 
 _DECLARED = "needed_scope"
 _ELSEWHERE: Scope = "read"
-"""Needed where there is no route, so that strangers do not find out which routes there are."""
+"""The scope for paths without a route, so that clients without a token can't find out which routes exist."""
 
 Endpoint = TypeVar("Endpoint", bound=Callable[..., Any])
 
@@ -24,7 +24,7 @@ class UndeclaredRouteError(OracleError):
 
 
 def needs(scope: Scope | None) -> Callable[[Endpoint], Endpoint]:
-    """Declare, directly above an endpoint, the scope that it needs; None opens it to everybody."""
+    """Declare, directly above an endpoint, the scope that it needs; None makes it public."""
 
     def declare(endpoint: Endpoint) -> Endpoint:
         setattr(endpoint, _DECLARED, scope)
@@ -34,10 +34,10 @@ def needs(scope: Scope | None) -> Callable[[Endpoint], Endpoint]:
 
 
 class RouteScopes:
-    """What the routes of an app have declared."""
+    """The scopes that the routes of an app have declared."""
 
     def __init__(self, routes: Sequence[BaseRoute]) -> None:
-        """Look at all routes. Raises `UndeclaredRouteError`."""
+        """Read the declarations of all routes. Raises `UndeclaredRouteError` where one has none."""
         self._routes = [(route, _declared(route.endpoint, route.path)) for route in iter_route_contexts(routes)]
 
     def needed(self, connection: ConnectionScope) -> Scope | None:

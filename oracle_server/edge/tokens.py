@@ -1,4 +1,4 @@
-"""Tokens: who may do what. A file holds their hashes, and never a token itself."""
+"""Tokens and what they grant. A file holds their hashes, and never a token itself."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class TokenError(OracleError):
 
 
 class Token(BaseModel):
-    """One token as the file has it; without `specs` or `sessions` it is good for all."""
+    """One token as the file has it; without `specs` or `sessions` it is valid for all of them."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -49,18 +49,18 @@ class _File(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class Grant:
-    """What the sender of a request may do. `admin` may all that `read` and `submit` may."""
+    """What the sender of a request may do. `admin` includes `read` and `submit`."""
 
     scopes: frozenset[Scope]
     specs: frozenset[str] | None = None
     sessions: frozenset[str] | None = None
 
     def may(self, scope: Scope) -> bool:
-        """Whether something of this kind may be done at all."""
+        """Whether the grant has a scope."""
         return scope in self.scopes or "admin" in self.scopes
 
     def covers(self, *, spec: str | None = None, session: str | None = None) -> bool:
-        """Whether it may be done to this spec and this session; what is bound needs a name to be let through."""
+        """Whether the grant is valid for a spec and a session; a grant that is bound to some never covers None."""
         return (self.specs is None or spec in self.specs) and (self.sessions is None or session in self.sessions)
 
 
@@ -68,35 +68,36 @@ EVERYTHING = Grant(frozenset({"admin"}))
 
 
 class Tokens:
-    """The tokens of a file, read anew whenever it has changed.
+    """The tokens of a file, which is read again whenever it has changed.
 
-    Once there was a file, a token is needed until the server ends: a file that is lost or spoilt lets nobody in.
+    Once there was a file, a token is needed until the server ends: with a file that is lost or damaged, every request
+    is refused.
     """
 
     def __init__(self, path: Path) -> None:
-        """Read the file, where there is one. Raises `TokenError` where it can't be used."""
+        """Read the file if it exists. Raises `TokenError` where it can't be used."""
         self._path = path
         self._seen: tuple[int, ...] | None = None
         self._tokens: list[Token] = []
         self.required = path.exists()
         if self.required:
-            self._seen = _look(path)  # before it is read: what is written meanwhile is read the next time
+            self._seen = _stat(path)  # before reading: a change meanwhile is noticed the next time
             self._tokens = _read(path)
 
     def grant(self, token: str | None) -> Grant | None:
-        """What the bearer of a token may do, None for one that is not known."""
+        """The grant of a token, None for an unknown one."""
         self._refresh()
         if not self.required:
             return EVERYTHING
         offered = hash_of(token or "")
         found = None
-        for known in self._tokens:  # all of them: how long it takes tells nothing
+        for known in self._tokens:  # compare with all, so that the time reveals nothing
             if hmac.compare_digest(known.sha256, offered):
                 found = known
         return Grant(found.scopes, found.specs, found.sessions) if found else None
 
     def _refresh(self) -> None:
-        seen = _look(self._path)
+        seen = _stat(self._path)
         if seen == self._seen:
             return
         self._seen, self._tokens = seen, []
@@ -104,7 +105,7 @@ class Tokens:
         try:
             self._tokens = _read(self._path)
         except TokenError as error:
-            log.error("the tokens can't be read: nobody is let in", reason=str(error))
+            log.error("the tokens can't be read: all requests are refused", reason=str(error))
 
 
 def add(
@@ -114,14 +115,14 @@ def add(
     specs: Iterable[str] | None = None,
     sessions: Iterable[str] | None = None,
 ) -> str:
-    """Make a token and note its hash; the token itself, which is kept nowhere. Raises `TokenError`."""
+    """Create a token, store its hash in the file, and return the token itself. Raises `TokenError`."""
     secret = _PREFIX + secrets.token_urlsafe(32)
     wanted = {"name": name, "sha256": hash_of(secret), "scopes": list(scopes), "specs": specs and list(specs)}
     try:
         token = Token.model_validate(wanted | {"sessions": sessions and list(sessions)})
     except ValidationError as error:
         raise TokenError(f"{error.errors()[0]['loc'][0]}: {error.errors()[0]['msg']}") from None
-    with _alone(path):
+    with _locked(path):
         tokens = listed(path)
         if any(known.name == name for known in tokens):
             raise TokenError(f"{path}: there is a token '{name}' already; remove it first")
@@ -130,10 +131,10 @@ def add(
 
 
 def remove(path: Path, name: str) -> None:
-    """Make a token good for nothing. Raises `TokenError`."""
+    """Revoke a token by its name. Raises `TokenError`."""
     if all(known.name != name for known in listed(path)):
         raise TokenError(f"{path}: there is no token '{name}'")
-    with _alone(path):
+    with _locked(path):
         _write(path, [known for known in listed(path) if known.name != name])
 
 
@@ -143,11 +144,11 @@ def listed(path: Path) -> list[Token]:
 
 
 def hash_of(token: str) -> str:
-    """What is kept of a token: it has 256 random bits, so that a plain hash can't be turned back."""
+    """The hash of a token; a plain one is enough, since tokens have 256 random bits."""
     return hashlib.sha256(token.encode(errors="surrogateescape")).hexdigest()
 
 
-def _look(path: Path) -> tuple[int, ...] | None:
+def _stat(path: Path) -> tuple[int, ...] | None:
     try:
         found = path.stat()
     except OSError:
@@ -158,7 +159,7 @@ def _look(path: Path) -> tuple[int, ...] | None:
 def _read(path: Path) -> list[Token]:
     try:
         if path.stat().st_mode & 0o077:
-            raise TokenError(f"{path}: others may read it; `chmod 600 {path}` mends that")
+            raise TokenError(f"{path}: other users may read it; run `chmod 600 {path}`")
         return _File.model_validate_json(path.read_bytes()).tokens
     except OSError as error:
         raise TokenError(f"{path}: can't be read: {error.strerror}") from None
@@ -169,8 +170,8 @@ def _read(path: Path) -> list[Token]:
 
 
 @contextlib.contextmanager
-def _alone(path: Path) -> Iterator[None]:
-    """Let nobody else change the file meanwhile: who reads it first would undo what is written first."""
+def _locked(path: Path) -> Iterator[None]:
+    """Lock the file against changes by other processes, which would otherwise be overwritten."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         folder = os.open(path.parent, os.O_RDONLY)

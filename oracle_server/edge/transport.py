@@ -1,4 +1,4 @@
-"""uvicorn's protocols with an end to every wait: too many connections, slow requests, and peers that have gone."""
+"""uvicorn's protocols with limits: on connections, and on how long clients may take to send, read and close."""
 
 from __future__ import annotations
 
@@ -19,124 +19,125 @@ from websockets.protocol import OPEN
 from oracle_server.edge.problems import problem
 
 REQUEST_WITHIN = 10.0
-"""Seconds that a client may take for the head of a request, TLS included."""
+"""Seconds that a client may take to send the head of a request, including the TLS handshake."""
 READ_WITHIN = 10.0
-"""Seconds for which a client may read nothing of what waits for it."""
+"""Seconds for which a client may read nothing although data waits for it."""
 _CLOSE_WITHIN = 5.0
+"""Seconds for which a closed WebSocket may have unsent data."""
 DIRECT = "oracle.direct"
-"""Where an application finds the `WebSocketTransport` of a WebSocket among its extensions."""
+"""The ASGI extension under which an application finds the `WebSocketTransport` of its WebSocket."""
 
 
 class HttpTransport(H11Protocol):
-    """One connection of HTTP."""
+    """One HTTP connection."""
 
     max_connections = 2_000
-    _patience: asyncio.TimerHandle | None = None
-    _stalled: asyncio.TimerHandle | None = None
+    _request_timer: asyncio.TimerHandle | None = None
+    _read_timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Refuse a connection beyond the limit, before anything of it is read."""
+        """Refuse a connection beyond the limit, before reading from it."""
         super().connection_made(transport)
         if len(self.connections) > self.max_connections:
             limit = self.max_connections
-            transport.write(_answer(503, f"the server has {limit} connections, and takes no more"))
+            transport.write(_answer(503, f"the server has {limit} connections, and accepts no more"))
             transport.close()
             return
-        self._patience = self.loop.call_later(REQUEST_WITHIN, transport.abort)
+        self._request_timer = self.loop.call_later(REQUEST_WITHIN, transport.abort)
 
     def data_received(self, data: bytes) -> None:
-        """Wait for the head of a request no longer than `REQUEST_WITHIN`, however it trickles in."""
+        """Process data, and abort where the head of a request takes longer than `REQUEST_WITHIN` in all."""
         if self.transport.is_closing():
             return
         super().data_received(data)
         waits = self.conn.their_state is h11.IDLE and (self.cycle is None or self.cycle.response_complete)
         if not waits:
-            self._stop_waiting()
-        elif self._patience is None:
-            self._patience = self.loop.call_later(REQUEST_WITHIN, self.transport.abort)
+            self._stop_request_timer()
+        elif self._request_timer is None:
+            self._request_timer = self.loop.call_later(REQUEST_WITHIN, self.transport.abort)
 
     def send_400_response(self, msg: str) -> None:
-        """Answer what is no HTTP, and close."""
+        """Answer data that is not HTTP, and close."""
         self.transport.write(_answer(400, msg))
         self.transport.close()
 
     def handle_websocket_upgrade(self, event: h11.Request) -> None:
-        """Hand the connection on."""
-        self._stop_waiting()
+        """Pass the connection to the WebSocket protocol."""
+        self._stop_request_timer()
         super().handle_websocket_upgrade(event)
 
     def pause_writing(self) -> None:
-        """Give up a client that has stopped to read an answer."""
+        """Give the client `READ_WITHIN` to read the waiting data."""
         super().pause_writing()
-        self._stalled = self.loop.call_later(READ_WITHIN, self.transport.abort)
+        self._read_timer = self.loop.call_later(READ_WITHIN, self.transport.abort)
 
     def resume_writing(self) -> None:
-        """It reads again."""
-        self._read_again()
+        """Stop the timer: the client reads again."""
+        self._stop_read_timer()
         super().resume_writing()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Forget the timers with the connection."""
-        self._stop_waiting()
-        self._read_again()
+        """Stop the timers."""
+        self._stop_request_timer()
+        self._stop_read_timer()
         super().connection_lost(exc)
 
-    def _read_again(self) -> None:
-        if self._stalled is not None:
-            self._stalled.cancel()
-            self._stalled = None
+    def _stop_read_timer(self) -> None:
+        if self._read_timer is not None:
+            self._read_timer.cancel()
+            self._read_timer = None
 
-    def _stop_waiting(self) -> None:
-        if self._patience is not None:
-            self._patience.cancel()
-            self._patience = None
+    def _stop_request_timer(self) -> None:
+        if self._request_timer is not None:
+            self._request_timer.cancel()
+            self._request_timer = None
 
 
-class Taker(Protocol):
-    """Who takes messages as they come, without being woken for each."""
+class Receiver(Protocol):
+    """Processes messages on their arrival, without a task that is woken for each."""
 
-    def take(self, text: str) -> bool:
-        """Take a message now; False where it has to wait to be received, with all that come until it was."""
+    def offer(self, text: str) -> bool:
+        """Process a message now; False where it must wait to be received, as must all that arrive before that."""
 
-    def taken(self) -> None:
-        """No more messages have come for now."""
+    def flush(self) -> None:
+        """Write replies, after each message of a read from the socket was offered."""
 
 
 class WebSocketTransport(WebSocketsSansIOProtocol):
-    """One WebSocket; in the extensions of its scope it is there as `DIRECT`."""
+    """One WebSocket; the extensions of its scope hold it as `DIRECT`."""
 
-    taker: Taker | None = None
+    receiver: Receiver | None = None
 
     def handle_connect(self, event: Request) -> None:
-        """Let the application find this."""
+        """Add this transport to the extensions of the scope."""
         super().handle_connect(event)
         if not self.close_sent:
             cast("dict[str, object]", self.scope["extensions"])[DIRECT] = self
 
     def data_received(self, data: bytes) -> None:
-        """Hand over what has come."""
+        """Offer the messages in `data` to the receiver, then let it write its replies."""
         super().data_received(data)
-        if self.taker is not None:
-            self.taker.taken()
+        if self.receiver is not None:
+            self.receiver.flush()
 
     def send_receive_event_to_app(self) -> None:
-        """Hand over a message, unless others wait before it."""
-        if self.taker is not None and self.queue.empty() and not self.close_sent and self._is_taken(self.taker):
+        """Offer a message to the receiver, or queue it where others wait before it."""
+        if self.receiver is not None and self.queue.empty() and not self.close_sent and self._offer(self.receiver):
             self.frames = []
         else:
             super().send_receive_event_to_app()
 
-    def _is_taken(self, taker: Taker) -> bool:
+    def _offer(self, receiver: Receiver) -> bool:
         if self.curr_msg_data_type != "text":
             return False
         try:
             text = b"".join(self.frames).decode()
         except UnicodeDecodeError:
             return False
-        return taker.take(text)
+        return receiver.offer(text)
 
     def write(self, texts: Iterable[bytes]) -> bool:
-        """Write messages in one go; False where they have to wait, since the peer is slow or leaves, or has gone."""
+        """Write messages at once; False where they must wait, since the peer is slow, or the connection is closing."""
         if not self.writable.is_set() or self.transport.is_closing() or self.conn.state is not OPEN:
             return False
         for text in texts:
@@ -145,28 +146,28 @@ class WebSocketTransport(WebSocketsSansIOProtocol):
         return True
 
     async def send(self, message: ASGISendEvent) -> None:
-        """Send nothing more where the socket has failed.
+        """Send a message, unless the socket has failed.
 
-        asyncio tells that in its next turn, and until then takes all that is sent, with a line in the log for each.
+        asyncio reports the failure only later, and until then logs a line for each write.
         """
         if message["type"] == "websocket.send" and self.transport.is_closing():
             raise ClientDisconnected
         await super().send(message)
 
     async def run_asgi(self) -> None:
-        """Leave no socket behind: closing in order waits for bytes to leave that no one may be there to take."""
+        """Run the application, and abort the connection where its data is still unsent after `_CLOSE_WITHIN`."""
         try:
             await super().run_asgi()
         finally:
-            self.loop.call_later(_CLOSE_WITHIN, self._let_go)
+            self.loop.call_later(_CLOSE_WITHIN, self._abort_unsent)
 
-    def _let_go(self) -> None:
-        with contextlib.suppress(AttributeError):  # over TLS, what asyncio says of a connection that has ended
+    def _abort_unsent(self) -> None:
+        with contextlib.suppress(AttributeError):  # raised by asyncio for a TLS connection that has ended
             if self.transport.get_write_buffer_size():
                 self.transport.abort()
 
     def keepalive_timeout(self) -> None:
-        """Give up a peer that answers no pings, unless it is we who have not read its answer."""
+        """Abort where the peer answers no pings, unless reading is paused, so that its answer may be unread."""
         if self.read_paused and not self.transport.is_closing():
             self.pong_timer = None
             self.pending_ping_payload = None
@@ -177,7 +178,7 @@ class WebSocketTransport(WebSocketsSansIOProtocol):
 
 
 def bounded(max_connections: int) -> type[HttpTransport]:
-    """The protocol of a server that takes so many connections, WebSockets included."""
+    """The protocol of a server that accepts at most `max_connections`, including WebSockets."""
 
     class Bounded(HttpTransport):
         pass
@@ -187,7 +188,7 @@ def bounded(max_connections: int) -> type[HttpTransport]:
 
 
 def _answer(status: int, detail: str) -> bytes:
-    """A problem as bytes, for where there is no request that could be answered."""
+    """A problem as a whole HTTP response in bytes, for a connection without a request."""
     response = problem(status, detail)
     head = f"HTTP/1.1 {status} {HTTPStatus(status).phrase}\r\nconnection: close\r\n".encode()
     fields: list[tuple[bytes, bytes]] = response.raw_headers

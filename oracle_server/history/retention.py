@@ -1,6 +1,6 @@
-"""What need not be kept any longer: closed sessions first, the oldest of them first, then the oldest of open ones.
+"""Deletes history beyond the limits: closed sessions first, the oldest before others, then old events of open ones.
 
-What an open session would be restored from is never taken away: all until it is saved, and then what came since.
+Events that are needed to restore an open session are never deleted: all without a snapshot, else those after it.
 """
 
 from __future__ import annotations
@@ -19,8 +19,9 @@ from oracle_server.history.port import History
 from oracle_server.history.records import Extent
 
 _CHUNK = 2_000
-"""Rows that are deleted with one commit, so that none waits long for it."""
+"""Rows that are deleted with one commit, so that other commits are not delayed."""
 _WORTH_A_SNAPSHOT = 10
+"""A snapshot is taken to make room only if more than one in so many of the remaining events could then go."""
 
 _Older = Mapping[tuple[int, int], int]
 """How many steps of a session (by its number) are older than an age (ns)."""
@@ -29,12 +30,12 @@ log = structlog.get_logger()
 
 
 @dataclass(slots=True)
-class _Kept:
-    """One session, and how much of it is to go."""
+class _Candidate:
+    """One session, and how much of it is to be deleted."""
 
     extent: Extent
     cut: int = 0
-    """How many of its oldest events go; of one that goes as a whole, all and one more."""
+    """How many of its oldest events are deleted; one more than all to delete the session itself."""
 
     @property
     def is_open(self) -> bool:
@@ -49,7 +50,7 @@ class _Kept:
         return max(0, self.size - self.cut)
 
     def make_room(self, count: int) -> int:
-        """Let so many more of its oldest events go, or as many as may; how many those are."""
+        """Mark up to `count` more of its oldest events for deletion; returns how many could be marked."""
         free = self.size
         if self.is_open:
             free = min(self.extent.settled, self.extent.last - 1) - self.extent.first + 1
@@ -59,7 +60,7 @@ class _Kept:
 
 
 class Pruner:
-    """Keeps one server's history within its bounds and those of its specs."""
+    """Keeps one server's history within the server's limits and those of its specs."""
 
     def __init__(
         self,
@@ -69,14 +70,14 @@ class Pruner:
         now: Callable[[], int],
         save: Callable[[int], None],
     ) -> None:
-        """Prune by the server's `bounds`, and those `of_specs` by their ids; `now` is in nanoseconds.
+        """Prune by the server's `bounds`, and those `of_specs` by the specs' ids; `now` returns nanoseconds.
 
-        `save` saves an open session, by its number, so that less is needed to restore it.
+        `save` takes a snapshot of an open session, by its number, so that earlier events can be deleted.
         """
         self._history, self._bounds, self._of_specs, self._now, self._save = history, bounds, of_specs, now, save
 
     async def run(self, every: float) -> None:
-        """Look every so many seconds, for ever: what fails is logged, and tried again the next time."""
+        """Prune every so many seconds, for ever; failures are logged, and tried again the next time."""
         while True:
             await asyncio.sleep(every)
             if self._history.failure is not None:
@@ -85,12 +86,12 @@ class Pruner:
                 await self.prune()
             except HistoryError as error:
                 log.error("the history can't be pruned now", reason=str(error))
-            except Exception:  # whatever it is: without this task the disk would fill up, and nobody would know
+            except Exception:  # without this task, the disk would fill up unnoticed
                 log.exception("the history can't be pruned now")
 
     async def prune(self) -> None:
-        """Delete what is beyond the bounds, and have sessions saved of which more should go than may."""
-        sessions = [_Kept(extent) for extent in await self._history.extents()]
+        """Delete what is beyond the limits, and take snapshots of sessions that could then be cut further."""
+        sessions = [_Candidate(extent) for extent in await self._history.extents()]
         size, bounds = await self._history.size(), self._of_specs()
         older = await self._older(sessions, {b.age for b in (*bounds.values(), self._bounds) if b.age is not None})
         for number in await asyncio.to_thread(self._choose_all, sessions, size, bounds, older):
@@ -99,7 +100,7 @@ class Pruner:
             if session.cut:
                 await self._delete(session)
 
-    async def _older(self, sessions: list[_Kept], ages: set[int]) -> _Older:
+    async def _older(self, sessions: list[_Candidate], ages: set[int]) -> _Older:
         now = self._now()
         return {
             (session.extent.number, age): await self._history.judged_before(session.extent, now - age)
@@ -108,8 +109,10 @@ class Pruner:
             for age in ages
         }
 
-    def _choose_all(self, sessions: list[_Kept], size: int, bounds: dict[str, Retention], older: _Older) -> set[int]:
-        """Mark what goes; the numbers of the open sessions that are to be saved. It takes long for many sessions."""
+    def _choose_all(
+        self, sessions: list[_Candidate], size: int, bounds: dict[str, Retention], older: _Older
+    ) -> set[int]:
+        """Mark what to delete; returns the numbers of open sessions to save. With many sessions this takes long."""
         row_size = size / max(1, sum(session.size for session in sessions))
         groups = defaultdict(list)
         for session in sessions:
@@ -119,8 +122,8 @@ class Pruner:
             wanted |= self._choose(bounds.get(spec, Retention()), group, row_size, older)
         return wanted | self._choose(self._bounds, sessions, row_size, older)
 
-    def _choose(self, bounds: Retention, group: list[_Kept], row_size: float, older: _Older) -> set[int]:
-        """Let go what is beyond some bounds; the open sessions of which that may not go yet."""
+    def _choose(self, bounds: Retention, group: list[_Candidate], row_size: float, older: _Older) -> set[int]:
+        """Mark what is beyond some limits; returns the numbers of open sessions that a snapshot would make smaller."""
         closed = [s for s in group if not s.is_open]
         live = [s for s in group if s.is_open]
         wanted: set[int] = set()
@@ -140,7 +143,7 @@ class Pruner:
             wanted |= _cut((session, session.left - level) for session in live)
         return wanted
 
-    async def _delete(self, session: _Kept) -> None:
+    async def _delete(self, session: _Candidate) -> None:
         extent, count = session.extent, session.cut
         for start in range(extent.first, extent.first + min(count, session.size), _CHUNK):
             await self._history.forget_steps(extent.number, min(start + _CHUNK, extent.first + count))
@@ -149,8 +152,8 @@ class Pruner:
         log.info("history deleted", session=extent.number, events=min(count, session.size))
 
 
-def _cut(sessions: Iterable[tuple[_Kept, int]]) -> set[int]:
-    """Let so many events of open sessions go; the numbers of those to save, where a tenth of the rest could go then."""
+def _cut(sessions: Iterable[tuple[_Candidate, int]]) -> set[int]:
+    """Mark so many events of open sessions; returns the numbers of sessions to save, so that more can be deleted."""
     wanted = set()
     for session, count in sessions:
         missing = count - session.make_room(count)
@@ -160,7 +163,7 @@ def _cut(sessions: Iterable[tuple[_Kept, int]]) -> set[int]:
 
 
 def _level(sizes: list[int], excess: int) -> int:
-    """The most that each may keep so that together they make as much room as is needed: the largest ones make it."""
+    """The most events that each session may keep so that `excess` are deleted in all, from the largest sessions."""
     if excess <= 0:
         return max(sizes, default=0)
     levels = range(max(sizes, default=0) + 1)

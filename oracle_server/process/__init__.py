@@ -1,1 +1,1 @@
-"""Being a process: settings, logs, the daemon, the clock."""
+"""The server as a process: its settings, logs, clock and pid file, and running it in the background."""

@@ -1,4 +1,4 @@
-"""The server's clock: the wall clock's time, but never back, never still, and never stuck."""
+"""The server's clock: the wall clock's time, but it never goes back and never stands still."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import time
 
 
 class Clock:
-    """Follows the wall clock; where that is set back, goes on at half speed until the two meet.
+    """Follows the wall clock; where that is set back, continues at half speed until the two are equal.
 
-    So waits end and arrivals keep their order whatever is done to the machine's time.
+    So timeouts expire and arrivals keep their order, whatever happens to the machine's time.
     """
 
     def __init__(self, at_least: int = 0) -> None:
@@ -17,7 +17,7 @@ class Clock:
         self._ticks = time.monotonic_ns()
 
     def now(self) -> int:
-        """Nanoseconds since the epoch."""
+        """The time in nanoseconds since the epoch; never less than before."""
         ticks = time.monotonic_ns()
         self._now = max(self._now + (ticks - self._ticks) // 2, time.time_ns())
         self._ticks = ticks

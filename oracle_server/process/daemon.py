@@ -1,4 +1,4 @@
-"""A server in the background: started, stopped and asked how it is by its data directory."""
+"""The commands `start`, `stop` and `status`: a server in the background, found by its data directory."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ from oracle_server.process.settings import Settings
 LOG = "server.log"
 NOT_RUNNING = 3
 """The exit status of `status` where no server runs."""
-_LOOK_EVERY = 0.05
+_POLL_INTERVAL = 0.05
 _ON_THE_COMMAND_LINE = ("specs", "host", "port", "legacy", "tls_cert", "tls_key", "tls_client_ca", "insecure")
 
 
 class DaemonError(OracleError):
-    """A server that does not start or stop as it was told to."""
+    """A server that does not start or stop."""
 
 
 def start(settings: Settings, within: float) -> None:
-    """Start a server, and return once it accepts work. Raises `DaemonError` where it does not in `within` seconds."""
+    """Start a server, and return once it accepts work. Raises `DaemonError` if it does not within `within` seconds."""
     folder = settings.data_dir.absolute()
     other = running(folder)
     if other is not None:
@@ -56,7 +56,10 @@ def start(settings: Settings, within: float) -> None:
 
 
 def stop(folder: Path, within: float) -> None:
-    """Stop a server: it judges and commits what it holds, then ends. Raises `DaemonError` where it does not in time."""
+    """Stop a server, and return once it has ended. Raises `DaemonError` if it does not within `within` seconds.
+
+    The server judges and commits all held events before it ends.
+    """
     server = running(folder)
     if server is None:
         sys.stdout.write(f"{folder}: no server runs\n")
@@ -64,20 +67,20 @@ def stop(folder: Path, within: float) -> None:
     try:
         os.kill(server.pid, signal.SIGTERM)
     except OSError as error:
-        raise DaemonError(f"pid {server.pid}: can't be told to stop: {error.strerror}") from None
+        raise DaemonError(f"pid {server.pid}: can't be stopped: {error.strerror}") from None
     deadline = time.monotonic() + within
-    while (left := running(folder)) is not None and left.pid == server.pid:  # it may tell its address only now
+    while (left := running(folder)) is not None and left.pid == server.pid:  # its URL may be added meanwhile
         if time.monotonic() > deadline:
             raise DaemonError(
-                f"pid {server.pid}: has not stopped within {within:g} s; {folder / LOG} may say why. "
+                f"pid {server.pid}: has not stopped within {within:g} s; see {folder / LOG}. "
                 f"`kill -9 {server.pid}` ends it, and loses nothing that was acked"
             )
-        time.sleep(_LOOK_EVERY)
+        time.sleep(_POLL_INTERVAL)
     sys.stdout.write(f"{server.url or folder}: stopped\n")
 
 
 def status(folder: Path, *, as_json: bool) -> int:
-    """Print how a server stands; 0 where one runs, 3 where none does."""
+    """Print the state of a server; returns the exit status: 0 where one runs, `NOT_RUNNING` where none does."""
     server = running(folder)
     state = _state(server)
     if as_json:
@@ -91,13 +94,13 @@ def status(folder: Path, *, as_json: bool) -> int:
 
 
 def _state(server: Running | None) -> str:
-    """In a word: `stopped`, `starting`, `ready`, `not ready`, or `running` where it can't be asked from here."""
+    """`stopped`, `starting`, `ready`, `not ready`, or `running` where TLS prevents a request to it."""
     if server is None:
         return "stopped"
     if server.url is None:
         return "starting"
     if not server.url.startswith("http:"):
-        return "running"  # its certificates are for its clients
+        return "running"  # this process may not have the certificates to connect
     try:
         with httpx.Client(trust_env=False, timeout=5.0) as http:
             return "ready" if http.get(f"{server.url}/readyz").is_success else "not ready"
@@ -106,7 +109,7 @@ def _state(server: Running | None) -> str:
 
 
 def _environment(settings: Settings, log: Path) -> dict[str, str]:
-    """The environment of this process, with every setting in it that was given here."""
+    """The environment of this process, with the settings from the command line added."""
     given = {name: getattr(settings, name) for name in _ON_THE_COMMAND_LINE}
     given |= {"data_dir": settings.data_dir.absolute(), "log_file": log.absolute()}
     return os.environ | {f"ORACLE_{name.upper()}": str(value) for name, value in given.items() if value is not None}
@@ -122,14 +125,14 @@ def _open_log(log: Path) -> IO[bytes]:
 
 @contextlib.contextmanager
 def _readiness() -> Iterator[tuple[socket.socket, str]]:
-    """A socket on which the server tells that it accepts work, and its address."""
+    """A socket on which the server reports that it accepts work, and the socket's address."""
     with (
         tempfile.TemporaryDirectory(prefix="oracle-") as folder,
         socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener,
     ):
         address = f"{folder}/notify"
         listener.bind(address)
-        listener.settimeout(_LOOK_EVERY)
+        listener.settimeout(_POLL_INTERVAL)
         yield listener, address
 
 
@@ -141,16 +144,16 @@ def _wait_until_ready(
             if b"READY=1" in listener.recv(4096).split(b"\n"):
                 return
         if process.poll() is not None:
-            raise DaemonError(_last_words(log, begin) or f"the server ended at once; {log} may say why")
+            raise DaemonError(_last_line(log, begin) or f"the server ended at once; see {log}")
         if time.monotonic() > deadline:
             raise DaemonError(
-                f"the server (pid {process.pid}) does not accept work yet and goes on trying; "
-                f"`oracle-server status` tells when it does, {log} what it is at"
+                f"the server (pid {process.pid}) does not accept work yet and is still starting; "
+                f"`oracle-server status` shows when it is ready, and {log} its progress"
             )
 
 
-def _last_words(log: Path, begin: int) -> str:
-    """What a server that could not start has said at last."""
+def _last_line(log: Path, begin: int) -> str:
+    """The last line of the log after position `begin`: the error of a server that could not start."""
     with log.open("rb") as file:
         file.seek(begin)
         lines = file.read().decode(errors="replace").strip().split("\n")

@@ -1,19 +1,19 @@
-"""How often Python looks for cycles of objects that nobody uses any more."""
+"""Python's garbage collection, made less frequent."""
 
 from __future__ import annotations
 
 import gc
 
 _YOUNG = 5_000
-"""Objects that are made between two looks at the newest ones; Python's own 700 is an event or two."""
-_AGAIN = 5, 2
-"""Looks at the newest to one at older ones, and of these to one at all: a connection that ended is in a cycle."""
+"""New objects between two collections of the youngest generation; Python's default of 700 is one or two events."""
+_OLDER = 5, 2
+"""Collections of one generation before one of the next; a full one frees connections that have ended."""
 
 
-def look_seldom() -> None:
-    """Have what is there now never be looked through again, and what is made from now on seldom.
+def collect_rarely() -> None:
+    """Exclude all present objects from garbage collection, and collect new ones rarely.
 
-    Judging makes hardly any cycle, and looking for them took a tenth of its time.
+    Judging makes hardly any reference cycles, and collections took a tenth of its time.
     """
     gc.freeze()
-    gc.set_threshold(_YOUNG, *_AGAIN)
+    gc.set_threshold(_YOUNG, *_OLDER)

@@ -1,4 +1,4 @@
-"""Where the server's log goes: standard error or a file with rotation, for people or as JSON."""
+"""The server's log: to standard error or a file with rotation, as text or JSON."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from oracle_server.core.errors import OracleError
 from oracle_server.process.settings import Settings
 
 MAX_SIZE = 10 * 2**20
-"""Bytes of a log file before the next one is begun."""
+"""Bytes of a log file before it is rotated."""
 KEPT = 4
-"""Older log files that are kept: `server.log.1` is the latest of them."""
+"""Rotated log files that are kept; `server.log.1` is the newest of them."""
 
 
 class LogError(OracleError):
@@ -25,7 +25,7 @@ class LogError(OracleError):
 
 
 def set_up_logs(settings: Settings) -> None:
-    """Send all that is logged where the settings say. Raises `LogError` where that can't be."""
+    """Configure logging by the settings. Raises `LogError` where the log file can't be written."""
     handler = _file(settings.log_file) if settings.log_file else logging.StreamHandler()
     colors = settings.log_file is None and sys.stderr.isatty()
     renderer = (
@@ -37,7 +37,7 @@ def set_up_logs(settings: Settings) -> None:
     last: list[Processor] = [ProcessorFormatter.remove_processors_meta, structlog.processors.format_exc_info, renderer]
     handler.setFormatter(ProcessorFormatter(processors=last, foreign_pre_chain=first))
     logging.basicConfig(handlers=[handler], level=logging.WARNING)
-    logging.raiseExceptions = False  # a disk that is full costs lines, and nothing else
+    logging.raiseExceptions = False  # on a full disk, lines are lost without further errors
     logging.getLogger("uvicorn.error").addFilter(_without_traceback)
     own = logging.getLogger("oracle_server")
     own.setLevel(logging.INFO)
@@ -59,7 +59,7 @@ def _file(path: Path) -> RotatingFileHandler:
 
 
 def _without_traceback(record: logging.LogRecord) -> bool:
-    """A client's malformed text is no bug of ours: one line says so."""
+    """Log a client's malformed text without a traceback: it is not an error of the server."""
     if record.getMessage().startswith("Invalid UTF-8"):
         record.exc_info = None
     return True

@@ -1,4 +1,4 @@
-"""Tells whoever started this process how it stands, as sd_notify(3) has it: systemd, or `oracle-server start`."""
+"""Notifications of this process's state to systemd or `oracle-server start`, by the protocol of sd_notify(3)."""
 
 from __future__ import annotations
 
@@ -7,23 +7,23 @@ import os
 import socket
 
 VARIABLE = "NOTIFY_SOCKET"
-_PATIENCE = 0.5
-"""Seconds for which one who is behind with listening is waited for: all else stands still meanwhile."""
+_SEND_WITHIN = 0.5
+"""Seconds that sending may take; the event loop is blocked meanwhile."""
 
 
 def notify(state: str) -> None:
-    """Send a state such as `READY=1`; nothing where nobody listens, or takes it within `_PATIENCE`."""
+    """Send a state such as `READY=1`; without effect where nothing listens, or does not receive in `_SEND_WITHIN`."""
     address = os.environ.get(VARIABLE)
     if not address:
         return
     if address.startswith("@"):
         address = "\0" + address[1:]
     with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sender:
-        sender.settimeout(_PATIENCE)
+        sender.settimeout(_SEND_WITHIN)
         sender.sendto(state.encode(), address)
 
 
 def watchdog_interval() -> float | None:
-    """How often, in seconds, systemd wants to hear `WATCHDOG=1`, None where it does not."""
+    """Seconds between two `WATCHDOG=1` (half the time that systemd allows), None where systemd does not watch."""
     wanted = os.environ.get("WATCHDOG_USEC", "")
     return int(wanted) / 1e6 / 2 if wanted.isdecimal() and int(wanted) else None

@@ -1,4 +1,4 @@
-"""The pid file of a data directory: locked for as long as its server lives, so that a stale one deceives nobody."""
+"""The pid file of a data directory: locked as long as its server runs, so that a stale one is recognised."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from oracle_server.core.errors import OracleError
 
 NAME = "server.pid"
 _WITHIN = 1.0
-"""Seconds that others may take who only look whether a server runs, and a server to tell that it does."""
-_LOOK_EVERY = 0.01
+"""Seconds to wait for processes that lock the file only to check it, and for a server to write its pid."""
+_POLL_INTERVAL = 0.01
 
 
 class PidFileError(OracleError):
@@ -40,10 +40,10 @@ class PidFile:
         if not self._locked():
             self._file.close()
             raise PidFileError(f"{folder}: another server uses this data directory; stop it, or choose another one")
-        self.tell(None)
+        self.publish(None)
 
     def _locked(self) -> bool:
-        """Lock the file, unless a server has; whoever looks whether one does has it for a moment too."""
+        """Lock the file; False where a server has locked it. A process that checks for one locks it for a moment."""
         deadline = time.monotonic() + _WITHIN
         while True:
             try:
@@ -51,12 +51,12 @@ class PidFile:
             except BlockingIOError:
                 if time.monotonic() > deadline:
                     return False
-                time.sleep(_LOOK_EVERY)
+                time.sleep(_POLL_INTERVAL)
             else:
                 return True
 
-    def tell(self, url: str | None) -> None:
-        """Note where this process accepts work. Raises `PidFileError` where the file can not be written."""
+    def publish(self, url: str | None) -> None:
+        """Write the pid, and the URL at which the server accepts work. Raises `PidFileError` where that fails."""
         try:
             self._file.seek(0)
             self._file.truncate()
@@ -66,7 +66,7 @@ class PidFile:
             raise PidFileError(f"{self._file.name}: can't be written: {error.strerror}") from None
 
     def release(self) -> None:
-        """Let go of the folder; the file stays, and says nothing without its lock."""
+        """Unlock the data directory; the file stays, and is ignored without its lock."""
         self._file.close()
 
 
@@ -81,8 +81,8 @@ def running(folder: Path) -> Running | None:
                 if len(more) > 1:
                     return Running(int(pid), more[0] or None)
                 if time.monotonic() > deadline:
-                    raise PidFileError(f"{folder / NAME}: does not tell which server uses this data directory")
-                time.sleep(_LOOK_EVERY)  # it is being written
+                    raise PidFileError(f"{folder / NAME}: does not name the server that uses this data directory")
+                time.sleep(_POLL_INTERVAL)  # it is being written
     except FileNotFoundError:
         return None
     except (OSError, ValueError) as error:

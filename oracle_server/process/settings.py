@@ -1,4 +1,4 @@
-"""What a server can be told: on the command line, or by environment variables that start with ORACLE_."""
+"""The server's settings, from the command line or from environment variables that start with ORACLE_."""
 
 from __future__ import annotations
 
@@ -42,26 +42,26 @@ class Settings(BaseSettings):
     tls_cert: Path | None = None
     tls_key: Path | None = None
     tls_client_ca: Path | None = None
-    """Clients must show a certificate that this authority signed."""
+    """Clients must present a certificate that this authority signed."""
     insecure: bool = False
-    """Whether a bind beyond loopback may go without tokens or TLS."""
+    """Whether to allow a bind beyond loopback without tokens or TLS."""
     allowed_hosts: str = ""
-    """Names, separated by commas, that the server may be called by besides its addresses and those of loopback."""
+    """Host names of the server, separated by commas, besides its address and the names of loopback."""
     retain_age: Annotated[int, BeforeValidator(duration)] | None = None
-    """How long a closed session's history is kept, such as `720h`; in nanoseconds once it is read."""
+    """How long history is kept, such as `720h`; parsed to nanoseconds."""
     retain_events: Annotated[int, Field(ge=1)] | None = None
-    """Events of which the history is kept; closed sessions make room, the oldest first."""
+    """The most events in the history; those of closed sessions are deleted first, the oldest before others."""
     retain_size: Annotated[int, BeforeValidator(size)] | None = None
-    """How large the history may grow, such as `2GB`; in bytes once it is read."""
+    """The greatest size of the history, such as `2GB`; parsed to bytes."""
     retain_check: Annotated[float, Field(gt=0)] = 60.0
-    """Seconds between two looks at what need not be kept any longer."""
+    """Seconds between two runs of the deletion of old history."""
     max_connections: Annotated[int, Field(ge=1, le=100_000)] = 2_000
     max_rate: Annotated[float, Field(ge=0)] = 20_000.0
-    """Events a second that one monitor may send on average; 0 for any number."""
+    """Events a second that one monitor may send on average; 0 is no limit."""
 
     @property
     def token_file(self) -> Path:
-        """Where the tokens' hashes are."""
+        """The file of the tokens' hashes."""
         return self.tokens or self.data_dir / TOKEN_FILE
 
     @model_validator(mode="after")
@@ -76,7 +76,7 @@ class SettingsError(OracleError):
 
 
 def load_settings(**given: Any) -> Settings:
-    """The settings: those given that are not None, else the environment's. Raises `SettingsError`."""
+    """The settings: those `given` that are not None, all others from the environment. Raises `SettingsError`."""
     try:
         return Settings(**{name: value for name, value in given.items() if value is not None})
     except ValidationError as error:

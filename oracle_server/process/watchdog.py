@@ -1,4 +1,4 @@
-"""Notices an event loop that stands still, from a thread of its own, and says where it stands."""
+"""A watchdog for the event loop: a thread that reports when the loop is blocked, and at which line."""
 
 from __future__ import annotations
 
@@ -14,20 +14,21 @@ import structlog
 from oracle_server.process.notify import notify, watchdog_interval
 
 STALLED = 2.0
-"""Seconds without a turn of the loop that are reported."""
+"""Seconds for which the loop may be blocked before that is reported."""
 
 log = structlog.get_logger()
 
 
 class Watchdog:
-    """Watches the loop that it is entered in."""
+    """A context manager that watches the event loop in which it is entered, and sends `WATCHDOG=1` to systemd."""
 
     def __init__(self, stalled: float = STALLED) -> None:
-        """Report where the loop makes no turn for so many seconds."""
+        """Report when the loop is blocked for `stalled` seconds."""
         self.stalls = 0
+        """How often the loop was blocked so long."""
         self._stalled, self._every = stalled, stalled / 4
         self._last = time.monotonic()
-        self._told = self._last
+        self._notified = self._last
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="watchdog", daemon=True)
         self._beating: asyncio.TimerHandle | None = None
@@ -42,7 +43,7 @@ class Watchdog:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End it."""
+        """Stop watching."""
         self._over.set()
         if self._beating:
             self._beating.cancel()
@@ -50,16 +51,16 @@ class Watchdog:
 
     def _beat(self) -> None:
         self._last = time.monotonic()
-        if self._interval is not None and self._last - self._told >= self._interval:
-            self._told = self._last
+        if self._interval is not None and self._last - self._notified >= self._interval:
+            self._notified = self._last
             notify("WATCHDOG=1")
         self._beating = self._loop.call_later(min(self._every, self._interval or self._every), self._beat)
 
     def _watch(self) -> None:
-        looked, reported = time.monotonic(), 0.0
+        checked, reported = time.monotonic(), 0.0
         while not self._over.wait(self._every):
             now = time.monotonic()
-            slept, looked = now - looked, now
+            slept, checked = now - checked, now
             if slept > self._stalled:  # the whole process was stopped, not the loop alone
                 continue
             if now - self._last > self._stalled and self._last != reported:

@@ -1,1 +1,1 @@
-"""Oracles elsewhere."""
+"""External oracles, which are asked over ROSMonitoring's WebSocket protocol."""

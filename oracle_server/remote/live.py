@@ -1,4 +1,4 @@
-"""The oracles elsewhere of one session: each is asked in its own task, and none is waited for by the event loop."""
+"""The external oracles of a live session: each is asked by a task of its own, so that none delays another."""
 
 from __future__ import annotations
 
@@ -17,63 +17,64 @@ from oracle_server.core.verdicts import Judged, Outcome
 from oracle_server.remote.oracle import ExternalOracle
 
 _SETTLE_WITHIN = 5.0
+"""Seconds to wait for the last answers when a session ends."""
 
 log = structlog.get_logger()
 
 
 class _Line(NamedTuple):
-    """One property's oracle in one order, and the questions that wait for it, each with when it was put."""
+    """One property's oracle in one order, and its queue of questions, each with the time (s) of its queuing."""
 
     oracle: ExternalOracle
     questions: asyncio.Queue[tuple[Ask, float]]
 
 
 class Oracles:
-    """Asks what the core wants to know, and gives it the answers."""
+    """Sends a session's questions to its oracles, and the answers to the session."""
 
     def __init__(self, core: Session, now: Callable[[], int], deliver: Callable[[list[Judged]], None]) -> None:
-        """Ask for a session, from within the event loop; `deliver` is given what it judges by the answers."""
+        """Start a task for each oracle; `deliver` receives the steps that the session judges by the answers."""
         self._core, self._now, self._deliver = core, now, deliver
         self._lines: dict[tuple[Order, int], _Line] = {}
         self._expected: dict[tuple[str, int], asyncio.Future[Judged]] = {}
-        self._moved = asyncio.Event()
+        self._progress = asyncio.Event()
         for order in core.judges:
             for index in core.plan.external:
-                asked = core.plan.spec.properties[index].external
-                assert asked is not None  # noqa: S101 -- it is external
-                self._lines[order, index] = _Line(ExternalOracle(asked), asyncio.Queue())
+                external = core.plan.spec.properties[index].external
+                assert external is not None  # noqa: S101 -- the plan lists external properties
+                self._lines[order, index] = _Line(ExternalOracle(external), asyncio.Queue())
         loop = asyncio.get_running_loop()
         self._tasks = [loop.create_task(self._serve(line)) for line in self._lines.values()]
 
     def resume(self) -> None:
-        """Go on with a session whose oracles were told of events before."""
+        """Continue a restored session, whose oracles have received events before."""
         for line in self._lines.values():
-            line.oracle.begun = True
+            line.oracle.used = True
 
     def ask(self) -> None:
-        """Put the questions that the core has."""
+        """Queue the session's new questions."""
         now = asyncio.get_running_loop().time()
         for ask in self._core.take_asks():
             self._lines[ask.order, ask.property].questions.put_nowait((ask, now))
 
     def judgement(self, monitor: str, seq: int) -> asyncio.Future[Judged] | None:
-        """What will be said of an event that was taken just now, None where it does not wait for an oracle."""
+        """A future of the judgement of the last event, None where that does not wait for an oracle."""
         last = self._core.asking.last if self._core.asking else None
         if last is None or (last.event.monitor, last.event.seq) != (monitor, seq):
             return None
         return self._expected.setdefault((monitor, seq), asyncio.get_running_loop().create_future())
 
     async def settle(self) -> None:
-        """Let what waits be judged, as unknown where no answer comes in time, and end."""
+        """Wait some seconds for the answers, then give up the missing ones, and close the connections."""
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(_SETTLE_WITHIN):
                 while self._core.asking:
-                    self._moved.clear()
-                    await self._moved.wait()
+                    self._progress.clear()
+                    await self._progress.wait()
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
-        self._tell(self._core.abandon("had not answered when the session ended", self._now()))
+        self._deliver_all(self._core.abandon("had not answered when the session ended", self._now()))
         await asyncio.gather(*(line.oracle.close() for line in self._lines.values()))
 
     async def _serve(self, line: _Line) -> None:
@@ -83,21 +84,22 @@ class Oracles:
             ask, since = await line.questions.get()
             answer = await self._answer(line.oracle, ask, since)
             try:
-                self._tell(self._core.resolve(ask, answer, self._now()))
+                self._deliver_all(self._core.resolve(ask, answer, self._now()))
             except Exception:
-                log.exception("an oracle's answer could not be taken in")
+                log.exception("an oracle's answer could not be processed")
 
     async def _answer(self, oracle: ExternalOracle, ask: Ask, since: float) -> Answer:
-        """What an oracle says; one that is behind is not asked, so that none is given too little time."""
+        """The answer to a question; it is not sent where it has waited too long to leave enough time for a reply."""
         waited = asyncio.get_running_loop().time() - since
         if waited > oracle.timeout / 2:
             return Answer(Outcome.UNKNOWN, f"was not asked: it was {waited:.1f} s behind")
         return await oracle.ask(ask, since + oracle.timeout)
 
-    def _tell(self, judged: list[Judged]) -> None:
+    def _deliver_all(self, judged: list[Judged]) -> None:
+        """Deliver steps, and set the futures that wait for them."""
         self._deliver(judged)
         for item in judged:
             expected = self._expected.pop((item.step.event.monitor, item.step.event.seq), None)
             if expected is not None and not expected.done():
                 expected.set_result(item)
-        self._moved.set()
+        self._progress.set()

@@ -1,4 +1,4 @@
-"""The oracles elsewhere of a replay: there is no hurry, so each question is waited for."""
+"""The external oracles of a replay, which waits for the answer to each question."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from oracle_server.core.verdicts import Judged
 from oracle_server.remote.oracle import ExternalOracle
 
 
-class Consultation:
-    """Answers what a session asks; each order has connections of its own."""
+class OfflineOracles:
+    """Asks a session's oracles one question at a time; each order has connections of its own."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
@@ -23,24 +23,24 @@ class Consultation:
         for order in session.judges:
             for index in session.plan.external:
                 prop = session.plan.spec.properties[index]
-                assert prop.external is not None  # noqa: S101 -- it is one of those
+                assert prop.external is not None  # noqa: S101 -- the plan lists external properties
                 self._oracles[order, index] = ExternalOracle(prop.external)
 
     def settle(self) -> list[Judged]:
-        """Answer all that the session asks, and tell what it judged by that.
+        """Ask all questions of the session, and return the steps that it judged by the answers.
 
-        Raises `OracleError` where an oracle is away when it is asked first.
+        Raises `OracleError` where an oracle can't be reached for its first question.
         """
         judged: list[Judged] = []
         while asks := self._session.take_asks():
             for ask in asks:
                 oracle = self._oracles[ask.order, ask.property]
-                if not oracle.begun and isinstance(ask.step.event.data, dict):
-                    self._find(oracle, ask.property)
+                if not oracle.used and isinstance(ask.step.event.data, dict):
+                    self._connect(oracle, ask.property)
                 judged += self._session.resolve(ask, self._runner.run(_ask(oracle, ask)), self._session.now)
         return judged
 
-    def _find(self, oracle: ExternalOracle, index: int) -> None:
+    def _connect(self, oracle: ExternalOracle, index: int) -> None:
         reason = self._runner.run(_connect(oracle))
         if reason is not None:
             raise OracleError(f"{self._session.plan.spec.properties[index].text} {reason}; start it first")

@@ -1,7 +1,7 @@
-"""One oracle elsewhere that speaks ROSMonitoring's protocol: one JSON event a frame, and one reply to each, in order.
+"""One external oracle, a client of ROSMonitoring's protocol: each frame is one JSON event, and has one reply.
 
-Replies carry nothing that tells whose they are. So one question at a time is under way, and a connection on which
-anything went wrong is given up: what still comes on it can't be taken for the answer to another question.
+Replies do not identify their event. So only one question is open at a time, and a connection on which anything fails
+is closed: a late reply can't be mistaken for the answer to another question.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from oracle_server.wire.flat import as_flat
 from oracle_server.wire.json import encode
 
 _RETRY_AFTER = 1.0
-"""Seconds after which an oracle that could not be reached is tried again; until then nothing waits for it."""
+"""Seconds before the next attempt to connect; until then questions fail at once."""
 _CLOSE_WITHIN = 1.0
 _MAX_REPLY = 2**20
 
@@ -35,43 +35,43 @@ class UnreachableError(OracleError):
 
 
 class ExternalOracle:
-    """A connection to an oracle, made anew where it is lost; one question at a time."""
+    """A connection to an oracle, with one question at a time; it reconnects where the connection is lost."""
 
-    def __init__(self, asked: External) -> None:
-        """Connect when there is something to ask, or by `connect`."""
-        self.begun = False
-        """Whether it was ever told of an event, so that a new connection may find it as it was at its beginning."""
-        self.timeout = asked.timeout / SECOND
+    def __init__(self, external: External) -> None:
+        """Make no connection yet: `ask` and `connect` do."""
+        self.used = False
+        """Whether it has received an event before, so that it may have lost its state on a new connection."""
+        self.timeout = external.timeout / SECOND
         """Seconds that an answer may take."""
-        self._asked = asked
+        self._external = external
         self._socket: ClientConnection | None = None
         self._retry_at, self._unreachable = 0.0, ""
-        self._away = False
+        self._failing = False
         self._closing: set[asyncio.Task[None]] = set()
 
     async def ask(self, ask: Ask, until: float) -> Answer:
-        """What the oracle says of a step; unknown where it says nothing until then, a time of the event loop's."""
+        """Ask the oracle about a step; its outcome is unknown if no reply arrives by `until` (the loop's time, s)."""
         name = ask.step.event.stream.name
         try:
-            event = as_flat(ask.step, name.removeprefix("/") if self._asked.bare else name, ask.time)
+            event = as_flat(ask.step, name.removeprefix("/") if self._external.bare else name, ask.time)
             text = encode(event)
         except (ValueError, TypeError, OverflowError, RecursionError) as error:
-            return Answer(Outcome.UNKNOWN, f"could not be told of the event: {error}")
+            return Answer(Outcome.UNKNOWN, f"could not be sent the event: {error}")
         try:
             async with asyncio.timeout_at(until):
                 socket, anew = await self._connected()
-                self.begun = True
+                self.used = True
                 await socket.send(text)
                 answer = read_reply(await socket.recv(), event)._replace(anew=anew)
-        except Exception as error:  # noqa: BLE001 -- whatever it is, the answer is not known
+        except Exception as error:  # noqa: BLE001 -- after any error the answer is unknown
             return self._failed(self._reason(error))
-        if self._away:
-            self._away = False
-            log.info("an oracle answers again", oracle=self._asked.url)
+        if self._failing:
+            self._failing = False
+            log.info("an oracle answers again", oracle=self._external.url)
         return answer
 
     async def connect(self, until: float) -> str | None:
-        """Be connected before there is anything to ask; why that can't be, None where it is."""
+        """Connect before the first question; returns why that failed, None where it is connected."""
         try:
             async with asyncio.timeout_at(until):
                 await self._connected()
@@ -87,17 +87,17 @@ class ExternalOracle:
         await asyncio.gather(*self._closing, return_exceptions=True)
 
     async def _connected(self) -> tuple[ClientConnection, bool]:
-        """A connection on which nothing is to be heard, and whether the oracle may have begun anew with it."""
+        """A connection without unread frames, and whether the oracle may have lost its state, since it is new."""
         if self._socket is not None and not await self._is_quiet(self._socket):
             self._drop()
         if self._socket is not None:
             return self._socket, False
         self._socket = await self._connect()
-        return self._socket, self.begun
+        return self._socket, self.used
 
     async def _is_quiet(self, socket: ClientConnection) -> bool:
-        """Whether a connection is open, and holds nothing that would be taken for the next answer."""
-        await asyncio.sleep(0)  # let what has come be read
+        """Whether a connection is open, and has no frame that would be mistaken for the next answer."""
+        await asyncio.sleep(0)  # lets the connection read what has arrived
         try:
             async with asyncio.timeout(0):
                 await socket.recv()
@@ -105,7 +105,7 @@ class ExternalOracle:
             return True
         except ConnectionClosed:
             return False
-        log.warning("an oracle spoke without being asked", oracle=self._asked.url)
+        log.warning("an oracle sent a reply without a question", oracle=self._external.url)
         return False
 
     async def _connect(self) -> ClientConnection:
@@ -115,21 +115,21 @@ class ExternalOracle:
         self._retry_at, self._unreachable = loop.time() + self.timeout + _RETRY_AFTER, "it does not answer"
         try:
             socket = await connect(
-                self._asked.url, proxy=None, compression=None, open_timeout=None, close_timeout=_CLOSE_WITHIN,
+                self._external.url, proxy=None, compression=None, open_timeout=None, close_timeout=_CLOSE_WITHIN,
                 ping_interval=None, max_size=_MAX_REPLY,
             )  # fmt: skip
         except (OSError, WebSocketException, ValueError, EOFError) as error:
             self._retry_at, self._unreachable = loop.time() + _RETRY_AFTER, str(error) or type(error).__name__
             raise UnreachableError(self._unreachable) from None
         except Exception:
-            log.exception("an oracle could not be connected to", oracle=self._asked.url)
-            self._retry_at, self._unreachable = loop.time() + _RETRY_AFTER, "the server's log says why"
+            log.exception("an oracle could not be connected to", oracle=self._external.url)
+            self._retry_at, self._unreachable = loop.time() + _RETRY_AFTER, "see the server's log"
             raise UnreachableError(self._unreachable) from None
         self._retry_at = 0.0
         return socket
 
     def _reason(self, error: Exception) -> str:
-        """Why there is no answer, in words."""
+        """Why there is no answer, as text."""
         match error:
             case TimeoutError():
                 return f"did not answer within {self.timeout:g} s"
@@ -139,18 +139,18 @@ class ExternalOracle:
                 return f"can't be reached: {error}"
             case OtherEventError():
                 return "answered about another event"
-        log.exception("an oracle could not be asked", oracle=self._asked.url)
-        return "could not be asked; the server's log says why"
+        log.exception("an oracle could not be asked", oracle=self._external.url)
+        return "could not be asked; see the server's log"
 
     def _failed(self, reason: str) -> Answer:
         self._drop()
-        if not self._away:
-            self._away = True
-            log.warning("an oracle fails", oracle=self._asked.url, reason=reason)
+        if not self._failing:
+            self._failing = True
+            log.warning("an oracle fails", oracle=self._external.url, reason=reason)
         return Answer(Outcome.UNKNOWN, reason)
 
     def _drop(self) -> None:
-        """Give the connection up; its close is not waited for."""
+        """Close the connection in the background."""
         if self._socket is not None:
             closing = asyncio.get_running_loop().create_task(_close(self._socket))
             self._closing.add(closing)

@@ -1,4 +1,4 @@
-"""What an oracle that speaks ROSMonitoring's protocol replies: a word about the event that it was sent."""
+"""Reads the replies of external oracles: a verdict, and possibly the event that it is about."""
 
 from __future__ import annotations
 
@@ -20,59 +20,61 @@ _WORDS = {
     "violation": Outcome.CURRENTLY_FALSE,
     "unknown": Outcome.UNKNOWN,
 }
-"""Never final: for some oracles `true` and `false` are, others say them of one event."""
+"""Never final: some oracles send `true` and `false` as final verdicts, others as verdicts of one event."""
 _KEYS = ("verdict", "ok")
 _LONGEST = 100
+"""Characters of a reply that are shown."""
 _SAME_TIME = 1e-3
+"""Seconds by which the time in a reply may differ from that of its event."""
 
 
 class OtherEventError(OracleError):
-    """A reply that is about another event than was asked about."""
+    """A reply about another event than the one that was sent."""
 
 
 def read_reply(text: str | bytes, event: Mapping[str, Any]) -> Answer:
-    """What a reply says of an event. Raises `OtherEventError`; what can't be understood is unknown."""
+    """Read the reply to an event; one that can't be read gives an unknown outcome. Raises `OtherEventError`."""
     value = _value(text)
     if not isinstance(value, Mapping):
         return _answer([value])
     echoed = not value.keys().isdisjoint(GROUPS)
     if echoed and not _is_about(event, value):
         raise OtherEventError
-    said = [value[key] for key in _KEYS if key in value and not (echoed and key in event)]
-    return _answer(said or [value])
+    verdicts = [value[key] for key in _KEYS if key in value and not (echoed and key in event)]
+    return _answer(verdicts or [value])
 
 
 def _value(text: str | bytes) -> Any:
-    """The JSON value of a reply, or its text where it is no JSON; numbers that JSON lacks are read as their names."""
+    """The JSON value of a reply, or its text where it is not JSON; NaN and infinities are read as their names."""
     try:
         return json.loads(text, parse_constant=str)
     except (ValueError, RecursionError):
         return text if isinstance(text, str) else text.decode(errors="replace")
 
 
-def _answer(said: list[Any]) -> Answer:
-    outcomes = {_outcome(word) for word in said}
-    shown = " and ".join(_shown(word) for word in said)
+def _answer(verdicts: list[Any]) -> Answer:
+    outcomes = {_outcome(verdict) for verdict in verdicts}
+    shown = " and ".join(_shown(verdict) for verdict in verdicts)
     if len(outcomes) == 1 and None not in outcomes:
         (outcome,) = outcomes
         assert outcome is not None  # noqa: S101 -- the line above
-        return Answer(outcome, f"said {shown}")
-    return Answer(Outcome.UNKNOWN, f"said {shown}, which is no verdict")
+        return Answer(outcome, f"answered {shown}")
+    return Answer(Outcome.UNKNOWN, f"answered {shown}, which is no verdict")
 
 
-def _outcome(word: Any) -> Outcome | None:
-    if isinstance(word, bool):
-        return _WORDS["true" if word else "false"]
-    return _WORDS.get(word.strip().lower()) if isinstance(word, str) else None
+def _outcome(verdict: Any) -> Outcome | None:
+    if isinstance(verdict, bool):
+        return _WORDS["true" if verdict else "false"]
+    return _WORDS.get(verdict.strip().lower()) if isinstance(verdict, str) else None
 
 
-def _shown(word: Any) -> str:
-    text = json.dumps(word, ensure_ascii=False)
+def _shown(verdict: Any) -> str:
+    text = json.dumps(verdict, ensure_ascii=False)
     return text if len(text) <= _LONGEST else text[:_LONGEST] + "…"
 
 
 def _is_about(event: Mapping[str, Any], reply: Mapping[str, Any]) -> bool:
-    """Whether a reply that repeats the event that it is about repeats this one; oracles may round its time."""
+    """Whether a reply that repeats its event repeats this one; oracles may round the time."""
     name = next(key for key in GROUPS if key in event)
     if str(reply.get(name)).removeprefix("/") != event[name].removeprefix("/"):
         return False

@@ -1,1 +1,1 @@
-"""Recordings, and judging them."""
+"""Reading recordings, and judging them offline."""

@@ -1,7 +1,7 @@
-"""Messages of a bag to plain data, as an adapter would have sent them.
+"""Converts messages of a bag to plain data, as an adapter would have sent them.
 
-A 32-bit float is its shortest decimal, byte sequences are base64 texts, numbers that JSON can't carry are the wire's
-texts for them, and every other array is a list.
+A 32-bit float becomes its shortest decimal, a byte sequence a base64 text, NaN and infinities the wire's texts for
+them, and every other array a list.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ _BYTES = frozenset({"uint8", "octet", "byte", "char"})
 
 
 def message_reader(types: Typestore, name: str, paths: Iterable[str] | None) -> Read:
-    """A function from decoded messages to plain data with these dotted fields, None for all that there are.
+    """A function from decoded messages to plain data with the fields of these dotted paths, None for all.
 
-    Fields that the type does not have are left out. Raises `TraceError` where a type is not known.
+    Fields that the type does not have are left out. Raises `TraceError` where a type is unknown.
     """
     if name not in types.fielddefs:
-        raise TraceError(f"the type {name} is not known; give the folder of its .msg files with --types")
+        raise TraceError(f"the type {name} is unknown; give the folder of its .msg files with --types")
     fields = dict(types.fielddefs[name][1])
     wanted: dict[str, list[str] | None] = dict.fromkeys(fields) if paths is None else _grouped(paths)
     parts = []

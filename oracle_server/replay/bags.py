@@ -32,9 +32,9 @@ class Bag:
     clocked = True
 
     def __init__(self, path: Path, spec: Spec, types: Sequence[Path] = ()) -> None:
-        """Look into a bag; `types` are folders with the .msg files of types that it does not define itself.
+        """Prepare to read a bag; `types` are folders with the .msg files of types that it does not define itself.
 
-        Raises `TraceError`.
+        Raises `TraceError` where these can't be read.
         """
         self.path = path
         self.ignored: Counter[str] = Counter()
@@ -51,7 +51,7 @@ class Bag:
             raise TraceError(f"{self.path}: {error}") from None
         except GeneratorExit:
             raise
-        except Exception as error:  # noqa: BLE001 -- a damaged bag fails in the reader's every corner
+        except Exception as error:  # noqa: BLE001 -- the reader raises anything for a damaged bag
             raise TraceError(f"{self.path}: can't be read as a bag: {_reason(error)}") from None
 
     def _messages(self, reader: AnyReader) -> Iterator[Recorded]:
@@ -87,17 +87,17 @@ def _reason(error: Exception) -> str:
 
 
 def _typestore(folders: Sequence[Path]) -> Typestore:
-    """The types of ROS 2's own packages, and those of .msg files, which lie in `PACKAGE/msg/`."""
+    """The types of ROS 2's own packages, and those of the .msg files in folders, each in `PACKAGE/msg/`."""
     store = get_typestore(Stores.LATEST)
     for folder in folders:
         found = sorted(folder.rglob("*.msg"))
         if not found:
-            raise TraceError(f"{folder}: holds no .msg files")
+            raise TraceError(f"{folder}: has no .msg files")
         for path in found:
             package = (path.parent.parent if path.parent.name == "msg" else path.parent).name
             try:
                 types = get_types_from_msg(path.read_text(encoding="utf-8"), f"{package}/msg/{path.stem}")
                 store.register({name: t for name, t in types.items() if name not in store.fielddefs})
-            except Exception as error:  # noqa: BLE001 -- whatever is wrong with the file, it is no definition
+            except Exception as error:  # noqa: BLE001 -- the parser raises anything for a malformed file
                 raise TraceError(f"{path}: can't be read as a message definition: {_reason(error)}") from None
     return store

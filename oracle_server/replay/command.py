@@ -1,4 +1,4 @@
-"""Runs `replay`: recordings against specs, into a report, with a progress bar where a person watches."""
+"""The command `replay`: judges a recording by specs, and writes a report; shows progress on a terminal."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _EVERY = 256
 
 
 def run_replay(specs: Sequence[Path], trace: Path, by: By | None, form: Format, types: Sequence[Path] = ()) -> int:
-    """Judge a recording by each spec and print what was found; the exit status: 0 no violation, 1 violated.
+    """Judge a recording by each spec, and print the report; returns the exit status: 1 for a violation, else 0.
 
     Raises `SpecError` and `TraceError` where an input can't be used.
     """
@@ -51,7 +51,7 @@ def _run(replay: Replay, recording: Recording, report: Report) -> None:
 
 @contextmanager
 def _progress(recording: Recording) -> Iterator[Callable[[], None]]:
-    """A bar on standard error, where a person watches; yields what to call now and then."""
+    """Show a progress bar on standard error, if that is a terminal; yields the function that updates it."""
     if not sys.stderr.isatty():
         yield lambda: None
         return

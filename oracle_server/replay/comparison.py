@@ -1,4 +1,4 @@
-"""What ROSMonitoring's oracle said of recorded events, against what is said now."""
+"""Compares recorded verdicts of ROSMonitoring's oracle with the replay's verdicts."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from oracle_server.core.events import Event, Order
 from oracle_server.core.verdicts import NEGATIVE, Judged, Outcome
 
 Meaning = Literal["satisfied", "violated", "unknown"]
-"""What an old verdict and ours are compared by."""
+"""The meaning of a verdict, by which both are compared."""
 _SATISFIED = frozenset({"true", "currently_true"})
 _VIOLATED = frozenset({"false", "currently_false", "violation", "violated"})
 
 
 class Difference(NamedTuple):
-    """An event of which something else was said; `properties` are those that are negative now."""
+    """An event with another verdict than recorded; `properties` are those that are negative now."""
 
     event: Event
     was: str
@@ -36,27 +36,27 @@ class Difference(NamedTuple):
 
 
 class Comparison:
-    """Pairs old verdicts with new ones, event by event."""
+    """Compares the recorded verdict of each event with its new one."""
 
     def __init__(self, order: Order) -> None:
-        """Compare with what is judged in `order`."""
+        """Compare with the verdicts of one order."""
         self.compared = self.differing = 0
         self.found: list[Difference] = []
-        """The differences since they were last taken."""
+        """The differences since the last call of `take`."""
         self._order = order
         self._waiting: dict[tuple[str, int], str] = {}
 
     @property
-    def compares(self) -> bool:
-        """Whether something was said of an event that is not judged yet."""
+    def is_waiting(self) -> bool:
+        """Whether the recorded verdict of an event waits for the new one."""
         return bool(self._waiting)
 
-    def told(self, event: Event, verdict: str) -> None:
-        """Keep what was said of an event until it is judged."""
+    def expect(self, event: Event, verdict: str) -> None:
+        """Keep the recorded verdict of an event until it is judged."""
         self._waiting[event.monitor, event.seq] = verdict
 
-    def judged(self, judged: Judged) -> None:
-        """Compare an event's old verdict, where there is one, with what is said now."""
+    def compare(self, judged: Judged) -> None:
+        """Compare the verdicts of a judged event with its recorded verdict, if there is one."""
         event = judged.step.event
         if judged.order != self._order:
             return
@@ -71,14 +71,14 @@ class Comparison:
             self.found.append(Difference(event, was, now, broken))
 
     def take(self) -> list[Difference]:
-        """The differences that were found since the last call."""
+        """Return the differences since the last call."""
         found = self.found
         if found:
             self.found = []
         return found
 
     def summary(self) -> dict[str, int]:
-        """The counts, where anything was compared."""
+        """The counts; empty where nothing was compared."""
         return {"compared": self.compared, "differing": self.differing} if self.compared else {}
 
 

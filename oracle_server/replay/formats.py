@@ -1,4 +1,4 @@
-"""What `replay` tells: as text, JSON Lines, CSV, or JUnit XML for a robot's CI."""
+"""The reports of `replay`: text, JSON Lines, CSV, and JUnit XML for continuous integration."""
 
 from __future__ import annotations
 
@@ -19,28 +19,28 @@ from oracle_server.core.verdicts import UNDECIDED, Judged, explain, record
 from oracle_server.replay.run import Replay
 
 Format = Literal["text", "jsonl", "csv", "junit"]
-_MOST_TOLD = 20
-"""Violations of one property that a JUnit report words; it counts the others."""
+_MOST_SHOWN = 20
+"""Violations of one property that a JUnit report explains; all are counted."""
 
 
 class Report(Protocol):
-    """Tells of replays, one after the other."""
+    """Writes a report of replays, one after the other."""
 
     def judged(self, replay: Replay, judged: Judged) -> None:
-        """Tell of a step."""
+        """Add a judged step."""
         ...
 
     def ended(self, replay: Replay) -> None:
-        """Tell how a replay ended."""
+        """Add the summary of a replay that has ended."""
         ...
 
     def finish(self) -> None:
-        """Tell that there are no more replays."""
+        """End the report."""
         ...
 
 
 def make_report(form: Format, out: IO[str], *, several: bool) -> Report:
-    """A report that is written to `out`; of `several` specs, each record names its own."""
+    """A report that is written to `out`; with `several` specs, each record names its spec."""
     kinds: dict[Format, Callable[[IO[str], bool], Report]] = {
         "text": TextReport,
         "jsonl": JsonReport,
@@ -51,13 +51,13 @@ def make_report(form: Format, out: IO[str], *, several: bool) -> Report:
 
 
 class TextReport:
-    """Violations and differences as they come, then a table a spec."""
+    """Violations and differences as they occur, then a table for each spec."""
 
     def __init__(self, out: IO[str], several: bool) -> None:
         self._out, self._several = out, several
 
     def judged(self, replay: Replay, judged: Judged) -> None:
-        """Tell of violations, and of what differs from old verdicts."""
+        """Write violations, and differences from recorded verdicts."""
         for verdict in judged.verdicts:
             why = explain(judged, verdict)
             if why is not None:
@@ -70,7 +70,7 @@ class TextReport:
             self._write(replay, f"difference: {event} was '{one_line(found.was)}', is {found.now}{broken}")
 
     def ended(self, replay: Replay) -> None:
-        """Print a table of the properties, and the counts."""
+        """Write a table of the properties, and the counts."""
         summary = replay.summary()
         table = Table("property", "outcome", "violations", "first at", "unknown", box=None, pad_edge=False)
         for name, state in summary["properties"].items():
@@ -86,14 +86,14 @@ class TextReport:
         console.print(counts)
 
     def finish(self) -> None:
-        """Print nothing more."""
+        """Write nothing more."""
 
     def _write(self, replay: Replay, line: str) -> None:
         self._out.write(f"{replay.spec.id}: {line}\n" if self._several else f"{line}\n")
 
 
 class JsonReport:
-    """A verdict record a line, differences, and a summary a spec."""
+    """A line for each verdict record and difference, and a summary for each spec."""
 
     def __init__(self, out: IO[str], several: bool) -> None:
         self._out, self._several = out, several
@@ -117,7 +117,7 @@ class JsonReport:
 
 
 class CsvReport:
-    """A verdict record a row, under the names of its fields; times in nanoseconds."""
+    """A row for each verdict record, below the names of its fields; times in nanoseconds."""
 
     def __init__(self, out: IO[str], several: bool) -> None:  # noqa: ARG002 -- a table always has the same columns
         self._out = csv.writer(out)
@@ -135,28 +135,28 @@ class CsvReport:
             self._out.writerow((replay.spec.id, *cells))
 
     def ended(self, replay: Replay) -> None:
-        """Write nothing: a table has no summary."""
+        """Write nothing: the table has no summary."""
 
     def finish(self) -> None:
         """Write nothing more."""
 
 
 class JunitReport:
-    """A test suite a spec, a test case a property: failed where it was violated, in error where it is not known."""
+    """A test suite for each spec, a test case for each property: a failure if violated, an error if unknown."""
 
     def __init__(self, out: IO[str], several: bool) -> None:  # noqa: ARG002 -- a suite always has its name
         self._out = out
-        self._told: defaultdict[str, list[str]] = defaultdict(list)
+        self._texts: defaultdict[str, list[str]] = defaultdict(list)
         self._suites: list[str] = []
 
     def judged(self, replay: Replay, judged: Judged) -> None:
-        """Keep the first violations' words."""
+        """Keep the explanations of the first violations."""
         both = replay.spec.ordering.by == "both" and judged.order == "arrival"
         for verdict in judged.verdicts:
-            told = self._told[verdict.property + (" (arrival)" if both else "")]
+            texts = self._texts[verdict.property + (" (arrival)" if both else "")]
             why = explain(judged, verdict)
-            if why is not None and len(told) < _MOST_TOLD:
-                told.append(why["text"])
+            if why is not None and len(texts) < _MOST_SHOWN:
+                texts.append(why["text"])
         replay.comparison.take()
 
     def ended(self, replay: Replay) -> None:
@@ -166,7 +166,7 @@ class JunitReport:
         counts = f'failures="{wrong["failure"]}" errors="{wrong["error"]}" skipped="{wrong["skipped"]}"'
         head = f'  <testsuite name={_attribute(replay.spec.id)} tests="{len(cases)}" {counts}>\n'
         self._suites.append(head + "".join(cases) + "  </testsuite>\n")
-        self._told.clear()
+        self._texts.clear()
 
     def finish(self) -> None:
         """Write all suites."""
@@ -179,8 +179,8 @@ class JunitReport:
         inside = ""
         if state["violations"]:
             message = f"violated {state['violations']} times, first at verdict {state['first_violation']}"
-            words = "\n".join(escape(one_line(text)) for text in self._told[name])
-            inside = f"      <failure message={_attribute(message)}>{words}</failure>\n"
+            texts = "\n".join(escape(one_line(text)) for text in self._texts[name])
+            inside = f"      <failure message={_attribute(message)}>{texts}</failure>\n"
         elif not replay.events:
             inside = '      <skipped message="no event was judged"/>\n'
         elif state["unknown"]:
@@ -190,7 +190,7 @@ class JunitReport:
 
 
 def records(replay: Replay, judged: Judged) -> list[VerdictRecord]:
-    """The records of a step, with what the adapter did where the recording tells."""
+    """The verdict records of a step, with what the adapter did with its event if that is recorded."""
     rows = [record(judged, verdict) for verdict in judged.verdicts]
     event = judged.step.event
     if not replay.passed or not judged.decision:

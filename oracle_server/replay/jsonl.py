@@ -1,4 +1,4 @@
-"""Recorded traces in JSON Lines: the project's own lines, and ROSMonitoring's flat ones."""
+"""Traces in JSON Lines: the project's own lines, and ROSMonitoring's flat events."""
 
 from __future__ import annotations
 
@@ -21,13 +21,14 @@ from oracle_server.wire.flat import decode_object, find_stream, flat_event
 
 Natural = Annotated[int, Meta(ge=0, le=2**63 - 1)]
 MAX_LINE = 64 * 2**20
+"""The most bytes of one line."""
 
 
 class Line(Struct):
-    """A line of the project's own kind; times in nanoseconds since the epoch.
+    """A line in the project's own format; times in nanoseconds since the epoch.
 
-    It has the message as `data`, or what formulas saw of it as `signals` and `failed`. `otherwise` is the publication
-    time of a message in which none stands; `places`, `passed` and `verdict` are what was said of the event live.
+    It has the message as `data`, or its signals as `signals` and `failed`. `otherwise` is the publication time of a
+    message that has none itself. `places`, `passed`, `why` and `verdict` are what was recorded about the event live.
     """
 
     stream: str
@@ -50,7 +51,7 @@ class Line(Struct):
     verdict: str | None = None
 
     def message(self) -> dict[str, Any] | Projected:
-        """What a session is given to judge. Raises ValueError where there is nothing."""
+        """The message, or its signals, to ingest. Raises ValueError where the line has neither."""
         if self.data is not None:
             return self.data
         if self.signals is None:
@@ -59,16 +60,16 @@ class Line(Struct):
 
 
 Lines = Callable[[], Iterable[tuple[str, bytes]]]
-"""Reads lines from the start, each with what errors call its place."""
+"""Reads all lines from the start, each with its place for error messages."""
 
 
 @dataclass(slots=True)
 class Trace:
     """The events of a file, in the order of arrival, for one spec.
 
-    `clocked` tells whether the trace says when its events arrived, which its first event decides; without, every
-    event counts as arrived with the newest stamp so far. `ignored` counts the events of streams that the spec
-    does not observe, `read` the bytes that were read, of `size`.
+    `clocked` is whether the trace has times of arrival, as its first event has or has not; without them, the newest
+    stamp so far is an event's time of arrival. `ignored` counts the events of streams that the spec does not observe;
+    `read` of `size` bytes are read.
     """
 
     path: Path
@@ -82,7 +83,7 @@ class Trace:
     _seq: Counter[str] = field(default_factory=Counter)
 
     def __iter__(self) -> Iterator[Recorded]:
-        """The events. Raises `TraceError` with file and line at the first line that is none."""
+        """The events. Raises `TraceError` with file and line at the first line that is not an event."""
         first = True
         try:
             for place, text in self.lines():
@@ -124,7 +125,7 @@ class Trace:
 
 
 def read_lines(path: Path, spec: Spec) -> Trace:
-    """The trace of a file in JSON Lines. Raises `TraceError` where there is none."""
+    """The trace of a file in JSON Lines. Raises `TraceError` where it can't be read."""
 
     def lines() -> Iterator[tuple[str, bytes]]:
         with path.open("rb") as file:
@@ -138,7 +139,7 @@ def read_lines(path: Path, spec: Spec) -> Trace:
 
 
 def _line_of(value: dict[str, Any]) -> Any:
-    """The line that a JSON object says; ROSMonitoring's flat events become such."""
+    """The fields of a `Line` from a JSON object, which is one already or a flat event of ROSMonitoring's."""
     if "stream" in value:
         return value
     flat = flat_event(value)

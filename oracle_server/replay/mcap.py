@@ -1,4 +1,4 @@
-"""A session's trace as MCAP: a channel a stream, each message a line of the trace in JSON."""
+"""A session's trace as an MCAP file: a channel for each stream, whose messages are the lines of the trace in JSON."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SCHEMA = b'{"type": "object"}'
 
 
 def write_mcap(path: Path, lines: Iterable[dict[str, Any]]) -> int:
-    """Write the lines of a session's trace, and tell how many. Raises OSError."""
+    """Write the lines of a session's trace; returns how many. Raises OSError."""
     written = 0
     with path.open("wb") as file:
         writer = Writer(file)
@@ -41,7 +41,7 @@ def write_mcap(path: Path, lines: Iterable[dict[str, Any]]) -> int:
 
 
 def is_trace(path: Path) -> bool:
-    """Whether an MCAP file was written by `write_mcap`, and is no robot's own recording."""
+    """Whether an MCAP file was written by `write_mcap`, and not by ROS."""
     try:
         with path.open("rb") as file:
             return bool(make_reader(file).get_header().profile == PROFILE)
@@ -50,7 +50,7 @@ def is_trace(path: Path) -> bool:
 
 
 def read_mcap(path: Path, spec: Spec) -> Trace:
-    """The trace in a file that `write_mcap` wrote."""
+    """The trace in a file that `write_mcap` wrote. Raises OSError; reading it raises `TraceError`."""
 
     def lines() -> Iterator[tuple[str, bytes]]:
         with path.open("rb") as file:

@@ -1,4 +1,4 @@
-"""Opens recordings of every format."""
+"""Opens a recording in the format that its name and content indicate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a recording holds, whatever its format: events, and what was said of them when they were recorded."""
+"""A recording, whatever its format: events, and what was recorded about them live."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from oracle_server.core.formula.tree import Scalar
 
 
 class Projected(NamedTuple):
-    """In place of a message: what formulas saw of it, and which signals failed."""
+    """Used instead of a message: its signals, and which of them failed."""
 
     signals: Mapping[str, Scalar]
     failed: frozenset[str]
@@ -24,8 +24,8 @@ class Projected(NamedTuple):
 class Place(Struct, frozen=True, gc=False):
     """Where a session judged an event in one of its orders, and when (ns).
 
-    `position` counts what it judged, over both orders; `degraded`: something before was known to be lost; `said` is
-    what oracles elsewhere said, by the properties that they judge.
+    `position` counts all steps, of both orders; `degraded` is whether something before was known to be lost; `said`
+    are the answers of external oracles, by the properties that they judge.
     """
 
     position: int
@@ -40,9 +40,9 @@ class Place(Struct, frozen=True, gc=False):
 
 
 class Recorded(Struct, frozen=True, gc=False):
-    """A recorded event; a session's own trace also has its places, what its adapter did with it and why, and ticks.
+    """A recorded event; a session's own trace also has ticks, places, and what the adapter did with the event and why.
 
-    `verdict` is what ROSMonitoring's oracle said of it.
+    `verdict` is that of ROSMonitoring's oracle.
     """
 
     event: Event
@@ -53,7 +53,10 @@ class Recorded(Struct, frozen=True, gc=False):
 
 
 class Recording(Protocol):
-    """A recording for one spec, in the order of arrival; `read` of `size` is done."""
+    """A recording for one spec, in the order of arrival; `read` of `size` units are read.
+
+    `clocked` is whether it has times of arrival; `ignored` counts events of streams that the spec does not observe.
+    """
 
     path: Path
     clocked: bool

@@ -1,4 +1,4 @@
-"""A recording through the same session as a live one."""
+"""Judges a recording by the same core as a live session."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from oracle_server.core.session import Session, orders
 from oracle_server.core.spec import By, Spec
 from oracle_server.core.verdicts import Judged, Outcome
 from oracle_server.engines.table import make_engines
-from oracle_server.remote.offline import Consultation
+from oracle_server.remote.offline import OfflineOracles
 from oracle_server.replay.comparison import Comparison
 from oracle_server.replay.recording import Place, Projected, Recorded, Recording
 
 _FOR_EVER = 2**63
-_NOT_KEPT = Answer(Outcome.UNKNOWN, "was not asked: a session's trace has what was made of the messages, and not them")
+_NOT_KEPT = Answer(Outcome.UNKNOWN, "was not asked: a session's trace has no messages, only their signals")
 
 
 class Replay:
-    """Judges a recording against a spec; iterate it for what was judged, then ask for the summary.
+    """Judges a recording by a spec: iterate it for the judged steps, then call `summary`.
 
-    A session's own trace is judged again in the order in which it was judged, unless another one is asked for. What
-    oracles elsewhere said then is taken as they said it.
+    A session's own trace is judged in its recorded order, and with the recorded answers of external oracles, unless
+    `by` requests another order.
     """
 
     def __init__(self, spec: Spec, recording: Recording, by: By | None = None) -> None:
@@ -40,37 +40,37 @@ class Replay:
         self.events = 0
         self.comparison = Comparison(orders(self.spec)[0])
         self.passed: dict[tuple[str, int], tuple[bool, str | None]] = {}
-        """What an adapter did with the events that are not judged yet."""
+        """What an adapter did with the events that are not judged yet: whether they passed, and why."""
         self._recording = recording
-        self._anew = by is not None
+        self._reorder = by is not None
         self._session: Session | None = None
-        self._consultation: Consultation | None = None
+        self._oracles: OfflineOracles | None = None
 
     def __iter__(self) -> Iterator[Judged]:
-        """What is judged, in order. Raises `TraceError` where the recording can't be used."""
+        """The judged steps, in order. Raises `TraceError` where the recording can't be used."""
         recorded = iter(self._recording)
         first = next(recorded, None)
         if first is None:
             return
-        judge = self._again if first.places and not self._anew else self._as_new
+        judge = self._in_recorded_order if first.places and not self._reorder else self._as_new
         try:
             for item in judge(first, recorded):
-                if self.comparison.compares:
-                    self.comparison.judged(item)
+                if self.comparison.is_waiting:
+                    self.comparison.compare(item)
                 yield item
         finally:
-            if self._consultation is not None:
-                self._consultation.close()
+            if self._oracles is not None:
+                self._oracles.close()
 
     def _as_new(self, first: Recorded, rest: Iterator[Recorded]) -> Iterator[Judged]:
         session = self._session = self._open()
         if session.asking is not None:
-            self._consultation = Consultation(session)
+            self._oracles = OfflineOracles(session)
         monitors: set[str] = set()
         for recorded in itertools.chain((first,), rest):
             event = self._take(recorded)
             if event.stream.kind == TICK:
-                continue  # what the deadlines of this session are is its own matter
+                continue  # the new session has deadlines of its own
             if event.monitor not in monitors:
                 monitors.add(event.monitor)
                 yield from self._settled(session.attach(event.monitor, self.spec.by_key, event.arrived))
@@ -78,10 +78,10 @@ class Replay:
         yield from self._settled(session.finish(session.now))
 
     def _settled(self, judged: list[Judged]) -> list[Judged]:
-        return judged if self._consultation is None else judged + self._consultation.settle()
+        return judged if self._oracles is None else judged + self._oracles.settle()
 
-    def _again(self, first: Recorded, rest: Iterator[Recorded]) -> Iterator[Judged]:
-        """Judge in the recorded order: what was judged before an event arrived comes before what it brought about."""
+    def _in_recorded_order(self, first: Recorded, rest: Iterator[Recorded]) -> Iterator[Judged]:
+        """Judge steps by their recorded positions, each once all events that arrived before it are read."""
         used = {place.order for place in first.places}
         ordering = replace(self.spec.ordering, by="both" if len(used) > 1 else used.pop())
         self.spec = replace(self.spec, ordering=ordering)
@@ -105,11 +105,11 @@ class Replay:
         if recorded.passed is not None:
             self.passed[event.monitor, event.seq] = (recorded.passed, recorded.why)
         if recorded.verdict is not None:
-            self.comparison.told(event, recorded.verdict)
+            self.comparison.expect(event, recorded.verdict)
         return event
 
     def _open(self) -> Session:
-        """A session; where the trace does not say when events arrived, no time passes and nothing is too far ahead."""
+        """A new session; without times of arrival, it has no delays, no limit on skew, and no ticks."""
         spec = self.spec
         if not self._recording.clocked:
             ordering = replace(spec.ordering, max_delay=None, max_skew=_FOR_EVER, capacity=_FOR_EVER)
@@ -123,7 +123,7 @@ class Replay:
         return any(state["violations"] for state in self.states().values())
 
     def summary(self) -> dict[str, Any]:
-        """The counts of the whole run, and how each property stands at its end.
+        """The counts of the whole run, and the state of each property at its end.
 
         With both orders, a property judged by arrival is listed as `name (arrival)`.
         """
@@ -140,7 +140,7 @@ class Replay:
         return summary | self.comparison.summary()
 
     def states(self) -> dict[str, dict[str, Any]]:
-        """How each property stands."""
+        """The state of each property."""
         if self._session is None:
             blank = {"outcome": "unknown", "first_violation": None, "violations": 0, "unknown": 0}
             return {p.id: dict(blank) for p in self.spec.properties}
@@ -166,8 +166,8 @@ def _project(session: Session, event: Event) -> tuple[Mapping[str, Scalar], froz
 def _rejudge(session: Session, upcoming: int, position: int, place: Place, step: Step) -> list[Judged]:
     if upcoming == 1 and position > 1:
         raise TraceError(
-            f"what the session judged first is not in the recording, which begins with its {position}. step: verdicts "
-            "would not be the same; use --by to judge what is there anew"
+            f"the session's first steps are not in the recording, which begins with step {position}, so that its "
+            "verdicts would differ; use --by to judge the recorded events afresh"
         )
     if place.degraded:
         session.judges[place.order].degrade()
@@ -181,7 +181,7 @@ def _rejudge(session: Session, upcoming: int, position: int, place: Place, step:
 
 
 class _Given:
-    """Takes signals as they were recorded, and works them out where the message was."""
+    """Uses recorded signals, and computes those of recorded messages."""
 
     def __init__(self, project: Projects) -> None:
         self._project, self.fields = project, project.fields

@@ -1,4 +1,4 @@
-"""Why a verdict of the history is as it is: the session is judged again up to it, with more in mind than live."""
+"""Explanations of verdicts in the history: the session is judged again up to the verdict, and more steps are kept."""
 
 from __future__ import annotations
 
@@ -23,9 +23,11 @@ from oracle_server.review.beginning import begin
 from oracle_server.specfiles.load import parse_spec
 
 _REMEMBERED = 20_000
+"""Past steps that an explanation can refer to."""
 _EFFORT = 2_000_000
+"""The limit on the work of one explanation."""
 _LONG = 50_000
-"""Steps that are always judged again from the first one; of more, from the snapshot where there is one before."""
+"""Steps that are always judged again from the first one; more, from a snapshot before the verdict if there is one."""
 _GONE = "what came before it is not kept any more, so that it can't be judged again"
 
 
@@ -34,10 +36,10 @@ class NoExplanationError(OracleError):
 
 
 async def explained(history: Reading, session: int, n: int) -> VerdictRecord | None:
-    """The record number `n` of a session with its explanation, None where there is no such record.
+    """Verdict record `n` of a session with its explanation, None where there is no such record.
 
-    A verdict that had been final before is explained by the step that made it so. It takes as long as judging all that
-    came before, page by page in a thread, and can be cancelled. Raises `NoExplanationError` or `HistoryError`.
+    A verdict that was final already is explained by the step that made it final. This takes as long as judging all
+    steps before it, in a thread, and can be cancelled. Raises `NoExplanationError` or `HistoryError`.
     """
     opened = await history.session(session)
     if opened is None:
@@ -62,9 +64,9 @@ def _plan(opened: SessionRecord) -> Plan:
 
 def _demand_explicable(record: VerdictRecord, prop: Property, stored: StoredStep) -> None:
     if not ENGINES[prop.engine].explicable:
-        raise NoExplanationError(f"the engine of '{prop.id}' can't say why its verdicts are as they are")
+        raise NoExplanationError(f"the engine of '{prop.id}' can't explain its verdicts")
     if stored.number is None and not stored.is_tick:
-        raise NoExplanationError(f"verdict {record['n']} is no judgement: its event came late, or could not be kept")
+        raise NoExplanationError(f"verdict {record['n']} is no judgement: its event was late, or could not be stored")
     if record["outcome"] == Outcome.UNKNOWN:
         failed = ", ".join(sorted(stored.step.failed))
         reason = f"computing failed for {failed}" if failed else "the engine failed"
@@ -72,9 +74,9 @@ def _demand_explicable(record: VerdictRecord, prop: Property, stored: StoredStep
 
 
 async def _decided(history: Reading, session: int, stored: StoredStep, index: int, ready: Plan) -> int:
-    """The position of the step that decides a verdict: that made it final, or the last one that counts."""
+    """The position of the step that decides a verdict: the one that made it final, or the last that was judged."""
     found = await history.first_final(session, stored.order, index, stored.position)
-    if found is None and stored.is_tick and ready.spec.properties[index].time == "steps":  # ticks mean nothing to it
+    if found is None and stored.is_tick and ready.spec.properties[index].time == "steps":  # it ignores ticks
         undoing = [key for key, stream in ready.streams.items() if stream.undoes]
         found = await history.last_counted(session, stored.order, stored.position, undoing)
     return found or stored.position
@@ -99,7 +101,7 @@ async def _explain(history: Reading, session: int, again: _Explaining) -> Explan
 
 
 async def _judge(again: _Explaining, page: Sequence[StoredStep], position: int) -> None:
-    """Judge a page in a thread; where this is cancelled, it ends with the thread, which ends with its step."""
+    """Judge a page in a thread; where it is cancelled, wait until the thread has ended its present step."""
     thread = asyncio.ensure_future(asyncio.to_thread(again.judge, page, position))
     try:
         await asyncio.shield(thread)
@@ -115,23 +117,23 @@ class _Explaining:
     def __init__(self, ready: Plan, index: int, order: Order, target: int) -> None:
         self.target = target
         self.given_up = False
-        """Whether nobody waits for it any more."""
+        """Whether the request was cancelled."""
         self.explanation: ExplanationRecord | None = None
-        """Why the property stands as it does at the target, once that was judged."""
+        """The explanation of the property's outcome at the target, once that was judged."""
         self._plan, self._index, self._order = ready, index, order
         self._core: Session
         self._recorded: list[tuple[int, _Recorded]] = []
 
     def begin(self, snapshot: SnapshotRecord | None) -> int:
-        """Make the session, out of a snapshot where it can be used; the position of its last step."""
+        """Begin the session, from a snapshot where it can be used; returns the position of its last step."""
         self._core, position, _ = begin(self._fresh, snapshot)
         return position
 
     def judge(self, steps: Sequence[StoredStep], position: int) -> None:
-        """Judge steps again that follow a position."""
+        """Judge the steps after a position again."""
         state = self._core.judges[self._order].properties[self._index]
         for expected, stored in enumerate(steps, position + 1):
-            if stored.position != expected:  # they went since their beginning was looked for
+            if stored.position != expected:  # they were deleted meanwhile
                 raise NoExplanationError(_GONE)
             if self.given_up:
                 return
@@ -139,7 +141,7 @@ class _Explaining:
                 engine.outcome = stored.outcomes[place]
             state.asked = stored.position == self.target
             judged = self._core.rejudge(stored.order, stored.step, stored.judged)
-            time.sleep(0)  # the event loop needs the interpreter more
+            time.sleep(0)  # yields the interpreter to the event loop
             if state.asked and judged is not None:
                 self.explanation = explain(judged, judged.verdicts[self._index])
 
@@ -160,7 +162,7 @@ class _Explaining:
 
 
 class _Recorded:
-    """Says what was said."""
+    """An engine that repeats recorded outcomes."""
 
     def __init__(self) -> None:
         self.outcome = Outcome.UNKNOWN

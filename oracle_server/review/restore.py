@@ -1,6 +1,6 @@
-"""Bringing a session back from its history: from its last snapshot, and what its engines were fed since.
+"""Restoring a session from its history: from its last snapshot, by judging the steps after it again.
 
-Steps that the snapshot makes needless may be gone. Where it can't be used, and they are, nothing is judged any more.
+Steps before the snapshot may be deleted. If they are, and the snapshot can't be used, nothing is judged any more.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ log = structlog.get_logger()
 
 @dataclass(frozen=True, slots=True)
 class KnownMonitor:
-    """A monitor as it was; `lost` are events that no judged event has reported yet."""
+    """A restored monitor; `lost` is its number of lost events that no judged event has reported yet."""
 
     instance: str
     streams: tuple[StreamKey, ...]
@@ -42,9 +42,9 @@ class KnownMonitor:
 
 @dataclass(frozen=True, slots=True)
 class Restored:
-    """Where a session stood: its judge's state, what was judged, its monitors, and what was still held.
+    """A restored session: its core, the position of its last step, its refusals, monitors and held events.
 
-    `held` are events with the gaps before them that were judged by arrival, and not yet by publication.
+    `held` are the events that were judged by arrival and not yet by publication, with the gaps before them.
     """
 
     core: Session
@@ -59,7 +59,7 @@ _Used = tuple[int, int, int]
 
 
 async def restore(history: Reading, session: int, plan: Plan) -> Restored:
-    """Go on from a session's last snapshot, and judge the steps after it again. Raises `HistoryError`."""
+    """Restore a session from its last snapshot, and judge the steps after it again. Raises `HistoryError`."""
     snapshot = await history.snapshot(session)
     core, position = await _begin(history, session, plan, snapshot)
     again = _Rejudging(core, plan)
@@ -82,9 +82,9 @@ async def restore(history: Reading, session: int, plan: Plan) -> Restored:
 
 
 async def _begin(history: Reading, session: int, plan: Plan, snapshot: SnapshotRecord | None) -> tuple[Session, int]:
-    """The session to go on with, and the position of the last step before.
+    """The session to continue with, and the position of its last step.
 
-    A new one where its snapshot can't be used; and where the first steps are gone too, one that judges no more.
+    It is a fresh one where the snapshot can't be used, and one that judges nothing where the first steps are deleted.
     """
     core, position, problem = await asyncio.to_thread(begin, lambda: Session(plan, make_engines(plan)), snapshot)
     if position:
@@ -100,17 +100,17 @@ async def _begin(history: Reading, session: int, plan: Plan, snapshot: SnapshotR
 
 
 class _Rejudging:
-    """Judges a session's steps again, in their sequence, and finds which numbers are used up and what was held."""
+    """Judges a session's steps again, and collects the used numbers of its monitors and the held events."""
 
     def __init__(self, core: Session, plan: Plan) -> None:
         self.used: defaultdict[str, list[_Used]] = defaultdict(list)
         self.waiting: dict[tuple[str, int], tuple[Step, int]] = {}
         self.differing = 0
-        """Steps of which other verdicts are recorded."""
+        """How many steps have other outcomes than recorded."""
         self._core, self._plan, self._deciding = core, plan, orders(plan.spec)[0]
 
     def use(self, steps: Sequence[StoredStep]) -> None:
-        """Know the numbers of steps that are not judged again."""
+        """Mark the numbers of steps that are not judged again as used."""
         for stored in steps:
             if not stored.is_tick:
                 event = stored.step.event
@@ -122,7 +122,7 @@ class _Rejudging:
             self._judge(stored)
 
     def refuse(self, refusal: Refusal) -> None:
-        """Take in a refusal."""
+        """Mark the number of a refused event as used."""
         lost = refusal.gap + (refusal.code == "bad_event")
         self.used[refusal.monitor].append((refusal.seq, refusal.gap, lost))
         if lost:
@@ -130,7 +130,7 @@ class _Rejudging:
 
     def _judge(self, stored: StoredStep) -> None:
         order, step, outcomes, degraded = stored.order, stored.step, stored.outcomes, stored.degraded
-        if all(degraded):  # by a loss that was known before its event was judged
+        if all(degraded):  # a loss was known before the event was judged
             self._core.judges[order].degrade()
         if not stored.is_tick and not step.skipped:
             asked = self._plan.streams[step.event.stream].asked

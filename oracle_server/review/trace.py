@@ -1,7 +1,7 @@
-"""A session's trace from its history: a line an event or tick, in order of arrival, with its places as it was judged.
+"""A session's trace from its history: a line for each event or tick, in order of arrival, with its judged places.
 
-The history keeps what formulas saw of a message, and not the message: a line has `signals` in place of `data`, and what
-oracles elsewhere answered about it.
+The history stores the signals of a message, and not the message: a line has `signals` instead of `data`, and the
+answers of external oracles.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from oracle_server.specfiles.load import parse_spec
 
 
 async def trace_lines(history: Reading, session: int) -> AsyncGenerator[list[Document], None]:
-    """The lines of what a session has judged and committed, some at a time; memory does not grow with their number."""
+    """The lines of a session's committed steps, page by page. Raises `HistoryError`."""
     external = await _external(history, session)
     line: Document | None = None
     async with aclosing(history.by_arrival(session)) as pages:
@@ -77,7 +77,7 @@ def _place(stored: StoredStep, external: dict[int, str]) -> Document:
 
 
 async def _external(history: Reading, session: int) -> dict[int, str]:
-    """The properties of a session that oracles elsewhere judge, by their indexes; none while it is not committed."""
+    """The ids of a session's external properties, by their indexes; none while the session is not committed."""
     opened = await history.session(session)
     if opened is None or "external" not in opened.text:
         return {}
@@ -86,11 +86,11 @@ async def _external(history: Reading, session: int) -> dict[int, str]:
 
 
 def _answers(stored: StoredStep, external: dict[int, str]) -> dict[str, tuple[str, str, bool]]:
-    """What oracles elsewhere answered about a step, and whether something before it was not known to them."""
+    """The answers of external oracles to a step, and whether they may have missed something before it."""
     return {name: (stored.outcomes[i].value, _reason(stored, i), stored.degraded[i]) for i, name in external.items()}
 
 
 def _reason(stored: StoredStep, index: int) -> str:
     why = stored.explanations.get(index)
     reasons = why.get("reasons") if why else None
-    return reasons[0]["text"] if reasons else "said so"
+    return reasons[0]["text"] if reasons else "answered so"

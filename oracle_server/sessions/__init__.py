@@ -1,1 +1,1 @@
-"""The open sessions."""
+"""The open sessions: their monitors, what is written to the history, and their state."""

@@ -1,33 +1,34 @@
-"""Tells whoever waits that there is something new; costs nothing where nobody does."""
+"""A session's commits, as something that readers of its history can wait for."""
 
 from __future__ import annotations
 
 import asyncio
 
 
-class News:
-    """Something that happens again and again, until it is over."""
+class Commits:
+    """Wakes those that wait for the next commit; a commit that nobody waits for costs nothing."""
 
     def __init__(self) -> None:
-        self.over = False
-        self._waited: asyncio.Future[None] | None = None
+        self.ended = False
+        """Whether there will be no more commits."""
+        self._next: asyncio.Future[None] | None = None
 
-    def tell(self) -> None:
-        """It happened."""
-        waited, self._waited = self._waited, None
-        if waited is not None and not waited.done():
-            waited.set_result(None)
+    def notify(self) -> None:
+        """Report a commit."""
+        upcoming, self._next = self._next, None
+        if upcoming is not None and not upcoming.done():
+            upcoming.set_result(None)
 
     def end(self) -> None:
-        """It will not happen any more."""
-        self.over = True
-        self.tell()
+        """Report that there will be no more commits."""
+        self.ended = True
+        self.notify()
 
     def next(self) -> asyncio.Future[None]:
-        """Done at the next time from now. Wait for it with `asyncio.wait`, which leaves it to the others."""
-        waited = self._waited or asyncio.get_running_loop().create_future()
-        if self.over:
-            waited.set_result(None)
+        """A future that is done at the next commit, or at the end. All share it: wait for it with `asyncio.wait`."""
+        upcoming = self._next or asyncio.get_running_loop().create_future()
+        if self.ended:
+            upcoming.set_result(None)
         else:
-            self._waited = waited
-        return waited
+            self._next = upcoming
+        return upcoming

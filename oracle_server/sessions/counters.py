@@ -1,4 +1,4 @@
-"""What a server has counted since it started: plain numbers, so that counting costs next to nothing."""
+"""What a server has counted since it started, as plain numbers; `/metrics` reads them."""
 
 from __future__ import annotations
 
@@ -11,69 +11,69 @@ from oracle_server.core.tally import HoldTimes
 from oracle_server.core.verdicts import Outcome
 
 _US = 1_000
-TIMES = tuple(
+DECISION_BOUNDS = tuple(
     us * _US
     for us in (100, 250, 500, 1_000, 2_500, 5_000, 10_000, 25_000, 50_000, 100_000, 250_000, 500_000, 1_000_000)
 )
-"""Upper ends of the buckets of a time (ns); one more takes what is longer."""
+"""Upper bounds of the buckets of `DecisionTimes` (ns); one more bucket takes longer times."""
 
 
-class Times:
-    """A histogram of times."""
+class DecisionTimes:
+    """A histogram of the times from an event's arrival to its decision."""
 
     def __init__(self) -> None:
-        self.buckets = [0] * (len(TIMES) + 1)
+        self.buckets = [0] * (len(DECISION_BOUNDS) + 1)
         self.total = 0
+        """The sum of all times (ns)."""
 
     def add(self, time: int) -> None:
         """Count a time (ns)."""
-        self.buckets[bisect_left(TIMES, time)] += 1
+        self.buckets[bisect_left(DECISION_BOUNDS, time)] += 1
         self.total += time
 
 
 class Counters:
-    """One server's numbers. What sessions count themselves is added up when it is asked for."""
+    """One server's counters. Those that each session keeps itself are added up on request."""
 
     def __init__(self) -> None:
         self.outcomes: Counter[Outcome] = Counter(dict.fromkeys(Outcome, 0))
         """Verdicts, by their outcome."""
         self.steps = 0
-        self.decisions = Times()
-        """From an event's arrival to its decision's leaving."""
+        self.decisions = DecisionTimes()
         self.throttled = 0
-        """Times that a monitor was kept waiting."""
-        self.opened = 0
-        """Connections of monitors that were accepted."""
+        """Pauses of monitors that sent too fast."""
+        self.attachments = 0
+        """Connections on which a monitor attached."""
         self._past: Counter[str] = Counter()
-        self._held = HoldTimes()
+        self._holds = HoldTimes()
 
-    def judged(self, steps: Sequence[Sequence[Outcome]]) -> None:
-        """Count steps as they go to the history: the outcomes of each."""
+    def add_steps(self, steps: Sequence[Sequence[Outcome]]) -> None:
+        """Count steps that are being written, each given by its outcomes."""
         self.steps += len(steps)
         self.outcomes.update(chain.from_iterable(steps))
 
-    def restored(self, counts: Counter[str]) -> None:
-        """Leave out what a session had counted before this server started."""
+    def exclude(self, counts: Counter[str]) -> None:
+        """Subtract what a restored session had counted before this server started."""
         self._past.subtract(counts)
 
-    def closed(self, counts: Counter[str], holds: HoldTimes) -> None:
-        """Keep what a session has counted."""
+    def add_closed(self, counts: Counter[str], holds: HoldTimes) -> None:
+        """Keep the counts of a session that is closed."""
         self._past.update(counts)
-        _add(self._held, holds)
+        _add(self._holds, holds)
 
-    def summed(self, counts: Iterable[Counter[str]]) -> Counter[str]:
-        """What all sessions have counted: the open ones, whose `counts` are given, and those that were."""
-        summed = Counter(self._past)
+    def total_counts(self, counts: Iterable[Counter[str]]) -> Counter[str]:
+        """The counts of all sessions: those of the open ones, which are given, and of the closed ones."""
+        total = Counter(self._past)
         for one in counts:
-            summed.update(one)
-        return summed
+            total.update(one)
+        return total
 
-    def held(self, holds: Iterable[HoldTimes]) -> HoldTimes:
-        """How long events were held in the order: in the open sessions, whose `holds` these are, and closed ones."""
-        summed = HoldTimes(list(self._held.buckets), self._held.total)
+    def total_holds(self, holds: Iterable[HoldTimes]) -> HoldTimes:
+        """How long all sessions held events: the open ones, whose `holds` are given, and the closed ones."""
+        total = HoldTimes(list(self._holds.buckets), self._holds.total)
         for one in holds:
-            _add(summed, one)
-        return summed
+            _add(total, one)
+        return total
 
 
 def _add(times: HoldTimes, more: HoldTimes) -> None:

@@ -1,4 +1,4 @@
-"""What a monitor is told when it attaches: all that an adapter needs to observe, filter and proxy."""
+"""The `attached` frame: all that an adapter needs to observe, filter and proxy a session's streams."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from oracle_server.wire.incoming import MAX_BATCH, MAX_DEPTH, MAX_FRAME
 
 
 def attached_frame(session: LiveSession, monitor: Monitor) -> AttachedFrame:
-    """The `attached` frame: durations in nanoseconds, `fields` the dotted paths that are read, null for all."""
+    """The `attached` frame of a monitor."""
     return {
         "type": "attached",
         "monitor": monitor.name,
         "session": session.id,
         "spec": session.spec.id,
         "spec_digest": session.spec.digest,
-        "streams": [described(session.core.plan, key) for key in monitor.streams],
+        "streams": [stream_frame(session.core.plan, key) for key in monitor.streams],
         "next": monitor.numbering.next,
         "limits": {
             "max_frame": MAX_FRAME,
@@ -30,10 +30,10 @@ def attached_frame(session: LiveSession, monitor: Monitor) -> AttachedFrame:
     }
 
 
-def described(plan: Plan, key: StreamKey) -> StreamFrame:
-    """One stream, as an adapter is told of it."""
+def stream_frame(plan: Plan, key: StreamKey) -> StreamFrame:
+    """One stream of the frame: durations in nanoseconds, `fields` the dotted paths that are read, null for all."""
     stream, fields = plan.spec.by_key[key], plan.streams[key].fields
-    told: StreamFrame = {
+    frame: StreamFrame = {
         "name": stream.name,
         "kind": stream.kind,
         "type": stream.type,
@@ -44,9 +44,9 @@ def described(plan: Plan, key: StreamKey) -> StreamFrame:
         "fields": None if fields is None else sorted(fields),
     }
     if stream.action == "filter":
-        told |= {"on_unavailable": stream.on_unavailable, "decide_within": stream.decide_within}
+        frame |= {"on_unavailable": stream.on_unavailable, "decide_within": stream.decide_within}
     if stream.traits.proxied:
-        told |= {"proxy": stream.proxy, "denied_response": stream.denied_response}
+        frame |= {"proxy": stream.proxy, "denied_response": stream.denied_response}
     else:
-        told["intercept"] = stream.intercept
-    return told
+        frame["intercept"] = stream.intercept
+    return frame

@@ -1,4 +1,4 @@
-"""What a session gives to its history, and what its monitors are told once that is committed."""
+"""What a session writes to its history, and what it sends to its monitors once that is committed."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from oracle_server.core.verdicts import Judged, record
 from oracle_server.history.port import History
 from oracle_server.history.records import Refusal, SessionRecord, stored
 from oracle_server.process.clock import Clock
-from oracle_server.sessions.answers import Answers
-from oracle_server.sessions.commits import News
+from oracle_server.sessions.commits import Commits
 from oracle_server.sessions.counters import Counters
+from oracle_server.sessions.lookup import DecisionLookup
 from oracle_server.sessions.monitor import Monitor
 from oracle_server.sessions.snapshots import Snapshots
 from oracle_server.sessions.standing import Standing
@@ -23,24 +23,23 @@ from oracle_server.wire.frames import VerdictsFrame, ViolationFrame
 from oracle_server.wire.incoming import AnyEvent, Handling, QuickHandling
 
 _WRITE_AFTER = 0.01
-"""Seconds after a decision in which others go before the history, and what the adapter did is heard of most."""
+"""Seconds from a step to its writing: decisions have priority, and most adapters report their handling meanwhile."""
 
 _Used = tuple[Monitor, int, int, int]
 """A monitor's number that is used up, the gap before it, and what was lost with it if it was refused, else `JUDGED`."""
 
 
 class Ledger:
-    """Writes one session's steps and refusals. An ack means committed, and so does a verdict that a monitor is told."""
+    """Writes one session's steps and refusals. Acks and verdicts are sent to monitors only after their commit."""
 
     def __init__(
         self, opened: SessionRecord, core: Session, history: History, clock: Clock, counters: Counters,
         monitors: Mapping[str, Monitor],
     ) -> None:  # fmt: skip
-        """Write for a session that has these monitors, and those that will come."""
-        self.news = News()
-        """Told at each commit."""
+        """Write for a session; `monitors` is the session's own mapping, to which later monitors are added."""
+        self.commits = Commits()
         self.snapshots = Snapshots(opened.id, opened.number, core, history)
-        self.answers = Answers(history, opened.number, [p.id for p in core.plan.spec.properties])
+        self.lookup = DecisionLookup(history, opened.number, [p.id for p in core.plan.spec.properties])
         self.refused = 0
         """How many events were refused."""
         self._session, self._monitors = opened.number, monitors
@@ -52,18 +51,18 @@ class Ledger:
         self._unwritten: list[Judged] = []
 
     def resume(self, position: int, refused: int) -> None:
-        """Go on with a session that was restored, and stands at a position."""
+        """Continue a restored session at a position."""
         self._position, self.refused = position, refused
         self.snapshots.resume(position)
 
     def add(self, judged: list[Judged]) -> None:
-        """Take what was judged; it is written a little later, many steps in one go."""
+        """Queue judged steps; many are written together, within `_WRITE_AFTER`."""
         if not self._unwritten:
             asyncio.get_running_loop().call_later(_WRITE_AFTER, self.write)
         self._unwritten += judged
 
     def write(self) -> None:
-        """Give what was judged to the history."""
+        """Write all queued steps to the history."""
         judged, self._unwritten = self._unwritten, []
         steps, used = [], []
         violations: list[ViolationFrame] = []
@@ -80,7 +79,7 @@ class Ledger:
             steps.append(stored(self._position, gap, item, handling))
             violations += [{"type": "violation", **record(item, v)} for v in item.verdicts if v.explanation]
         if steps:
-            self._counters.judged([step.outcomes for step in steps])
+            self._counters.add_steps([step.outcomes for step in steps])
             standing, position = self._standing.changed(self._last_verdict), self._position
             done = partial(self._committed, used, position, violations, standing)
             self._history.append(self._session, steps, done)
@@ -88,12 +87,15 @@ class Ledger:
                 self.save()
 
     def save(self) -> None:
-        """Keep how all stands, so that a restart need not judge it all again."""
+        """Take a snapshot, so that a restart judges only later steps again."""
         self.write()
         self.snapshots.save(self._position, self._monitors)
 
     def refuse(self, monitor: Monitor, seq: int, gap: int, code: str, message: str) -> WireError:
-        """Use up the number of an event, and the gap before it; the error is what its monitor is to be told."""
+        """Record the refusal of an event, which uses up its number and the gap before it.
+
+        Returns the error to send to the monitor.
+        """
         self.refused += 1
         monitor.unsettled += 1
         lost = gap + (code == "bad_event")
@@ -105,28 +107,28 @@ class Ledger:
         return WireError(code, message, seq=seq)
 
     def amend(self, monitor: Monitor, message: Handling | QuickHandling) -> None:
-        """Add what the adapter did about an event that is written already."""
+        """Record what the adapter did with an event that is already written."""
         monitor.unsettled += 1
         handling = (message.passed, message.why)
         self._history.amend(self._session, monitor.name, message.seq, handling, partial(self._amended, monitor))
 
-    def answer_again(self, monitor: Monitor, message: AnyEvent) -> None:
-        """Tell a monitor what it was told, or was to be told, of an event that it sends again."""
-        outbox, answer = monitor.outbox, monitor.answers.get(message.seq)
-        if message.ask and outbox and answer is not None:
-            outbox.send(answer)
+    def answer_duplicate(self, monitor: Monitor, message: AnyEvent) -> None:
+        """Send the decision on an event that was received before, and acknowledge it where it is committed."""
+        outbox, decision = monitor.outbox, monitor.decisions.get(message.seq)
+        if message.ask and outbox and decision is not None:
+            outbox.send(decision)
         elif message.ask and outbox and message.seq not in monitor.gaps:
-            self.answers.want(monitor, outbox, message.seq)
+            self.lookup.request(monitor, outbox, message.seq)
             return
         monitor.acknowledge()
 
     def follow_verdicts(self) -> None:
-        """Begin to tell the monitors that want to know it how the properties stand."""
+        """Begin to send `verdicts` frames to the monitors that requested them."""
         self.write()
         self._standing.follow(self._last_verdict)
 
-    def tell_verdicts(self, monitor: Monitor) -> None:
-        """Tell a monitor that wants to know how the properties stand; to be called once its past is committed."""
+    def send_verdicts(self, monitor: Monitor) -> None:
+        """Send the last committed `verdicts` frame to a monitor, if it requested these frames."""
         if monitor.verdicts and monitor.outbox and self._standing.committed:
             monitor.outbox.send(self._standing.committed)
 
@@ -138,7 +140,7 @@ class Ledger:
         self, used: list[_Used], position: int, violations: list[ViolationFrame], standing: VerdictsFrame | None
     ) -> None:
         self.snapshots.committed(position)
-        self.news.tell()
+        self.commits.notify()
         self._settle(used)
         for frame in violations:
             for monitor in self._monitors.values():
@@ -147,7 +149,7 @@ class Ledger:
         if standing:
             self._standing.committed = standing
             for monitor in self._monitors.values():
-                self.tell_verdicts(monitor)
+                self.send_verdicts(monitor)
 
     def _settle(self, used: list[_Used]) -> None:
         """Acknowledge numbers that are used up in the committed history."""
@@ -155,12 +157,12 @@ class Ledger:
         for monitor, seq, gap, lost in used:
             monitor.numbering.commit(seq, gap, lost)
             monitor.unsettled -= 1
-            monitor.answers.pop(seq, None)
+            monitor.decisions.pop(seq, None)
             touched[monitor.name] = monitor
         for monitor in touched.values():
             monitor.acknowledge()
-            monitor.let_go()
+            monitor.confirm_detach()
 
     def _amended(self, monitor: Monitor) -> None:
         monitor.unsettled -= 1
-        monitor.let_go()
+        monitor.confirm_detach()

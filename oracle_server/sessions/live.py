@@ -1,4 +1,4 @@
-"""A session as the server runs it: its monitors, its timer and its ledger around the core's `Session`."""
+"""An open session: its monitors, its timer and its ledger around the core's `Session`."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ class LiveSession:
 
     def __init__(
         self, record: SessionRecord, core: Session, history: History, clock: Clock, counters: Counters,
-        resume_within: float, on_over: Callable[[LiveSession], None],
+        resume_within: float, request_close: Callable[[LiveSession], None],
     ) -> None:  # fmt: skip
-        """Run a session; `on_over` is called when it is to be closed: its last monitor gone, or its time gone back."""
+        """Run a session; it calls `request_close` when its last monitor has left or its simulated time went back."""
         self.record = record
         self.id, self.number, self.private, self.opened = record.id, record.number, record.private, record.opened
         self.core, self.spec = core, core.plan.spec
@@ -44,15 +44,15 @@ class LiveSession:
         self.ledger = Ledger(record, core, history, clock, counters, self.monitors)
         self.closing = False
         self.clock_went_back = False
-        """Whether its simulation began anew, so that it takes nothing more."""
+        """Whether its simulation was restarted, so that it ignores all further events."""
         self._history, self._clock, self._counters = history, clock, counters
-        self._resume_within, self._on_over = resume_within, on_over
+        self._resume_within, self._request_close = resume_within, request_close
         self.oracles = None if core.asking is None else Oracles(core, self._enter, self._deliver)
         self._timer: asyncio.TimerHandle | None = None
         self._armed: int | None = None
 
     def attach(self, wanted: Attach, outbox: Outbox) -> Monitor:
-        """Attach a monitor. Raises a fatal `WireError` where that can't be."""
+        """Attach a monitor. Raises a fatal `WireError` where it is refused."""
         streams = claimed(self.spec, wanted.streams)
         self._set_time(wanted)
         monitor = self.monitors.get(wanted.monitor)
@@ -75,37 +75,37 @@ class LiveSession:
         if wanted.verdicts:
             self.ledger.follow_verdicts()
         self._set_attached(monitor, attached=True)
-        self._look_who_is_back()
+        self._check_reconnected()
         self.credit.open(monitor.name)
         self._deliver(self.core.attach(monitor.name, streams, self._enter()))
         return monitor
 
     @property
     def has_room(self) -> bool:
-        """Whether it takes more events; else its monitors are not read until it does."""
-        return self._history.has_room and self.ledger.answers.has_room
+        """Whether the session accepts events; if not, its monitors are not read until it does."""
+        return self._history.has_room and self.ledger.lookup.has_room
 
     async def room(self) -> None:
-        """Wait until it takes more events."""
+        """Wait until the session accepts events."""
         await self._history.room()
-        await self.ledger.answers.room()
+        await self.ledger.lookup.room()
 
-    def tell_verdicts(self, monitor: Monitor) -> None:
-        """Tell a monitor that wants to know how the properties stand; to be called once its past is committed."""
-        self.ledger.tell_verdicts(monitor)
+    def send_verdicts(self, monitor: Monitor) -> None:
+        """Send the last committed `verdicts` frame to a monitor, if it requested these frames."""
+        self.ledger.send_verdicts(monitor)
 
     def ingest(self, monitor: Monitor, message: AnyEvent) -> list[Judged]:
-        """Take an event, and tell what was judged by it: once; it is answered again where it is sent again.
+        """Ingest an event, and return the steps that were judged because of it.
 
-        Raises `WireError`.
+        A duplicate is not judged, but its decision is sent again. Raises `WireError` where the event is refused.
         """
-        if self._takes_no_more:
+        if self._ignores_events:
             return []
         self.credit.spend(monitor.name)
         gap = monitor.numbering.take(message.seq)
         if gap is None:
-            self._count_again(monitor, StreamKey(message.stream, message.kind))
-            self.ledger.answer_again(monitor, message)
+            self._count_duplicate(monitor, StreamKey(message.stream, message.kind))
+            self.ledger.answer_duplicate(monitor, message)
             return []
         key = StreamKey(message.stream, message.kind)
         if key not in monitor.streams:
@@ -123,51 +123,51 @@ class LiveSession:
         return judged
 
     def refuse(self, monitor: Monitor, error: WireError) -> None:
-        """Use up the number of an event that could not be read."""
+        """Refuse an event that could not be read; its number is used up."""
         self.credit.spend(monitor.name)
-        if error.seq is not None and not self._takes_no_more:
+        if error.seq is not None and not self._ignores_events:
             gap = monitor.numbering.take(error.seq)
             if gap is not None:
                 self.ledger.refuse(monitor, error.seq, gap, error.code, error.message)
 
-    def clock(self, monitor: Monitor, message: AnyClock) -> None:
-        """Learn how far a monitor's streams have come."""
-        if self._takes_no_more:
+    def update_clocks(self, monitor: Monitor, message: AnyClock) -> None:
+        """Update the clocks of a monitor's streams. Raises `WireError` where it did not claim one of them."""
+        if self._ignores_events:
             return
         readings = [ClockReading(StreamKey(s.stream, s.kind), s.stamp) for s in message.stamps]
         claimed = [r for r in readings if r.stream in monitor.streams]
         if self.core.simulated is not None and self.core.simulated.goes_back(monitor.name, claimed):
             log.info("simulated time went back", session=self.id, monitor=monitor.name)
             self.clock_went_back = True
-            self._on_over(self)
+            self._request_close(self)
             return
         self._deliver(self.core.clock(monitor.name, claimed, self._enter()))
         if len(claimed) < len(readings):
             raise WireError("unknown_stream", "the clock names a stream that was not claimed at attach")
 
     def report(self, monitor: Monitor, message: ReportMessage) -> None:
-        """Keep what a monitor says of its streams, for who asks how the session stands."""
-        for said in message.streams:
-            key = StreamKey(said.stream, said.kind)
+        """Store a monitor's reports on its streams; the session's state shows them. Raises `WireError`."""
+        for report in message.streams:
+            key = StreamKey(report.stream, report.kind)
             if key not in monitor.streams:
                 raise WireError("unknown_stream", "the report names a stream that was not claimed at attach")
-            monitor.reports[key] = said
+            monitor.reports[key] = report
 
-    def outcome(self, monitor: Monitor, message: Handling | QuickHandling) -> None:
-        """Keep what the adapter did about an event that it asked about."""
+    def record_handling(self, monitor: Monitor, message: Handling | QuickHandling) -> None:
+        """Record what the adapter did with an event that it asked about."""
         if message.seq in monitor.gaps:
             monitor.handlings[message.seq] = (message.passed, message.why)
         else:
             self.ledger.amend(monitor, message)
 
     def detach(self, monitor: Monitor) -> None:
-        """Let a monitor go: it is told once all that it sent is committed."""
+        """Detach a monitor; `detached` is sent once all its events are committed."""
         monitor.detaching = True
         self._leave(monitor)
-        monitor.let_go()
+        monitor.confirm_detach()
 
     def disconnected(self, monitor: Monitor, outbox: Outbox) -> None:
-        """Keep the place of a monitor whose connection is lost, for a while."""
+        """Keep a monitor whose connection is lost attached until it reconnects, or its time to do so expires."""
         if monitor.outbox is not outbox:
             return
         monitor.outbox = None
@@ -176,7 +176,7 @@ class LiveSession:
             monitor.expiry = loop.call_later(self._resume_within, self._expire, monitor)
 
     def close(self) -> None:
-        """Judge all that is held, in order, and stop the timers."""
+        """Judge all held events, in order, and stop the timers."""
         self.closing = True
         self._deliver(self.core.finish(self._enter()))
         self.ledger.write()
@@ -188,13 +188,13 @@ class LiveSession:
                 monitor.expiry.cancel()
 
     async def settle(self) -> None:
-        """Once closed, wait a while for what oracles elsewhere say of what was held."""
+        """After `close`, wait some seconds for the answers of external oracles to the held events."""
         if self.oracles is not None:
             await self.oracles.settle()
             self.ledger.write()
 
     def resume(self, restored: Restored) -> None:
-        """Go on where a session stood: give its monitors their time to come back, and put back what was held."""
+        """Continue a restored session: hold its events again, and wait for its monitors to reconnect."""
         self.ledger.resume(restored.position, restored.refused)
         loop = asyncio.get_running_loop()
         if any(known.clock == "sim" for known in restored.monitors.values()):
@@ -217,7 +217,7 @@ class LiveSession:
             self._deliver(self.core.hold(step))
 
     def counts(self) -> Counter[str]:
-        """What it has counted so far, in the order that decides, by the names of the metrics."""
+        """The session's counts so far, in the order that decides, by the names of the metrics."""
         judge = next(iter(self.core.judges.values()))
         names = ("late", "skewed", "skipped", "lost", "denied")
         found = Counter({name: getattr(judge.counters, name) for name in names})
@@ -228,17 +228,17 @@ class LiveSession:
         return found
 
     @property
-    def _takes_no_more(self) -> bool:
+    def _ignores_events(self) -> bool:
         return self.closing or self.clock_went_back
 
     def _set_time(self, wanted: Attach) -> None:
-        """The first monitor says in which time a session runs. Raises a fatal `WireError` for one of another time."""
+        """Let the first monitor choose wall or simulated time. Raises a fatal `WireError` where another one differs."""
         if not self.monitors and wanted.clock == "sim":
             self.core.simulated = SimulatedTime(self.spec.by_key)
         check_time(self.id, wanted, "wall" if self.core.simulated is None else "sim")
 
     def _enter(self) -> int:
-        """The present time, in nanoseconds; while the history can't be written, the core judges nothing."""
+        """Suspend judging while the history can't be written, and return the present time in nanoseconds."""
         self.core.suspended = self._history.failure is not None
         return self._clock.now()
 
@@ -247,41 +247,41 @@ class LiveSession:
         record = MonitorRecord(monitor.name, monitor.instance, monitor.streams, attached, monitor.clock)
         self._history.set_monitor(self.number, record)
 
-    def _look_who_is_back(self) -> None:
-        """After a restart: hear all of whom a place was kept, once they are back or their time is over."""
+    def _check_reconnected(self) -> None:
+        """After a restart, begin to judge once each restored monitor has reconnected, or its time has expired."""
         if self.core.ready_since is None and not any(m.attached and m.outbox is None for m in self.monitors.values()):
             self.core.ready_since = self._clock.now()
 
     def _expire(self, monitor: Monitor) -> None:
         monitor.expiry = None
-        log.info("monitor did not come back", session=self.id, monitor=monitor.name)
+        log.info("monitor did not reconnect", session=self.id, monitor=monitor.name)
         self._leave(monitor)
 
     def _leave(self, monitor: Monitor) -> None:
         if monitor.attached:
             self._set_attached(monitor, attached=False)
-            self._look_who_is_back()
+            self._check_reconnected()
             self.credit.close(monitor.name)
             self._deliver(self.core.detach(monitor.name, self._enter()))
         self._leave_empty()
 
     def _leave_empty(self) -> None:
         if self.private and not self.closing and not any(m.attached for m in self.monitors.values()):
-            self._on_over(self)
+            self._request_close(self)
 
-    def _count_again(self, monitor: Monitor, key: StreamKey) -> None:
+    def _count_duplicate(self, monitor: Monitor, key: StreamKey) -> None:
         if key in self.spec.by_key:
             self.core.counts[monitor.name, key].duplicates += 1
 
     def _deliver(self, judged: list[Judged]) -> None:
-        """Send the decisions at once; the history is told a little later."""
+        """Send decisions and credit at once, and queue the steps for the history."""
         for item in judged:
             if item.decision:
                 monitor = self.monitors[item.step.event.monitor]
                 seq, verdicts = item.step.event.seq, {v.property: v.outcome for v in item.verdicts}
-                answer = monitor.answers[seq] = decision_frame(seq, item.decision, verdicts)
+                decision = monitor.decisions[seq] = decision_frame(seq, item.decision, verdicts)
                 if monitor.outbox:
-                    monitor.outbox.send(answer)
+                    monitor.outbox.send(decision)
                 self._counters.decisions.add(self._clock.now() - item.step.event.came)
         if self.oracles is not None:
             self.oracles.ask()
@@ -293,7 +293,7 @@ class LiveSession:
         self._arm()
 
     def _arm(self) -> None:
-        """One timer a session, set to the earliest moment at which time alone makes something judged."""
+        """Set the session's one timer to the earliest time at which something is judged without a further event."""
         deadline = self.core.next_deadline
         if deadline is None or self.closing or (self._armed is not None and self._armed <= deadline):
             return

@@ -1,4 +1,4 @@
-"""What a session keeps of each of its monitors, and how it speaks to them."""
+"""One monitor of a session: its numbering, its streams, and where frames for it are sent."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from oracle_server.wire.incoming import Attach, StreamReport
 
 
 class Outbox(Protocol):
-    """Where frames to a monitor go; never blocks."""
+    """Sends frames to a monitor; never blocks."""
 
     def send(self, frame: Outgoing) -> None:
         """Queue a frame."""
@@ -28,7 +28,7 @@ class Outbox(Protocol):
         ...
 
     async def sent(self) -> None:
-        """Wait until the last frame was sent, or can't be any more."""
+        """Wait until the last frame was sent, or the connection is lost."""
         ...
 
     def finish(self, frame: Outgoing) -> None:
@@ -38,7 +38,7 @@ class Outbox(Protocol):
 
 @dataclass(slots=True)
 class Monitor:
-    """One monitor of a session, attached or lately so."""
+    """One monitor of a session, attached now or before."""
 
     name: str
     instance: str
@@ -49,34 +49,34 @@ class Monitor:
     clock: TimeBase = "wall"
     detaching: bool = False
     verdicts: bool = False
-    """Whether it wants to know how the properties stand."""
+    """Whether it requested `verdicts` frames."""
     lost: int = 0
-    """Events that never came or could not be read, to be told with the next one that does."""
+    """Events that never arrived or could not be read since the last event; the next one carries this count."""
     unsettled: int = 0
-    """Events taken and not committed yet."""
+    """Events and handlings that are received and not committed yet."""
     gaps: dict[int, int] = field(default_factory=dict)
-    """Events that are not on their way to the history yet, by number: how many numbers before each never came."""
-    answers: dict[int, DecisionFrame] = field(default_factory=dict)
+    """How many numbers are missing before each event that is not written yet, by the event's number."""
+    decisions: dict[int, DecisionFrame] = field(default_factory=dict)
     """Decisions on events that are not committed yet, by number."""
     handlings: dict[int, tuple[bool, str]] = field(default_factory=dict)
-    """What the adapter did about events that are not on their way to the history yet, by number."""
+    """What the adapter did with events that are not written yet, by number: whether they passed, and why."""
     reports: dict[StreamKey, StreamReport] = field(default_factory=dict)
-    """What it says of its streams."""
+    """The monitor's last report on each of its streams."""
     expiry: asyncio.TimerHandle | None = None
 
     def acknowledge(self) -> None:
-        """Send up to which number all is committed."""
+        """Send an ack of all numbers up to which everything is committed."""
         if self.outbox:
             self.outbox.send({"type": "ack", "upto": self.numbering.upto})
 
-    def let_go(self) -> None:
-        """Confirm that it may leave, where it wants to, once all that it sent is committed."""
+    def confirm_detach(self) -> None:
+        """Send `detached` where the monitor is detaching and all that it sent is committed."""
         if self.detaching and self.unsettled == 0 and self.outbox:
             self.outbox.finish({"type": "detached"})
 
 
 def claimed(spec: Spec, names: list[str] | None) -> tuple[StreamKey, ...]:
-    """The streams of these names, None for all. Raises a fatal `WireError` where there is no such stream."""
+    """The keys of the streams with these names, None for all. Raises a fatal `WireError` for an unknown name."""
     if names is None:
         return tuple(spec.by_key)
     unknown = sorted(set(names) - spec.names)
@@ -86,7 +86,7 @@ def claimed(spec: Spec, names: list[str] | None) -> tuple[StreamKey, ...]:
 
 
 def check_time(session: str, wanted: Attach, runs: TimeBase) -> None:
-    """Raise a fatal `WireError` where a monitor lives in another time than its session."""
+    """Raise a fatal `WireError` where a monitor's time, wall or simulated, is not that of its session."""
     if runs != wanted.clock:
         kinds = {"wall": "wall time", "sim": "simulated time"}
         message = (

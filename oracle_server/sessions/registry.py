@@ -32,16 +32,17 @@ from oracle_server.wire.incoming import Attach
 
 _LISTED = 1_000
 """Closed sessions that are listed."""
-_GOODBYE_WITHIN = 2.0
+_CLOSE_WITHIN = 2.0
+"""Seconds for the connections to be closed when the server stops."""
 _FLUSH_WITHIN = 10.0
 _ANEW = ".run"
-"""Stands between a session's name and a number where its simulation has begun anew: `s1`, `s1.run2`, `s1.run3`."""
+"""Stands between a session's name and a number after each restart of its simulation: `s1`, `s1.run2`, `s1.run3`."""
 
 log = structlog.get_logger()
 
 
 class SessionExistsError(OracleError):
-    """A session of that name is there already."""
+    """A session of that name exists already."""
 
 
 class SessionStaysOpenError(OracleError):
@@ -49,10 +50,10 @@ class SessionStaysOpenError(OracleError):
 
 
 class Registry:
-    """The open sessions, and what the history knows of the closed ones."""
+    """The open sessions, and the closed ones by their records in the history."""
 
     def __init__(self, history: History, library: Library, clock: Clock, resume_within: float) -> None:
-        """Hold no sessions yet; `resume_within` is how long, in seconds, a lost monitor keeps its place."""
+        """Begin without sessions; `resume_within` is how long (s) a monitor stays attached without a connection."""
         self.open: dict[str, LiveSession] = {}
         self.counters = Counters()
         self._history, self._library, self._clock, self._resume_within = history, library, clock, resume_within
@@ -62,7 +63,7 @@ class Registry:
         self._last = 0
 
     async def restore_all(self) -> None:
-        """Bring the open sessions back from the history."""
+        """Restore the open sessions from the history. One that can't be restored is logged and left out."""
         self._last = await self._history.last_number()
         for opened in await self._history.open_sessions():
             try:
@@ -71,7 +72,7 @@ class Registry:
                 log.error("a session can't be restored", session=opened.id, reason=str(error))
 
     async def attach(self, wanted: Attach, outbox: Outbox) -> tuple[LiveSession, Monitor]:
-        """Attach a monitor to the session that it wants. Raises a fatal `WireError` where that can't be."""
+        """Attach a monitor to the session that it names, or to a new one. Raises a fatal `WireError`."""
         session = await self._session_for(wanted)
         if self._stopping:
             raise _stops()
@@ -91,35 +92,35 @@ class Registry:
             entry = self._library.get(spec_id)
             session_id = session_id or await self._new_name(spec_id)
             if await self.known(session_id) is not None:
-                raise SessionExistsError(f"a session '{session_id}' is there already")
+                raise SessionExistsError(f"a session '{session_id}' exists already")
             return await self._open(entry, session_id, private=private, by=by)
 
     async def flush(self) -> None:
-        """Wait until all that was given to the history is committed."""
+        """Wait until everything that was written to the history is committed."""
         await self._history.flush()
 
     async def known(self, session_id: str) -> SessionRecord | None:
-        """A session that is open or was, None where there is none of that name. Raises `HistoryError`."""
+        """The record of an open or closed session, None where there is none of that name. Raises `HistoryError`."""
         live = self.open.get(session_id)
         return live.record if live is not None else await self._history.session(session_id)
 
     async def state(self, session_id: str) -> Document | None:
-        """How a session stands, or stood when it was closed; None where it is not known. Raises `HistoryError`."""
+        """A session's state, as of its end where it is closed; None where it is unknown. Raises `HistoryError`."""
         live = self.open.get(session_id)
         return session_state(live, self._clock.now()) if live else await self._history.closed_state(session_id)
 
     async def states(self) -> list[dict[str, Any]]:
-        """Every session's state, the newest first; the open ones as of now, so that one that closes is told once."""
+        """The states of all sessions, open ones first, then the newest first. Raises `HistoryError`."""
         live = []
         for session in [*reversed(self.open.values())]:
             live.append(session_state(session, self._clock.now()))
             await asyncio.sleep(0)  # so that decisions wait for one state, not for a thousand
-        told = {state["id"] for state in live}
+        listed = {state["id"] for state in live}  # one of these may be closed meanwhile
         closed = await self._history.closed_states(_LISTED)
-        return [*live, *(state for state in closed if state["id"] not in told)]
+        return [*live, *(state for state in closed if state["id"] not in listed)]
 
     async def _close(self, session: LiveSession) -> None:
-        """Judge what a session holds, and close it for good, unless the server stops: then it goes on with the next."""
+        """Judge what a session holds, and close it, unless the server stops: the next server restores it then."""
         if session.closing:
             return
         session.close()
@@ -131,8 +132,8 @@ class Registry:
         self._history.close_session(session.number, now, state)
         await self._history.flush()
         self.open.pop(session.id, None)
-        self.counters.closed(session.counts(), session.core.holds)
-        session.ledger.news.end()
+        self.counters.add_closed(session.counts(), session.core.holds)
+        session.ledger.commits.end()
         if session.clock_went_back:
             reason = _ended(session.id, successor)
         else:
@@ -142,15 +143,15 @@ class Registry:
                 monitor.outbox.drop(reason)
 
     def save(self, number: int) -> None:
-        """Save an open session, so that less of its history is needed to restore it."""
+        """Take a snapshot of an open session, unless the last one was taken too recently."""
         for session in self.open.values():
             if session.number == number and not session.closing and session.ledger.snapshots.rested:
                 session.ledger.save()
 
     async def closed_within(self, session: LiveSession, patience: float) -> bool:
-        """Close a session, or go on with that; whether it is done after `patience` seconds. It goes on in any case.
+        """Close a session, and return whether it is closed within `patience` seconds; else the closing continues.
 
-        Raises `SessionStaysOpenError` where it failed, and `WireError` where the server stops, and leaves it open.
+        Raises `SessionStaysOpenError` where it failed, and `WireError` where the server stops; it stays open then.
         """
         _, waiting = await asyncio.wait((self._begin_to_close(session),), timeout=patience)
         if not waiting and self.open.get(session.id) is session:
@@ -159,7 +160,7 @@ class Registry:
         return not waiting
 
     async def shut_down(self) -> None:
-        """Judge what all sessions hold, commit it, and tell the monitors; the sessions stay open in the history."""
+        """Judge what all sessions hold, commit it, and close the connections; in the history the sessions stay open."""
         self._stopping = True
         for session in self.open.values():
             session.close()
@@ -172,18 +173,18 @@ class Registry:
         except TimeoutError:
             log.error("the server stops without its last events in the history; their monitors send them again")
         for session in self.open.values():
-            session.ledger.news.end()
+            session.ledger.commits.end()
         outboxes = [m.outbox for session in self.open.values() for m in session.monitors.values() if m.outbox]
         for outbox in outboxes:
             outbox.drop(_stops())
         with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(_GOODBYE_WITHIN):
+            async with asyncio.timeout(_CLOSE_WITHIN):
                 await asyncio.gather(*(outbox.sent() for outbox in outboxes))
 
     async def _session_for(self, wanted: Attach) -> LiveSession:
         live = self.open.get(wanted.session) if wanted.session else None
         if live is not None and live.number in self._closing:
-            await asyncio.wait((self._closing[live.number],))  # only then it is known what comes after it
+            await asyncio.wait((self._closing[live.number],))  # its successor is not known before
         elif live is not None:
             return live
         if wanted.session and await self.known(wanted.session) is not None:
@@ -226,21 +227,23 @@ class Registry:
         live.resume(restored)
         if live.oracles is not None and restored.position:
             live.oracles.resume()
-        self.counters.restored(live.counts())
+        self.counters.exclude(live.counts())
         log.info("session restored", session=opened.id, steps=restored.position)
 
     def _live(self, record: SessionRecord, core: Session) -> LiveSession:
-        live = LiveSession(record, core, self._history, self._clock, self.counters, self._resume_within, self._on_over)
+        live = LiveSession(
+            record, core, self._history, self._clock, self.counters, self._resume_within, self._request_close
+        )
         self.open[live.id] = live
         return live
 
     async def _new_name(self, spec_id: str) -> str:
-        """A name that no session has: many may be opened within a second."""
+        """A name that no session has, even where many are opened within a second."""
         stem = f"{spec_id[:40]}-{time.strftime('%Y%m%d-%H%M%S')}"
         return await self._first_free(f"{stem}-{secrets.token_hex(2)}" for _ in itertools.count())
 
     async def _successor(self, session: LiveSession) -> str | None:
-        """The name under which a session goes on once its simulation has begun anew; a private one has none."""
+        """The name of the session that continues one whose simulation was restarted; None for a private one."""
         if session.private:
             return None
         stem, mark, number = session.id.rpartition(_ANEW)
@@ -253,7 +256,7 @@ class Registry:
                 return name
         raise AssertionError  # there is no end of names
 
-    def _on_over(self, session: LiveSession) -> None:
+    def _request_close(self, session: LiveSession) -> None:
         self._begin_to_close(session)
 
     def _begin_to_close(self, session: LiveSession) -> asyncio.Task[None]:
@@ -267,7 +270,7 @@ class Registry:
         self._closing.pop(session.number)
         error = None if task.cancelled() else task.exception()
         if error is not None:
-            session.closing = False  # it goes on, and can be closed later
+            session.closing = False  # it stays open, and can be closed later
             log.error("a session can't be closed", session=session.id, exc_info=error)
 
 

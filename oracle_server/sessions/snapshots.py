@@ -1,4 +1,4 @@
-"""When a session is saved, so that a restart need not judge it all again, and what of its history may go then."""
+"""When a snapshot of a session is taken: a restart judges only later steps again, and earlier ones may be deleted."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from oracle_server.history.records import SnapshotRecord
 from oracle_server.sessions.monitor import Monitor
 
 _SAVE_AFTER = 10_000
-"""Steps until the first snapshot, and at least between two that nobody asked for."""
+"""Steps before the first snapshot, and at least between two that are not requested."""
 _REST = 500
-"""How many times as long as it took to save a session it is not saved to make room."""
+"""For this many times the duration of a snapshot, no other one is taken only to make room."""
 
 log = structlog.get_logger()
 
 
 class Snapshots:
-    """Saves one session, ever more seldom as it grows: what a snapshot takes grows with it."""
+    """Takes snapshots of one session, less often as it grows, since their cost grows with it."""
 
     def __init__(self, session: str, number: int, core: Session, history: Writing) -> None:
-        """Save a session under its `number` in the history."""
+        """Take snapshots of the session with this `number` in the history."""
         self._session, self._number, self._core, self._history = session, number, core, history
         self._next = _SAVE_AFTER
         self._committed = 0
@@ -33,38 +33,39 @@ class Snapshots:
         self._rested = 0.0
 
     def resume(self, position: int) -> None:
-        """Go on with a session that was restored, and stands at a position."""
+        """Continue a restored session at a position."""
         self._committed, self._next = position, position + _SAVE_AFTER
-        self._broken = len(self._no_more_judged)
+        self._broken = len(self._failed)
 
     def committed(self, position: int) -> None:
-        """Know that all up to a position is committed, and that the monitors' numbers say so."""
+        """Record that all steps up to a position are committed, and settled in the monitors' numbers."""
         self._committed = position
 
     def is_due(self, position: int) -> bool:
-        """Whether to save a session that stands at a position: after many steps, or where a property broke.
+        """Whether to take a snapshot at a position: after many steps, or where an engine failed.
 
-        A tick that changed nothing is not in the history, and what it cost is not known to who judges all again.
+        An engine may fail at a tick that changed nothing, which the history does not have: judging the steps again
+        would not find the failure.
         """
-        broken = self._no_more_judged
+        broken = self._failed
         if len(broken) > self._broken:
             self._broken = len(broken)
             log.warning(
-                "a property is judged no more", session=self._session, property=broken[-1][0], reason=broken[-1][1]
+                "a property is no longer judged", session=self._session, property=broken[-1][0], reason=broken[-1][1]
             )
             return True
         return position >= self._next
 
     def save(self, position: int, monitors: Mapping[str, Monitor]) -> None:
-        """Save how all stands after the step at a position, which was given to the history.
+        """Take a snapshot after the step at a position, which must be written to the history.
 
-        The monitors' numbers are as of the last commit: steps up to there are needed no more.
+        The monitors' numbers are as of the last commit: steps up to there are not needed for a restart.
         """
         if self._core.asking:
             return  # the order is ahead of what was judged
         self._next = position + max(_SAVE_AFTER, position // 4)
-        begin = time.thread_time()  # what others took of the processor meanwhile is not its cost
-        gc.disable()  # as many objects are made as values are known, and are gone soon: each search would see them all
+        begin = time.thread_time()  # the time of this thread alone
+        gc.disable()  # a snapshot makes many short-lived objects, which each collection would look through
         try:
             self._save(position, monitors)
         finally:
@@ -80,11 +81,11 @@ class Snapshots:
 
     @property
     def rested(self) -> bool:
-        """Whether to save now, where it could as well be done later: all other sessions wait meanwhile."""
+        """Whether a snapshot only to make room may be taken now: all sessions wait while one is taken."""
         return time.monotonic() >= self._rested
 
     @property
-    def _no_more_judged(self) -> list[tuple[str, str]]:
+    def _failed(self) -> list[tuple[str, str]]:
         return [
             (state.property.id, state.broken)
             for judge in self._core.judges.values()

@@ -1,4 +1,4 @@
-"""How the properties of a session stand, in the words that its monitors show to the robot's people."""
+"""The `verdicts` frame: the state of a session's properties, as text that adapters show to operators."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from oracle_server.core.property_state import PropertyState
 from oracle_server.core.verdicts import Outcome, worst
 from oracle_server.wire.frames import Level, PropertyStanding, VerdictsFrame
 
-_SAID: dict[Outcome, tuple[Level, str]] = {
+_WORDING: dict[Outcome, tuple[Level, str]] = {
     Outcome.TRUE: ("ok", "holds for good"),
     Outcome.CURRENTLY_TRUE: ("ok", "holds"),
     Outcome.CURRENTLY_FALSE: ("warn", "does not hold at present"),
@@ -16,29 +16,28 @@ _SAID: dict[Outcome, tuple[Level, str]] = {
 
 
 class Standing:
-    """How the properties stand by the history, in the order that decides; followed once a monitor wants to know."""
+    """Follows the properties of the order that decides, from the first monitor on that requests `verdicts` frames."""
 
     def __init__(self, judge: Judge) -> None:
-        """Follow nothing yet."""
         self.committed: VerdictsFrame | None = None
-        """The `verdicts` frame as of the last commit; None while nobody wants it."""
+        """The frame as of the last commit; None while no monitor has requested it."""
         self._judge = judge
         self._mark: tuple[tuple[Outcome, int, bool], ...] = ()
 
     def follow(self, n: int) -> None:
-        """Begin to follow; the verdicts up to number `n` are in the history, or on their way."""
+        """Begin to follow; the verdicts up to number `n` are written, if not committed yet."""
         if self.committed is None:
             self._mark, self.committed = self._marked(), _frame(self._judge, n)
 
     def changed(self, n: int) -> VerdictsFrame | None:
-        """What is to be told once the verdicts up to `n` are committed, None where it is as it was."""
+        """The frame to send once the verdicts up to `n` are committed, None where nothing has changed."""
         if self.committed is None:
             return None
         before, self._mark = self._mark, self._marked()
         return None if self._mark == before else _frame(self._judge, n)
 
     def _marked(self) -> tuple[tuple[Outcome, int, bool], ...]:
-        """What changes with the standing: outcomes, violations, and whether all could be judged so far."""
+        """For each property: its outcome, its violations, and whether any step could not be judged."""
         return tuple([(state.outcome, state.violations, state.failures > 0) for state in self._judge.properties])
 
 
@@ -52,7 +51,7 @@ def _frame(judge: Judge, n: int) -> VerdictsFrame:
 
 
 def _standing(state: PropertyState) -> PropertyStanding:
-    level, text = _SAID.get(state.outcome) or _unknown(state)
+    level, text = _WORDING.get(state.outcome) or _unknown(state)
     return {
         "outcome": state.outcome.value,
         "level": level,
@@ -64,7 +63,7 @@ def _standing(state: PropertyState) -> PropertyStanding:
 
 def _unknown(state: PropertyState) -> tuple[Level, str]:
     if state.broken is not None:
-        return "error", f"judged no more: {state.broken}"
+        return "error", f"no longer judged: {state.broken}"
     if state.failures:
         return "warn", "could not be judged at the last step"
     return "stale", "not judged yet"

@@ -1,4 +1,4 @@
-"""How a session stands, as plain data for HTTP."""
+"""The state of a session, as plain data for HTTP."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def _monitors(session: LiveSession) -> Iterator[dict[str, Any]]:
             "connected": monitor.outbox is not None,
             "next": monitor.numbering.next,
             "credit": session.credit.left.get(monitor.name),
-            "streams": [said.model_dump() for said in monitor.reports.values()],
+            "streams": [report.model_dump() for report in monitor.reports.values()],
         }
 
 
@@ -67,7 +67,7 @@ def _properties(core: Session) -> Iterator[dict[str, Any]]:
 
 
 def _counters(session: LiveSession) -> dict[str, int]:
-    """What was counted in the order that decides, as the metrics have it: each event once."""
+    """The counts of the order that decides, as in the metrics: each event once."""
     core, counts = session.core, session.counts()
     return {
         "steps": max(judge.counters.steps for judge in core.judges.values()),
@@ -77,7 +77,7 @@ def _counters(session: LiveSession) -> dict[str, int]:
 
 
 def _streams(core: Session, now: int) -> Iterator[dict[str, Any]]:
-    """Each stream of a monitor that the order waits for, or that has something to tell; `lag` in the session's time."""
+    """Each stream of a monitor that is ordered or has counts; `lag` (ns) is in the session's time."""
     depths = Counter((step.event.monitor, step.event.stream) for step in core.buffer.held)
     frontiers = core.buffer.frontiers
     present = now if core.simulated is None else core.simulated.now
@@ -98,17 +98,17 @@ def _streams(core: Session, now: int) -> Iterator[dict[str, Any]]:
 
 
 def _awaited(source: Source | None) -> dict[str, str] | None:
-    """The stream that everything held waits for."""
+    """The stream that all held events wait for."""
     return {"monitor": source[0], "stream": source[1].name, "kind": source[1].kind} if source else None
 
 
 def _waiting(core: Session, now: int) -> str | None:
-    """What is waited for and since when, in words; None where nothing is."""
+    """What the session waits for, and how long already, as text; None where it does not wait."""
     return "; ".join((*_asked(core, now), *_ordered(core, now))) or None
 
 
 def _asked(core: Session, now: int) -> Iterator[str]:
-    """What the oldest step whose turn has come waits for: oracles elsewhere."""
+    """The external oracles that the first step in the order waits for."""
     first = core.asking.first if core.asking else None
     if first is None:
         return
@@ -119,26 +119,26 @@ def _asked(core: Session, now: int) -> Iterator[str]:
 
 
 def _ordered(core: Session, now: int) -> Iterator[str]:
-    """What the oldest event in the order waits for: a stream."""
+    """The stream that the oldest event in the order waits for."""
     source, oldest = core.buffer.awaited, next(iter(core.buffer.held), None)
     if source is not None and oldest is not None:
         yield f"held {_age(oldest, now)} ms for {source[1]} of {source[0]}"
 
 
 def _age(step: Step, now: int) -> int:
-    """How long ago an event came, in ms."""
+    """The time since an event arrived, in ms."""
     event = step.event
     return max(0, now - event.came) // 10**6
 
 
 def _hold(holds: HoldTimes) -> dict[str, Any]:
-    """How long events were held: `buckets` count those held for `le` or less, where null is no bound."""
+    """How long events were held (ns): each bucket counts those held for `le` or less; null is no bound."""
     counts = accumulate(holds.buckets)
     buckets = [{"le": bound, "count": count} for bound, count in zip((*BOUNDS, None), counts, strict=True)]
     return {"count": holds.count, "sum": holds.total, "buckets": buckets}
 
 
 def _disagree(core: Session) -> list[str]:
-    """The properties that one order finds violated more often: the sign of a slow network, not of a faulty node."""
+    """The properties with different violations in the two orders: a sign of a slow network, not of a faulty node."""
     judged = [judge.properties for judge in core.judges.values()]
     return [states[0].property.id for states in zip(*judged, strict=True) if len({s.violations for s in states}) > 1]

@@ -1,1 +1,1 @@
-"""Text to `Spec`, and what is on hand."""
+"""Reading specs from YAML files, and the library of a server's specs."""

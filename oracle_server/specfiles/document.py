@@ -1,7 +1,7 @@
-"""YAML with places: plain values, and where in the text each of them stands.
+"""A YAML document as plain values, with the line and column of each.
 
-Read are mappings with different keys, lists and scalars, as YAML 1.2's core schema has them. Anchors, aliases and tags
-are refused: a spec needs none, and they let a short text stand for a huge value.
+It reads mappings without duplicate keys, lists and scalars by the core schema of YAML 1.2. Anchors, aliases and tags
+are refused: specs do not need them, and with them a short text can expand to a huge value.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from yaml import events
 from oracle_server.core.errors import Finding, SpecError
 
 MAX_TEXT = 256 * 1024
+"""The most characters of a document."""
 MAX_DEPTH = 24
 
 KeyPath = tuple[str | int, ...]
@@ -28,7 +29,7 @@ _QUOTED = {
     '"': re.compile(r"\\x..|\\u.{4}|\\U.{8}|\\.|.", re.DOTALL),
     "'": re.compile(r"''|.", re.DOTALL),
 }
-"""How one character of a quoted text may be written."""
+"""One character of a quoted text, escaped or not, by the quotes."""
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _INTEGER = re.compile(r"[-+]?\d{1,30}")
 _FLOAT = re.compile(r"[-+]?(\d+\.\d*|\.\d+|\d+(?=[eE]))([eE][-+]?\d{1,4})?")
@@ -45,7 +46,7 @@ class Document:
     keys: dict[KeyPath, Position] = field(default_factory=dict)
 
     def place(self, path: KeyPath, within: Position | None = None) -> Position:
-        """Where a part stands, or a place inside its text; the nearest part around it where it is not there."""
+        """The position of a part, or of a place within its text; of the nearest enclosing part if there is none."""
         while path and path not in self.values:
             path = path[:-1]
         event = self.values.get(path)
@@ -62,11 +63,11 @@ class Document:
         return start
 
     def key_place(self, path: KeyPath) -> Position:
-        """Where a key stands, or its value where it has none of its own."""
+        """The position of a key, or of the value where the path does not end in a key."""
         return self.keys.get(path) or self.place(path)
 
     def _indentation(self, path: KeyPath, start: Position) -> int:
-        """How far the text of a literal block is indented: as its header says, else as its first line is."""
+        """The indentation of a literal block: by its header, else that of its first line."""
         header = re.match(r"\|[+-]?([1-9])", self.lines[start[0] - 1][start[1] - 1 :])
         if header and path in self.keys:
             return self.keys[path][1] - 1 + int(header[1])
@@ -74,7 +75,7 @@ class Document:
         return len(body) - len(body.lstrip(" "))
 
     def _raw_length(self, start: Position, style: str | None, length: int) -> int:
-        """How many characters of the file stand for the first ones of a text, with its opening quote."""
+        """How many characters of the file represent the first `length` ones of a text, including an opening quote."""
         raw = self.lines[start[0] - 1][start[1] - 1 :]
         if style not in _QUOTED:
             return length
@@ -83,8 +84,8 @@ class Document:
 
 
 def read_yaml(text: str, file: str) -> Document:
-    """Read a text. Raises `SpecError` with file, line and column."""
-    document = Document(file, [*text.splitlines(), ""])  # YAML ends lines at more than newlines, as this does
+    """Read a document. Raises `SpecError` with file, line and column."""
+    document = Document(file, [*text.splitlines(), ""])  # YAML has more line ends than newlines, as splitlines has
     if len(text) > MAX_TEXT:
         raise _refused(file, None, f"the file has {len(text)} characters; at most {MAX_TEXT} are read")
     try:
@@ -96,8 +97,8 @@ def read_yaml(text: str, file: str) -> Document:
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None) or _mark_at(text, getattr(error, "position", None))
         reason = getattr(error, "problem", None) or getattr(error, "reason", None) or "malformed"
-        mend = "; a text with ': ' in it stands in quotes or below a '|'" if "mapping values" in reason else ""
-        raise _refused(file, mark, f"not YAML: {reason}{mend}") from None
+        hint = "; put a text with ': ' in it in quotes, or below a '|'" if "mapping values" in reason else ""
+        raise _refused(file, mark, f"not YAML: {reason}{hint}") from None
     return document
 
 

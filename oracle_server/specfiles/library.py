@@ -1,4 +1,4 @@
-"""The specs on hand: files of the specs folder, and those that were put over HTTP, which come first."""
+"""A server's specs: the files of the specs folder, and uploaded ones, which take precedence."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from oracle_server.specfiles.load import SpecFile, load_spec, parse_spec
 
 
 class UnknownSpecError(OracleError):
-    """A spec that is not on hand."""
+    """The library has no spec of that id."""
 
 
-class Look(NamedTuple):
-    """What tells whether a file is as it was; its time alone does not where it is written twice within some ms."""
+class FileVersion(NamedTuple):
+    """Identifies a file's version; its time alone does not where it is written twice within some ms."""
 
     inode: int
     size: int
@@ -29,20 +29,20 @@ class Look(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A spec on hand, ready to judge by, and where it comes from."""
+    """A spec of the library, its plan, and where it was read from."""
 
     file: SpecFile
     plan: Plan
     source: Literal["file", "put"]
     path: Path
-    seen: Look | None
+    version: FileVersion | None
 
 
 class Library:
-    """Specs by id. A file that has changed is read again when its spec is next asked for."""
+    """Specs by id. A file that has changed is read again when its spec is next requested."""
 
     def __init__(self, folder: Path | None, uploads: Path) -> None:
-        """Read all specs of both folders. Raises `SpecError` where one is refused, or an id stands in two files."""
+        """Read all specs of both folders. Raises `SpecError` where one is refused, or two files have the same id."""
         self._uploads = uploads
         self._putting = threading.Lock()
         self._entries: dict[str, Entry] = {}
@@ -60,21 +60,21 @@ class Library:
         return sorted(self._entries)
 
     def last(self, spec_id: str) -> Entry:
-        """A spec of `ids` as it was last read and found sound."""
+        """A spec of `ids`, as of the last time that its file was sound."""
         return self._entries[spec_id]
 
     def retention(self) -> dict[str, Retention]:
-        """How long histories are kept, by the specs' ids."""
+        """The retention of each spec, by id."""
         return {spec_id: entry.plan.spec.retention for spec_id, entry in self._entries.copy().items()}
 
     def get(self, spec_id: str) -> Entry:
-        """A spec as it is now. Raises `UnknownSpecError`, or `SpecError` where its file has become unsound."""
+        """The present version of a spec. Raises `UnknownSpecError`, or `SpecError` where its file is unsound now."""
         entry = self._entries.get(spec_id)
         if entry is None:
             known = ", ".join(self.ids()) or "none"
-            raise UnknownSpecError(f"no spec '{spec_id}' is on hand; known are {known}")
-        seen = _look(entry.path)
-        if seen is not None and seen != entry.seen:
+            raise UnknownSpecError(f"there is no spec '{spec_id}'; known are {known}")
+        version = _version(entry.path)
+        if version is not None and version != entry.version:
             fresh = _read(entry.path, entry.source)
             if fresh.file.spec.id != spec_id:
                 raise SpecError([Finding(str(entry.path), 1, 1, f"the id was '{spec_id}' and has changed")])
@@ -82,20 +82,20 @@ class Library:
         return entry
 
     def put(self, spec_id: str, text: str) -> tuple[Entry, bool]:
-        """Take in a spec, and tell whether it is new. Raises `SpecError` where it is refused."""
+        """Store an uploaded spec; returns it, and whether its id is new. Raises `SpecError` where it is refused."""
         file = parse_spec(text, f"{spec_id}.yaml")
         if file.spec.id != spec_id:
             raise SpecError([Finding(f"{spec_id}.yaml", 1, 1, f"its id is '{file.spec.id}', not '{spec_id}'")])
         path = self._uploads / f"{spec_id}.yaml"
         with self._putting:
             new = spec_id not in self._entries
-            _keep(path, text)
-            self._entries[spec_id] = entry = Entry(file, plan(file.spec), "put", path, _look(path))
+            _write(path, text)
+            self._entries[spec_id] = entry = Entry(file, plan(file.spec), "put", path, _version(path))
         return entry, new
 
 
-def _keep(path: Path, text: str) -> None:
-    """Write a file that is whole and there after a crash of the machine too. Raises OSError."""
+def _write(path: Path, text: str) -> None:
+    """Write a file atomically, and durably even if the machine crashes. Raises OSError."""
     if not path.parent.exists():
         path.parent.mkdir(parents=True)
         _sync(path.parent.parent)
@@ -109,7 +109,7 @@ def _keep(path: Path, text: str) -> None:
 
 
 def _sync(folder: Path) -> None:
-    """Have what a folder lists be on the disk."""
+    """Flush the entries of a folder to the disk."""
     handle = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(handle)
@@ -118,14 +118,14 @@ def _sync(folder: Path) -> None:
 
 
 def _read(path: Path, source: Literal["file", "put"]) -> Entry:
-    seen = _look(path)  # before it is read: what is written meanwhile is read the next time
+    version = _version(path)  # before reading: a change meanwhile is noticed the next time
     file = load_spec(path)
-    return Entry(file, plan(file.spec), source, path, seen)
+    return Entry(file, plan(file.spec), source, path, version)
 
 
-def _look(path: Path) -> Look | None:
+def _version(path: Path) -> FileVersion | None:
     try:
         found = path.stat()
     except OSError:
         return None
-    return Look(found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns)
+    return FileVersion(found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns)

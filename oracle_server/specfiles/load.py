@@ -1,4 +1,4 @@
-"""Spec files: YAML to a `Spec`, with everything that is wrong found at once and told with file, line and column."""
+"""Loads spec files: YAML to a `Spec`; all errors are reported together, each with file, line and column."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from oracle_server.specfiles.model import ChannelModel, PropertyModel, ServiceMo
 
 @dataclass(frozen=True, slots=True)
 class SpecFile:
-    """A sound spec, the text that it was read from, and what `check` warns of."""
+    """A sound spec, the text that it was read from, and its warnings."""
 
     spec: Spec
     text: str
@@ -35,7 +35,7 @@ class SpecFile:
 
 
 def load_spec(path: Path, ros: Ros | None = None, graph: Sequence[GraphNode] | None = None) -> SpecFile:
-    """Read and check a spec, for a version of ROS and a graph if given. Raises `SpecError` with all that was found."""
+    """Read and check a spec file, for a version of ROS and a graph if given. Raises `SpecError` with all findings."""
     try:
         with path.open("rb") as file:
             data = file.read(4 * MAX_TEXT + 1)
@@ -49,7 +49,7 @@ def load_spec(path: Path, ros: Ros | None = None, graph: Sequence[GraphNode] | N
 
 
 def parse_spec(text: str, file: str, ros: Ros | None = None, graph: Sequence[GraphNode] | None = None) -> SpecFile:
-    """Read and check a spec; `file` is what findings call it. Raises `SpecError`."""
+    """Read and check the text of a spec; `file` is its name in findings. Raises `SpecError` with all findings."""
     document = read_yaml(text, file)
     try:
         model = SpecModel.model_validate(document.value if document.value is not None else {})
@@ -85,10 +85,10 @@ def _property(document: Document, index: int, model: PropertyModel, findings: li
         ]
         return None
     if external:
-        assert model.url is not None  # noqa: S101 -- its lack is a problem
-        heard = None if model.streams is None else frozenset(model.streams)
-        oracle = External(model.url, model.timeout, heard, model.names == "bare")
-        return _made(model, SILENT, f"the oracle at {model.url}", oracle)
+        assert model.url is not None  # noqa: S101 -- else there are problems
+        received = None if model.streams is None else frozenset(model.streams)
+        oracle = External(model.url, model.timeout, received, model.names == "bare")
+        return _make(model, SILENT, f"the oracle at {model.url}", oracle)
     if model.formula is None:
         findings.append(Finding(document.file, *document.place(place), "the key 'formula' is missing"))
         return None
@@ -101,11 +101,11 @@ def _property(document: Document, index: int, model: PropertyModel, findings: li
         at = document.place((*place, "formula"), (error.line, error.column))
         findings.append(Finding(document.file, *at, f"formula of '{model.id}': {error.message}"))
         return None
-    return _made(model, formula, " ".join(model.formula.split()))
+    return _make(model, formula, " ".join(model.formula.split()))
 
 
 def _external_problems(model: PropertyModel) -> Iterator[tuple[str, str]]:
-    """What is wrong with a property that an oracle elsewhere judges: the key, and why."""
+    """The problems of a property that an external oracle judges: the key, and why."""
     if model.url is None:
         yield "engine", "`engine: external` needs the oracle's address, `url: ws://host:port`"
     else:
@@ -119,7 +119,7 @@ def _external_problems(model: PropertyModel) -> Iterator[tuple[str, str]]:
 
 
 def _unusable(url: str) -> str | None:
-    """Why no WebSocket can be opened at an address, None where one can."""
+    """Why a URL is not the address of a WebSocket, None where it is."""
     try:
         parts = urlsplit(url)
         port = parts.port
@@ -130,11 +130,11 @@ def _unusable(url: str) -> str | None:
     if port == 0:
         return "has port 0, which nothing listens on"
     if parts.username is not None or parts.password is not None:
-        return "holds a name or password; specs can be read by everyone who may read verdicts"
-    return "has a part after #, which no server is told" if parts.fragment else None
+        return "contains a name or password; specs can be read by everyone who may read verdicts"
+    return "has a fragment after #, which is not sent to a server" if parts.fragment else None
 
 
-def _made(model: PropertyModel, formula: Formula, text: str, external: External | None = None) -> Property:
+def _make(model: PropertyModel, formula: Formula, text: str, external: External | None = None) -> Property:
     return Property(
         id=model.id,
         formula=formula,
@@ -194,7 +194,7 @@ def _engines(spec: Spec) -> Iterator[SpecProblem]:
             yield SpecProblem(("properties", i, refusal.key), f"property '{prop.id}': {refusal.reason}")
         if row.goes_back(prop):
             continue
-        native = f"takes an engine that can go back, and `engine: {prop.engine}` can't; `native` can"
+        native = f"needs an engine that can take steps back, and `engine: {prop.engine}` can't; `native` can"
         if prop.blame == "caused":
             yield SpecProblem(("properties", i, "blame"), f"`blame: caused` {native}")
         for j, stream in enumerate(spec.streams):
@@ -233,7 +233,7 @@ def _model_finding(document: Document, problem: Any) -> Finding:
         case "literal_error":
             message = f"expected {problem['ctx']['expected']}, found {_short(problem['input'])}"
         case "string_pattern_mismatch":
-            message = f"{_short(problem['input'])} does not read as {problem['ctx']['pattern']}"
+            message = f"{_short(problem['input'])} does not match {problem['ctx']['pattern']}"
         case "string_type":
             message = f"expected text, found {_short(problem['input'])}; put it in quotes"
         case _:

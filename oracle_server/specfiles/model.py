@@ -1,4 +1,4 @@
-"""What a spec file may say, as pydantic models: the contract's keys with their defaults, and no others."""
+"""The schema of spec files, as pydantic models: all keys with their defaults."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def _delay(value: object) -> int | None:
 
 
 def _ros_type(value: object, kind: str) -> object:
-    """`pkg/Type` and `pkg.msg.Type` are read as `pkg/msg/Type`, and so for srv."""
+    """Normalise `pkg/Type` and `pkg.msg.Type` to `pkg/msg/Type`; services likewise."""
     if not isinstance(value, str):
         return value
     package, *rest = value.replace(".", "/").split("/")
@@ -55,7 +55,7 @@ class OrderingModel(_Model):
 
 
 class ChannelModel(_Model):
-    """What a topic, or either side of a service, has of its own."""
+    """The keys of a topic, or of the requests or responses of a service."""
 
     stamp: FieldPath | None = None
     hold: list[SignalName] = []
@@ -73,7 +73,7 @@ class _Interface(_Model):
 
 
 class TopicModel(ChannelModel, _Interface):
-    """A stream that is a topic."""
+    """A topic: one stream."""
 
     topic: RosName
     type: MessageType = ""
@@ -118,7 +118,7 @@ class PropertyModel(_Model):
 
 
 class RetentionModel(_Model):
-    """How much history of this spec's sessions is kept."""
+    """`retention:`, the limits on the history of this spec's sessions."""
 
     age: Duration | None = None
     events: Annotated[StrictInt, Field(ge=1)] | None = None
@@ -126,7 +126,7 @@ class RetentionModel(_Model):
 
 
 class SpecModel(_Model):
-    """A whole file."""
+    """A whole spec file."""
 
     id: Identifier
     description: StrictStr = ""

@@ -1,4 +1,4 @@
-"""A dump of a live ROS graph, as the ROS 2 adapter makes it: who publishes, subscribes, serves and calls what."""
+"""Reads a dump of a ROS graph, as an adapter writes it: what each node publishes, subscribes, serves and calls."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from oracle_server.core.dependencies import GraphNode
 from oracle_server.core.errors import OracleError
 
-_MEND = "make it with `python3 -m oracle_ros2 --dump-graph`"
+_HINT = "make it with `python3 -m oracle_ros2 --dump-graph`"
 
 
 class GraphError(OracleError):
@@ -37,12 +37,12 @@ def load_graph(path: Path) -> tuple[GraphNode, ...]:
     try:
         graph = _Graph.model_validate_json(path.read_bytes())
     except OSError as error:
-        raise GraphError(f"{path}: can't be read: {error.strerror}; {_MEND}") from None
+        raise GraphError(f"{path}: can't be read: {error.strerror}; {_HINT}") from None
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
         raise GraphError(
-            f"{path}: is no dump of a graph: {where + ': ' if where else ''}{first['msg']}; {_MEND}"
+            f"{path}: not a dump of a graph: {where + ': ' if where else ''}{first['msg']}; {_HINT}"
         ) from None
     return tuple(
         GraphNode(n.name, frozenset(n.publishes), frozenset(n.subscribes), frozenset(n.serves), frozenset(n.calls))

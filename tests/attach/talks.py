@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any, cast
 
-from oracle_server.attach.conversation import Conversation, Heard, State
+from oracle_server.attach.conversation import Conversation, Received, State
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.frames import AttachedFrame, Outgoing
 
@@ -62,7 +62,7 @@ def talk_in(state: State) -> Conversation:
     return talk
 
 
-def heard(talk: Conversation) -> list[Heard]:
+def heard(talk: Conversation) -> list[Received]:
     """All messages that are there."""
     found = []
     while (message := talk.next_message()) is not None:

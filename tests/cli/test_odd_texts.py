@@ -101,5 +101,5 @@ def test_arguments_that_no_server_can_be_asked_with(server: Server, tmp_path: Pa
     odd = os.fsdecode(b"\xff")
     for command in (["verdicts", odd], ["verdicts", odd, "--follow"], ["record", odd, "-o", tmp_path / "out.jsonl"]):
         assert server.url in failed(*command, "--url", server.url)
-    assert "is no token" in failed("sessions", "--token", "ü", "--url", server.url)
+    assert "not a token" in failed("sessions", "--token", "ü", "--url", server.url)
     assert "can't be reached" in failed("sessions", "--url", f"{server.url}/{odd}")

@@ -30,6 +30,6 @@ def test_a_server_that_has_not_told_yet_who_it_is_is_waited_for(
     """Its pid is needed to stop it, and 0 would be everyone in the caller's own group."""
     mine = PidFile(tmp_path)
     (tmp_path / NAME).write_text("")
-    monkeypatch.setattr(time, "sleep", lambda _: mine.tell("http://127.0.0.1:1"))
+    monkeypatch.setattr(time, "sleep", lambda _: mine.publish("http://127.0.0.1:1"))
     assert running(tmp_path) == (os.getpid(), "http://127.0.0.1:1")
     mine.release()

@@ -34,7 +34,7 @@ async def test_an_oracle_in_the_style_of_prolog(server: Server, oracles: Oracles
     assert await said(server, name, 4, "ours") == [(YES, False)] * 4
     (violation,) = server.records(name, "violations")
     url = oracles.url("prolog")
-    assert violation["explanation"]["text"].endswith(f"the oracle at {url}: said false")
+    assert violation["explanation"]["text"].endswith(f"the oracle at {url}: answered false")
 
 
 async def test_a_slow_oracle_is_never_behind_with_its_answers(server: Server, oracles: Oracles, name: str) -> None:

@@ -30,7 +30,7 @@ def test_a_recording_is_judged_by_the_oracle(tmp_path: Path, oracles: Oracles) -
     theirs = [r for r in records if r["property"] == "theirs"]
     assert status == 1
     assert [r["outcome"] for r in theirs] == ["currently_true", "currently_false", "currently_false"]
-    assert theirs[1]["explanation"]["text"].endswith("said false")
+    assert theirs[1]["explanation"]["text"].endswith("answered false")
     assert (summary["properties"]["theirs"]["violations"], summary["compared"], summary["differing"]) == (1, 3, 2)
     _, again, _ = replayed(tmp_path / "x.yaml", log, "--by", "both")
     assert [r["outcome"] for r in again if r["property"] == "theirs"] == [

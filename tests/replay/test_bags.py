@@ -70,7 +70,7 @@ def test_a_bag_without_definitions_needs_the_types(spec: Path, tmp_path: Path) -
     (folder / "Valve.msg").write_text(VALVE)
     _, summary = judged(spec, bag, "--types", tmp_path / "src")
     assert summary["properties"]["pressure_is_low"]["violations"] == ROUNDS // 10
-    assert "holds no .msg files" in failed("replay", spec, bag, "--types", tmp_path / "old")
+    assert "has no .msg files" in failed("replay", spec, bag, "--types", tmp_path / "old")
     (folder / "Valve.msg").write_text("float64 [[")
     assert "Valve.msg" in failed("replay", spec, bag, "--types", tmp_path / "src")
 

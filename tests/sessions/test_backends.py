@@ -79,9 +79,9 @@ class Run:
             live.ingest(monitor, event(seqs[-1] + 1, "/nothing"))
         except WireError as error:
             outbox.drop(error)
-        live.outcome(monitor, Handling(seq=seqs[0], passed=True, why="decision"))
+        live.record_handling(monitor, Handling(seq=seqs[0], passed=True, why="decision"))
         await self.history.flush()
-        while live.ledger.answers._task is not None:
+        while live.ledger.lookup._task is not None:
             await asyncio.sleep(0.001)
         if save:
             live.ledger.save()

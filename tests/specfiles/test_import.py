@@ -186,10 +186,10 @@ def test_stubs_make_what_reads_them_unknown(tmp_path: Path) -> None:
     ("config", "word"),
     [
         ("a: b", "the list `monitors` is missing"),
-        ("monitors: [5]", "monitors[0] is no mapping"),
-        ("monitors: [{monitor: {id: x}}]", "names no topic and no service"),
+        ("monitors: [5]", "monitors[0] is not a mapping"),
+        ("monitors: [{monitor: {id: x}}]", "has no topics and no services"),
         ("monitors: [{monitor: {topics: [{type: x}]}}]", "has no name"),
-        ("a: [", "is no YAML"),
+        ("a: [", "not YAML"),
     ],
 )
 def test_what_is_no_configuration_is_refused_in_one_line(tmp_path: Path, config: str, word: str) -> None:
@@ -198,7 +198,7 @@ def test_what_is_no_configuration_is_refused_in_one_line(tmp_path: Path, config:
 
 
 @pytest.mark.parametrize(
-    ("module", "word"), [("x = 1", "no `PROPERTY"), ("def f(:", "module.py:1: is no Python"), (None, "can't be read")]
+    ("module", "word"), [("x = 1", "no `PROPERTY"), ("def f(:", "module.py:1: not Python"), (None, "can't be read")]
 )
 def test_what_is_no_property_module_is_refused_in_one_line(tmp_path: Path, module: str | None, word: str) -> None:
     (tmp_path / "config.yaml").write_text(FIRST)

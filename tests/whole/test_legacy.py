@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from oracle_server.attach.rosmonitoring import MONITOR, answered, verdict_of
+from oracle_server.attach.rosmonitoring import MONITOR, reply_text, verdict_of
 from oracle_server.engines.native import NativeEngine
 from tests.core.sessions import A, B, Feed, open_session, prop
 from tests.whole.conftest import Starts
@@ -143,7 +143,7 @@ async def test_a_session_that_is_closed_over_http_ends_the_connection(server: Se
         assert server.http.delete(f"/api/v1/sessions/{session}").is_success
         with pytest.raises(ConnectionClosed):
             await socket.recv()
-    server.said(f"old monitor gone .*session={session}\n")
+    server.said(f"legacy monitor gone .*session={session}\n")
 
 
 @pytest.mark.parametrize(("path", "word"), [("/", "--legacy SPEC"), ("/legacy/nothing", "no spec 'nothing'")])
@@ -160,7 +160,7 @@ def test_a_default_spec_that_is_not_on_hand_is_refused_at_the_start(tmp_path: Pa
     said = failed(
         "serve", "--specs", tmp_path / "specs", "--data-dir", tmp_path / "data", "--port", "0", "--legacy", "x"
     )
-    assert "no spec 'x' is on hand" in said
+    assert "there is no spec 'x'" in said
 
 
 JSON = st.recursive(
@@ -177,5 +177,5 @@ JSON = st.recursive(
 @given(st.dictionaries(st.sampled_from(["topic", "verdict", "spec", "error", "a"]) | st.text(), JSON, min_size=1))
 def test_a_reply_is_the_event_and_our_words(event: dict[str, Any]) -> None:
     words = {"verdict": "currently_true"}
-    reply = json.loads(answered(json.dumps(event), event, words))
+    reply = json.loads(reply_text(json.dumps(event), event, words))
     assert reply == {k: v for k, v in event.items() if k not in ("verdict", "spec", "error")} | words

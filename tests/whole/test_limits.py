@@ -178,7 +178,7 @@ def test_the_throttle_lets_a_burst_through_and_then_the_rate(monkeypatch: pytest
     throttle = Throttle(1000)
     for _ in range(1999):
         throttle.count()
-    assert throttle.is_due
+    assert throttle.must_yield
     assert throttle.pause() == 0
     for _ in range(1000):
         throttle.count()
@@ -220,7 +220,7 @@ async def test_a_formula_that_explodes_is_told_and_costs_the_others_nothing(serv
     assert all(r["degraded"] for r in unknown[1:])
     assert states["small"]["broken"] is None
     assert engine_failures(server) == failures + 1
-    server.said("a property is judged no more")
+    server.said("a property is no longer judged")
 
 
 def engine_failures(server: Server) -> float:

@@ -178,7 +178,7 @@ def test_the_command_line_uses_a_token(guarded: Guarded) -> None:
     url = guarded.server.url
     assert "token" in failed("sessions", "--url", url)
     assert run("sessions", "--url", url, ORACLE_TOKEN=guarded.secrets["read"]).returncode == 0
-    assert "scopes" in failed("sessions", "--url", url, ORACLE_TOKEN=guarded.secrets["submit"])
+    assert "lacks the scope" in failed("sessions", "--url", url, ORACLE_TOKEN=guarded.secrets["submit"])
 
 
 async def test_events_before_the_answer_of_a_refused_handshake_are_not_read(guarded: Guarded) -> None:

@@ -1,7 +1,7 @@
-"""Writing to SQLite in WAL mode: one thread, and whatever has piled up in one commit.
+"""Writes to SQLite in WAL mode: one thread, which commits all waiting rows together.
 
-Rows are inserted many to a statement: the writer needs the interpreter once a statement, and each time would have to
-wait for the event loop to let go of it.
+One statement inserts many rows, since the writer thread needs the interpreter for each statement, and may have to wait
+until the event loop releases it.
 """
 
 from __future__ import annotations
@@ -26,21 +26,23 @@ from oracle_server.history.sqlite.schema import REFUSED_COLUMNS, STEP_COLUMNS, V
 
 Durability = Literal["full", "normal"]
 MAX_PENDING = 20_000
-"""Rows that may wait for the disk; beyond, monitors are not read until there is room."""
+"""Rows that may wait for their commit; beyond this limit, monitors are not read until there is room."""
 _RETRY_AFTER = 1.0
+"""Seconds until a failed commit is tried again."""
 _GATHER = 0.01
 """Seconds for which rows are gathered before the writer is woken."""
 PERIOD = 0.04
-"""Seconds between two commits at least: the writer competes with the event loop for Python."""
+"""The least seconds between two commits: the writer competes with the event loop for the interpreter."""
 _COLUMNS = {"steps": STEP_COLUMNS, "refused": REFUSED_COLUMNS}
 _CHUNK = 512
+"""The most rows of one statement."""
 
 log = structlog.get_logger()
 
 
 @dataclass(slots=True)
 class _Batch:
-    """What waits for the next commit, in the order in which it must be done."""
+    """The statements that wait for the next commit, in order."""
 
     work: list[tuple[str, Any]] = field(default_factory=list)
     callbacks: list[Callable[[], None]] = field(default_factory=list)
@@ -48,10 +50,10 @@ class _Batch:
 
 
 class Writer:
-    """Appends to the history from the event loop's thread; each append tells when it is committed."""
+    """Queues rows and statements from the event loop's thread; each may have a callback for after its commit."""
 
     def __init__(self, path: Path, durability: Durability) -> None:
-        """Open a database, which must be nobody else's. Raises `HistoryError` where it can't be used."""
+        """Open a database that no other process uses. Raises `HistoryError` where it can't be used."""
         self.path = path
         try:
             self._writer = sqlite3.connect(self.path, isolation_level=None, check_same_thread=False)
@@ -70,7 +72,7 @@ class Writer:
         self._uncommitted: deque[float] = deque()
         self._thread = threading.Thread(target=self._run, name="history writer", daemon=True)
         self.failure: str | None = None
-        """Why the history can't be written at the moment."""
+        """Why the history can't be written at present; None where it can."""
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Start the writer; callbacks run on `loop`."""
@@ -79,17 +81,17 @@ class Writer:
         self._thread.start()
 
     async def room(self) -> None:
-        """Wait until no more than `MAX_PENDING` rows wait for the disk."""
+        """Wait until no more than `MAX_PENDING` rows wait for their commit."""
         await self._room.wait()
 
     @property
     def has_room(self) -> bool:
-        """Whether no more than `MAX_PENDING` rows wait for the disk."""
+        """Whether no more than `MAX_PENDING` rows wait for their commit."""
         return self._room.is_set()
 
     @property
     def pending(self) -> int:
-        """Rows that wait for the disk."""
+        """The number of rows that wait for their commit."""
         return self._pending
 
     @property
@@ -102,17 +104,17 @@ class Writer:
         self._add(table, rows, done, len(rows))
 
     def execute(self, sql: str, values: Sequence[Any], done: Callable[[], None] | None = None) -> None:
-        """Run a statement with the next commit, after all that was appended before."""
+        """Execute a statement with the next commit, after all earlier rows and statements; call `done` after it."""
         self._add(sql, values, done, 1)
 
     async def flush(self) -> None:
-        """Wait until all that was appended is committed."""
+        """Wait until everything queued so far is committed."""
         committed = asyncio.Event()
         self.append("steps", [], committed.set)
         await committed.wait()
 
     def close(self) -> None:
-        """Commit what waits, stop the writer and close the database. Call it off the event loop."""
+        """Commit what waits, stop the writer and close the database. It blocks; don't call it on the event loop."""
         with self._wake:
             self._stopping = True
             self._wake.notify()
@@ -138,7 +140,7 @@ class Writer:
             self._handing_over = self._loop.call_later(delay, self._hand_over)
 
     def _hand_over(self) -> None:
-        """Give the writer what has piled up, unless it has not taken the last batch yet."""
+        """Give the batch to the writer, unless the writer has not started the last one yet."""
         self._handing_over = None
         if not self._batch.work:
             return
@@ -157,15 +159,15 @@ class Writer:
                 if batch is None and self._batch.work:
                     batch, self._batch = self._batch, _Batch()
             if batch is None or not self._commit(batch):
-                return  # what comes after a batch that was not written would leave a gap
+                return  # a later batch without this one would leave a gap
 
     def _commit(self, batch: _Batch) -> bool:
-        """Write a batch, again and again until it is written or the store is closed; whether it is written."""
+        """Write a batch, with retries until the writer is closed; returns whether it is written."""
         while True:
             try:
                 self._write(batch)
-            except Exception as error:  # noqa: BLE001 -- without its thread, nothing would ever be written, or told of
-                known, self.failure = self.failure, _told(error)
+            except Exception as error:  # noqa: BLE001 -- without this thread, nothing would be written or reported
+                known, self.failure = self.failure, _reason(error)
                 if known is None:
                     log.error("the history can't be written", reason=self.failure, path=str(self.path))
                 with self._wake:
@@ -178,7 +180,7 @@ class Writer:
             self.failure = None
             log.info("the history can be written again")
         assert self._loop is not None  # noqa: S101 -- the thread starts with the loop
-        with contextlib.suppress(RuntimeError):  # the loop is closed: nobody is left to be told
+        with contextlib.suppress(RuntimeError):  # the loop is closed, and with it those that wait
             self._loop.call_soon_threadsafe(self._committed, batch)
         return True
 
@@ -206,14 +208,14 @@ class Writer:
             callback()
 
 
-def _told(error: Exception) -> str:
+def _reason(error: Exception) -> str:
     if getattr(error, "sqlite_errorname", "").startswith("SQLITE_IOERR"):
-        return f"{error}: the disk fails, or has turned read-only; the system's log says more"
+        return f"{error}: the disk fails, or is read-only; see the system's log"
     return str(error)
 
 
 def _merged(work: list[tuple[str, Any]]) -> list[tuple[str, Any]]:
-    """The work with rows that follow each other in one table, or statement, put together."""
+    """The work with consecutive rows of one table, or values of one statement, combined."""
     merged: list[tuple[str, Any]] = []
     for what, values in work:
         if not merged or merged[-1][0] != what:
@@ -239,4 +241,4 @@ def _prepare(writer: sqlite3.Connection, durability: Durability) -> None:
     writer.execute(f"PRAGMA synchronous = {durability.upper()}")
     version = migrate(writer)
     if version not in (0, VERSION):
-        log.info("the history was brought to a newer format", was=version, now=VERSION)
+        log.info("the history was migrated to a newer format", was=version, now=VERSION)

@@ -1,1 +1,1 @@
-"""A spec from what ROSMonitoring was configured with, which is read and never run."""
+"""Importing ROSMonitoring's configurations and property modules as specs; none of their code is run."""

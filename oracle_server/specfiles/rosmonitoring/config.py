@@ -1,4 +1,4 @@
-"""ROSMonitoring's YAML, in all its dialects, as one neutral value; it is read, and nothing of it is run."""
+"""Reads ROSMonitoring's YAML configurations, in the dialects of all its versions."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _KNOWN = {
 
 
 class ConfigError(OracleError):
-    """A configuration that can't be read as ROSMonitoring's."""
+    """A configuration or property module of ROSMonitoring's that can't be read."""
 
 
 @dataclass(slots=True)
 class Interface:
     """A topic or service; `delay` is its `max_delay_ms`, `stamp` the field that it is ordered by.
 
-    `bare`: its name stands without the leading slash, and its oracle is told it so.
+    `bare`: its name is written without the leading slash, and sent so to its oracle.
     """
 
     name: str
@@ -38,12 +38,12 @@ class Interface:
     stamp: str | None = None
     bare: bool = False
     lost: list[str] = field(default_factory=list)
-    """What has no counterpart, in words."""
+    """Settings that have no counterpart, as text."""
 
 
 @dataclass(slots=True)
 class Config:
-    """All monitors of a file together; `url` is the first one's oracle, `timeout` its patience in seconds."""
+    """All monitors of a file; `url` is the address of the first one's oracle, `timeout` that of its replies (s)."""
 
     name: str
     interfaces: list[Interface] = field(default_factory=list)
@@ -53,27 +53,27 @@ class Config:
 
     @property
     def reordered(self) -> bool:
-        """Whether anything was put in order of publication."""
+        """Whether any interface was put in order of publication."""
         return any(i.reordered for i in self.interfaces)
 
 
 def read_config(value: object, file: str) -> Config:
-    """A configuration from its YAML. Raises `ConfigError`."""
+    """Read a configuration from the value of its YAML. Raises `ConfigError`."""
     monitors = value.get("monitors") if isinstance(value, Mapping) else None
     if not isinstance(monitors, list) or not monitors:
-        raise ConfigError(f"{file}: is no configuration of ROSMonitoring: the list `monitors` is missing")
+        raise ConfigError(f"{file}: not a configuration of ROSMonitoring: the list `monitors` is missing")
     config = Config("imported")
     assert isinstance(value, Mapping)  # noqa: S101 -- it has monitors
     config.lost += [f"`{key}`: nodes are started by your own launch files" for key in ("path", "nodes") if key in value]
     for number, item in enumerate(monitors):
         monitor = item.get("monitor", item) if isinstance(item, Mapping) else None
         if not isinstance(monitor, Mapping):
-            raise ConfigError(f"{file}: monitors[{number}] is no mapping")
+            raise ConfigError(f"{file}: monitors[{number}] is not a mapping")
         name = str(monitor.get("id", f"monitor_{number}"))
         config.name = name if number == 0 else config.name
         _add_monitor(config, monitor, name, file, first=number == 0)
     if not config.interfaces:
-        raise ConfigError(f"{file}: names no topic and no service")
+        raise ConfigError(f"{file}: has no topics and no services")
     return config
 
 
@@ -85,14 +85,14 @@ def _add_monitor(config: Config, monitor: Mapping[str, Any], name: str, file: st
         config.timeout = float(oracle.get("timeout") or 2.0)
     elif oracle:
         config.lost.append(f"the oracle of monitor '{name}': one spec has one oracle here; import it by itself")
-    words = {
-        "log": "the history is kept by the server, and `oracle-server record` writes it",
-        "silent": "the server logs by itself",
-        "warning": "every outcome is recorded; ask for those that you want",
+    reasons = {
+        "log": "the server keeps the history, and `oracle-server record` writes it to a file",
+        "silent": "the server has a log of its own",
+        "warning": "every outcome is recorded; select those that you need",
         "status": "see the adapter's own diagnostics",
         "actions": "actions are not observed in this version",
     }
-    config.lost += [f"`{key}` of monitor '{name}': {words[key]}" for key in words if key in monitor]
+    config.lost += [f"`{key}` of monitor '{name}': {reasons[key]}" for key in reasons if key in monitor]
     if oracle.get("action") not in (None, "nothing"):
         config.lost.append(f"`oracle.action: {oracle['action']}` of monitor '{name}': messages are never changed here")
     config.lost += [f"`{key}` of monitor '{name}'" for key in sorted(set(monitor) - _KNOWN["monitor"])]
@@ -111,7 +111,7 @@ def _add_monitor(config: Config, monitor: Mapping[str, Any], name: str, file: st
 
 
 def _items(monitor: Mapping[str, Any], kind: str) -> Iterator[Mapping[str, Any]]:
-    """The interfaces of a kind: those listed, and those that only the list of ordered ones describes."""
+    """The interfaces of a kind: those listed, and those described only in the list of ordered ones."""
     seen = set()
     for key in (f"{kind}s", f"ordered_{kind}s"):
         for item in monitor.get(key) or ():
@@ -129,7 +129,7 @@ def _interface(item: Mapping[str, Any], kind: Literal["topic", "service"], monit
     name = item.get("name")
     if not isinstance(name, str) or not re.fullmatch(r"[~/A-Za-z][\w/~]*", name):
         raise ConfigError(
-            f"{file}: a {kind} of monitor '{monitor}' has no name, or one that ROS does not have: {name!r}"
+            f"{file}: a {kind} of monitor '{monitor}' has no name, or one that ROS does not allow: {name!r}"
         )
     ordering = item.get("ordering") if isinstance(item.get("ordering"), Mapping) else {}
     assert isinstance(ordering, Mapping)  # noqa: S101 -- the line above

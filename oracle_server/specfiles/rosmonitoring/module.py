@@ -1,4 +1,4 @@
-"""A property module of ROSMonitoring's oracle, read as text: it is never imported."""
+"""Reads a property module of ROSMonitoring's oracle from its syntax tree; it is never imported."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from oracle_server.specfiles.rosmonitoring.config import ConfigError
 
 @dataclass(frozen=True, slots=True)
 class PropertyModule:
-    """A module's formula, its predicates' first values, and its function that abstracts messages."""
+    """A module's formula, its predicates' initial values, and its function `abstract_message`."""
 
     name: str
     formula: str
@@ -21,7 +21,7 @@ class PropertyModule:
 
     @property
     def truths(self) -> frozenset[str]:
-        """The predicates that are booleans, which Rye's `True` means there; elsewhere it is the text."""
+        """The Boolean predicates: with them, `True` in Rye is the Boolean value; with all others, the text."""
         body = self.function.body if self.function else []
         texts = {
             _target(node)
@@ -41,9 +41,7 @@ def read_module(path: Path) -> PropertyModule:
     except OSError as error:
         raise ConfigError(f"{path}: can't be read: {error.strerror}") from None
     except (SyntaxError, ValueError, RecursionError) as error:
-        raise ConfigError(
-            f"{path}:{getattr(error, 'lineno', 1)}: is no Python: {getattr(error, 'msg', error)}"
-        ) from None
+        raise ConfigError(f"{path}:{getattr(error, 'lineno', 1)}: not Python: {getattr(error, 'msg', error)}") from None
     formula: str | None = None
     initial: dict[str, object] = {}
     function = None
@@ -56,7 +54,7 @@ def read_module(path: Path) -> PropertyModule:
             case ast.FunctionDef(name="abstract_message"):
                 function = statement
     if formula is None:
-        raise ConfigError(f"{path}: has no `PROPERTY = '…'`, and so is no property module")
+        raise ConfigError(f"{path}: not a property module: it has no `PROPERTY = '…'`")
     name = re.sub(r"[^A-Za-z0-9_.-]", "_", path.stem)[:64]
     return PropertyModule(name, " ".join(formula.split()), initial, function)
 

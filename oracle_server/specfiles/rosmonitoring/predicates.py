@@ -1,4 +1,4 @@
-"""Python predicates to CEL: what a property module's function does at a stream's messages, read from its text."""
+"""Translates the predicates of a property module's function from Python to CEL, for the messages of one stream."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class UntranslatableError(OracleError):
 
 @dataclass(slots=True)
 class Effect:
-    """What a function does at a message: CEL by predicate; `unread` are predicates with the Python that was not."""
+    """What a function assigns at a message: CEL by predicate; `unread` is Python that can't be translated, likewise."""
 
     assigned: dict[str, str] = field(default_factory=dict)
     unread: dict[str, str] = field(default_factory=dict)
@@ -25,19 +25,19 @@ class Effect:
 
 @dataclass(frozen=True, slots=True)
 class Stream:
-    """What a message's `topic` or `service` says at a stream, with and without the slash, and where its fields are."""
+    """A stream as its messages show it: `key` is `topic` or `service`, under which they have its name."""
 
     key: str
     name: str
     kind: str
 
-    def says(self, key: str, value: object) -> bool:
-        """Whether a message of the stream has this `topic` or `service`."""
+    def has(self, key: str, value: object) -> bool:
+        """Whether a message of the stream has this `topic` or `service`, with or without the leading slash."""
         return key == self.key and isinstance(value, str) and value.removeprefix("/") == self.name.removeprefix("/")
 
 
 def effect(function: ast.FunctionDef, stream: Stream) -> Effect:
-    """What a function does at a message of a stream."""
+    """What a function assigns at a message of a stream."""
     return _run(function.body, _Reader(function.args.args[0].arg if function.args.args else "message", stream))
 
 
@@ -93,7 +93,7 @@ class _Reader:
         return f"{self.cel(left)} {_COMPARE[type(op)]} {self.cel(right)}"
 
     def _decided(self, left: ast.expr, op: ast.cmpop, right: ast.expr) -> bool | None:
-        """What the stream alone says of a comparison: which topic it is, or what its messages have."""
+        """The value of a comparison that depends on the stream alone, None for any other one."""
         if isinstance(left, ast.Constant) and self._is_argument(right) and isinstance(op, ast.In | ast.NotIn):
             special = {"topic", "service", "request", "response"}
             if left.value not in special:
@@ -105,7 +105,7 @@ class _Reader:
         values = right.elts if isinstance(right, ast.List | ast.Tuple | ast.Set) else [right]
         if not all(isinstance(v, ast.Constant) for v in values):
             return None
-        same = any(self.stream.says(key, v.value) for v in values if isinstance(v, ast.Constant))
+        same = any(self.stream.has(key, v.value) for v in values if isinstance(v, ast.Constant))
         if isinstance(op, ast.Eq | ast.In):
             return same
         return not same if isinstance(op, ast.NotEq | ast.NotIn) else None

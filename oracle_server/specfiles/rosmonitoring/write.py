@@ -1,4 +1,4 @@
-"""`import`: a spec from ROSMonitoring's configuration and property modules, and comments on what had no counterpart."""
+"""The command `import`: writes a spec from ROSMonitoring's files, with comments where there is no counterpart."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from oracle_server.specfiles.rosmonitoring.module import PropertyModule, read_mo
 from oracle_server.specfiles.rosmonitoring.predicates import Stream, effect
 
 STUB = "1 / 0 == 1"
-"""A signal that always fails, so that what reads it is unknown until it is written."""
-_PASSED_OVER = RESERVED | {"time", "t"}
+"""A signal that always fails, so that formulas with it are unknown until it is written."""
+_IGNORED = RESERVED | {"time", "t"}
 
 
 @dataclass(slots=True)
 class _Signals:
-    """What one stream's messages show: CEL by signal, those that keep their value, and the Python that was not read."""
+    """One stream's signals: their CEL, those that hold their value, and the Python that can't be translated."""
 
     cel: dict[str, str] = field(default_factory=dict)
     hold: list[str] = field(default_factory=list)
@@ -41,7 +41,7 @@ def import_config(config: Path, modules: Sequence[Path], out: Path | None) -> No
     except OSError as error:
         raise ConfigError(f"{config}: can't be read: {error.strerror}") from None
     except (yaml.YAMLError, RecursionError) as error:
-        raise ConfigError(f"{config}: is no YAML: {one_line(' '.join(str(error).split()))}") from None
+        raise ConfigError(f"{config}: not YAML: {one_line(' '.join(str(error).split()))}") from None
     text = spec_text(read_config(value, str(config)), [read_module(path) for path in modules], config.name)
     if out is None:
         sys.stdout.write(text)
@@ -53,12 +53,12 @@ def import_config(config: Path, modules: Sequence[Path], out: Path | None) -> No
 
 
 def spec_text(config: Config, modules: Sequence[PropertyModule], source: str) -> str:
-    """The spec that says what a configuration and its modules say."""
+    """The text of the spec for a configuration and its modules."""
     signals = {(i.name, kind): _signals(i, kind, modules) for i in config.interfaces for kind in _kinds(i)}
     shared = _hold(signals)
-    lines = [f"# Imported from {source} by `oracle-server import`. Look through the lines marked TODO."]
-    lines += [f"# no counterpart: {one_line(word)}" for word in config.lost]
-    lines += [f"# TODO: `{name}` kept its value over several streams' messages there; here one stream only holds a name"
+    lines = [f"# Imported from {source} by `oracle-server import`. Check the lines marked TODO."]
+    lines += [f"# no counterpart: {one_line(text)}" for text in config.lost]
+    lines += [f"# TODO: `{name}` kept its value over several streams' messages there; here only one stream can hold it"
               for name in shared]  # fmt: skip
     lines += [f"id: {re.sub(r'[^A-Za-z0-9_.-]', '_', config.name)[:64]}", *_ordering(config), "streams:"]
     wait = 0 if modules else _milliseconds(config.timeout)
@@ -78,9 +78,9 @@ def _signals(interface: Interface, kind: str, modules: Sequence[PropertyModule])
         if module.function is None:
             continue
         done = effect(module.function, Stream(interface.kind, interface.name, kind))
-        found.unread |= {n: python for n, python in done.unread.items() if n not in _PASSED_OVER}
+        found.unread |= {n: python for n, python in done.unread.items() if n not in _IGNORED}
         for name, cel in done.assigned.items():
-            if name in _PASSED_OVER or name in found.unread:
+            if name in _IGNORED or name in found.unread:
                 continue
             if _reads(cel):
                 found.cel[name] = cel
@@ -98,7 +98,7 @@ def _reads(cel: str) -> bool:
 
 
 def _hold(signals: dict[tuple[str, str], _Signals]) -> list[str]:
-    """Let signals keep their value that not every stream sets; tell those that several streams would have to hold."""
+    """Hold the signals that only one stream sets; returns those that several streams, but not all, set."""
     setters: defaultdict[str, list[_Signals]] = defaultdict(list)
     for stream in signals.values():
         for name in (*stream.cel, *stream.unread):
@@ -116,26 +116,33 @@ def _hold(signals: dict[tuple[str, str], _Signals]) -> list[str]:
 
 def _ordering(config: Config) -> list[str]:
     if not config.reordered:
-        return ["ordering:", "  by: arrival   # as there; `publication` is better where messages have stamps"]
+        return [
+            "ordering:",
+            "  by: arrival   # as in ROSMonitoring; `publication` is better where messages have stamps",
+        ]
     delays = [i.delay for i in config.interfaces if i.reordered and i.delay]
     if delays:
         return ["ordering:", "  by: publication", f"  max_delay: {max(delays)}ms"]
-    return ["ordering:", "  by: publication", "  max_delay: 200ms   # there it waited for ever, for the rarest stream"]
+    return [
+        "ordering:",
+        "  by: publication",
+        "  max_delay: 200ms   # before, it waited without limit for the rarest stream",
+    ]
 
 
 def _interface(config: Config, interface: Interface, signals: dict[tuple[str, str], _Signals], wait: int) -> list[str]:
-    """The lines of one interface; `wait` is how long (ms) decisions wait for an oracle elsewhere."""
+    """The lines of one interface; `wait` is how long (ms) decisions wait for an external oracle."""
     lines = [f"  - {interface.kind}: {interface.name}"]
     if interface.type:
         lines.append(f"    type: {interface.type}")
-    lines += [f"    # no counterpart: {one_line(word)}" for word in interface.lost]
+    lines += [f"    # no counterpart: {one_line(text)}" for text in interface.lost]
     if config.reordered and not interface.reordered:
         lines.append("    ordered: false")
     if interface.filtered:
         least = max([i.delay or 200 for i in config.interfaces if i.reordered], default=0)
         within = max(_milliseconds(config.timeout), least + wait + 100)
         lines += ["    action: filter", f"    decide_within: {within}ms"]
-        lines.append("    on_unavailable: deny   # there a filter let everything pass while its oracle was away")
+        lines.append("    on_unavailable: deny   # before, a filter passed everything while its oracle was unreachable")
         if interface.kind == "topic":
             lines.append(f"    intercept: {'subscriber' if interface.subscribers else 'publisher'}")
     if interface.kind == "topic":
@@ -160,7 +167,7 @@ def _channel(interface: Interface, signals: _Signals, indent: str) -> list[str]:
         lines.append(f"{indent}  {json.dumps(name)}: {json.dumps(cel)}")
     for name, python in signals.unread.items():
         was = [f"{indent}  # {line}" for line in python.splitlines()]
-        lines += [f"{indent}  # TODO: write this as CEL over `msg`; until then what reads it is unknown. It was:", *was]
+        lines += [f"{indent}  # TODO: write this as CEL over `msg`; until then its formulas are unknown. It was:", *was]
         lines.append(f"{indent}  {json.dumps(name)}: {json.dumps(STUB)}")
     return lines
 
@@ -172,20 +179,20 @@ def _properties(
     lines: list[str] = []
     if not modules:
         lines += [
-            "  # No property module was given (--properties), so that the oracle stays who judges.",
+            "  # No property module was given (--properties), so that the external oracle still judges.",
             "  - id: oracle",
             "    engine: external",
             f"    url: {config.url}",
             f"    timeout: {_milliseconds(config.timeout)}ms",
         ]
-        lines += ["    names: bare   # as it was told them"] if all(i.bare for i in config.interfaces) else []
+        lines += ["    names: bare   # as it received them before"] if all(i.bare for i in config.interfaces) else []
         lines += [guards] if any(i.filtered for i in config.interfaces) else []
         return lines
     known = {name for stream in signals.values() for name in (*stream.cel, *stream.unread)}
     for module in modules:
         formula = _formula(module, config)
         lines.append(f"  - id: {module.name}")
-        lines += [f"    # TODO: {word}" for word in _doubts(module, formula, known)]
+        lines += [f"    # TODO: {text}" for text in _doubts(module, formula, known)]
         lines.append(f"    formula: {json.dumps(formula if _parses(formula) is None else '{todo}')}")
         lines += [guards] if any(i.filtered for i in config.interfaces) else []
     return lines
@@ -216,14 +223,12 @@ def _doubts(module: PropertyModule, formula: str, known: set[str]) -> list[str]:
     doubts = []
     if "[" in formula:
         doubts.append("bounds count steps here; with `time: seconds`, as in the oracle's dense mode, they are seconds")
-    begun = sorted(
-        n for n, v in module.initial.items() if v not in (None, False) and n in known and n not in _PASSED_OVER
+    initial = sorted(
+        n for n, v in module.initial.items() if v not in (None, False) and n in known and n not in _IGNORED
     )
-    if begun:
-        doubts.append(f"before its first message {', '.join(begun)} had a value there, and is absent here")
-    lost = sorted(
-        n for n in module.initial if n not in known and n not in _PASSED_OVER and re.search(rf"\b{n}\b", formula)
-    )
+    if initial:
+        doubts.append(f"before its first message {', '.join(initial)} had a value there, and is absent here")
+    lost = sorted(n for n in module.initial if n not in known and n not in _IGNORED and re.search(rf"\b{n}\b", formula))
     if lost:
         doubts.append(f"no stream sets {', '.join(lost)}")
     return doubts

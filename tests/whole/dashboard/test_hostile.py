@@ -62,7 +62,7 @@ async def test_numbers_are_shown_as_they_are(server: Server, session: str, page:
         await monitor.send(make_event(1, at=1, data={"v": 2**63 - 1}))
         await monitor.acked(1)
     await page.goto(f"{server.url}/#/sessions/{session}?n=1")
-    await page.get_by_text("what formulas saw of the event").click()
+    await page.get_by_text("signals of the event").click()
     await expect(page.locator("dl").last).to_contain_text("9223372036854775807")
 
 
@@ -79,7 +79,7 @@ async def test_a_token_is_asked_for_and_kept_to_oneself(start: Starts, tmp_path:
     await expect(field).to_have_value("")
     await field.fill(submits)
     await page.get_by_role("button", name="Use").click()
-    await expect(page.get_by_role("status")).to_contain_text("the token's scopes do not hold `read`")
+    await expect(page.get_by_role("status")).to_contain_text("the token lacks the scope `read`")
     await field.fill(secret)
     await page.get_by_role("button", name="Use").click()
     await expect(page.get_by_role("status")).to_have_text("live")

@@ -10,7 +10,7 @@ import pytest
 from oracle_server.core.errors import HistoryError
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.records import StoredStep
-from oracle_server.sessions import answers
+from oracle_server.sessions import lookup
 from tests.sessions.making import GUARD, Kept, attach, event, registry
 
 
@@ -56,7 +56,7 @@ async def test_nothing_waits_for_an_answer_that_the_history_has(tmp_path: Path) 
 
 
 async def test_what_waits_for_answers_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(answers, "_MOST", 10)
+    monkeypatch.setattr(lookup, "_MOST", 10)
     history = Stuck()
     sessions = registry(history, tmp_path, GUARD)
     outbox = Kept()
@@ -132,7 +132,7 @@ async def test_no_failure_leaves_an_event_waiting_or_a_session_unread(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A row that can't be understood, say: the events behind it are answered, and there is room again."""
-    monkeypatch.setattr(answers, "_MOST", 1)
+    monkeypatch.setattr(lookup, "_MOST", 1)
     history = MemoryHistory()
     sessions = registry(history, tmp_path, GUARD)
     outbox = Kept()
