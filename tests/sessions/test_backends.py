@@ -21,6 +21,7 @@ from oracle_server.specfiles.library import Library
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import Handling
 from tests.history.conftest import BACKENDS
+from tests.processes import PATIENCE
 from tests.sessions.making import Kept, attach, event
 
 SPEC = """
@@ -129,7 +130,8 @@ async def test_sessions_are_the_same_over_every_backend(tmp_path: Path, by: str)
         (tmp_path / name).mkdir()
         history = backend(tmp_path / name)
         history.start(asyncio.get_running_loop())
-        found[name] = await run(history, tmp_path / name, by)
+        async with asyncio.timeout(PATIENCE):
+            found[name] = await run(history, tmp_path / name, by)
         await asyncio.to_thread(history.close)
     for sqlite, memory in zip(found["sqlite"], found["memory"], strict=True):
         assert sqlite == memory
