@@ -1,1 +1,1 @@
-"""One monitor's WebSocket."""
+"""The WebSockets of monitors: the project's own protocol, and ROSMonitoring's."""

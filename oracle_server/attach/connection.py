@@ -122,7 +122,7 @@ class Connection:
             if self._attached is not None:
                 session, monitor = self._attached
                 _, reason = self._conversation.end
-                log.info("monitor gone", session=session.id, monitor=monitor.name, reason=reason or "left")
+                log.info("monitor disconnected", session=session.id, monitor=monitor.name, reason=reason or "left")
                 session.disconnected(monitor, self)
 
     def _give_up(self) -> None:
@@ -136,7 +136,7 @@ class Connection:
 
     def _fail(self) -> None:
         log.exception("a connection failed")
-        self.drop(WireError("internal", "the server failed; its log says why", fatal=True))
+        self.drop(WireError("internal", "the server failed; see its log", fatal=True))
 
     # Writing
 

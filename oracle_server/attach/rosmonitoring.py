@@ -120,7 +120,7 @@ class LegacyConnection:
         except (WebSocketDisconnect, RuntimeError, OSError):
             pass  # the connection is lost, and its session ends with it
         finally:
-            log.info("legacy monitor gone", session=self._session.id)
+            log.info("legacy monitor disconnected", session=self._session.id)
             self._session.detach(monitor)
             self._over.set()
 

@@ -86,4 +86,4 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(Exception)
     async def _bug(_: Request, __: Exception) -> JSONResponse:
-        return problem(500, "the server failed to answer; its log says why")
+        return problem(500, "the server failed to answer; see its log")

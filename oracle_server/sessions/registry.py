@@ -148,14 +148,14 @@ class Registry:
             if session.number == number and not session.closing and session.ledger.snapshots.rested:
                 session.ledger.save()
 
-    async def closed_within(self, session: LiveSession, patience: float) -> bool:
-        """Close a session, and return whether it is closed within `patience` seconds; else the closing continues.
+    async def closed_within(self, session: LiveSession, within: float) -> bool:
+        """Close a session, and return whether it is closed within `within` seconds; else the closing continues.
 
         Raises `SessionStaysOpenError` where it failed, and `WireError` where the server stops; it stays open then.
         """
-        _, waiting = await asyncio.wait((self._begin_to_close(session),), timeout=patience)
+        _, waiting = await asyncio.wait((self._begin_to_close(session),), timeout=within)
         if not waiting and self.open.get(session.id) is session:
-            reason = f"session '{session.id}' could not be closed, and stays open; the server's log says why"
+            reason = f"session '{session.id}' could not be closed, and stays open; see the server's log"
             raise _stops() if self._stopping else SessionStaysOpenError(reason)
         return not waiting
 
@@ -254,7 +254,7 @@ class Registry:
         for name in names:
             if await self.known(name) is None:
                 return name
-        raise AssertionError  # there is no end of names
+        raise AssertionError  # all callers give names without end
 
     def _request_close(self, session: LiveSession) -> None:
         self._begin_to_close(session)

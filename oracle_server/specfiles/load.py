@@ -119,7 +119,7 @@ def _external_problems(model: PropertyModel) -> Iterator[tuple[str, str]]:
 
 
 def _unusable(url: str) -> str | None:
-    """Why a URL is not the address of a WebSocket, None where it is."""
+    """Why a URL can't be the address of an oracle, None where it can."""
     try:
         parts = urlsplit(url)
         port = parts.port

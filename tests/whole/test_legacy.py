@@ -143,7 +143,7 @@ async def test_a_session_that_is_closed_over_http_ends_the_connection(server: Se
         assert server.http.delete(f"/api/v1/sessions/{session}").is_success
         with pytest.raises(ConnectionClosed):
             await socket.recv()
-    server.said(f"legacy monitor gone .*session={session}\n")
+    server.said(f"legacy monitor disconnected .*session={session}\n")
 
 
 @pytest.mark.parametrize(("path", "word"), [("/", "--legacy SPEC"), ("/legacy/nothing", "no spec 'nothing'")])

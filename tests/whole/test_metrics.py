@@ -85,9 +85,9 @@ async def test_the_log_has_a_line_at_both_ends_of_a_connection_and_none_for_an_e
         await monitor.send(make_event(101, "/nowhere"))
         await monitor.acked(101)
         await monitor.detach()
-    server.said("monitor gone")
+    server.said("monitor disconnected")
     told = [line.split("]", 1)[1].split("  ")[0].strip() for line in server.log.splitlines()[before:]]
-    assert told == ["session opened", "monitor attached", "monitor gone"]
+    assert told == ["session opened", "monitor attached", "monitor disconnected"]
 
 
 async def test_labels_are_bounded(server: Server, session: str) -> None:

@@ -126,7 +126,7 @@ def _ordering(config: Config) -> list[str]:
     return [
         "ordering:",
         "  by: publication",
-        "  max_delay: 200ms   # before, it waited without limit for the rarest stream",
+        "  max_delay: 200ms   # ROSMonitoring waits without limit for the rarest stream",
     ]
 
 
@@ -142,7 +142,7 @@ def _interface(config: Config, interface: Interface, signals: dict[tuple[str, st
         least = max([i.delay or 200 for i in config.interfaces if i.reordered], default=0)
         within = max(_milliseconds(config.timeout), least + wait + 100)
         lines += ["    action: filter", f"    decide_within: {within}ms"]
-        lines.append("    on_unavailable: deny   # before, a filter passed everything while its oracle was unreachable")
+        lines.append("    on_unavailable: deny   # ROSMonitoring's filters pass all while the oracle is unreachable")
         if interface.kind == "topic":
             lines.append(f"    intercept: {'subscriber' if interface.subscribers else 'publisher'}")
     if interface.kind == "topic":
