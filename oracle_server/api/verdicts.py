@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import AsyncGenerator, AsyncIterator, Sequence
 from contextlib import aclosing
 from dataclasses import replace
-from typing import Annotated, Any, Literal
+from typing import Annotated
 
 from fastapi import APIRouter, Depends, HTTPException, Request, Response
 from fastapi import Path as PathParameter
@@ -16,9 +16,6 @@ from starlette.responses import StreamingResponse
 from oracle_server.api.explaining import Explainer
 from oracle_server.api.known import demand_session
 from oracle_server.api.questions import Outcomes, paged
-from oracle_server.core.events import Order
-from oracle_server.core.kinds import RecordKind
-from oracle_server.core.verdicts import Outcome
 from oracle_server.edge.scopes import needs
 from oracle_server.history.pages import find
 from oracle_server.history.port import History
@@ -28,34 +25,10 @@ from oracle_server.review.explanation import NoExplanationError
 from oracle_server.review.trace import trace_lines
 from oracle_server.sessions.registry import Registry
 from oracle_server.wire.json import encode_bytes
+from oracle_server.wire.outgoing import Record
 
 _CHUNK = 100
 """Lines of a trace that are sent at once."""
-
-
-class Record(BaseModel):
-    """The outcome of one property at a step, or at an expired deadline (`kind` is `tick`); times in nanoseconds."""
-
-    n: int = Field(description="The number of the verdict in its session, without gaps")
-    step: int | None = Field(description="The number of the step; null where the event was not judged")
-    property: str
-    order: Order
-    outcome: Outcome
-    stream: str
-    kind: RecordKind
-    monitor: str
-    seq: int
-    stamp: int = Field(description="When the event was published")
-    arrived: int = Field(description="When it arrived, in the session's time")
-    judged: int = Field(description="When it was judged, in the server's time")
-    late: bool
-    skewed: bool
-    degraded: bool
-    decision: Literal["allow", "deny"] | None
-    passed: bool | None = Field(description="What the adapter did with an event that it asked about")
-    robustness: float | Literal["Infinity", "-Infinity"] | None
-    violation: bool = Field(description="Whether the property became negative here")
-    explanation: dict[str, Any] | None
 
 
 class RecordPage(BaseModel):

@@ -74,12 +74,11 @@ class AckFrame(_Frame):
     upto: int
 
 
-class ViolationFrame(_Frame):
-    """A verdict record at which a property became negative, after its commit."""
+class Record(BaseModel):
+    """The verdict of one property at a step, or at a deadline that ran out (`kind` is `tick`); times in nanoseconds."""
 
-    type: Literal["violation"]
-    n: int
-    step: int | None
+    n: int = Field(description="The number of the verdict in its session, without gaps")
+    step: int | None = Field(description="The number of the step; null for ticks and events that were not judged")
     property: str
     order: Order
     outcome: Outcome
@@ -87,16 +86,25 @@ class ViolationFrame(_Frame):
     kind: RecordKind
     monitor: str
     seq: int
-    stamp: int
-    arrived: int
-    judged: int
+    stamp: int = Field(description="When the event was published")
+    arrived: int = Field(description="When it came, in the session's time")
+    judged: int = Field(description="When it was judged, in the server's time")
     late: bool
     skewed: bool
     degraded: bool
     decision: Literal["allow", "deny"] | None
-    passed: bool | None
+    passed: bool | None = Field(description="Whether the adapter let an event pass that it asked about")
     robustness: float | Literal["Infinity", "-Infinity"] | None
-    violation: bool
+    violation: bool = Field(description="Whether the property became negative here")
+    explanation: dict[str, Any] | None
+
+
+class ViolationFrame(Record):
+    """A verdict record at which a property became negative, after its commit."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    type: Literal["violation"]
     explanation: dict[str, Any]
 
 

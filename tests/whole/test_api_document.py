@@ -13,7 +13,8 @@ from hypothesis import HealthCheck
 from schemathesis.checks import CHECKS
 
 from oracle_server.api.openapi import description
-from oracle_server.api.verdicts import Record, RecordPage
+from oracle_server.api.verdicts import RecordPage
+from oracle_server.wire.outgoing import Record
 from tests.whole.client import attached, make_clock, make_event
 from tests.whole.harness import Server
 
