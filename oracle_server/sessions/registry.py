@@ -12,7 +12,7 @@ from typing import Any
 
 import structlog
 
-from oracle_server.core.errors import OracleError, SpecError
+from oracle_server.core.errors import HistoryError, OracleError, SpecError
 from oracle_server.core.plan import judged_by, plan
 from oracle_server.core.session import Session
 from oracle_server.core.spec import By
@@ -30,6 +30,8 @@ from oracle_server.specfiles.load import parse_spec
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import Attach
 
+_UNWRITTEN = 1_000
+"""Rows that may wait for a history that fails before no more sessions are opened: each retry of a monitor opens one."""
 _LISTED = 1_000
 """Closed sessions that are listed."""
 _CLOSE_WITHIN = 2.0
@@ -86,7 +88,8 @@ class Registry:
     ) -> LiveSession:
         """Open a new session; `by` overrides the order that its spec asks for.
 
-        Raises `UnknownSpecError`, `SpecError` or `SessionExistsError`, and `WireError` where the server stops.
+        Raises `UnknownSpecError`, `SpecError` or `SessionExistsError`, `HistoryError` where the history fails, and
+        `WireError` where the server stops.
         """
         async with self._opening:
             entry = self._library.get(spec_id)
@@ -210,6 +213,9 @@ class Registry:
         core = Session(ready, await asyncio.to_thread(make_engines, ready))
         if self._stopping:
             raise _stops()
+        failure = self._history.failure
+        if failure is not None and self._history.pending > _UNWRITTEN:
+            raise HistoryError(f"no session is opened while the history can't be written: {failure}")
         self._last += 1
         properties = tuple(p.id for p in spec.properties)
         record = SessionRecord(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from oracle_server.history.memory import MemoryHistory
+from oracle_server.sessions import registry
 from oracle_server.sessions.live import LiveSession
 from tests.api.conftest import Asked
 
@@ -38,3 +40,18 @@ async def test_a_session_can_be_neither_opened_nor_closed_once_the_server_stops(
         assert answer.status_code == 503
         assert "the server stops" in answer.json()["detail"]
     assert [s["id"] for s in (await asked.http.get("/api/v1/sessions")).json()["items"]] == ["s"]
+
+
+async def test_no_end_of_sessions_is_opened_while_the_history_can_not_be_written(
+    asked: Asked, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    history = asked.registry._history
+    assert isinstance(history, MemoryHistory)
+    history.failure = "no space left on device"
+    monkeypatch.setattr(registry, "_UNWRITTEN", -1)
+    answer = await asked.http.post("/api/v1/sessions", json={"spec": "single", "id": "s"})
+    assert answer.status_code == 503
+    assert "no space left" in answer.json()["detail"]
+    assert not asked.registry.open
+    history.failure = None
+    assert (await asked.http.post("/api/v1/sessions", json={"spec": "single", "id": "s"})).status_code == 201
