@@ -187,6 +187,15 @@ class LiveSession:
             if monitor.expiry:
                 monitor.expiry.cancel()
 
+    def go_on(self) -> None:
+        """Take events again, as it could not be closed; what would end it is looked for again."""
+        self.closing = False
+        loop = asyncio.get_running_loop()
+        for monitor in self.monitors.values():
+            if monitor.attached and monitor.outbox is None:
+                monitor.expiry = loop.call_later(self._resume_within, self._expire, monitor)
+        loop.call_later(self._resume_within, self._end_if_over)
+
     async def settle(self) -> None:
         """Once closed, wait a while for what oracles elsewhere say of what was held."""
         if self.oracles is not None:
@@ -263,6 +272,11 @@ class LiveSession:
             self._look_who_is_back()
             self.credit.close(monitor.name)
             self._deliver(self.core.detach(monitor.name, self._enter()))
+        self._leave_empty()
+
+    def _end_if_over(self) -> None:
+        if self.clock_went_back and not self.closing:
+            self._on_over(self)
         self._leave_empty()
 
     def _leave_empty(self) -> None:

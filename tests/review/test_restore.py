@@ -87,8 +87,8 @@ async def judged(folder: Path, by: str, *, restarted: bool) -> tuple[list[dict[s
     assert await made.sessions.closed_within(made.live, PATIENCE)
     state = await made.sessions.state("s")
     assert state is not None
-    counters = {name: state["counters"][name] for name in ("steps", "refused", "late", "skipped")}
-    return await made.records(), counters
+    names = ["steps", "refused", "late", "skipped", *(["lost"] if by == "arrival" else [])]
+    return await made.records(), [made.monitor.numbering.upto, *(state["counters"][name] for name in names)]
 
 
 @pytest.mark.parametrize("by", ["arrival", "publication", "both"])
