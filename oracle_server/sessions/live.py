@@ -187,6 +187,15 @@ class LiveSession:
             if monitor.expiry:
                 monitor.expiry.cancel()
 
+    def go_on(self) -> None:
+        """Take events again after a close that failed; what ends the session is checked again later."""
+        self.closing = False
+        loop = asyncio.get_running_loop()
+        for monitor in self.monitors.values():
+            if monitor.attached and monitor.outbox is None:
+                monitor.expiry = loop.call_later(self._resume_within, self._expire, monitor)
+        loop.call_later(self._resume_within, self._end_if_over)
+
     async def settle(self) -> None:
         """After `close`, wait some seconds for the answers of external oracles to the held events."""
         if self.oracles is not None:
@@ -263,6 +272,11 @@ class LiveSession:
             self._check_reconnected()
             self.credit.close(monitor.name)
             self._deliver(self.core.detach(monitor.name, self._enter()))
+        self._leave_empty()
+
+    def _end_if_over(self) -> None:
+        if self.clock_went_back and not self.closing:
+            self._request_close(self)
         self._leave_empty()
 
     def _leave_empty(self) -> None:

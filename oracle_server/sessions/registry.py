@@ -188,6 +188,8 @@ class Registry:
         live = self.open.get(wanted.session) if wanted.session else None
         if live is not None and live.number in self._closing:
             await asyncio.wait((self._closing[live.number],))  # its successor is not known before
+            if live.id in self.open:  # it could not be closed
+                return await self._session_for(wanted)
         elif live is not None:
             return live
         if wanted.session and await self.known(wanted.session) is not None:
@@ -276,7 +278,8 @@ class Registry:
         self._closing.pop(session.number)
         error = None if task.cancelled() else task.exception()
         if error is not None:
-            session.closing = False  # it stays open, and can be closed later
+            if not self._stopping:
+                session.go_on()
             log.error("a session can't be closed", session=session.id, exc_info=error)
 
 

@@ -1,0 +1,93 @@
+"""A session that could not be closed goes on, and ends later where it is over."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from oracle_server.core.errors import HistoryError
+from oracle_server.history.memory import MemoryHistory
+from oracle_server.process.clock import Clock
+from oracle_server.sessions.live import LiveSession
+from oracle_server.sessions.registry import Registry, SessionStaysOpenError
+from oracle_server.specfiles.library import Library
+from oracle_server.wire.incoming import Attach
+from tests.processes import PATIENCE
+from tests.sessions.making import GUARD, Kept, attach, event
+
+
+class FailsOnce:
+    """A `settle` that fails once it may, and then does nothing."""
+
+    def __init__(self) -> None:
+        self.going, self.runs = asyncio.Event(), 0
+
+    async def __call__(self, _: LiveSession) -> None:
+        self.runs += 1
+        await self.going.wait()
+        if self.runs == 1:
+            raise HistoryError("the history can't be read: disk I/O error")
+
+
+@pytest.fixture
+def settle(monkeypatch: pytest.MonkeyPatch) -> FailsOnce:
+    made = FailsOnce()
+
+    async def settle(session: LiveSession) -> None:
+        await made(session)
+
+    monkeypatch.setattr(LiveSession, "settle", settle)
+    return made
+
+
+def serving(folder: Path) -> Registry:
+    library, history = Library(None, folder), MemoryHistory()
+    library.put("guard", GUARD)
+    history.start(asyncio.get_running_loop())
+    return Registry(history, library, Clock(), resume_within=0.01)
+
+
+async def gone(sessions: Registry) -> None:
+    async with asyncio.timeout(PATIENCE):
+        while sessions.open:
+            await asyncio.sleep(0.001)
+
+
+async def test_a_private_session_ends_though_it_could_not_be_closed_at_first(tmp_path: Path, settle: FailsOnce) -> None:
+    sessions = serving(tmp_path)
+    settle.going.set()
+    live, monitor = await sessions.attach(Attach(type="attach", monitor="m", instance="i", spec="guard"), Kept())
+    live.detach(monitor)
+    await gone(sessions)
+    assert settle.runs == 2
+
+
+async def test_a_monitor_that_went_meanwhile_is_not_waited_for_for_ever(tmp_path: Path, settle: FailsOnce) -> None:
+    sessions = serving(tmp_path)
+    outbox = Kept()
+    live, monitor = await sessions.attach(Attach(type="attach", monitor="m", instance="i", spec="guard"), outbox)
+    live.disconnected(monitor, outbox)
+    settle.going.set()
+    with pytest.raises(SessionStaysOpenError):
+        await sessions.closed_within(live, PATIENCE)
+    await gone(sessions)
+
+
+async def test_who_attaches_to_a_session_that_can_not_be_closed_is_taken(tmp_path: Path, settle: FailsOnce) -> None:
+    sessions = serving(tmp_path)
+    live, _ = await sessions.attach(attach("s", "guard"), Kept())
+    closing = asyncio.ensure_future(sessions.closed_within(live, PATIENCE))
+    async with asyncio.timeout(PATIENCE):
+        while not settle.runs:
+            await asyncio.sleep(0)
+        attaching = asyncio.ensure_future(sessions.attach(attach("s", "guard", monitor="n"), outbox := Kept()))
+        await asyncio.sleep(0)
+        settle.going.set()
+        with pytest.raises(SessionStaysOpenError):
+            await closing
+        found, monitor = await attaching
+    assert found is live
+    live.ingest(monitor, event(1, ask=True, speed=9))
+    assert (await outbox.expect("decision"))[0]["decision"] == "deny"
