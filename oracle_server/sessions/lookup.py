@@ -62,9 +62,7 @@ class DecisionLookup:
             self._task = None
 
     async def _send(self, monitor: Monitor, outbox: Outbox, seq: int) -> None:
-        problem = (
-            "a decision can't be read again"  # without one, the monitor does what its spec says in `on_unavailable`
-        )
+        problem = "a decision can't be read again"  # the monitor then does what `on_unavailable` says
         try:
             step = await self._history.asked_step(self._session, monitor.name, seq)
             if step is not None and step.decision is not None:

@@ -185,18 +185,11 @@ class Registry:
                 await asyncio.gather(*(outbox.sent() for outbox in outboxes))
 
     async def _session_for(self, wanted: Attach) -> LiveSession:
-        live = self.open.get(wanted.session) if wanted.session else None
-        if live is not None and live.number in self._closing:
-            await asyncio.wait((self._closing[live.number],))  # its successor is not known before
-            if live.id in self.open:  # it could not be closed
-                return await self._session_for(wanted)
-        elif live is not None:
-            return live
-        if wanted.session and await self.known(wanted.session) is not None:
-            state = await self.state(wanted.session) or {}
-            if state.get("clock_went_back"):
-                raise _ended(wanted.session, state["continued_by"])
-            raise WireError("session_closed", f"session '{wanted.session}' is closed; it can only be read", fatal=True)
+        """The session that a monitor names, or a new one; a fatal `WireError` where there is none to join."""
+        if wanted.session is not None:
+            joined = await self._joined(wanted.session)
+            if joined is not None:
+                return joined
         if wanted.spec is None:
             raise WireError("unknown_spec", "name a spec: there is no session to join", fatal=True)
         try:
@@ -208,6 +201,21 @@ class Registry:
             raise WireError("unknown_spec", str(error), fatal=True) from None
         except SpecError as error:
             raise WireError("bad_spec", str(error), fatal=True) from None
+
+    async def _joined(self, name: str) -> LiveSession | None:
+        """The open session of a name, None where it is a new name. Raises a fatal `WireError` where it is closed."""
+        while (live := self.open.get(name)) is not None:
+            if live.number not in self._closing:
+                return live
+            await asyncio.wait((self._closing[live.number],))  # its successor is not known before
+        if await self.known(name) is None:
+            return None
+        state = await self.state(name) or {}
+        if name in self.open:  # another monitor has opened it meanwhile
+            return await self._joined(name)
+        if state.get("clock_went_back"):
+            raise _ended(name, state["continued_by"])
+        raise WireError("session_closed", f"session '{name}' is closed; it can only be read", fatal=True)
 
     async def _open(self, entry: Entry, session_id: str, *, private: bool, by: By | None) -> LiveSession:
         spec = entry.plan.spec

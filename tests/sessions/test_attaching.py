@@ -1,0 +1,37 @@
+"""Monitors that attach at once to a session that is not there yet: each joins it, however slow the history is."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+from oracle_server.history.memory import MemoryHistory
+from oracle_server.history.records import SessionRecord
+from tests.sessions.making import GUARD, Kept, attach, registry
+
+
+class Slow(MemoryHistory):
+    """A history in which the first look for a session takes so long that another one commits it meanwhile."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.looking, self.going = asyncio.Event(), asyncio.Event()
+
+    async def session(self, name: str | int) -> SessionRecord | None:
+        if not self.looking.is_set():
+            self.looking.set()
+            await self.going.wait()
+        return await super().session(name)
+
+
+async def test_a_monitor_joins_the_session_that_another_opens_while_it_is_looked_for(tmp_path: Path) -> None:
+    history = Slow()
+    sessions = registry(history, tmp_path, GUARD)
+    first = asyncio.create_task(sessions.attach(attach("s", "guard", "one"), Kept()))
+    await history.looking.wait()
+    live, _ = await sessions.attach(attach("s", "guard", "two"), Kept())
+    await history.flush()
+    history.going.set()
+    joined, monitor = await first
+    assert joined is live
+    assert monitor.name == "one"
