@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
+import faulthandler
+import os
 import resource
 import signal
 import socket
@@ -16,17 +18,18 @@ from typing import NamedTuple
 
 import structlog
 import uvicorn
-from fastapi import FastAPI
 
 from oracle_server.api.app import build_app
-from oracle_server.core.errors import OracleError
+from oracle_server.core.errors import OracleError, SpecError
 from oracle_server.core.spec import Retention
 from oracle_server.edge.access import Access
 from oracle_server.edge.bodies import Bodies
+from oracle_server.edge.listener import Listener
 from oracle_server.edge.origins import Origins
 from oracle_server.edge.scopes import RouteScopes
 from oracle_server.edge.tokens import Tokens
-from oracle_server.edge.transport import WebSocketTransport, bounded
+from oracle_server.edge.transport import WebSocketTransport, http_transport
+from oracle_server.edge.visitors import LEAVING, STRANGERS, Visitors
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.port import History
 from oracle_server.history.retention import Pruner
@@ -38,14 +41,17 @@ from oracle_server.process.notify import notify
 from oracle_server.process.pidfile import PidFile
 from oracle_server.process.settings import Settings
 from oracle_server.process.watchdog import Watchdog
+from oracle_server.rostypes.known import Types
 from oracle_server.sessions.registry import Registry
-from oracle_server.specfiles.library import Library
+from oracle_server.specfiles.library import Library, Unsound
 from oracle_server.wire.incoming import MAX_FRAME
 
 _LOOPBACK = ("127.0.0.1", "::1", "localhost")
 _STOP_WITHIN = 10
 _UNSENT = 2**14
 """Bytes that the operating system buffers for a client that does not read."""
+_OTHER_FILES = STRANGERS + LEAVING + 200
+"""Files that the server has open beyond its connections: those that come and go, and its history's."""
 _SWITCH_INTERVAL = 0.001
 """Seconds after which a computing thread yields the interpreter to the event loop, which must decide quickly."""
 
@@ -58,26 +64,40 @@ class ServerError(OracleError):
 
 def serve(settings: Settings) -> None:
     """Run a server until SIGTERM or SIGINT. Raises `OracleError` where it refuses to start."""
+    os.umask(0o077)  # all that it writes says what robots did
+    faulthandler.enable()  # where systemd ends a server that stands still, its journal says where
     set_up_logs(settings)
     pid_file = PidFile(settings.data_dir)
     try:
         tokens = Tokens(settings.token_file)
         _require_protection(settings, tokens)
         tls = _tls(settings)
-        library = Library(_specs_folder(settings), settings.data_dir / "specs")
-        if settings.legacy is not None:
-            library.get(settings.legacy)  # raises for an unknown spec
-        listener = _listen(settings.host, settings.port)
+        library = _library(settings)
+        visitors = Visitors(_connections(settings.max_connections))
+        listener = _listen(settings.host, settings.port, visitors)
         try:
             history = _history(settings)
             try:
-                asyncio.run(_serve(settings, library, history, _Door(tokens, tls, pid_file, listener)))
+                asyncio.run(_serve(settings, library, history, _Door(tokens, tls, pid_file, listener, visitors)))
             finally:
                 history.close()
         finally:
             listener.close()
     finally:
         pid_file.release()
+
+
+def _library(settings: Settings) -> Library:
+    """The specs on hand; unsound ones are logged. Raises `UnknownSpecError` where that of `--legacy` is not there."""
+    library = Library(_specs_folder(settings), settings.data_dir / "specs", Types(settings.type_folders))
+    for entry in library.listed():
+        if isinstance(entry, Unsound):
+            reasons = "; ".join(str(finding) for finding in entry.error.findings)
+            log.error("a spec is unsound: no session can be opened by it", spec=entry.id, reasons=reasons)
+    if settings.legacy is not None:
+        with contextlib.suppress(SpecError):
+            library.get(settings.legacy)
+    return library
 
 
 def _history(settings: Settings) -> History:
@@ -94,10 +114,10 @@ class _Door(NamedTuple):
     tls: ssl.SSLContext | None
     pid_file: PidFile
     listener: socket.socket
+    visitors: Visitors
 
 
 async def _serve(settings: Settings, library: Library, history: History, door: _Door) -> None:
-    _raise_file_limit(settings.max_connections)
     sys.setswitchinterval(_SWITCH_INTERVAL)
     tls = door.tls
     history.start(asyncio.get_running_loop())
@@ -108,10 +128,19 @@ async def _serve(settings: Settings, library: Library, history: History, door: _
     with Watchdog() as watchdog:
         await registry.restore_all()
         collect_rarely()
-        app = build_app(registry, library, history, watchdog, legacy=settings.legacy, max_rate=settings.max_rate)
+        app = build_app(
+            registry,
+            library,
+            history,
+            watchdog,
+            legacy=settings.legacy,
+            legacy_finals=settings.legacy_finals,
+            max_rate=settings.max_rate,
+        )
+        access = Access(Bodies(app), door.tokens, RouteScopes(app.routes))
         config = uvicorn.Config(
-            _protected(app, settings, door.tokens),
-            http=bounded(settings.max_connections),
+            Origins(access, _hosts(settings)),
+            http=http_transport(door.visitors),
             ws=WebSocketTransport,
             ws_max_size=MAX_FRAME,
             ws_per_message_deflate=False,
@@ -125,19 +154,19 @@ async def _serve(settings: Settings, library: Library, history: History, door: _
             timeout_graceful_shutdown=_STOP_WITHIN,
             ssl_context_factory=(lambda *_: tls) if tls else None,
         )
-        pruning = asyncio.create_task(pruner.run(settings.retain_check))
+        beside = [asyncio.create_task(work) for work in (pruner.run(settings.retain_check), access.watch())]
         try:
             await _Server(config, registry, settings, door.pid_file).serve(sockets=[door.listener])
         finally:
-            pruning.cancel()
-            await asyncio.wait((pruning,))
+            for task in beside:
+                task.cancel()
+            await asyncio.wait(beside)
 
 
-def _protected(app: FastAPI, settings: Settings, tokens: Tokens) -> Origins:
-    """The app behind the checks of origin, token and body."""
+def _hosts(settings: Settings) -> list[str]:
+    """The names that the server answers to, besides those of loopback."""
     allowed = (name.strip() for name in settings.allowed_hosts.split(","))
-    hosts = [settings.host, *filter(None, allowed)]
-    return Origins(Access(Bodies(app), tokens, RouteScopes(app.routes)), hosts=hosts)
+    return [settings.host, *filter(None, allowed)]
 
 
 def _require_protection(settings: Settings, tokens: Tokens) -> None:
@@ -174,15 +203,17 @@ def _tls(settings: Settings) -> ssl.SSLContext | None:
     return context
 
 
-def _raise_file_limit(connections: int) -> None:
-    """Raise the limit of open files for so many connections, and warn where the hard limit is too low."""
+def _connections(wanted: int) -> int:
+    """How many connections there may be: fewer than wanted, with a warning, where too few files may be opened."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    wanted = connections + 200
-    if soft != resource.RLIM_INFINITY and soft < wanted:
-        reach = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
-        resource.setrlimit(resource.RLIMIT_NOFILE, (reach, hard))
-        if reach < wanted:
-            log.warning("fewer files may be opened than connections are allowed", files=reach, connections=connections)
+    if soft == resource.RLIM_INFINITY or soft >= wanted + _OTHER_FILES:
+        return wanted
+    reach = wanted + _OTHER_FILES if hard == resource.RLIM_INFINITY else min(wanted + _OTHER_FILES, hard)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (reach, hard))
+    allowed = max(1, reach - _OTHER_FILES)
+    if allowed < wanted:
+        log.warning("fewer connections are accepted than wanted: too few files may be opened", accepted=allowed)
+    return allowed
 
 
 class _Server(uvicorn.Server):
@@ -229,10 +260,10 @@ def _specs_folder(settings: Settings) -> Path | None:
     return default if default.is_dir() else None
 
 
-def _listen(host: str, port: int) -> socket.socket:
+def _listen(host: str, port: int, visitors: Visitors) -> Listener:
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     # asyncio disables Nagle's algorithm only where the protocol is given; with it a decision can wait 40 ms
-    listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
+    listener = Listener(visitors, family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, _UNSENT)
     try:

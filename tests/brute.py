@@ -29,6 +29,25 @@ def truths(formula: Formula, steps: Sequence[TimedSignals], time: Time) -> list[
     return _truths(formula, steps, time, {})
 
 
+def judged(formula: Formula, steps: Sequence[TimedSignals], time: Time, begun: int) -> list[bool | None]:
+    """Whether a property holds, step by step; None while too little of its session has passed to miss anything."""
+    grace = presence(formula) if time == "seconds" else None
+    ends = None if grace is None else begun + grace
+    found = zip(steps, truths(formula, steps, time), strict=True)
+    return [None if not holds and ends is not None and at < ends else holds for (at, _), holds in found]
+
+
+def presence(formula: Formula) -> int | None:
+    """The largest bound (ns) of a formula that is nothing but `once` with bounds, joined by `and`; else None."""
+    match formula:
+        case tree.Once(_, Bound(_, int(upper))):
+            return upper
+        case tree.And(left, right):
+            one, other = presence(left), presence(right)
+            return None if one is None or other is None else max(one, other)
+    return None
+
+
 def _truths(formula: Formula, steps: Sequence[TimedSignals], time: Time, values: Values) -> list[bool]:
     now = range(len(steps))
 

@@ -14,6 +14,7 @@ from oracle_server.specfiles.model import (
     RetentionModel,
     ServiceModel,
     SpecModel,
+    StampModel,
     TopicModel,
 )
 
@@ -39,14 +40,16 @@ def test_specs_in_the_documents_are_sound(text: str) -> None:
 
 def test_expressions_in_the_documents_can_be_computed() -> None:
     text = (ROOT / "docs" / "spec.md").read_text()
-    table = text[text.index("| expression | for |") : text.index("An expression has at most")]
+    table = text[text.index("| expression | for |") : text.index("- **What an operand lacks")]
     told = [e for row in table.splitlines()[2:] for e in re.findall(r"`([^`]*msg[^`]*)`", row.replace("\\|", "|"))]
     message = {
-        "pose": {"position": {"z": 2.5}}, "status": 2, "count": 7, "speed": 1.5, "position": [0.5], "name": ["a", "b"],
+        "pose": {"position": {"z": 2.5}}, "status": 2, "count": 7, "speed": 1.5, "x": 3, "y": 4.0,
+        "position": [0.5], "name": ["a", "b"],
         "ranges": [1.5, "Infinity", "NaN", 0.25], "goal": {}, "frame_id": "map", "id": 7,
     }  # fmt: skip
     values = {e: Projection({"it": e})(message) for e in told}
-    assert {e for e, (_, failed) in values.items() if failed} == {"msg.speed * 2"}
+    assert {e for e, (_, failed) in values.items() if failed} == set()
+    assert values["sqrt(msg.x * msg.x + msg.y * msg.y)"][0] == {"it": 5.0}
     assert values["msg.ranges.exists(r, r != 'NaN' && double(r) < 0.5)"][0] == {"it": True}
 
 
@@ -67,7 +70,7 @@ def test_every_setting_is_told() -> None:
 
 def test_every_key_of_a_spec_is_told() -> None:
     text = (ROOT / "docs" / "spec.md").read_text()
-    models = (OrderingModel, TopicModel, ServiceModel, PropertyModel, RetentionModel, SpecModel)
+    models = (OrderingModel, TopicModel, ServiceModel, StampModel, PropertyModel, RetentionModel, SpecModel)
     keys = {name for model in models for name in model.model_fields}
     assert {key for key in keys if not re.search(rf"`{key}`|\b{key}:", text)} == set()
 

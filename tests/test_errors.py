@@ -8,7 +8,7 @@ import oracle_server
 from oracle_server.core import errors
 from oracle_server.core.errors import OracleError
 
-CONTROL_FLOW = {"Declined", "_NotPlain"}
+CONTROL_FLOW = {"Absent", "Exhausted", "Failed", "Stopped"}
 """Never raised to a caller outside the module: no errors."""
 
 

@@ -23,12 +23,13 @@ def build_app(
     watchdog: Watchdog,
     *,
     legacy: str | None = None,
+    legacy_finals: bool = False,
     max_rate: float = 0,
 ) -> FastAPI:
     """The app over a server's parts; `RouteScopes` looks up the scope that each of its routes needs.
 
-    `legacy` is the spec of the legacy monitors that name none. Each monitor may send `max_rate` events a second on
-    average; 0 is no limit.
+    `legacy` is the spec of the legacy monitors that name none; with `legacy_finals` they are told that an outcome is
+    final. Each monitor may send `max_rate` events a second on average; 0 is no limit.
     """
     app = FastAPI(
         title="oracle-server",
@@ -40,14 +41,14 @@ def build_app(
     )
     problems.install(app)
     app.include_router(health.router(history))
-    app.include_router(specs.router(library))
+    app.include_router(specs.router(library, registry))
     app.include_router(sessions.router(registry, history))
     app.include_router(verdicts.router(registry, history))
     app.include_router(stream.router(registry, history))
     app.include_router(metrics.router(registry, history, watchdog))
     app.include_router(pages.router(app))
     app.include_router(_attach_route(registry, max_rate))
-    app.include_router(legacy_routes(registry, legacy, max_rate))
+    app.include_router(legacy_routes(registry, legacy, max_rate, finals=legacy_finals))
     return app
 
 

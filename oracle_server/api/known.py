@@ -7,9 +7,10 @@ from typing import Any, NoReturn
 from fastapi import HTTPException
 from starlette.requests import HTTPConnection
 
-from oracle_server.edge.access import demand
+from oracle_server.edge.access import demand, grant_of
 from oracle_server.history.records import SessionRecord
 from oracle_server.sessions.registry import Registry
+from oracle_server.specfiles.library import UnknownSpecError
 
 
 async def demand_session(connection: HTTPConnection, registry: Registry, session_id: str) -> SessionRecord:
@@ -19,9 +20,33 @@ async def demand_session(connection: HTTPConnection, registry: Registry, session
     return known or unknown_session(session_id)
 
 
+async def demand_name(connection: HTTPConnection, registry: Registry, session_id: str | None) -> None:
+    """Raise 403 where a name is that of a session that the sender's token does not cover."""
+    known = await registry.known(session_id) if session_id is not None else None
+    if known is not None:
+        demand(connection, spec=known.spec, session=known.id)
+
+
 async def state_of(registry: Registry, session_id: str) -> dict[str, Any]:
     """A session's state, as of its end where it is closed. Raises 404."""
     return await registry.state(session_id) or unknown_session(session_id)
+
+
+async def visible_specs(connection: HTTPConnection, registry: Registry) -> frozenset[str] | None:
+    """The specs that the sender's token lets them see, None for all: those that it names, and its sessions' own."""
+    grant = grant_of(connection)
+    if grant.sessions is None:
+        return grant.specs
+    used = {session.spec.id for session in registry.open.values() if grant.covers_session(session.id)}
+    for name in grant.sessions:
+        known = await registry.known(name)
+        used |= {known.spec} if known else set()
+    return frozenset(used if grant.specs is None else used & grant.specs)
+
+
+def unknown_spec(connection: HTTPConnection, error: UnknownSpecError) -> NoReturn:
+    """Raise 404 for a spec; a token that is bound is not told which others there are."""
+    raise HTTPException(404, error.brief if grant_of(connection).bound else str(error)) from None
 
 
 def unknown_session(session_id: str) -> NoReturn:

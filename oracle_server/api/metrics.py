@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter, Request, Response
 from prometheus_client import CollectorRegistry, ProcessCollector, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
 from prometheus_client.registry import Collector
 
 from oracle_server.core.tally import BOUNDS
+from oracle_server.edge.access import demand_all
 from oracle_server.edge.scopes import needs
 from oracle_server.history.port import Writing
 from oracle_server.process.watchdog import Watchdog
@@ -39,8 +40,9 @@ def router(registry: Registry, history: Writing, watchdog: Watchdog) -> APIRoute
 
     @routes.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
     @needs("read")
-    async def metrics() -> Response:
-        """The server's numbers, for Prometheus."""
+    async def metrics(request: Request) -> Response:
+        """The server's numbers, for Prometheus; not for a token that is bound to some specs or sessions."""
+        demand_all(request)
         return Response(generate_latest(collectors), headers={"Content-Type": _CONTENT})
 
     return routes

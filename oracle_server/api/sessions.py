@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Body, HTTPException, Request, Response
 from pydantic import BaseModel, ConfigDict
 
-from oracle_server.api.known import demand_session, state_of
+from oracle_server.api.known import demand_name, demand_session, state_of, unknown_spec
 from oracle_server.edge.access import demand, grant_of
 from oracle_server.edge.scopes import needs
 from oracle_server.history.port import History
@@ -53,10 +53,11 @@ def router(registry: Registry, history: History) -> APIRouter:
     async def create_session(wanted: Annotated[NewSession, Body()], request: Request) -> dict[str, Any]:
         """Open a session that monitors can attach to by its name; it stays open when the server restarts."""
         demand(request, spec=wanted.spec, session=wanted.id)
+        await demand_name(request, registry, wanted.id)
         try:
             session = await registry.create(wanted.spec, wanted.id)
         except UnknownSpecError as error:
-            raise HTTPException(404, str(error)) from None
+            unknown_spec(request, error)
         except SessionExistsError as error:
             raise HTTPException(409, str(error)) from None
         try:

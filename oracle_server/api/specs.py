@@ -9,11 +9,13 @@ from fastapi import APIRouter, HTTPException, Request, Response
 from pydantic import BaseModel, Field
 from starlette.requests import ClientDisconnect
 
+from oracle_server.api.known import unknown_spec, visible_specs
 from oracle_server.core.errors import SpecError
 from oracle_server.core.kinds import Kind
-from oracle_server.edge.access import demand_spec, grant_of
+from oracle_server.edge.access import demand
 from oracle_server.edge.scopes import needs
-from oracle_server.specfiles.library import Entry, Library, UnknownSpecError
+from oracle_server.sessions.registry import Registry
+from oracle_server.specfiles.library import Entry, Library, UnknownSpecError, Unsound
 from oracle_server.wire.incoming import Identifier
 
 
@@ -43,7 +45,11 @@ class SpecDocument(BaseModel):
     source: Literal["file", "put"]
     streams: list[StreamDocument]
     properties: list[PropertyDocument]
-    problem: str | None = Field(None, description="In the list: why a file that has changed can't be used")
+    problem: str | None = Field(
+        None,
+        description="In the list: why a file is unsound and can't be used, a line a reason; "
+        "one that never was sound has neither streams nor properties",
+    )
     text: str | None = Field(None, description="For GET of one spec: its text")
     warnings: list[str] | None = Field(None, description="For PUT: the warnings of `check`")
 
@@ -54,32 +60,36 @@ class SpecList(BaseModel):
     items: list[SpecDocument]
 
 
-def router(library: Library) -> APIRouter:
+def router(library: Library, registry: Registry) -> APIRouter:
     """The routes of the specs."""
     routes = APIRouter(prefix="/api/v1", tags=["specs"])
 
-    def listed(spec_id: str) -> SpecDocument:
+    def listed(entry: Entry | Unsound) -> SpecDocument:
+        if isinstance(entry, Unsound):
+            return _refused(entry)
         try:
-            return _document(library.get(spec_id))
+            return _document(library.get(entry.id))
         except SpecError as error:
-            return _document(library.last(spec_id), problem=str(error))
+            return _document(entry, problem=str(error))
 
     @routes.get("/specs", response_model_exclude_unset=True)
     @needs("read")
     async def list_specs(request: Request) -> SpecList:
-        """List all specs; `problem` is why a file that has changed can't be used."""
-        bound = grant_of(request).specs
-        return SpecList(items=[listed(spec_id) for spec_id in library.ids() if bound is None or spec_id in bound])
+        """List the specs that the token lets you see; `problem` is why a file can't be used."""
+        seen = await visible_specs(request, registry)
+        return SpecList(items=[listed(entry) for entry in library.listed() if seen is None or entry.id in seen])
 
     @routes.get("/specs/{spec_id}", response_model_exclude_unset=True)
     @needs("read")
     async def get_spec(spec_id: str, request: Request) -> SpecDocument:
         """Get a spec with its text."""
-        demand_spec(request, spec_id)
+        seen = await visible_specs(request, registry)
+        if seen is not None and spec_id not in seen:
+            raise HTTPException(403, "the token is bound to other specs or sessions")
         try:
             entry = library.get(spec_id)
         except UnknownSpecError as error:
-            raise HTTPException(404, str(error)) from None
+            unknown_spec(request, error)
         return _document(entry, text=entry.file.text)
 
     @routes.put(
@@ -89,8 +99,8 @@ def router(library: Library) -> APIRouter:
     )
     @needs("admin")
     async def put_spec(spec_id: Identifier, request: Request, response: Response) -> SpecDocument:
-        """Validate a spec as `check` does, and store it; open sessions keep the version that they were opened with."""
-        demand_spec(request, spec_id)
+        """Validate a spec as `check` does, and store it; open sessions keep theirs. Not by tokens bound to sessions."""
+        demand(request, spec=spec_id)
         text = await _text(request)
         try:
             entry, new = await asyncio.to_thread(library.put, spec_id, text)
@@ -100,6 +110,11 @@ def router(library: Library) -> APIRouter:
         return _document(entry, warnings=[str(w) for w in entry.file.warnings])
 
     return routes
+
+
+def _refused(entry: Unsound) -> SpecDocument:
+    nothing: dict[str, Any] = {"description": "", "digest": "", "streams": [], "properties": []}
+    return SpecDocument(id=entry.id, source=entry.source, problem=str(entry.error), **nothing)
 
 
 def _document(entry: Entry, **more: Any) -> SpecDocument:

@@ -212,9 +212,9 @@ class Connection:
         wanted = self._conversation.next_message()
         if not isinstance(wanted, Attach):
             return
-        self._check_grant(wanted)
         try:
             async with asyncio.timeout(_ANSWER_WITHIN):
+                await self._check_grant(wanted)
                 session, monitor = self._attached = await self._registry.attach(wanted, self)
                 self._registry.counters.attachments += 1
                 log.info("monitor attached", session=session.id, monitor=monitor.name)
@@ -222,6 +222,10 @@ class Connection:
         except TimeoutError:
             message = f"the session was not committed within {_ANSWER_WITHIN:.0f} s; attach again later"
             raise WireError("history_unavailable", message, fatal=True) from None
+        except WireError as error:
+            if error.code == "unknown_spec" and wanted.spec is not None and grant_of(self._socket).bound:
+                raise WireError(error.code, f"there is no spec '{wanted.spec}'", fatal=True) from None
+            raise
         except HistoryError as error:
             raise WireError("history_unavailable", f"{error}; attach again later", fatal=True) from None
         if self._conversation.ended:
@@ -232,10 +236,14 @@ class Connection:
         if self._direct is not None:
             self._direct.receiver = self
 
-    def _check_grant(self, wanted: Attach) -> None:
-        live = self._registry.open.get(wanted.session or "")
-        spec = live.spec.id if live else wanted.spec
-        if not grant_of(self._socket).covers(spec=spec, session=wanted.session):
+    async def _check_grant(self, wanted: Attach) -> None:
+        """Raise a fatal `WireError` where the token does not cover a session, be it open, closed or new."""
+        grant = grant_of(self._socket)
+        if not grant.bound:
+            return
+        known = await self._registry.known(wanted.session) if wanted.session is not None else None
+        spec = known.spec if known else wanted.spec
+        if not grant.covers(spec=spec, session=wanted.session):
             raise WireError("forbidden", "the token is bound to other specs or sessions", fatal=True)
 
     async def _next(self) -> str | bytes:

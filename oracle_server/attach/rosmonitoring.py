@@ -31,16 +31,23 @@ from oracle_server.wire.reading import event_of, suspicious
 MONITOR = "legacy"
 """The name of a legacy monitor in its session: the protocol has no names."""
 _REPLY_KEYS = frozenset({"verdict", "spec", "error"})
+_NOT_FINAL: dict[tuple[str, bool], str] = {
+    (Outcome.TRUE, False): Outcome.CURRENTLY_TRUE,
+    (Outcome.TRUE, True): Outcome.CURRENTLY_TRUE,
+    (Outcome.FALSE, False): Outcome.CURRENTLY_FALSE,
+}
+"""What is said in place of a final word, by whether the event's stream is filtered."""
 _STALLED = 5.0
 """Seconds for which a monitor may not read its reply."""
 
 log = structlog.get_logger()
 
 
-def legacy_routes(registry: Registry, spec: str | None, max_rate: float = 0) -> APIRouter:
+def legacy_routes(registry: Registry, spec: str | None, max_rate: float = 0, *, finals: bool = False) -> APIRouter:
     """The addresses that legacy monitors connect to; `/` uses `spec`, and is refused without one.
 
-    Each monitor may send `max_rate` events a second on average; 0 is no limit.
+    Each monitor may send `max_rate` events a second on average; 0 is no limit. `finals`: replies say `true` and `false`
+    where an outcome is final, at which a monitor that only logs ends.
     """
     router = APIRouter()
 
@@ -50,29 +57,32 @@ def legacy_routes(registry: Registry, spec: str | None, max_rate: float = 0) -> 
         if spec is None:
             await _refuse(socket, "`/` has no spec; start the server with --legacy SPEC, or use /legacy/SPEC")
         else:
-            await _serve(socket, registry, spec, max_rate)
+            await _serve(socket, registry, spec, max_rate, finals=finals)
 
     @router.websocket("/legacy/{spec_id}")
     @needs("submit")
     async def serve_named(socket: WebSocket, spec_id: str) -> None:
-        await _serve(socket, registry, spec_id, max_rate)
+        await _serve(socket, registry, spec_id, max_rate, finals=finals)
 
     return router
 
 
-async def _serve(socket: WebSocket, registry: Registry, spec_id: str, max_rate: float) -> None:
+async def _serve(socket: WebSocket, registry: Registry, spec_id: str, max_rate: float, *, finals: bool) -> None:
     if not grant_of(socket).covers(spec=spec_id):
         await _refuse(socket, "the token is bound to other specs or sessions", 403)
         return
     try:
         session = await registry.create(spec_id, None, private=True, by="arrival")
-    except (UnknownSpecError, SpecError) as error:
+    except UnknownSpecError as error:
+        await _refuse(socket, error.brief if grant_of(socket).bound else str(error))
+        return
+    except SpecError as error:
         await _refuse(socket, str(error))
         return
     except (HistoryError, WireError) as error:
         await _refuse(socket, str(error), 503)
         return
-    await LegacyConnection(socket, session, max_rate).serve()
+    await LegacyConnection(socket, session, max_rate, finals=finals).serve()
 
 
 async def _refuse(socket: WebSocket, reason: str, status: int = 404) -> None:
@@ -82,8 +92,9 @@ async def _refuse(socket: WebSocket, reason: str, status: int = 404) -> None:
 class LegacyConnection:
     """Serves one legacy monitor, in a session of its own, until either side ends it."""
 
-    def __init__(self, socket: WebSocket, session: LiveSession, max_rate: float = 0) -> None:
+    def __init__(self, socket: WebSocket, session: LiveSession, max_rate: float = 0, *, finals: bool = False) -> None:
         self._throttle = Throttle(max_rate)
+        self._finals = finals
         self._socket, self._session = socket, session
         self._seq = 0
         self._answering: asyncio.Task[None] | None = None
@@ -160,7 +171,22 @@ class LegacyConnection:
             if error.code == "bad_event":
                 self._session.refuse(monitor, error)
             return reply_text(text, value, {"verdict": Outcome.UNKNOWN, "error": error.message})
-        return reply_text(text, value, verdict_of(judged, self._seq))
+        return reply_text(text, value, self._worded(verdict_of(judged, self._seq), judged))
+
+    def _worded(self, reply: dict[str, str], judged: list[Judged]) -> dict[str, str]:
+        """The reply without the words at which a monitor that only logs ends.
+
+        `false` stays where the stream is filtered: a monitor that filters does not end, and one of version 1 with
+        `warning: 2` lets `currently_false` pass.
+        """
+        if self._finals:
+            return reply
+        spec = self._session.spec
+        streams = {
+            j.step.event.stream for j in judged if (j.step.event.monitor, j.step.event.seq) == (MONITOR, self._seq)
+        }
+        filtered = any(key in spec.by_key and spec.by_key[key].action == "filter" for key in streams)
+        return reply | {"verdict": _NOT_FINAL.get((reply["verdict"], filtered), reply["verdict"])}
 
     def _event(self, text: str, value: dict[str, Any]) -> AnyEvent:
         flat = flat_event(value)

@@ -10,7 +10,7 @@ import typer
 
 from oracle_server import __version__
 from oracle_server.cli import reading, replay, serving, specs, token
-from oracle_server.core.errors import OracleError
+from oracle_server.core.errors import OracleError, one_line
 
 app = typer.Typer(
     name="oracle-server",
@@ -79,5 +79,5 @@ def _write_utf8() -> None:
 
 
 def _fail(message: str) -> int:
-    typer.echo(f"oracle-server: {message}", err=True)
+    typer.echo("\n".join(map(one_line, f"oracle-server: {message}".split("\n"))), err=True)
     return 2

@@ -8,6 +8,7 @@ from typing import Any
 
 from oracle_server.core.errors import one_line
 from oracle_server.core.kinds import GROUPS, TICK
+from oracle_server.core.naming import event_name, moment, step_name
 
 _NAMED = frozenset({*GROUPS, "kind", "monitor"})
 """Signals that are part of an event's description, and not listed with the others."""
@@ -17,8 +18,10 @@ def explanation_text(record: Mapping[str, Any]) -> str:
     """The text of a verdict record with its explanation, line by line."""
     why = record["explanation"]
     if why is None:
-        return f"verdict {record['n']}: {record['property']} is {record['outcome']}; there is no explanation\n"
-    head = f"verdict {record['n']}: {record['property']} is {record['outcome']}, decided by {_event(why['event'])}"
+        return f"{record['property']} is {record['outcome']}; there is no explanation (#{record['n']})\n"
+    where = step_name(record["step"], record["stamp"])
+    decided = _event(why["event"])
+    head = f"{record['property']} is {record['outcome']} at {where}, decided by {decided} (#{record['n']})"
     lines = [head, f"  {why['formula']}"]
     values = why.get("values")
     if values:
@@ -39,7 +42,8 @@ def _lines(reasons: Sequence[Mapping[str, Any]], indent: str) -> Iterator[str]:
 
 def _event(event: Mapping[str, Any]) -> str:
     if event["kind"] == TICK:
-        return "an expired deadline"
-    where = f"{event['stream']} ({event['kind']} {event['seq']} of {event['monitor']}, stamp {event['stamp']})"
+        return f"a deadline that ran out at {moment(event['stamp'])}"
+    step = f"{step_name(event['step'], event['stamp'])}, " if "step" in event else ""
+    where = step + event_name(event["stream"], event["kind"], event["seq"], event["monitor"])
     shown = {name: value for name, value in event["signals"].items() if name not in _NAMED}
     return where + "".join(f" {name}={json.dumps(value)}" for name, value in sorted(shown.items()))

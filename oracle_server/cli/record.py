@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import msgspec
 
 from oracle_server.cli.client import Client
 from oracle_server.core.errors import TraceError
+from oracle_server.core.units import counted
+from oracle_server.process.progress import Show, progress
 from oracle_server.replay.mcap import write_mcap
 
 
@@ -19,7 +22,18 @@ def record_session(client: Client, session: str, out: Path) -> None:
     """
     if out.suffix not in (".mcap", ".jsonl"):
         raise TraceError(f"{out}: name it .mcap or .jsonl")
-    lines = client.lines(f"sessions/{session}/trace")
+    with progress(f"{session} to {out.name}", "lines") as show:
+        count = _write(_told(client.lines(f"sessions/{session}/trace"), show), out)
+    sys.stdout.write(f"{out}: {counted(count, 'line')} of {session}\n")
+
+
+def _told(lines: Iterable[bytes], show: Show) -> Iterator[bytes]:
+    for count, line in enumerate(lines, start=1):
+        show(count, None, count)
+        yield line
+
+
+def _write(lines: Iterator[bytes], out: Path) -> int:
     part = out.with_name(out.name + ".part")
     try:
         if out.suffix == ".mcap":
@@ -32,4 +46,4 @@ def record_session(client: Client, session: str, out: Path) -> None:
         raise TraceError(f"{out}: can't be written: {error.strerror}") from None
     finally:
         part.unlink(missing_ok=True)
-    sys.stdout.write(f"{out}: {count} lines of {session}\n")
+    return count

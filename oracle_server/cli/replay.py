@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from oracle_server.cli.options import SpecFiles
+from oracle_server.cli.options import SpecFiles, TypeFolders
 
 
 class By(StrEnum):
@@ -31,13 +31,19 @@ class Form(StrEnum):
 
 def replay(
     specs: SpecFiles,
-    trace: Annotated[Path, typer.Argument(metavar="TRACE", help="A recording: .jsonl, .bag, .mcap, ROS 2 bag folder.")],
+    trace: Annotated[Path, typer.Argument(metavar="TRACE", help="A recording: a bag, a log, or a recorded session.")],
     by: Annotated[By | None, typer.Option(help="The order to judge in; default: that of the spec.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="The same as --format jsonl.")] = False,
     form: Annotated[Form, typer.Option("--format", help="The format of the report.")] = Form.TEXT,
-    types: Annotated[list[Path] | None, typer.Option(help="A folder with .msg files, for bags without.")] = None,
+    types: TypeFolders = None,
+    strict: Annotated[bool, typer.Option("--strict", help="End with 3 where anything was not judged.")] = False,
+    signals: Annotated[bool, typer.Option("--signals", help="Count how often each signal was there.")] = False,
 ) -> None:
-    """Judge a recording offline, through the same session code as the server."""
+    """Judge a recording offline, through the same session code as the server.
+
+    Ends with 0 where nothing was violated, 1 where something was, 2 where an input can't be used or has no event of
+    the spec, and 3 where a property could not be judged.
+    """
     import structlog
 
     from oracle_server.process.garbage import collect_rarely
@@ -46,4 +52,7 @@ def replay(
     structlog.configure(logger_factory=structlog.PrintLoggerFactory(sys.stderr))  # the report is on standard output
     collect_rarely()
     chosen = Form.JSONL if as_json else form
-    raise typer.Exit(run_replay(specs, trace, by.value if by else None, chosen.value, types or []))
+    status = run_replay(
+        specs, trace, by.value if by else None, chosen.value, types or [], strict=strict, signals=signals
+    )
+    raise typer.Exit(status)

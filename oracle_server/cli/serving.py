@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from inspect import Parameter, Signature, signature
 from pathlib import Path
@@ -9,15 +10,19 @@ from typing import Annotated, Any
 
 import typer
 
-from oracle_server.cli.options import AsJson, DataDir
+from oracle_server.cli.options import AsJson, DataDir, TypeFolders
 
 Within = Annotated[float, typer.Option(min=0.1, help="Seconds to wait.")]
 _OF_A_SERVER: dict[str, Any] = {
     "specs": Annotated[Path | None, typer.Option("--specs", help="The folder of the specs; default ./specs.")],
+    "types": TypeFolders,
     "data_dir": DataDir,
     "host": Annotated[str | None, typer.Option(help="The address to bind; default 127.0.0.1.")],
     "port": Annotated[int | None, typer.Option(min=0, max=65535, help="The port; default 8642.")],
     "legacy": Annotated[str | None, typer.Option(metavar="SPEC", help="The spec of ROSMonitoring's monitors.")],
+    "legacy_finals": Annotated[
+        bool | None, typer.Option("--legacy-finals", help="Tell them final verdicts, at which those that only log end.")
+    ],
     "tls_cert": Annotated[Path | None, typer.Option(help="The server's certificate (PEM), for TLS.")],
     "tls_key": Annotated[Path | None, typer.Option(help="The certificate's key (PEM).")],
     "tls_client_ca": Annotated[
@@ -42,13 +47,19 @@ def _takes_settings(command: _Command) -> _Command:
     return command
 
 
+def _as_texts(settings: dict[str, Any]) -> dict[str, Any]:
+    """The settings with a repeated option as the one text that the environment would have."""
+    folders = settings["types"]
+    return settings | {"types": os.pathsep.join(str(folder) for folder in folders) if folders else None}
+
+
 @_takes_settings
 def serve(**settings: Any) -> None:
     """Run the server in the foreground, until SIGTERM or SIGINT."""
     from oracle_server.process.settings import load_settings
     from oracle_server.server import serve as run
 
-    run(load_settings(**settings))
+    run(load_settings(**_as_texts(settings)))
 
 
 @_takes_settings
@@ -57,7 +68,7 @@ def start(within: Within = 300.0, **settings: Any) -> None:
     from oracle_server.process.daemon import start as run
     from oracle_server.process.settings import load_settings
 
-    run(load_settings(**settings), within)
+    run(load_settings(**_as_texts(settings)), within)
 
 
 def stop(data_dir: DataDir = None, within: Within = 60.0) -> None:

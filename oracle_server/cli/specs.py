@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 import typer
 
-from oracle_server.cli.options import SpecFiles
-from oracle_server.core.errors import SpecError
+from oracle_server.cli.options import SpecFiles, TypeFolders
+from oracle_server.core.errors import Finding, SpecError
 
 _ROS: dict[str, Literal[1, 2]] = {"1": 1, "2": 2}
 
@@ -25,47 +25,96 @@ def check(
     specs: SpecFiles,
     ros: Annotated[RosVersion | None, typer.Option(help="Warn of what this version of ROS can't do.")] = None,
     ros_graph: Annotated[Path | None, typer.Option(help="A dump of the ROS graph, to find deadlocks.")] = None,
+    types: TypeFolders = None,
+    strict: Annotated[bool, typer.Option("--strict", help="Refuse specs with warnings, too.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what is found as JSON Lines.")] = False,
 ) -> None:
-    """Validate specs: schema, expressions, formulas, ordering hazards."""
+    """Validate specs: schema, types, expressions, formulas, ordering hazards."""
+    from oracle_server.rostypes.known import Types
     from oracle_server.specfiles.load import load_spec
     from oracle_server.specfiles.rosgraph import load_graph
 
     graph = load_graph(ros_graph) if ros_graph else None
-    sound = True
+    known = Types(types or ())
+    ids: dict[str, Path] = {}
+    sound = refused = warnings = 0
     for path in specs:
+        findings: tuple[Finding, ...]
         try:
-            loaded = load_spec(path, _ROS[ros] if ros else None, graph)
+            loaded = load_spec(path, _ROS[ros] if ros else None, graph, known)
         except SpecError as error:
-            sound = False
-            typer.echo(str(error), err=True)
+            findings = error.findings
         else:
-            for warning in loaded.warnings:
-                typer.echo(str(warning), err=True)
+            findings = (*loaded.warnings, *_doubled(loaded.spec.id, path, ids))
+        for finding in findings:
+            typer.echo(_json(finding) if as_json else str(finding), err=not as_json)
+        warnings += sum(finding.severity == "warning" for finding in findings)
+        if any(strict or finding.severity == "error" for finding in findings):
+            refused += 1
+            continue
+        sound += 1
+        if not as_json:
             typer.echo(f"{path}: sound")
-    if not sound:
+    if warnings and not as_json:
+        typer.echo(f"{_count(sound, 'spec')} sound, {_count(warnings, 'warning')}")
+    if refused:
         raise typer.Exit(1)
+
+
+def _doubled(spec_id: str, path: Path, ids: dict[str, Path]) -> list[Finding]:
+    """A warning where another file has the same id, of which a server takes the first; `ids` has those of before."""
+    first = ids.setdefault(spec_id, path)
+    if first.resolve() == path.resolve():
+        return []
+    message = f"the id '{spec_id}' is that of {first} already: a server takes the first of them"
+    return [Finding(str(path), 1, 1, message, "warning")]
+
+
+def _json(finding: Finding) -> str:
+    import json
+    from dataclasses import asdict
+
+    return json.dumps(asdict(finding), ensure_ascii=False)
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def import_(
     config: Annotated[Path, typer.Argument(metavar="CONFIG", help="A configuration of ROSMonitoring (.yaml).")],
     properties: Annotated[list[Path] | None, typer.Option(help="A property module; repeatable.")] = None,
     out: Annotated[Path | None, typer.Option("--output", "-o", help="The spec to write; default: print it.")] = None,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Exit with 1 where something is left to be written.")
+    ] = False,
 ) -> None:
     """Write a spec from ROSMonitoring's configuration and property modules, which are read and never run."""
+    from oracle_server.process.progress import progress
     from oracle_server.specfiles.rosmonitoring.write import import_config
 
-    import_config(config, properties or [], out)
+    with progress(f"reading {config.name}"):
+        imported = import_config(config, properties or [], out)
+    for line in imported.told:
+        typer.echo(line, err=True)
+    if imported.todos or imported.unsound:
+        typer.echo(f"{out or 'the spec'}: is not done: see the lines marked TODO in it", err=True)
+    if imported.unsound or (strict and imported.told):
+        raise typer.Exit(1)
 
 
-def streams(spec: Annotated[Path, typer.Argument(metavar="SPEC", help="A spec file.")]) -> None:
+def streams(
+    spec: Annotated[Path, typer.Argument(metavar="SPEC", help="A spec file.")], types: TypeFolders = None
+) -> None:
     """Print the streams that an adapter observes for a spec; its `--log` reads them where there is no server."""
     import json
 
     from oracle_server.core.plan import plan
+    from oracle_server.rostypes.known import Types
     from oracle_server.sessions.greeting import stream_frame
     from oracle_server.specfiles.load import load_spec
 
-    ready = plan(load_spec(spec).spec)
+    ready = plan(load_spec(spec, types=Types(types or ())).spec)
     frames = [stream_frame(ready, key) for key in ready.streams]
     document = {"spec": ready.spec.id, "spec_digest": ready.spec.digest, "streams": frames}
     typer.echo(json.dumps(document, indent=2))

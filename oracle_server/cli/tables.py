@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Sequence
+import time
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from oracle_server.cli.client import Client
 from oracle_server.cli.reasons import explanation_text
 from oracle_server.core.errors import one_line
+from oracle_server.core.naming import first_name, moment
 from oracle_server.edge.tokens import Token
+from oracle_server.process.progress import progress
 
 _EXPLAINED_WITHIN = 600.0
 """Seconds for an explanation, for which all earlier steps are judged again."""
@@ -22,15 +26,28 @@ _EXPLAINED_WITHIN = 600.0
 def show_specs(client: Client, *, as_json: bool) -> None:
     """Print all specs."""
     document = client.get("specs")
-    rows = [(s["id"], str(len(s["streams"])), str(len(s["properties"])), s["description"]) for s in document["items"]]
+    rows = [
+        (s["id"], str(len(s["streams"])), str(len(s["properties"])), _unsound(s) or s["description"])
+        for s in document["items"]
+    ]
     _show(document, ("spec", "streams", "properties", "description"), rows, as_json=as_json)
+
+
+def _unsound(spec: Mapping[str, Any]) -> str:
+    """Why a spec can't be used, empty where it can."""
+    reasons = (spec.get("problem") or "").splitlines()
+    more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
+    return f"unsound: {reasons[0]}{more}" if reasons else ""
 
 
 def show_sessions(client: Client, *, as_json: bool) -> None:
     """Print all sessions."""
     document = client.get("sessions")
     rows = [_session_row(state) for state in document["items"]]
-    _show(document, ("session", "spec", "status", "monitors", "steps", "violations"), rows, as_json=as_json)
+    _show(document, ("session", "spec", "status", "monitors", "steps", "violations", "first at"), rows, as_json=as_json)
+    if not as_json:
+        for state in document["items"]:
+            _show_caveats(state, f"{state['id']}: ")
 
 
 def show_verdicts(client: Client, session: str, properties: list[str], outcomes: list[str], *, as_json: bool) -> None:
@@ -41,28 +58,32 @@ def show_verdicts(client: Client, session: str, properties: list[str], outcomes:
         return
     state = client.get(f"sessions/{session}")
     columns = {"property": "id", "outcome": "outcome"} | {name: name for name in _measured(state["properties"])}
-    columns |= {"violations": "violations", "first at": "first_violation", "unknown": "unknown"}
-    rows = [_row(p, tuple(columns.values())) for p in state["properties"]]
+    columns |= {"violations": "violations", "first at": "first at", "unknown": "unknown"}
+    now = time.time_ns()
+    rows = [_row(p | {"first at": first_name(p, now)}, tuple(columns.values())) for p in state["properties"]]
     _show(state, tuple(columns), rows, as_json=False)
+    _show_caveats(state)
     violations = client.pages(f"sessions/{session}/violations")
     if violations:
         sys.stdout.write("\n")
         _show_records(violations, as_json=False)
-        sys.stdout.write("\n" + "".join(f"{r['n']}: {one_line(r['explanation']['text'])}\n" for r in violations))
+        sys.stdout.write("\n" + "".join(f"{one_line(r['explanation']['text'])} (#{r['n']})\n" for r in violations))
 
 
 def follow_verdicts(client: Client, session: str, properties: list[str], outcomes: list[str], *, as_json: bool) -> None:
     """Print a session's verdict records, one a line, until the session ends."""
     for record in client.events(f"sessions/{session}/stream", property=properties, outcome=outcomes):
         keys = (*_RECORD, *_measured([record]))
-        line = json.dumps(record) if as_json else "  ".join(_record_row(record, keys)).rstrip()
+        cells = _record_row(record, keys)
+        line = json.dumps(record) if as_json else one_line("  ".join(cell for cell in cells if cell))
         sys.stdout.write(line + "\n")
         sys.stdout.flush()
 
 
 def show_explanation(client: Client, session: str, n: int, *, as_json: bool) -> None:
     """Print the explanation of a verdict."""
-    record = client.get(f"sessions/{session}/verdicts/{n}/explanation", _EXPLAINED_WITHIN)
+    with progress(f"judging again what came before verdict {n}"):
+        record = client.get(f"sessions/{session}/verdicts/{n}/explanation", _EXPLAINED_WITHIN)
     sys.stdout.write(json.dumps(record) + "\n" if as_json else explanation_text(record))
 
 
@@ -75,7 +96,7 @@ def show_tokens(tokens: Sequence[Token], *, as_json: bool) -> None:
 
 
 _BOUND = ("scopes", "specs", "sessions")
-_RECORD = ("n", "step", "property", "outcome", "stream", "kind", "decision")
+_RECORD = ("step", "time", "property", "outcome", "stream", "kind", "decision")
 
 
 def _measured(items: Sequence[dict[str, Any]]) -> tuple[str, ...]:
@@ -86,12 +107,13 @@ def _measured(items: Sequence[dict[str, Any]]) -> tuple[str, ...]:
 def _show_records(records: Sequence[dict[str, Any]], *, as_json: bool) -> None:
     keys = (*_RECORD, *_measured(records))
     rows = [_record_row(record, keys) for record in records]
-    _show({"items": records}, (*keys, ""), rows, as_json=as_json)
+    _show({"items": records}, (*keys, "", "n"), rows, as_json=as_json)
 
 
 def _record_row(record: dict[str, Any], keys: Sequence[str]) -> tuple[str, ...]:
     marks = " ".join(mark for mark in ("late", "skewed", "degraded") if record[mark])
-    return (*_row(record, keys), marks)
+    told = record | {"time": moment(record["stamp"], time.time_ns())}
+    return (*_row(told, keys), marks, str(record["n"]))
 
 
 def _row(item: dict[str, Any], keys: Sequence[str]) -> tuple[str, ...]:
@@ -104,6 +126,12 @@ def _cell(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
+def _show_caveats(state: dict[str, Any], where: str = "") -> None:
+    """Print why properties are degraded at present, once an order; what an older version closed has no such key."""
+    told = [f"{where}{p['id']} is degraded: {text}" for p in state["properties"] for text in p.get("caveats", ())]
+    sys.stdout.writelines(f"{one_line(text)}\n" for text in dict.fromkeys(told))
+
+
 def _session_row(state: dict[str, Any]) -> tuple[str, ...]:
     attached = sum(m["connected"] for m in state["monitors"])
     violations = sum(p["violations"] for p in state["properties"])
@@ -114,7 +142,14 @@ def _session_row(state: dict[str, Any]) -> tuple[str, ...]:
         str(attached),
         str(state["counters"]["steps"]),
         str(violations),
+        _first(state["properties"]),
     )
+
+
+def _first(properties: Sequence[dict[str, Any]]) -> str:
+    """Where the first violation of any property was."""
+    violated = [p for p in properties if p["first_violation"] is not None]
+    return first_name(min(violated, key=lambda p: int(p["first_violation"]), default={}), time.time_ns())
 
 
 def _show(document: dict[str, Any], head: tuple[str, ...], rows: Sequence[tuple[str, ...]], *, as_json: bool) -> None:
@@ -123,5 +158,5 @@ def _show(document: dict[str, Any], head: tuple[str, ...], rows: Sequence[tuple[
         return
     table = Table(*head, box=None, pad_edge=False)
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*(Text(one_line(cell)) for cell in row))
     Console(highlight=False, width=None if sys.stdout.isatty() else 160).print(table)

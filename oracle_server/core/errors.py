@@ -2,7 +2,7 @@
 
 - `OracleError`
     - `FormulaError`: a formula that can't be read, with its line and column
-    - `ExpressionError`: an expression of a spec that can't be read or is not allowed
+    - `ExpressionError`: an expression of a spec that can't be read or is not allowed, with its line and column
     - `SpecError`: a spec that is refused, with every problem found
     - `TraceError`: a recording that can't be used
     - `EngineError`: an engine that can't judge any more
@@ -10,14 +10,18 @@
 
 and, where they are raised:
 
-- `specfiles`: `UnknownSpecError`; `GraphError`, a dump of a ROS graph that can't be read; `ConfigError` and
-  `UntranslatableError`, of what ROSMonitoring was configured with
+- `specfiles`: `UnknownSpecError`; `GraphError`, a dump of a ROS graph that can't be read; `ConfigError`,
+  `UntranslatableError`, `UnfollowableError`, `UnreadableFormulaError` and `FutureError`, of what ROSMonitoring was
+  configured with
+- `rostypes`: `TypesError`, definitions that can't be used; `DefinitionError`, one that can't be read, with its line;
+  `NestedTypeError`, a message with a field of a type that is not known
 - `wire`: `WireError`, what is answered by an `error` frame
 - `process`: `SettingsError`, `LogError`, `PidFileError`, `DaemonError`
 - `history`: `FormatError`, a `HistoryError` of a format that this version does not read
 - `remote`: `UnreachableError`, `OtherEventError`, of an oracle elsewhere
 - `review`: `NoExplanationError`
 - `sessions`: `SessionExistsError`, `SessionStaysOpenError`
+- `replay`: `DamagedError`, of a part of a recording
 - `edge`: `TokenError`; `UndeclaredRouteError`, of a route that says not who may use it
 - `server`: `ServerError`, a server that can't start
 - `cli`: `ServerUnreachableError`
@@ -46,7 +50,14 @@ class FormulaError(OracleError):
 
 
 class ExpressionError(OracleError):
-    """A CEL expression that can't be read or is not allowed in a spec."""
+    """An expression that can't be read or is not allowed; `line` and `column` count from 1 in its own text."""
+
+    def __init__(self, message: str, line: int = 1, column: int = 1) -> None:
+        super().__init__(message)
+        self.message, self.line, self.column = message, line, column
+
+    def __str__(self) -> str:
+        return f"{self.line}:{self.column}: {self.message}"
 
 
 def one_line(text: str) -> str:
@@ -59,13 +70,14 @@ class SpecProblem:
     """One thing that is wrong with a spec.
 
     `path` is where it stands, as keys and list indexes; `within` is the line and column inside the text that
-    stands there, from 1, where that is known.
+    stands there, from 1, where that is known; `first` is where something stands that is here a second time.
     """
 
     path: tuple[str | int, ...]
     message: str
     within: tuple[int, int] | None = None
     severity: Literal["error", "warning"] = "error"
+    first: tuple[str | int, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from typing import Literal
 
 import msgspec
 
 from oracle_server.core.formula.tree import Scalar
-from oracle_server.core.records import EventRecord, ReasonRecord, WhyRecord
+from oracle_server.core.naming import value_text
+from oracle_server.core.records import EventRecord, FailingRecord, ReasonRecord, WhyRecord
 
 _MAX_REASONS = 8
 """Reasons in one line."""
@@ -15,12 +17,41 @@ _MAX_REASONS = 8
 Recall = Callable[[int, int | None], EventRecord | None]
 
 
+class Failing(msgspec.Struct, frozen=True, gc=False):
+    """A constraint that a step did not meet: the signal, its value there, and what was wanted.
+
+    `value` is None where the signal is `missing`: absent, or not computed since its expression failed. `wanted` is None
+    where any value would do, or any that was not seen before.
+    """
+
+    signal: str
+    op: str
+    wanted: Scalar | None
+    value: Scalar | None
+    missing: Literal["absent", "failed"] | None = None
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        if self.value is None:
+            return f"`{self.signal}` {'is absent' if self.missing == 'absent' else 'could not be computed'}"
+        wanted = "any other value" if self.wanted is None else value_text(self.wanted)
+        op = "" if self.op == "==" else f"{self.op} "
+        return f"{self.signal} = {value_text(self.value)}, wanted {op}{wanted}"
+
+    def data(self) -> FailingRecord:
+        """As plain data."""
+        data: FailingRecord = {"signal": self.signal, "op": self.op, "wanted": self.wanted, "value": self.value}
+        return {**data, "missing": self.missing} if self.missing else data
+
+
 class Reason(msgspec.Struct, frozen=True, gc=False):
     """One part of the formula with values in place of variables, and whether it holds.
 
     `at` is a step that decides it: its number, or its time in nanoseconds with `time: seconds`; `step` its number where
-    that is known; `window` are the first and the last of several, or of those among which there is none; `text` has
-    this in words. `parts` decide it in turn.
+    that is known; `unnumbered`: these are the numbers of an attempt that is taken back; `window` are the first and the
+    last of several, or of those among which there is none; `text` has this in words. `failing` are the constraints of
+    an atom that fail at the step. `parts` decide it in turn.
     """
 
     formula: str
@@ -30,6 +61,8 @@ class Reason(msgspec.Struct, frozen=True, gc=False):
     window: tuple[int, int] | None = None
     parts: tuple[Reason, ...] = ()
     step: int | None = None
+    failing: tuple[Failing, ...] = ()
+    unnumbered: bool = False
 
 
 class Why(msgspec.Struct, frozen=True, gc=False):
@@ -75,9 +108,13 @@ def _leaves(reason: Reason) -> Iterator[Reason]:
 def _data(reason: Reason, recall: Recall) -> ReasonRecord:
     data: ReasonRecord = {"formula": reason.formula, "holds": reason.holds, "text": reason.text}
     if reason.at is not None:
-        data["at"], data["event"] = reason.at, recall(reason.at, reason.step)
+        if not reason.unnumbered:
+            data["at"] = reason.at
+        data["event"] = recall(reason.at, reason.step)
     if reason.window is not None:
         data["window"] = list(reason.window)
+    if reason.failing:
+        data["failing"] = [each.data() for each in reason.failing]
     if reason.parts:
         data["reasons"] = [_data(part, recall) for part in reason.parts]
     return data
@@ -86,4 +123,4 @@ def _data(reason: Reason, recall: Recall) -> ReasonRecord:
 def _shown(value: Scalar | None) -> str:
     if value is None:
         return "any other value"
-    return msgspec.json.encode(value).decode()
+    return value_text(value)

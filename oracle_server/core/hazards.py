@@ -8,61 +8,64 @@ from oracle_server.core.deadlocks import deadlocks, starvation
 from oracle_server.core.dependencies import GraphNode
 from oracle_server.core.errors import ExpressionError, SpecProblem
 from oracle_server.core.events import StreamKey
-from oracle_server.core.expressions import parse_expression
-from oracle_server.core.formula.render import render_atom
-from oracle_server.core.formula.tree import Atom
-from oracle_server.core.kinds import GROUPS, RESERVED
-from oracle_server.core.plan import can_meet, has_reserved
-from oracle_server.core.spec import Spec, StreamSpec
+from oracle_server.core.expression import MAX_PATTERNS, Expression, check_shape, parse_expression, too_dear
+from oracle_server.core.kinds import RESERVED
+from oracle_server.core.signals import UNWRITTEN
+from oracle_server.core.spec import Spec
+from oracle_server.core.unmet import has_signal, unmet
+from oracle_server.core.vacuity import vacuous
 from oracle_server.core.withholding import mendable
 
 
 def inspect(spec: Spec, graph: Sequence[GraphNode] | None = None) -> list[SpecProblem]:
     """Everything that is wrong or doubtful in a spec that could be read, on a robot of this graph."""
-    return [
+    found = [
         *_duplicates(spec),
         *_signals(spec),
+        *_expressions(spec),
         *_held_elsewhere(spec),
+        *_unwritten(spec),
         *_filters(spec),
         *_guards(spec),
         *_external(spec),
-        *_atoms(spec),
+        *unmet(spec),
         *_gaps(spec),
         *_causes(spec),
         *deadlocks(spec, graph),
         *(starvation(spec, graph) if graph is not None else ()),
         *_undoing(spec),
     ]
+    if any(problem.severity == "error" for problem in found):
+        return found
+    return [*found, *vacuous(spec)]
 
 
 def _duplicates(spec: Spec) -> Iterator[SpecProblem]:
-    seen: set[StreamKey] = set()
-    names: dict[str, str] = {}
+    seen: dict[StreamKey, int] = {}
+    names: dict[str, tuple[str, int]] = {}
     for i, stream in enumerate(spec.streams):
         if not stream.traits.leads:
             continue
         group = stream.traits.group
-        if stream.key in seen or names.setdefault(stream.name, group) != group:
-            yield SpecProblem(("streams", i, group), f"'{stream.name}' stands here a second time")
-        seen.add(stream.key)
-    ids: set[str] = set()
+        first, at = names.setdefault(stream.name, (group, i))
+        if seen.setdefault(stream.key, i) != i or first != group:
+            message = f"'{stream.name}' stands here a second time"
+            yield SpecProblem(("streams", i, group), message, first=("streams", at, first))
+    ids: dict[str, int] = {}
     for i, prop in enumerate(spec.properties):
-        if prop.id in ids:
-            yield SpecProblem(("properties", i, "id"), f"the id '{prop.id}' stands here a second time")
-        ids.add(prop.id)
+        at = ids.setdefault(prop.id, i)
+        if at != i:
+            message = f"the id '{prop.id}' stands here a second time"
+            yield SpecProblem(("properties", i, "id"), message, first=("properties", at, "id"))
 
 
 def _signals(spec: Spec) -> Iterator[SpecProblem]:
     holders: dict[str, str] = {}
     for i, stream in enumerate(spec.streams):
-        for name, text in (stream.signals or {}).items():
-            path = ("streams", i, "signals", name)
+        for name in stream.signals or {}:
             if name in RESERVED:
+                path = ("streams", i, "signals", name)
                 yield SpecProblem(path, f"the signal '{name}' is reserved; give yours another name")
-            try:
-                parse_expression(text)
-            except ExpressionError as error:
-                yield SpecProblem(path, f"signal '{name}': {error}")
         for name in sorted(stream.hold):
             if stream.signals is not None and name not in stream.signals:
                 yield SpecProblem(("streams", i, "hold"), f"'{name}' is held, but is no signal of {stream.key}")
@@ -72,14 +75,55 @@ def _signals(spec: Spec) -> Iterator[SpecProblem]:
                 yield SpecProblem(("streams", i, "hold"), f"'{name}' is held by {holders[name]} already")
 
 
+def _expressions(spec: Spec) -> Iterator[SpecProblem]:
+    patterns = 0
+    for i, stream in enumerate(spec.streams):
+        expressions: dict[str, Expression] = {}
+        for name, text in (stream.signals or {}).items():
+            path = ("streams", i, "signals", name)
+            try:
+                expressions[name] = parse_expression(text)
+            except ExpressionError as error:
+                yield SpecProblem(path, f"signal '{name}': {error.message}", (error.line, error.column))
+                continue
+            for problem in check_shape(expressions[name], None) if text != UNWRITTEN else ():
+                yield SpecProblem(path, f"signal '{name}': {problem.message}", problem.within, problem.severity)
+        dear = too_dear(expressions)
+        if dear is not None:
+            yield SpecProblem(("streams", i, "signals"), dear)
+        patterns += sum(expression.patterns for expression in expressions.values())
+    if patterns > MAX_PATTERNS:
+        yield SpecProblem(("streams",), f"the spec has {patterns} patterns for `matches`, and may have {MAX_PATTERNS}")
+
+
 def _held_elsewhere(spec: Spec) -> Iterator[SpecProblem]:
     """Signals that another stream holds: a warning, since histories may have sessions with such specs."""
     holders = {name: stream.key for stream in spec.streams for name in stream.hold}
     for i, stream in enumerate(spec.streams):
-        for name in sorted((stream.signals or {}).keys() & (holders.keys() - stream.hold)):
+        for name in sorted(n for n in stream.signals or () if n in holders and n not in stream.hold):
             message = (
                 f"'{name}' is a signal of {stream.key}, and held by {holders[name]}: formulas see what is held "
                 f"at every event of {stream.key} that lacks its own; give one of them another name"
+            )
+            yield SpecProblem(("streams", i, "signals", name), message, severity="warning")
+
+
+def _unwritten(spec: Spec) -> Iterator[SpecProblem]:
+    """Signals that `import` left to be written: a warning, since what reads them is unknown and nothing worse."""
+    places: dict[str, int] = {}
+    for i, stream in enumerate(spec.streams):
+        for name, text in (stream.signals or {}).items():
+            if text == UNWRITTEN:
+                places.setdefault(name, i)
+    readers: dict[str, list[str]] = {}
+    for prop in spec.properties if places else ():
+        for key in {c.key for atom in prop.atoms for c in atom.constraints} & places.keys():
+            readers.setdefault(key, []).append(prop.id)
+    for name, i in places.items():
+        read = readers.get(name)
+        if read:
+            message = (
+                f"'{name}' is still to be written ({UNWRITTEN} always fails), so that {', '.join(read)} is unknown"
             )
             yield SpecProblem(("streams", i, "signals", name), message, severity="warning")
 
@@ -150,15 +194,6 @@ def _external(spec: Spec) -> Iterator[SpecProblem]:
                 yield SpecProblem(("streams", j, "decide_within"), message)
 
 
-def _atoms(spec: Spec) -> Iterator[SpecProblem]:
-    held = frozenset[str]().union(*(s.hold for s in spec.streams))
-    for i, prop in enumerate(spec.properties):
-        for atom in prop.atoms:
-            reason = _why_never(atom, spec, held)
-            if reason:
-                yield SpecProblem(("properties", i, "formula"), f"formula of '{prop.id}': {reason}", atom.at)
-
-
 def _gaps(spec: Spec) -> Iterator[SpecProblem]:
     """The streams at whose events a formula over numbers lacks some."""
     held = frozenset[str]().union(*(s.hold for s in spec.streams))
@@ -166,39 +201,12 @@ def _gaps(spec: Spec) -> Iterator[SpecProblem]:
         if not prop.numeric:
             continue
         named = [c.key for atom in prop.atoms for c in atom.constraints]
-        read = [key for key in named if any(_has(s, key, held) for s in spec.streams)]
-        lacking = {str(s.key): [key for key in read if not _has(s, key, held)] for s in spec.streams}
+        read = [key for key in named if any(has_signal(s, key, held) for s in spec.streams)]
+        lacking = {str(s.key): [key for key in read if not has_signal(s, key, held)] for s in spec.streams}
         where = ", ".join(f"{stream} ({', '.join(keys)})" for stream, keys in lacking.items() if keys)
         if where:
             message = f"property '{prop.id}' is unknown where a signal is missing: {where}; `hold` keeps the last value"
             yield SpecProblem(("properties", i, "formula"), message, severity="warning")
-
-
-def _why_never(atom: Atom, spec: Spec, held: frozenset[str]) -> str | None:
-    """Why an atom can never hold, since it names something that the spec does not have; None where it can."""
-    for constraint in atom.constraints:
-        if constraint.key in GROUPS and constraint.op == "==" and isinstance(constraint.value, str):
-            names = sorted({s.name for s in spec.streams if s.traits.group == constraint.key})
-            if constraint.value not in names:
-                known = ", ".join(names) or "none"
-                return f"{constraint.key} '{constraint.value}' is no stream of this spec; it has {known}"
-    streams = [s for s in spec.streams if can_meet(s, atom)]
-    if not streams:
-        return f"no event of this spec can meet {render_atom(atom)}"
-    for constraint in atom.constraints:
-        if not any(_has(s, constraint.key, held) for s in streams):
-            where = ", ".join(str(s.key) for s in streams)
-            declared = sorted({name for s in streams for name in s.signals or ()} | held)
-            return f"unknown signal '{constraint.key}'; {where} declares {', '.join(declared) or 'none'}"
-    if not any(all(_has(s, c.key, held) for c in atom.constraints) for s in streams):
-        return f"no event of this spec has all the signals of {render_atom(atom)}"
-    return None
-
-
-def _has(stream: StreamSpec, key: str, held: frozenset[str]) -> bool:
-    if key in RESERVED:
-        return has_reserved(stream, key)
-    return stream.signals is None or key in stream.signals or key in held
 
 
 def _causes(spec: Spec) -> Iterator[SpecProblem]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -14,6 +14,7 @@ from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.holding import Held, together
 from oracle_server.core.past import Past
 from oracle_server.core.plan import Plan, StreamPlan
+from oracle_server.core.presence import grace
 from oracle_server.core.property_state import Names, PropertyState
 from oracle_server.core.recent import Recent
 from oracle_server.core.snapshot import JudgeSnapshot
@@ -56,8 +57,14 @@ class Judge:
         self._held: dict[str, Held] = {}
         """By monitor; the monitor with the latest event is the last one."""
         self._degraded = False
+        ordering = plan.spec.ordering
+        self._slack = ordering.max_skew + (ordering.max_delay or 0)
+        """How much later than its stamp an event arrives (ns), where clocks are in step."""
         self._unordered = not any(stream.ordered for stream in plan.spec.streams)
-        self.properties = [PropertyState(p, e) for p, e in zip(plan.spec.properties, engines, strict=True)]
+        self.properties = [
+            PropertyState(p, e, grace=grace(p.formula, p.time))
+            for p, e in zip(plan.spec.properties, engines, strict=True)
+        ]
         self.counters = Counters()
         self.present = 0
         """The time of the last step, in nanoseconds."""
@@ -65,7 +72,7 @@ class Judge:
         self._outdated = False
         """Whether a step is older than deadlines that were judged already: they are to be judged again."""
         self._recent = Recent()
-        self._tick: tuple[int, Mapping[str, Scalar]] | None = None
+        self._tick: tuple[int, Mapping[str, Scalar], Names] | None = None
         for i, state in enumerate(self.properties):
             state.past = partial(self._past, i)
 
@@ -113,9 +120,19 @@ class Judge:
             state.give_up(reason)
         self._degraded, self._numbers = True, numbers
 
+    def begin(self, time: int) -> None:
+        """Begin at a time (ns): what never comes is missed from then on."""
+        for state in self.properties:
+            state.begin(time)
+
     def degrade(self) -> None:
         """Mark every verdict from now on as one before which something is known to be lost, skipped or failed."""
         self._degraded = True
+
+    def bypass(self, properties: Collection[int]) -> None:
+        """Mark the verdicts of these properties, by their indexes, as degraded until this is called again."""
+        for i, state in enumerate(self.properties):
+            state.bypassed = i in properties
 
     def remember(self, steps: int, effort: int) -> None:
         """Before the first step: remember this many steps, and spend this much on an explanation."""
@@ -133,17 +150,24 @@ class Judge:
         return self._judge(step, now)
 
     def tick(self, time: int, now: int) -> Judged | None:
-        """Judge a step at `time` with held signals only, and take it back; None where it changes no outcome."""
+        """Judge a step at `time` with held signals only, and take it back; None where it changes no outcome.
+
+        Before the first step it is judged by the properties that have a grace only: nothing else is known then.
+        """
         self._ticked, self._outdated = time, False
         signals, failed = together(self._held.values())
         views = self._plan.silent
-        self._tick = time, signals
-        found = [s.tick(view, time, signals, failed) for s, view in zip(self.properties, views, strict=True)]
+        self._tick = time, signals, failed
+        found = [
+            s.tick(view, time, signals, failed) if self.counters.steps or s.grace else s.outcome
+            for s, view in zip(self.properties, views, strict=True)
+        ]
         self._tick = None
         if all(state.outcome is outcome for state, outcome in zip(self.properties, found, strict=True)):
             return None
         self.counters.ticks += 1
-        verdicts = tuple(self._verdict(s, outcome, signals) for s, outcome in zip(self.properties, found, strict=True))
+        known = zip(self.properties, found, strict=True)
+        verdicts = tuple([self._verdict(s, outcome, signals, time) for s, outcome in known])
         event = Event(TICKS, "", self.counters.ticks, time, now, None)
         return self._conclude(Step(event, signals, frozenset(failed), time), None, verdicts, now)
 
@@ -160,8 +184,8 @@ class Judge:
         present, steps, held = self.present, self.counters.steps, self._held
         ticked = self._ticked, self._outdated
         self._held = {m: h.copy() if m == step.event.monitor else h for m, h in held.items()}
-        judged = self._judge(step, now)
-        if judged.decision is None or judged.decision.choice == "allow":
+        judged = self._judge(step, now, revisable=True)
+        if not _is_denied(judged.decision):
             for state in self.properties:
                 state.keep()
             return judged
@@ -175,14 +199,12 @@ class Judge:
 
     def _skip(self, step: Step, now: int) -> Judged:
         self.counters.skipped += 1
-        verdicts = tuple(
-            Verdict(next(self._numbers), state.property.id, Outcome.UNKNOWN, self._is_degraded(state))
-            for state in self.properties
-        )
+        verdicts = tuple(self._plain(state, next(self._numbers), Outcome.UNKNOWN) for state in self.properties)
         self._degraded = True
-        return self._conclude(step, None, verdicts, now)
+        return self._conclude(step, None, verdicts, now, self._decide(step, [Outcome.UNKNOWN] * len(verdicts)))
 
-    def _judge(self, step: Step, now: int) -> Judged:
+    def _judge(self, step: Step, now: int, *, revisable: bool = False) -> Judged:
+        """Judge a step; `revisable`: it is taken back where it is denied."""
         stream = self._plan.streams[step.event.stream]
         self.counters.steps += 1
         before = self.present
@@ -191,16 +213,31 @@ class Judge:
             self._outdate(before)
         blameless = self._blameless(step, stream) if stream.blames else _NO_ONE
         signals, failed = self._signals(step, stream)
-        self._recent.add(self.counters.steps, self.present, step, signals)
-        verdicts, time, degraded = [], self.present, self._degraded
+        self._recent.add(self.counters.steps, self.present, step, signals, failed)
+        number: int | None = self.counters.steps
+        outcomes, worse, time, degraded = [], [], self.present, self._degraded
+        latest = step.event.arrived - self._slack  # a clock that is far behind must not prolong a grace
         for state, view in zip(self.properties, stream.views, strict=True):
-            worse = degraded or state.failures > 0 or state.renewed
-            outcome = state.step(view, time, signals, failed)
+            worse.append(degraded or state.failures > 0 or state.renewed)
+            outcomes.append(state.step(view, time, signals, failed, latest))
+        decision = self._decide(step, outcomes, blameless)
+        if revisable and _is_denied(decision):
+            self._recent.unnumber()
+            number = None
+        verdicts = []
+        for state, outcome, is_degraded in zip(self.properties, outcomes, worse, strict=True):
+            state.explain(outcome)
             robustness = state.robustness if self._measures else None
             n = next(self._numbers)
-            why = self._explain(state, signals) if state.remember(n, outcome) or state.asked else None
-            verdicts.append(Verdict(n, state.property.id, outcome, worse, why, robustness))
-        return self._conclude(step, self.counters.steps, tuple(verdicts), now, blameless)
+            why = None
+            if state.remember(n, outcome) or state.asked:
+                state.note_first(n, number, step.stamp)
+                why = self._explain(state, signals)
+            passed_by = state.bypassed and not is_degraded
+            verdicts.append(
+                Verdict(n, state.property.id, outcome, is_degraded or passed_by, why, robustness, passed_by)
+            )
+        return self._conclude(step, number, tuple(verdicts), now, decision)
 
     def _blameless(self, step: Step, stream: StreamPlan) -> frozenset[int]:
         """The guards with `blame: caused` that would be negative without the event too."""
@@ -213,10 +250,17 @@ class Judge:
             if self.properties[i].silent(self._plan.silent[i], self.present, held.values, held.failed) in NEGATIVE
         )
 
-    def _verdict(self, state: PropertyState, outcome: Outcome, signals: Mapping[str, Scalar]) -> Verdict:
-        n = next(self._numbers)
-        why = self._explain(state, signals) if state.remember(n, outcome) or state.asked else None
-        return Verdict(n, state.property.id, outcome, self._is_degraded(state), why)
+    def _verdict(self, state: PropertyState, outcome: Outcome, signals: Mapping[str, Scalar], time: int) -> Verdict:
+        n, why = next(self._numbers), None
+        if state.remember(n, outcome) or state.asked:
+            state.note_first(n, None, time)
+            why = self._explain(state, signals)
+        return self._plain(state, n, outcome, why)
+
+    def _plain(self, state: PropertyState, n: int, outcome: Outcome, why: Explanation | None = None) -> Verdict:
+        is_degraded = self._degraded or state.failures > 0 or state.renewed
+        bypassed = state.bypassed and not is_degraded
+        return Verdict(n, state.property.id, outcome, is_degraded or bypassed, why, bypassed=bypassed)
 
     def _move_on(self, step: Step, stream: StreamPlan) -> None:
         """Time never goes back, and an unordered event is judged at the present.
@@ -241,24 +285,25 @@ class Judge:
         else:
             self._outdated = True
 
-    def _is_degraded(self, state: PropertyState) -> bool:
-        return self._degraded or state.failures > 0 or state.renewed
-
     def _conclude(
         self,
         step: Step,
         number: int | None,
         verdicts: tuple[Verdict, ...],
         now: int,
-        blameless: frozenset[int] = _NO_ONE,
+        decision: Decision | None = None,
     ) -> Judged:
-        decision = None
-        if step.event.ask and self._decides:
-            guards = self._plan.streams[step.event.stream].guards
-            denied_by = tuple(verdicts[i].property for i in guards if _denies(verdicts[i], blamed=i not in blameless))
-            decision = Decision("deny" if denied_by else "allow", denied_by)
-            self.counters.denied += bool(denied_by)
+        self.counters.denied += _is_denied(decision)
         return Judged(step, number, self._order, now, verdicts, decision)
+
+    def _decide(self, step: Step, outcomes: Sequence[Outcome], blameless: frozenset[int] = _NO_ONE) -> Decision | None:
+        """The decision on an event, by the outcomes of all properties; None where none is wanted."""
+        if not (step.event.ask and self._decides):
+            return None
+        guards = self._plan.streams[step.event.stream].guards
+        denying = [i for i in guards if _denies(outcomes[i], blamed=i not in blameless)]
+        denied_by = tuple(self.properties[i].property.id for i in denying)
+        return Decision("deny" if denied_by else "allow", denied_by)
 
     def _signals(self, step: Step, stream: StreamPlan) -> tuple[dict[str, Scalar], Names]:
         """All signals of a step: its own, the reserved ones, and those that its monitor's streams hold."""
@@ -287,9 +332,13 @@ class Judge:
     def _past(self, index: int) -> Past:
         """The last steps as one property observed them, and a tick that is being judged."""
         views = self._plan.streams
-        tick = () if self._tick is None else ((self._tick[0], self._plan.silent[index], self._tick[1]),)
-        return self._recent.past(lambda stream: views[stream].views[index], *tick)
+        tick = None if self._tick is None else (self._tick[0], self._plan.silent[index], *self._tick[1:])
+        return self._recent.past(lambda stream: views[stream].views[index], tick)
 
 
-def _denies(verdict: Verdict, *, blamed: bool) -> bool:
-    return verdict.outcome in DENYING and (blamed or verdict.outcome not in NEGATIVE)
+def _denies(outcome: Outcome, *, blamed: bool) -> bool:
+    return outcome in DENYING and (blamed or outcome not in NEGATIVE)
+
+
+def _is_denied(decision: Decision | None) -> bool:
+    return decision is not None and decision.choice == "deny"

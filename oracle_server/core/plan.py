@@ -6,7 +6,7 @@ A plan is shared by all sessions of its spec; it holds no state.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from oracle_server.core.atoms import AtomTest, Match, specialise
@@ -14,7 +14,7 @@ from oracle_server.core.events import StreamKey
 from oracle_server.core.formula.tree import Atom, Scalar
 from oracle_server.core.kinds import RESERVED
 from oracle_server.core.signals import DefaultProjection, Projection
-from oracle_server.core.spec import By, Spec, StreamSpec
+from oracle_server.core.spec import By, Property, Spec, StreamSpec
 
 
 class Projects(Protocol):
@@ -27,6 +27,10 @@ class Projects(Protocol):
 
     def __call__(self, message: object) -> tuple[dict[str, Scalar], frozenset[str]]:
         """The signals by name, and the names of those that failed."""
+        ...
+
+    def reasons(self, message: object) -> dict[str, str]:
+        """Why each signal failed that did, in a few words."""
         ...
 
 
@@ -71,7 +75,17 @@ class StreamPlan:
     @property
     def fields(self) -> frozenset[str] | None:
         """The dotted paths of the fields that are needed of a message, None for all of them."""
-        return None if self.asked else self.project.fields
+        read, stamp = self.project.fields, self.spec.stamp
+        if self.asked or read is None:
+            return None
+        return read if stamp is None or stamp.plain else read | {stamp.field}
+
+    @property
+    def named(self) -> frozenset[str]:
+        """The dotted paths of the fields that the spec's expressions name, and of a stamp that the server reads."""
+        stamp = self.spec.stamp
+        declared = self.project.fields if self.spec.signals is not None else None
+        return (declared or frozenset()) | (frozenset([stamp.field]) if stamp and not stamp.plain else frozenset())
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +93,8 @@ class Plan:
     """A spec made ready, stream by stream.
 
     `silent` are the properties' views of a step that has no signals but held ones; `timed`: some property has
-    `time: seconds`; `external` are the indexes of the properties that external oracles judge.
+    `time: seconds`; `external` are the indexes of the properties that external oracles judge; `readers` are those that
+    guard or read a topic or service, by its name.
     """
 
     spec: Spec
@@ -87,6 +102,7 @@ class Plan:
     silent: tuple[View, ...]
     timed: bool
     external: tuple[int, ...] = ()
+    readers: Mapping[str, frozenset[int]] = field(default_factory=dict)
 
 
 def plan(spec: Spec) -> Plan:
@@ -96,7 +112,8 @@ def plan(spec: Spec) -> Plan:
     silent = tuple(_view(formula, {}, held.__contains__) for formula in formulas)
     timed = any(p.time == "seconds" for p in spec.properties)
     external = tuple(i for i, p in enumerate(spec.properties) if p.external is not None)
-    return Plan(spec, {s.key: _plan_stream(spec, s, formulas) for s in spec.streams}, silent, timed, external)
+    streams = {s.key: _plan_stream(spec, s, formulas, held) for s in spec.streams}
+    return Plan(spec, streams, silent, timed, external, _readers(spec, held))
 
 
 def judged_by(ready: Plan, by: By | None) -> Plan:
@@ -114,7 +131,10 @@ def constants(stream: StreamSpec) -> dict[str, Scalar]:
 
 def can_meet(stream: StreamSpec, atom: Atom) -> bool:
     """Whether some event of a stream can meet an atom, as far as the reserved signals decide it."""
-    return bool(specialise([atom], constants(stream), lambda key: key not in RESERVED or has_reserved(stream, key)))
+    reserved = [c for c in atom.constraints if c.key in RESERVED]
+    if not reserved:  # as most have none, and each atom is looked at on each stream
+        return True
+    return bool(specialise([Atom(tuple(reserved))], constants(stream), lambda key: has_reserved(stream, key)))
 
 
 def has_reserved(stream: StreamSpec, key: str) -> bool:
@@ -125,11 +145,32 @@ def has_reserved(stream: StreamSpec, key: str) -> bool:
 def named_signals(stream: StreamSpec, formulas: tuple[tuple[Atom, ...], ...], held: frozenset[str]) -> frozenset[str]:
     """The signals that some atom reads of a stream, with neither the reserved ones nor those that others hold."""
     met = [atom for formula in formulas for atom in formula if can_meet(stream, atom)]
-    return frozenset(c.key for atom in met for c in atom.constraints) - RESERVED - (held - stream.hold)
+    named = frozenset(c.key for atom in met for c in atom.constraints) - RESERVED
+    return named - ((named & held) - stream.hold)
 
 
-def _plan_stream(spec: Spec, stream: StreamSpec, formulas: tuple[tuple[Atom, ...], ...]) -> StreamPlan:
-    held = frozenset().union(*(s.hold for s in spec.streams))
+def _readers(spec: Spec, held: frozenset[str]) -> dict[str, frozenset[int]]:
+    readers: dict[str, frozenset[int]] = {}
+    for stream in spec.streams:
+        found = frozenset(i for i, p in enumerate(spec.properties) if _concerns(stream, p, held))
+        readers[stream.name] = readers.get(stream.name, frozenset()) | found
+    return readers
+
+
+def _concerns(stream: StreamSpec, prop: Property, held: frozenset[str]) -> bool:
+    """Whether a property guards a stream, or reads its events: by name, kind, or signals of their own."""
+    if stream.name in prop.guards or (prop.external is not None and prop.external.receives(stream)):
+        return True
+    if any(c.key in stream.hold for atom in prop.atoms for c in atom.constraints):
+        return True
+    own = named_signals(stream, (prop.atoms,), held) if stream.signals is None else frozenset(stream.signals)
+    read = [{c.key for c in atom.constraints} for atom in prop.atoms if can_meet(stream, atom)]
+    return any(not keys or not keys.isdisjoint(own | RESERVED) for keys in read)
+
+
+def _plan_stream(
+    spec: Spec, stream: StreamSpec, formulas: tuple[tuple[Atom, ...], ...], held: frozenset[str]
+) -> StreamPlan:
     project: Projects
     if stream.signals is None:
         names = named_signals(stream, formulas, held)
@@ -138,8 +179,8 @@ def _plan_stream(spec: Spec, stream: StreamSpec, formulas: tuple[tuple[Atom, ...
         names = frozenset(stream.signals)
         project = Projection(stream.signals)
     known = constants(stream)
-    possible = names | held | {key for key in RESERVED if has_reserved(stream, key)}
-    views = [_view(formula_atoms, known, possible.__contains__) for formula_atoms in formulas]
+    own = names | {key for key in RESERVED if has_reserved(stream, key)}
+    views = [_view(formula_atoms, known, lambda key: key in own or key in held) for formula_atoms in formulas]
     asked = []
     for i, prop in enumerate(spec.properties):
         if prop.external is not None and prop.external.receives(stream):

@@ -52,6 +52,10 @@ class PropertyState:
     outcome: Outcome = Outcome.UNKNOWN
     negative: bool = False
     first_violation: int | None = None
+    first_violation_step: int | None = None
+    """The number of its step, None for a deadline, and where only an older version had counted it."""
+    first_violation_at: int | None = None
+    """The stamp of its step in nanoseconds, None where it is not known."""
     violations: int = 0
     failures: int = 0
     broken: str | None = None
@@ -63,14 +67,20 @@ class PropertyState:
     asked: bool = False
     idle_work: int = 0
     """The cost of the ticks since the last step, which the engine forgets with them."""
+    grace: int = 0
+    """How long (ns) from the session's begin on it is unknown where it would be negative."""
+    judged_from: int = 0
+    """When (ns) its grace ends; 0 where it has none, or no session has begun."""
+    bypassed: bool = False
+    """Whether a stream that it guards or reads is bypassed at present."""
     renewed: bool = False
     """Whether its external oracle may have lost its state."""
     unexplained: int = 0
     """How often an explanation failed; engines that never explain are not counted."""
     _inexplicable: str = ""
 
-    def step(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names) -> Outcome:
-        """The outcome at the next step."""
+    def step(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names, latest: int = 0) -> Outcome:
+        """The outcome at the next step; `latest` is the time (ns) that must have come by then, whatever its stamp."""
         self.idle_work = 0
         if self.outcome in FINAL:
             return self.outcome
@@ -78,8 +88,8 @@ class PropertyState:
         if outcome is Outcome.UNKNOWN or (failed and not view.reads.isdisjoint(failed)):
             self.failures += view.observed
             return Outcome.UNKNOWN
-        if self.asked or outcome in NEGATIVE:
-            self._explain(outcome)
+        if outcome in NEGATIVE and max(time, latest) < self.judged_from:
+            return Outcome.UNKNOWN
         if self.property.latch and outcome in NEGATIVE:
             return Outcome.FALSE
         return outcome
@@ -95,7 +105,14 @@ class PropertyState:
         if self.property.time != "seconds" or self.outcome in FINAL:
             return None
         engine = self._revisable()
-        return engine.next_deadline(after) if engine is not None else None
+        deadline = engine.next_deadline(after) if engine is not None else None
+        if self.judged_from <= after:
+            return deadline
+        return self.judged_from if deadline is None else min(deadline, self.judged_from)
+
+    def begin(self, time: int) -> None:
+        """Begin its grace at a time (ns), that of its session's begin."""
+        self.judged_from = time + self.grace if self.grace else 0
 
     def tick(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names) -> Outcome:
         """The outcome at a step that is then taken back; final only where the property is latched."""
@@ -104,6 +121,8 @@ class PropertyState:
             return self.outcome
         engine.mark()
         outcome = self._ask_engine(view, time, signals)
+        if outcome in NEGATIVE and time < self.judged_from:
+            outcome = Outcome.UNKNOWN
         self._explain(outcome)
         self._take_back(engine)
         if self.broken is not None:
@@ -156,6 +175,8 @@ class PropertyState:
             "outcome": self.outcome.value,
             "negative": self.negative,
             "first_violation": self.first_violation,
+            "first_violation_step": self.first_violation_step,
+            "first_violation_at": self.first_violation_at,
             "violations": self.violations,
             "failures": self.failures,
             "broken": self.broken,
@@ -167,6 +188,8 @@ class PropertyState:
         """Take over a snapshot. Raises `EngineError` where the engine can't use it."""
         self.outcome, self.negative = Outcome(data["outcome"]), data["negative"]
         self.first_violation, self.violations = data["first_violation"], data["violations"]
+        self.first_violation_step = data.get("first_violation_step")
+        self.first_violation_at = data.get("first_violation_at")
         self.failures, self.broken = data["failures"], data["broken"]
         self.renewed = data.get("renewed", False)
         if data["engine"] is not None:
@@ -190,6 +213,11 @@ class PropertyState:
             found = f"{found}; " if found else ""
             found += f"it could not say why {times}; the last time: {self._inexplicable}"
         return found
+
+    def explain(self, outcome: Outcome) -> None:
+        """Before `remember`: find out why the last step has this outcome, where it is a violation or was asked for."""
+        if self.outcome not in FINAL and outcome is not Outcome.UNKNOWN:
+            self._explain(outcome)
 
     def _explain(self, outcome: Outcome) -> None:
         if self.asked or (outcome in NEGATIVE and not self.negative):
@@ -241,3 +269,8 @@ class PropertyState:
         self.violations += 1
         self.first_violation = self.first_violation or verdict
         return True
+
+    def note_first(self, verdict: int, step: int | None, at: int) -> None:
+        """Where verdict number `verdict` is the first violation: the number of its step, and its stamp (ns)."""
+        if verdict == self.first_violation:
+            self.first_violation_step, self.first_violation_at = step, at

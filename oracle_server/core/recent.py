@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 from oracle_server.core.atoms import Matches
 from oracle_server.core.events import Signals, Step, StreamKey
-from oracle_server.core.past import Past
+from oracle_server.core.naming import event_name
+from oracle_server.core.past import Past, Seen
 from oracle_server.core.plan import View
 from oracle_server.core.records import EventRecord
 
@@ -17,58 +18,86 @@ SIZE = 1024
 EFFORT = 10_000
 """What one explanation may cost: some milliseconds."""
 
-Seen = tuple[int, int, StreamKey, int, str, int, Signals]
-"""A step's number and time, its event's stream, stamp, monitor and number there, and what formulas saw of it."""
+Kept = tuple[int, int, StreamKey, int, str, int, Signals, Collection[str]]
+"""A step's number and time, its event's stream, stamp, monitor and number there, its signals, and those that failed."""
+Tick = tuple[int, View, Signals, Collection[str]]
+"""The time of a deadline that is being judged, how a property observes it, its signals, and those that failed."""
+_NONE: frozenset[str] = frozenset()
 
 
 class Recent:
     """The last steps; all times in nanoseconds."""
 
     def __init__(self, size: int = SIZE, effort: int = EFFORT) -> None:
-        self._steps: deque[Seen] = deque(maxlen=size)
+        self._steps: deque[Kept] = deque(maxlen=size)
         self._effort = effort
+        self._unnumbered = False
+        """Whether the last step is an attempt that is about to be taken back, so that its number will be another's."""
 
-    def add(self, number: int, time: int, step: Step, signals: Signals) -> None:
-        """Add the next step, of which formulas see `signals`."""
-        event = step.event
-        self._steps.append((number, time, event.stream, step.stamp, event.monitor, event.seq, signals))
+    def add(self, number: int, time: int, step: Step, signals: Signals, failed: Collection[str] = _NONE) -> None:
+        """Add the next step, of which formulas see `signals`; those in `failed` could not be computed."""
+        event, self._unnumbered = step.event, False
+        self._steps.append((number, time, event.stream, step.stamp, event.monitor, event.seq, signals, failed))
+
+    def unnumber(self) -> None:
+        """Let explanations not give the number of the last step: it is an attempt that is about to be taken back."""
+        self._unnumbered = True
 
     def remove(self) -> None:
         """Forget the last step."""
         self._steps.pop()
+        self._unnumbered = False
 
     def snapshot(self) -> list[Any]:
         """The steps as plain data."""
-        return list(self._steps)
+        return [(*rest, sorted(failed)) for *rest, failed in self._steps]
 
     def restore(self, data: Any) -> None:
-        """Take over a snapshot."""
-        self._steps.extend((n, t, StreamKey(*stream), *rest) for n, t, stream, *rest in data)
+        """Take over a snapshot; older ones lack the signals that failed."""
+        for number, time, stream, stamp, monitor, seq, signals, *failed in data:
+            failures = failed[0] if failed else _NONE
+            self._steps.append((number, time, StreamKey(*stream), stamp, monitor, seq, signals, failures))
 
-    def past(self, views: Callable[[StreamKey], View], *more: tuple[int, View, Signals]) -> Past:
-        """These steps, and `more` after them, as a property observes them by its view of each stream."""
+    def past(self, views: Callable[[StreamKey], View], tick: Tick | None = None) -> Past:
+        """These steps, and a tick after them, as a property observes them by its view of each stream."""
         steps = list(self._steps)
-        times = [time for _, time, *_ in steps] + [time for time, _, _ in more]
+        times = [time for _, time, *_ in steps] + ([] if tick is None else [tick[0]])
 
         def matches(place: int) -> Matches:
             if place < len(steps):
                 return views(steps[place][2]).matches(steps[place][6])
-            _, view, signals = more[place - len(steps)]
-            return view.matches(signals)
+            assert tick is not None  # noqa: S101 -- else there is no such step
+            return tick[1].matches(tick[2])
 
-        return Past(times, matches, self._effort)
+        def seen(place: int) -> Seen:
+            if place < len(steps):
+                known = _seen(steps[place])
+                return known._replace(number=None) if self._unnumbered and place == len(steps) - 1 else known
+            assert tick is not None  # noqa: S101 -- else there is no such step
+            return Seen(None, tick[0], "", tick[2], tick[3])
+
+        return Past(times, matches, self._effort, seen)
 
     def recall(self, at: int, step: int | None, *, timed: bool) -> EventRecord | None:
         """The event of a reason: of step number `step`, where that is known, else the only one at a time or number."""
         place, wanted = (1, at) if timed and step is None else (0, at if step is None else step)
         found = [seen for seen in self._steps if seen[place] == wanted]
-        return _record(found[0]) if len(found) == 1 else None
+        if len(found) != 1:
+            return None
+        record = _record(found[0])
+        if not (self._unnumbered and found[0] is self._steps[-1]):
+            record["step"] = found[0][0]
+        return record
 
 
-def _record(seen: Seen) -> EventRecord:
-    number, _, stream, stamp, monitor, seq, signals = seen
+def _seen(kept: Kept) -> Seen:
+    number, _, stream, stamp, monitor, seq, signals, failed = kept
+    return Seen(number, stamp, event_name(stream.name, stream.kind, seq, monitor), signals, failed)
+
+
+def _record(kept: Kept) -> EventRecord:
+    _, _, stream, stamp, monitor, seq, signals, _ = kept
     return {
-        "step": number,
         "stream": stream.name,
         "kind": stream.kind,
         "stamp": stamp,

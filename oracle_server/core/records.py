@@ -15,7 +15,7 @@ Number = float | Literal["Infinity", "-Infinity"] | None
 class EventRecord(TypedDict):
     """An event in an explanation; `signals` are what formulas saw of it, `stamp` is in nanoseconds.
 
-    `step` is its number, in reasons only.
+    `step` is its number, in reasons only, and not of an attempt that was taken back.
     """
 
     step: NotRequired[int]
@@ -27,11 +27,25 @@ class EventRecord(TypedDict):
     signals: dict[str, Scalar]
 
 
+class FailingRecord(TypedDict):
+    """A constraint that a step did not meet: the signal, its value, and what was wanted, compared by `op`.
+
+    `value` is None where the signal is `missing`: absent, or not computed. `wanted` is None for any other value.
+    """
+
+    signal: str
+    op: str
+    wanted: Scalar | None
+    value: Scalar | None
+    missing: NotRequired[Literal["absent", "failed"]]
+
+
 class ReasonRecord(TypedDict):
     """One part of a formula in an explanation: whether it holds, and what decides it.
 
-    `at` is the step that decides it, as a number or as a time in nanoseconds; `event` its event, None where that is
-    not known any more. `window` has the first and the last of several such steps. `reasons` are the part's own parts.
+    `at` is the step that decides it, as a number or as a time in nanoseconds; an attempt that was taken back has no
+    number. `event` is its event, None where that is not known any more. `window` has the first and the last of several
+    such steps. `failing` are the constraints of an atom that fail at the step. `reasons` are the part's own parts.
     """
 
     formula: str
@@ -40,6 +54,7 @@ class ReasonRecord(TypedDict):
     at: NotRequired[int]
     event: NotRequired[EventRecord | None]
     window: NotRequired[list[int]]
+    failing: NotRequired[list[FailingRecord]]
     reasons: NotRequired[list[ReasonRecord]]
 
 
@@ -65,8 +80,8 @@ class ExplanationRecord(TypedDict):
 class VerdictRecord(TypedDict):
     """The verdict of one property at one step; `stamp`, `arrived` and `judged` are in nanoseconds.
 
-    `step` is None for ticks and skipped events, `decision` and `passed` where no decision
-    was asked for, `explanation` where the verdict is no violation and none was asked for.
+    `step` is None for ticks, skipped events and attempts that were taken back, `decision` and `passed` where no
+    decision was asked for, `explanation` where the verdict is no violation and none was asked for.
     """
 
     n: int

@@ -31,26 +31,52 @@ class Released(msgspec.Struct, Generic[T], frozen=True, gc=False):
     forced: bool = False
 
 
+MAX_PUBLISHERS = 1_000
+"""The most publishers of one stream that are told apart; beyond, the one that is furthest behind is not waited for."""
+
+
 @dataclass(slots=True)
 class _Frontier:
-    """What is known of one stream of one monitor: its clock and the newest stamp of each of its publishers."""
+    """What is known of one stream of one monitor: its clock and the newest stamp of each of its publishers.
+
+    `least` is a heap with an entry for each publisher, whose stamp is its newest one or an older one: only the first
+    entry has to be true.
+    """
 
     clock: int | None = None
     publishers: dict[str, int] = field(default_factory=dict)
+    least: list[tuple[int, str]] = field(default_factory=list)
+    forgotten: int = 0
     reached: int | None = None
     """The time before which nothing can come from here any more; None while nothing is known."""
 
     def observe(self, publisher: str, stamp: int) -> None:
         """Record a publisher's newest stamp."""
+        if publisher not in self.publishers:
+            if len(self.publishers) == MAX_PUBLISHERS:
+                self.forget()
+            heapq.heappush(self.least, (stamp, publisher))
         self.publishers[publisher] = stamp
-        least = stamp if len(self.publishers) == 1 else min(self.publishers.values())
+        least = stamp if len(self.publishers) == 1 else self._first()
         self.reached = least if self.clock is None or least > self.clock else self.clock
+
+    def forget(self) -> None:
+        """Wait no more for the publisher that is furthest behind; it is a new one where it speaks again."""
+        self._first()
+        del self.publishers[heapq.heappop(self.least)[1]]
+        self.forgotten += 1
 
     def advance(self, clock: int) -> None:
         """Record a newer clock."""
         self.clock = clock
         if self.reached is None or clock > self.reached:
             self.reached = clock
+
+    def _first(self) -> int:
+        """The least of the newest stamps."""
+        while (newest := self.publishers[self.least[0][1]]) != self.least[0][0]:
+            heapq.heapreplace(self.least, (newest, self.least[0][1]))
+        return self.least[0][0]
 
 
 class ReorderBuffer(Generic[T]):
@@ -94,6 +120,11 @@ class ReorderBuffer(Generic[T]):
     def frontiers(self) -> dict[Source, int | None]:
         """Each open stream's frontier, None before its first event or clock."""
         return {source: frontier.reached for source, frontier in self._frontiers.items()}
+
+    @property
+    def publishers(self) -> dict[Source, tuple[int, int]]:
+        """How many publishers of each open stream are told apart, and how often one was forgotten for another."""
+        return {source: (len(known.publishers), known.forgotten) for source, known in self._frontiers.items()}
 
     @property
     def ahead(self) -> frozenset[str]:

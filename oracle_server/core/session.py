@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import msgspec
 
 from oracle_server.core.asking import Ask, Asking, Waiting
+from oracle_server.core.boot import BootClock
+from oracle_server.core.bypass import Bypass, Bypasses
 from oracle_server.core.engine import Answer, Engine
 from oracle_server.core.events import Event, Order, Step, StreamKey
 from oracle_server.core.judge import Judge
@@ -18,7 +20,7 @@ from oracle_server.core.reorder import Released, ReorderBuffer, Source
 from oracle_server.core.simulated import ClockReading, SimulatedTime
 from oracle_server.core.snapshot import SessionSnapshot
 from oracle_server.core.spec import SECOND, Spec
-from oracle_server.core.stamps import stamp_in
+from oracle_server.core.stamps import Stamp, since_boot_in, stamp_in
 from oracle_server.core.tally import HoldTimes, StreamCounts
 from oracle_server.core.verdicts import FINAL, Judged
 
@@ -34,10 +36,12 @@ class Session:
     earlier time counts as the latest one seen.
     """
 
-    def __init__(self, plan: Plan, engines: Sequence[Sequence[Engine]], *, ticking: bool = True) -> None:
+    def __init__(
+        self, plan: Plan, engines: Sequence[Sequence[Engine]], *, ticking: bool = True, begun: int | None = None
+    ) -> None:
         """Start with fresh engines: for each order of `orders`, one a property.
 
-        `ticking`: expired deadlines are judged.
+        `ticking`: expired deadlines are judged. `begun` is when a session that is judged again began.
         """
         ordering = plan.spec.ordering
         numbers = itertools.count(1)
@@ -49,12 +53,18 @@ class Session:
         self.buffer: ReorderBuffer[Step] = ReorderBuffer(ordering.max_delay, ordering.capacity)
         self.counts: defaultdict[Source, StreamCounts] = defaultdict(StreamCounts)
         self.holds = HoldTimes()
+        self.bypasses = Bypasses(plan.readers)
         self.now = 0
+        self.begun: int | None = None
+        """When the first monitor attached, in the session's own time (ns): what never comes is missed from then on."""
+        if begun is not None:
+            self._begin(begun)
         self._ticking = ticking and plan.timed
         self.simulated: SimulatedTime | None = None
         """The time of the simulation that the session runs in; None where its time is the server's."""
         self.asking = Asking() if plan.external else None
         """What waits for external oracles; None where the spec has none."""
+        self._boots: defaultdict[str, BootClock] = defaultdict(lambda: BootClock(ordering.max_skew))
         self.suspended = False
         """Whether events are skipped, since their verdicts could not be kept."""
         self.ready_since: int | None = 0
@@ -79,7 +89,10 @@ class Session:
     def attach(self, monitor: str, streams: Iterable[StreamKey], now: int) -> list[Judged]:
         """Wait for the ordered ones of these streams of a monitor from now on, and for no others of it."""
         ordered = [s for s in streams if self.plan.spec.by_key[s].ordered]
-        return self.advance(now) + self._judge(self.buffer.open(monitor, ordered)) + self._run_out()
+        judged = self.advance(now)
+        if self.begun is None and self.simulated is None:
+            self._begin(self.now)
+        return judged + self._judge(self.buffer.open(monitor, ordered)) + self._run_out()
 
     def detach(self, monitor: str, now: int) -> list[Judged]:
         """Stop waiting for a monitor: its streams leave the order, what it sent stays."""
@@ -91,6 +104,8 @@ class Session:
         if event.lost:
             self._note_loss(event)
         step = self._step(event)
+        if self.begun is None:
+            self._begin(step.event.arrived)
         if "arrival" in self.judges:
             judged += [self._judge_one("arrival", step)] if self.asking is None else self._ask("arrival", step)
         if "publication" in self.judges:
@@ -103,6 +118,8 @@ class Session:
         readings = tuple(readings)
         if self.simulated is not None:
             self.simulated.update(monitor, readings)
+            if self.begun is None and self.simulated.now is not None:
+                self._begin(self.simulated.now)
         for reading in readings:
             judged += self._judge(self.buffer.clock((monitor, reading.stream), reading.stamp))
         return judged + self._run_out()
@@ -197,6 +214,11 @@ class Session:
         """Put a step back into the order of publication, where it was before and was not judged yet."""
         return self._order(step, self.buffer.put_back)
 
+    def _begin(self, time: int) -> None:
+        self.begun = time
+        for judge in self.judges.values():
+            judge.begin(time)
+
     def _order(self, step: Step, put: Put | None = None) -> list[Judged]:
         event = step.event
         if not self.plan.spec.by_key[event.stream].ordered:
@@ -261,6 +283,12 @@ class Session:
                 judged.append(tick)
         return judged
 
+    def bypass(self, monitor: str, streams: Mapping[StreamKey, Bypass]) -> None:
+        """Note which streams of a monitor are bypassed now: until that ends, what is judged by them is degraded."""
+        self.bypasses.update(monitor, streams)
+        for judge in self.judges.values():
+            judge.bypass(self.bypasses.properties)
+
     def note_refusal(self) -> None:
         """Note that an event was lost because it could not be read."""
         for judge in self.judges.values():
@@ -314,12 +342,24 @@ class Session:
     def _step(self, event: Event) -> Step:
         stream = self.plan.streams[event.stream]
         signals, failed = stream.project(event.data)
-        stamp = event.stamp or stamp_in(event.data, stream.spec.stamp)
+        stamp = self._stamp(event, stream.spec.stamp)
         if self.simulated is not None:
             event = msgspec.structs.replace(event, arrived=self.simulated.arrival(stamp), received=event.arrived)
         stamp = stamp or event.arrived
         skewed = stamp - event.arrived > self.plan.spec.ordering.max_skew
         return Step(event, signals, failed, stamp, skewed)
+
+    def _stamp(self, event: Event, where: Stamp | None) -> int | None:
+        """An event's publication time (ns): what the monitor said, or what the server reads of the message itself."""
+        if where is None or where.plain:
+            return event.stamp or stamp_in(event.data, where)
+        if where.epoch == "unix":
+            return stamp_in(event.data, where) or event.stamp
+        since_boot = since_boot_in(event.data, where)
+        if since_boot is None:
+            return event.stamp
+        known = event.stamp or (self.simulated and self.simulated.now) or event.arrived
+        return self._boots[event.monitor].place((event.stream, event.source), since_boot, known)
 
 
 def orders(spec: Spec) -> tuple[Order, ...]:

@@ -10,13 +10,21 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-import cel
-
 from oracle_server.core.errors import ExpressionError
-from oracle_server.core.expressions import Expression, Path, check_size, parse_expression, prune, read
+from oracle_server.core.expression import (
+    MAX_STEPS,
+    WANTED,
+    Absent,
+    Failed,
+    parse_expression,
+    reason,
+    told,
+    too_dear,
+)
 from oracle_server.core.formula.tree import Scalar
-from oracle_server.core.plain import Declined, plain
 
+UNWRITTEN = "1 / 0 == 1"
+"""The expression of a signal that `import` could not write: it always fails, so that what reads it is unknown."""
 _NOT_FINITE = frozenset({"NaN", "Infinity", "-Infinity"})
 _INTEGERS = range(-(2**63), 2**64)
 _NO_FIELDS: Mapping[str, Any] = {}
@@ -25,33 +33,48 @@ _Projected = tuple[dict[str, Scalar], frozenset[str]]
 
 
 class Projection:
-    """Computes the signals of one stream from its messages."""
+    """Computes the signals of one stream from its messages, within a bound on what an event may cost."""
 
     def __init__(self, signals: Mapping[str, str]) -> None:
         """Compile `signals`, expressions by name. Raises `ExpressionError`."""
-        parsed = {name: parse_expression(text) for name, text in signals.items()}
-        self._signals = [(name, plain(e.text), e) for name, e in parsed.items()]
-        paths = {path for e in parsed.values() for path in e.paths}
+        self._expressions = {name: parse_expression(text) for name, text in signals.items()}
+        dear = too_dear(self._expressions)
+        if dear is not None:
+            raise ExpressionError(dear)
+        codes = {name: e.code for name, e in self._expressions.items()}
+        share = MAX_STEPS // max(1, sum(code.varies for code in codes.values()))
+        self._steps = {name: share if code.varies else MAX_STEPS for name, code in codes.items()}
+        self._signals = [(name, code.run, self._steps[name]) for name, code in codes.items()]
+        self._slots = 1 + max((e.slots for e in self._expressions.values()), default=0)
+        paths = {path for e in self._expressions.values() for path in e.paths}
         self.fields = None if () in paths else frozenset(".".join(path) for path in paths)
 
     def __call__(self, message: object) -> _Projected:
         """The signals of a message by name, and the names of those that failed."""
         values: dict[str, Scalar] = {}
         failed: list[str] = []
-        programs = []
-        fields = message if isinstance(message, Mapping) else _NO_FIELDS
-        for name, evaluate, expression in self._signals:
-            if evaluate is not None:
-                try:
-                    _keep(name, evaluate(fields), values, failed)
-                except Declined:
-                    pass
-                else:
-                    continue
-            programs.append((name, expression))
-        if programs:
-            _evaluate(programs, fields, values, failed)
+        fields = message if type(message) is dict or isinstance(message, Mapping) else _NO_FIELDS
+        frame: list[Any] = [0] * self._slots
+        for name, run, steps in self._signals:
+            frame[0] = steps
+            try:
+                value = run(fields, frame)
+            except Absent:
+                continue
+            except Failed:
+                failed.append(name)
+            else:
+                if is_signal(value):
+                    values[name] = value
+                elif value is not None:
+                    failed.append(name)
         return values, frozenset(failed) if failed else _NONE
+
+    def reasons(self, message: object) -> dict[str, str]:
+        """Why each signal failed that did, in a few words. Computed anew: it is for people, and not for each event."""
+        fields = message if isinstance(message, Mapping) else _NO_FIELDS
+        _, failed = self(message)
+        return {name: reason(self._expressions[name], fields, self._steps[name]) for name in sorted(failed)}
 
 
 class DefaultProjection:
@@ -67,47 +90,18 @@ class DefaultProjection:
         failed: list[str] = []
         if isinstance(message, Mapping):
             for name in self._names:
-                value = message.get(name)
-                if not isinstance(value, Mapping | list):
-                    _keep(name, value, values, failed)
+                value: Any = message.get(name)
+                if is_signal(value):
+                    values[name] = value
+                elif value is not None and not isinstance(value, Mapping | list):
+                    failed.append(name)
         return values, frozenset(failed)
 
-
-def _evaluate(
-    programs: list[tuple[str, Expression]], message: Mapping[str, Any], values: dict[str, Scalar], failed: list[str]
-) -> None:
-    """Run expressions over one message. Each message gets a fresh context, since an old one keeps the one before."""
-    fit = []
-    for name, expression in programs:
-        try:
-            check_size(message, expression)
-        except ExpressionError:
-            failed.append(name)
-        else:
-            fit.append((name, expression))
-    try:
-        context = cel.Context()
-        context.add_variable("msg", prune(message, tuple(e for _, e in fit)))
-    except Exception:  # noqa: BLE001 -- whatever the library makes of a message, the signals failed
-        failed.extend(name for name, _ in fit)
-        return
-    for name, expression in fit:
-        try:
-            value = expression.program.execute(context)
-        except Exception:  # noqa: BLE001 -- the library raises a dozen types
-            if not any(_missing(message, path) for path in expression.paths):
-                failed.append(name)
-        else:
-            _keep(name, value, values, failed)
-
-
-def _keep(name: str, value: Any, values: dict[str, Scalar], failed: list[str]) -> None:
-    if value is None:
-        return
-    if is_signal(value):
-        values[name] = value
-    else:
-        failed.append(name)
+    def reasons(self, message: object) -> dict[str, str]:
+        """Why each signal failed that did, in a few words."""
+        _, failed = self(message)
+        found = message if isinstance(message, Mapping) else _NO_FIELDS
+        return {name: f"msg.{name} is {told(found[name])}, {WANTED}" for name in sorted(failed)}
 
 
 def is_signal(value: object) -> bool:
@@ -118,7 +112,3 @@ def is_signal(value: object) -> bool:
     if kind is float:
         return math.isfinite(value)  # type: ignore[arg-type]
     return kind is bool or (kind is int and value in _INTEGERS)
-
-
-def _missing(message: object, path: Path) -> bool:
-    return bool(path) and read(message, path) is None

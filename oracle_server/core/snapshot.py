@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, TypedDict
+from typing import Any, NotRequired, TypedDict
 
 from oracle_server.core.events import Order, StreamKey
 from oracle_server.core.formula.tree import Scalar
 
 
 class PropertySnapshot(TypedDict):
-    """One property; `engine` is None where it needs none any more. The fields are those of `PropertyState`."""
+    """One property; `engine` is None where it needs none any more. The fields are those of `PropertyState`.
+
+    Older versions lack where the first violation was.
+    """
 
     outcome: str
     negative: bool
     first_violation: int | None
+    first_violation_step: NotRequired[int | None]
+    first_violation_at: NotRequired[int | None]
     violations: int
     failures: int
     broken: str | None

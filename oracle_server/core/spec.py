@@ -11,6 +11,7 @@ from oracle_server.core.events import StreamKey
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import Atom, Formula, atoms
 from oracle_server.core.kinds import KINDS, Kind, Traits
+from oracle_server.core.stamps import Stamp
 
 IDENTIFIER = r"^[A-Za-z0-9_.-]{1,64}$"
 """What specs, properties, sessions and tokens may be called."""
@@ -35,7 +36,7 @@ class Ordering:
 class StreamSpec:
     """One topic, or the requests or the responses of one service; durations in nanoseconds.
 
-    `stamp` is the dotted path of the publication time in the message, None for the default places; `signals` maps
+    `stamp` is where the publication time stands in the message, None for the default places; `signals` maps
     a signal to its expression, None for the default signals. `intercept` is for topics; `proxy` and
     `denied_response` are for services, whose requests and responses share all but `stamp`, `hold` and `signals`.
     """
@@ -43,7 +44,7 @@ class StreamSpec:
     name: str
     kind: Kind = "topic"
     type: str = ""
-    stamp: str | None = None
+    stamp: Stamp | None = None
     latency: int = SECOND // 50
     ordered: bool = True
     causes: tuple[str, ...] = ()

@@ -1,13 +1,15 @@
-"""Durations and sizes as people write them."""
+"""Durations, sizes and counts as people write them."""
 
 from __future__ import annotations
 
 import re
 from fractions import Fraction
 
+from oracle_server.core.formula.foreign import UNITS
 from oracle_server.core.formula.parse import NANOSECONDS
 
 _DURATION = re.compile(r"(\d{1,12}(?:\.\d{1,9})?)(ns|us|ms|s|min|h)")
+_LOOSE = re.compile(r"\s*(\d+(?:[.,]\d+)?)\s*([^\W\d]*)\s*")
 _SIZE = re.compile(r"(\d{1,9})(k|M|G)B")
 _UNITS = {"k": 10**3, "M": 10**6, "G": 10**9}
 _LONGEST = 10**18
@@ -17,11 +19,28 @@ def duration(value: object) -> int:
     """Nanoseconds of a duration such as `20ms`, `2s` or `1.5s`. Raises ValueError for anything else."""
     match = _DURATION.fullmatch(value) if isinstance(value, str) else None
     if match is None:
-        raise ValueError(f"expected a duration such as 20ms, 2s or 1.5s, found {value!r}")
+        raise ValueError(f"expected a duration such as 20ms, 2s or 1.5s, found {value!r}{_nearest(value)}")
     exact = Fraction(match[1]) * NANOSECONDS[match[2]]
     if exact != int(exact) or exact > _LONGEST:
         raise ValueError(f"the duration {value} is finer than a nanosecond or too long")
     return int(exact)
+
+
+def counted(number: int, noun: str) -> str:
+    """A number with its noun, which takes an `s` for any number but 1."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def _nearest(value: object) -> str:
+    """What to write for a duration in other units, or without one."""
+    match = _LOOSE.fullmatch(str(value)) if isinstance(value, str | int | float) else None
+    if match is None or isinstance(value, bool):
+        return ""
+    number = match[1].replace(",", ".")
+    if not match[2]:
+        return f"; a unit is missing: write {number}s or {number}ms"
+    unit = UNITS.get(match[2].lower(), match[2].lower())
+    return f"; write {number}{unit}" if unit in NANOSECONDS else "; the units are ns, us, ms, s, min and h"
 
 
 def size(value: object) -> int:

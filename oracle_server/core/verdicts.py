@@ -9,9 +9,11 @@ from typing import Literal, TypedDict
 
 import msgspec
 
+from oracle_server.core.errors import one_line
 from oracle_server.core.events import Order, Step
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.kinds import TICK
+from oracle_server.core.naming import event_name, moment, step_name
 from oracle_server.core.records import ExplanationRecord, Number, VerdictRecord, WhyRecord
 
 
@@ -65,8 +67,9 @@ class Explanation(msgspec.Struct, frozen=True, gc=False):
 class Verdict(msgspec.Struct, frozen=True, gc=False):
     """How one property stands at one step; `n` counts a session's verdicts from 1 without gaps.
 
-    `degraded`: something before it is known to be lost, skipped or failed. An explanation is there where the
-    property became negative, and makes the verdict a violation. `robustness` is there where the engine measures it.
+    `degraded`: something before it is known to be lost, skipped or failed, or a stream is bypassed at present;
+    `bypassed`: that is the only reason. An explanation is there where the property became negative, and makes the
+    verdict a violation. `robustness` is there where the engine measures it.
     """
 
     n: int
@@ -75,6 +78,7 @@ class Verdict(msgspec.Struct, frozen=True, gc=False):
     degraded: bool
     explanation: Explanation | None = None
     robustness: float | None = None
+    bypassed: bool = False
 
 
 class Decision(msgspec.Struct, frozen=True, gc=False):
@@ -87,7 +91,8 @@ class Decision(msgspec.Struct, frozen=True, gc=False):
 class Judged(msgspec.Struct, frozen=True, gc=False):
     """A step with its verdicts and decision.
 
-    `number` counts the session's judged events, and is None for ticks and where the event was skipped as late;
+    `number` counts the session's judged events, and is None for ticks, where the event was skipped as late, and where
+    it was denied and taken back;
     `judged` is the time of judgement in nanoseconds; `decision` is None where nothing was asked.
     """
 
@@ -149,14 +154,17 @@ def explain(judged: Judged, verdict: Verdict) -> ExplanationRecord | None:
     if why is None:
         return None
     if event.stream.kind == TICK:
-        where = "when a deadline ran out"
+        where = f"when a deadline ran out at {moment(judged.step.stamp)}"
     else:
-        where = f"at step {judged.number}, {event.stream.name} ({event.stream.kind} {event.seq} of {event.monitor})"
+        at = step_name(judged.number, judged.step.stamp)
+        if judged.number is None:
+            at = f"an attempt that was taken back ({at})"
+        where = f"at {at}, {event_name(event.stream.name, event.stream.kind, event.seq, event.monitor)}"
     how = "does not hold" if verdict.outcome in NEGATIVE else "holds"
     if verdict.outcome is Outcome.UNKNOWN:
         how = "is not known to hold"
     found: ExplanationRecord = {
-        "text": f"{verdict.property} {how} {where}: {why.text or why.formula}",
+        "text": one_line(f"{verdict.property} {how} {where}: {why.text or why.formula}"),
         "formula": why.formula,
         "event": {
             "stream": event.stream.name,

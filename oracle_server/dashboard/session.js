@@ -5,7 +5,7 @@ import { chartView } from "./chart.js";
 import { h, Place, table } from "./dom.js";
 import { verdictView } from "./verdict.js";
 import { violationsView } from "./violations.js";
-import { at, badge, count, moment, span, stream } from "./words.js";
+import { at, badge, count, moment, place, span, stream } from "./words.js";
 
 /** The view of a session, and of its verdict number `n` if given; `again` refreshes the page at once. */
 export function sessionView(id, n, again) {
@@ -26,7 +26,7 @@ export function sessionView(id, n, again) {
     const state = await get(of(id));
     spec ??= await formulas(state);
     head.show(headline(state), headed);
-    properties.show({ id, spec, states: state.properties }, propertyTable);
+    properties.show({ id, spec, states: state.properties, clock: state.clock }, propertyTable);
     streams.show({ streams: state.streams, monitors: state.monitors, clock: state.clock }, streamTables);
     const parts = await Promise.allSettled([verdict.refresh(state), violations.refresh(state)]);
     await chart.refresh(state);
@@ -70,21 +70,26 @@ function headed(state) {
   ];
 }
 
-function propertyTable({ id, spec, states }) {
+function propertyTable({ id, spec, states, clock }) {
   const both = new Set(states.map((each) => each.order)).size > 1;
   const first = (each) => each.first_violation &&
-    h("a", { href: at(id, each.first_violation) }, `verdict ${each.first_violation}`);
+    h("a", { href: at(id, each.first_violation) }, firstAt(each, clock));
   return table("properties", ["property", "outcome", "violations", "first at", "unknown"], states.map((each) => [
     [
       h("strong", {}, each.id), both ? ` by ${each.order}` : null,
       spec[each.id] ? [h("p", { class: "hint" }, spec[each.id].description), h("code", {}, spec[each.id].formula)] : null,
-      [each.broken, each.complaint].map((text) => (text ? h("p", { class: "complaint" }, text) : null)),
+      [each.broken, each.complaint, ...(each.caveats ?? []).map((text) => `degraded: ${text}`)].map((text) => (text ? h("p", { class: "complaint" }, text) : null)),
     ],
     [badge(each.outcome), each.robustness === null ? null : ` robustness ${each.robustness}`],
     count(each.violations),
     first(each) || "–",
     count(each.unknown),
   ]));
+}
+
+/** Where the first violation was; sessions of older versions have its number only. */
+function firstAt({ first_violation: n, first_violation_step: number, first_violation_at: stamp }, clock) {
+  return stamp === undefined || stamp === null ? `#${n}` : place(number, stamp, clock);
 }
 
 function streamTables({ streams, monitors, clock }) {

@@ -2,7 +2,7 @@
 
 import { get, items, of, Problem } from "./api.js";
 import { h, Place } from "./dom.js";
-import { badge, event, moment, span } from "./words.js";
+import { badge, event, moment, place, span } from "./words.js";
 
 const WITHIN = 600_000; // ms, as the command line waits: the session is judged again up to the verdict
 const PROMPT = 300; // ms within which most explanations arrive, so that they are shown at once
@@ -73,7 +73,8 @@ function* stepsOf(reasons) {
 function described(record, clock) {
   const { explanation } = record;
   return [
-    h("h3", {}, `Verdict ${record.n}`, record.property ? [`: ${record.property} `, badge(record.outcome)] : null),
+    h("h3", {}, record.property ? [`${record.property} `, badge(record.outcome), ` at ${place(record.step, record.stamp, clock)} `] : "Verdict ",
+      h("span", { class: "hint" }, `#${record.n}`)),
     record.property ? facts(record, clock) : null,
     record.computing ? h("p", { class: "hint" }, "The explanation is being computed: the session is judged again up to this verdict.") : null,
     record.refusal ? h("p", { class: "complaint" }, record.refusal) : null,
@@ -85,7 +86,7 @@ function facts(record, clock) {
   const marks = ["late", "skewed", "degraded", "violation"].filter((each) => record[each]);
   const decided = record.decision && `decided: ${record.decision}${passed(record)}`;
   return h("p", {}, [
-    `step ${record.step ?? "–"}: ${event(record)}`,
+    event(record),
     `published ${moment(record.stamp, clock)}`,
     `arrived ${moment(record.arrived, clock)}`,
     // `judged` is in the server's time, `arrived` in the session's
@@ -113,9 +114,19 @@ function why(explanation) {
 function reasons(all) {
   if (!all?.length) return null;
   return h("ul", { class: "reasons" }, all.map((reason) => h("li", { class: reason.holds ? "holds" : "fails" },
-    h("code", {}, reason.formula), ` ${reason.text}`,
+    h("code", {}, reason.formula), ` ${reason.text}`, failing(reason.failing),
     reason.event ? signals(`step ${reason.event.step ?? "–"}, ${event(reason.event)}`, reason.event.signals) : null,
     reasons(reason.reasons))));
+}
+
+/** The constraints of an atom that were not met: what was there, and what was wanted. */
+function failing(all) {
+  if (!all?.length) return null;
+  const missing = { absent: "absent", failed: "not computed" };
+  return h("dl", { class: "failing" }, all.map(({ signal, op, wanted, value, missing: why }) => [
+    h("dt", {}, signal),
+    h("dd", {}, `${why ? missing[why] : shown(value)}, wanted ${op === "==" ? "" : `${op} `}${shown(wanted)}`),
+  ]));
 }
 
 function signals(title, values) {

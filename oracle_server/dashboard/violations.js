@@ -2,7 +2,7 @@
 
 import { DelayedHistory, get, of } from "./api.js";
 import { h, Place } from "./dom.js";
-import { at, moment } from "./words.js";
+import { at, place } from "./words.js";
 
 const PAGE = 20;
 const MOST = 1000;
@@ -29,9 +29,10 @@ export function violationsView(id, again) {
     if (!items.length) return h("p", { class: "hint" }, "None.");
     return [
       h("ol", { class: "violations" }, items.map((each) => h("li", {},
-        h("a", { href: at(id, each.n) }, moment(each.stamp, clock)),
+        h("a", { href: at(id, each.n) }, place(each.step, each.stamp, clock)),
         each.order === "arrival" ? " by arrival: " : " ",
-        each.explanation.text ?? `${each.property} does not hold`))),
+        each.explanation.text ?? `${each.property} does not hold`,
+        h("span", { class: "hint" }, ` #${each.n}`)))),
       more ? h("button", { onclick: older }, "Older ones") : null,
     ];
   }

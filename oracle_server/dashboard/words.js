@@ -28,6 +28,11 @@ export function moment(nanoseconds, clock = "wall") {
   return `${day(date)}${date.toTimeString().slice(0, 8)}.${String(date.getMilliseconds()).padStart(3, "0")}`;
 }
 
+/** The text of a step: its number, which a deadline has not, and its time. */
+export function place(number, stamp, clock) {
+  return `${number === null ? "" : `step ${number}, `}${moment(stamp, clock)}`;
+}
+
 function day(date) {
   return date.toDateString() === new Date().toDateString() ? "" : `${date.toLocaleDateString("sv")} `;
 }

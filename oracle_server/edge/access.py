@@ -1,9 +1,16 @@
-"""Authentication by token: 401 without a valid one, 403 beyond its scopes, before the rest of a request is read."""
+"""Authentication by token: 401 without a valid one, 403 beyond its scopes, before the rest of a request is read.
+
+What a token has opened ends when the token is removed or changed.
+"""
 
 from __future__ import annotations
 
-from typing import cast
+import asyncio
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import NamedTuple, cast
 
+import structlog
 from fastapi import HTTPException
 from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Receive, Send
@@ -11,7 +18,22 @@ from starlette.types import Scope as ConnectionScope
 
 from oracle_server.edge.problems import refuse
 from oracle_server.edge.scopes import RouteScopes
-from oracle_server.edge.tokens import Grant, Tokens
+from oracle_server.edge.tokens import Grant, Tokens, hash_of
+from oracle_server.edge.transport import VISITOR
+from oracle_server.edge.visitors import Visitor
+
+_RECHECK = 0.5
+"""Seconds between two looks at whether tokens were removed."""
+
+log = structlog.get_logger()
+
+
+class _Admitted(NamedTuple):
+    """A request or WebSocket that goes on: by whose token, what that allowed, and what ends it."""
+
+    offered: str
+    grant: Grant
+    end: Callable[[], None]
 
 
 class Access:
@@ -19,14 +41,18 @@ class Access:
 
     def __init__(self, app: ASGIApp, tokens: Tokens, scopes: RouteScopes) -> None:
         self._app, self._tokens, self._scopes = app, tokens, scopes
+        self._admitted: dict[int, _Admitted] = {}
 
     async def __call__(self, scope: ConnectionScope, receive: Receive, send: Send) -> None:
         """Refuse a request or WebSocket, or pass it on with its grant."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
-        grant = self._tokens.grant(_bearer(scope))
+        token = _bearer(scope)
+        grant = self._tokens.grant(token)
         needed = self._scopes.needed(scope)
+        state = scope.setdefault("state", {})
+        visitor: Visitor | None = state.get(VISITOR)
         if needed is not None:
             if grant is None:
                 challenge = {"WWW-Authenticate": "Bearer"}
@@ -36,8 +62,39 @@ class Access:
             if not grant.may(needed):
                 await refuse(scope, receive, send, 403, f"the token lacks the scope `{needed}`")
                 return
-        scope.setdefault("state", {})["grant"] = grant
-        await self._app(scope, receive, send)
+            if visitor is not None and not visitor.prove():
+                detail = "the server has as many connections as it may have, and accepts no more"
+                await refuse(scope, receive, send, 503, detail, {"Connection": "close"})
+                return
+        state["grant"] = grant
+        if needed is None or grant is None or visitor is None:
+            await self._app(scope, receive, send)
+            return
+        with self._kept(_Admitted(hash_of(token or ""), grant, visitor.end)):
+            await self._app(scope, receive, send)
+
+    @contextmanager
+    def _kept(self, admitted: _Admitted) -> Iterator[None]:
+        self._admitted[id(admitted)] = admitted
+        try:
+            yield
+        finally:
+            del self._admitted[id(admitted)]
+
+    async def watch(self) -> None:
+        """End, for as long as this runs, what was opened by a token that is removed or changed."""
+        while True:
+            await asyncio.sleep(_RECHECK)
+            if self._tokens.refreshed():
+                self.end_revoked()
+
+    def end_revoked(self) -> None:
+        """End every request and WebSocket whose token does not allow now what it allowed when they began."""
+        revoked = [one for one in self._admitted.values() if self._tokens.known(one.offered) != one.grant]
+        for one in revoked:
+            one.end()
+        if revoked:
+            log.info("connections were ended, since their token was removed or changed", count=len(revoked))
 
 
 def grant_of(connection: HTTPConnection) -> Grant:
@@ -52,11 +109,10 @@ def demand(connection: HTTPConnection, *, spec: str | None = None, session: str 
         raise HTTPException(403, "the token is bound to other specs or sessions")
 
 
-def demand_spec(connection: HTTPConnection, spec_id: str) -> None:
-    """Raise 403 where the sender's token is bound to other specs, whatever sessions it is bound to."""
-    bound = grant_of(connection).specs
-    if bound is not None and spec_id not in bound:
-        raise HTTPException(403, "the token is bound to other specs")
+def demand_all(connection: HTTPConnection) -> None:
+    """Raise 403 where the sender's token is bound to some specs or sessions: what is asked for is of all."""
+    if grant_of(connection).bound:
+        raise HTTPException(403, "the token is bound to some specs or sessions, and this is of all of them")
 
 
 def _bearer(scope: ConnectionScope) -> str | None:

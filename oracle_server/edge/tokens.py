@@ -17,6 +17,7 @@ import structlog
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from oracle_server.core.errors import OracleError
+from oracle_server.sessions.runs import goes_on
 from oracle_server.wire.incoming import Identifier
 
 Scope = Literal["submit", "read", "admin"]
@@ -61,7 +62,18 @@ class Grant:
 
     def covers(self, *, spec: str | None = None, session: str | None = None) -> bool:
         """Whether the grant is valid for a spec and a session; a grant that is bound to some never covers None."""
-        return (self.specs is None or spec in self.specs) and (self.sessions is None or session in self.sessions)
+        return (self.specs is None or spec in self.specs) and self.covers_session(session)
+
+    @property
+    def bound(self) -> bool:
+        """Whether the grant is valid for some specs or sessions only."""
+        return self.specs is not None or self.sessions is not None
+
+    def covers_session(self, session: str | None) -> bool:
+        """Whether the grant is valid for a session: one that it names, or one in which the server has that go on."""
+        if self.sessions is None:
+            return True
+        return session is not None and (session in self.sessions or any(goes_on(session, s) for s in self.sessions))
 
 
 EVERYTHING = Grant(frozenset({"admin"}))
@@ -79,10 +91,13 @@ class Tokens:
         self._path = path
         self._seen: tuple[int, ...] | None = None
         self._tokens: list[Token] = []
+        self._grants: dict[str, Grant] = {}
+        self._changed = True
         self.required = path.exists()
         if self.required:
             self._seen = _stat(path)  # before reading: a change meanwhile is noticed the next time
             self._tokens = _read(path)
+            self._grants = {token.sha256: _grant(token) for token in self._tokens}
 
     def grant(self, token: str | None) -> Grant | None:
         """The grant of a token, None for an unknown one."""
@@ -94,18 +109,33 @@ class Tokens:
         for known in self._tokens:  # compare with all, so that the time reveals nothing
             if hmac.compare_digest(known.sha256, offered):
                 found = known
-        return Grant(found.scopes, found.specs, found.sessions) if found else None
+        return _grant(found) if found else None
+
+    def refreshed(self) -> bool:
+        """Read the file again if it has changed; whether it was read since the last call."""
+        self._refresh()
+        changed, self._changed = self._changed, False
+        return changed
+
+    def known(self, offered: str) -> Grant | None:
+        """The grant of a token by its hash, as of when the file was last read; None for an unknown one."""
+        return self._grants.get(offered) if self.required else EVERYTHING
 
     def _refresh(self) -> None:
         seen = _stat(self._path)
         if seen == self._seen:
             return
-        self._seen, self._tokens = seen, []
+        self._seen, self._tokens, self._grants, self._changed = seen, [], {}, True
         self.required = True
         try:
             self._tokens = _read(self._path)
         except TokenError as error:
             log.error("the tokens can't be read: all requests are refused", reason=str(error))
+        self._grants = {token.sha256: _grant(token) for token in self._tokens}
+
+
+def _grant(token: Token) -> Grant:
+    return Grant(token.scopes, token.specs, token.sessions)
 
 
 def add(

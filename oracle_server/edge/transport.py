@@ -1,4 +1,4 @@
-"""uvicorn's protocols with limits: on connections, and on how long clients may take to send, read and close."""
+"""uvicorn's protocols with limits on how long clients may take to send, read and close, and with an end on demand."""
 
 from __future__ import annotations
 
@@ -13,17 +13,19 @@ from uvicorn._types import ASGISendEvent
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.utils import ClientDisconnected
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+from websockets.frames import CloseCode
 from websockets.http11 import Request
 from websockets.protocol import OPEN
 
 from oracle_server.edge.problems import problem
+from oracle_server.edge.visitors import REQUEST_WITHIN, Visitor, Visitors
 
-REQUEST_WITHIN = 10.0
-"""Seconds that a client may take to send the head of a request, including the TLS handshake."""
 READ_WITHIN = 10.0
 """Seconds for which a client may read nothing although data waits for it."""
 _CLOSE_WITHIN = 5.0
 """Seconds for which a closed WebSocket may have unsent data."""
+VISITOR = "oracle.visitor"
+"""The key of a scope's `state` under which its `Visitor` is."""
 DIRECT = "oracle.direct"
 """The ASGI extension under which an application finds the `WebSocketTransport` of its WebSocket."""
 
@@ -31,19 +33,18 @@ DIRECT = "oracle.direct"
 class HttpTransport(H11Protocol):
     """One HTTP connection."""
 
-    max_connections = 2_000
+    visitors: Visitors
+    visitor: Visitor | None = None
     _request_timer: asyncio.TimerHandle | None = None
     _read_timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Refuse a connection beyond the limit, before reading from it."""
+        """Find the visitor whose connection this is: its time for a first request runs since the accept."""
         super().connection_made(transport)
-        if len(self.connections) > self.max_connections:
-            limit = self.max_connections
-            transport.write(_answer(503, f"the server has {limit} connections, and accepts no more"))
-            transport.close()
-            return
-        self._request_timer = self.loop.call_later(REQUEST_WITHIN, transport.abort)
+        self.visitor = self.visitors.present.get(transport.get_extra_info("socket").fileno())
+        if self.visitor is not None:
+            self.visitor.end = transport.abort
+        self.app_state = {**self.app_state, VISITOR: self.visitor}
 
     def data_received(self, data: bytes) -> None:
         """Process data, and abort where the head of a request takes longer than `REQUEST_WITHIN` in all."""
@@ -53,7 +54,7 @@ class HttpTransport(H11Protocol):
         waits = self.conn.their_state is h11.IDLE and (self.cycle is None or self.cycle.response_complete)
         if not waits:
             self._stop_request_timer()
-        elif self._request_timer is None:
+        elif self._request_timer is None and self.cycle is not None:
             self._request_timer = self.loop.call_later(REQUEST_WITHIN, self.transport.abort)
 
     def send_400_response(self, msg: str) -> None:
@@ -88,6 +89,8 @@ class HttpTransport(H11Protocol):
             self._read_timer = None
 
     def _stop_request_timer(self) -> None:
+        if self.visitor is not None:
+            self.visitor.spoke()
         if self._request_timer is not None:
             self._request_timer.cancel()
             self._request_timer = None
@@ -107,6 +110,27 @@ class WebSocketTransport(WebSocketsSansIOProtocol):
     """One WebSocket; the extensions of its scope hold it as `DIRECT`."""
 
     receiver: Receiver | None = None
+    _cut_off = False
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Let the visitor end this WebSocket."""
+        super().connection_made(transport)
+        visitor = self.app_state.get(VISITOR)
+        if visitor is not None:
+            visitor.end = self.cut_off
+
+    def cut_off(self) -> None:
+        """Close the WebSocket, and read nothing more."""
+        if self._cut_off:
+            return
+        self._cut_off, self.receiver = True, None
+        if self.handshake_complete and self.conn.state is OPEN and not self.transport.is_closing():
+            self.conn.send_close(CloseCode.POLICY_VIOLATION, "what the token allowed has ended")
+            self.transport.write(b"".join(self.conn.data_to_send()))
+        self.close_sent = True
+        self.queue.put_nowait({"type": "websocket.disconnect", "code": int(CloseCode.POLICY_VIOLATION)})
+        self.transport.close()
+        self.loop.call_later(_CLOSE_WITHIN, self._abort_unsent)
 
     def handle_connect(self, event: Request) -> None:
         """Add this transport to the extensions of the scope."""
@@ -116,6 +140,8 @@ class WebSocketTransport(WebSocketsSansIOProtocol):
 
     def data_received(self, data: bytes) -> None:
         """Offer the messages in `data` to the receiver, then let it write its replies."""
+        if self._cut_off:  # TLS may still hand over what had arrived
+            return
         super().data_received(data)
         if self.receiver is not None:
             self.receiver.flush()
@@ -177,14 +203,13 @@ class WebSocketTransport(WebSocketsSansIOProtocol):
         self.transport.abort()
 
 
-def bounded(max_connections: int) -> type[HttpTransport]:
-    """The protocol of a server that accepts at most `max_connections`, including WebSockets."""
+def http_transport(of: Visitors) -> type[HttpTransport]:
+    """The protocol of a server with these visitors."""
 
-    class Bounded(HttpTransport):
-        pass
+    class Counted(HttpTransport):
+        visitors = of
 
-    Bounded.max_connections = max_connections
-    return Bounded
+    return Counted
 
 
 def _answer(status: int, detail: str) -> bytes:

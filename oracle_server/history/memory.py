@@ -87,6 +87,15 @@ class MemoryHistory:
         """Keep a new session."""
         self._do(lambda: self._kept.update({session.number: _Kept(session)}))
 
+    def begin_session(self, session: int, at: int) -> None:
+        """Keep when a session began."""
+
+        def begin() -> None:
+            kept = self._of(session)
+            kept.record = kept.record._replace(begun=at)
+
+        self._do(begin)
+
     def close_session(self, session: int, at: int, state: Document) -> None:
         """Keep that a session was closed."""
         document = _plain(state)
@@ -97,9 +106,9 @@ class MemoryHistory:
 
         self._do(close)
 
-    def set_monitor(self, session: int, monitor: MonitorRecord) -> None:
+    def set_monitor(self, session: int, monitor: MonitorRecord, done: Done | None = None) -> None:
         """Keep a monitor of a session."""
-        self._do(lambda: self._of(session).monitors.update({monitor.name: monitor}))
+        self._do(lambda: self._of(session).monitors.update({monitor.name: monitor}), done)
 
     def append(self, session: int, steps: Sequence[StoredStep], done: Done) -> None:
         """Keep steps that were judged, without their data."""

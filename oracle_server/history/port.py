@@ -64,11 +64,15 @@ class Writing(Protocol):
         """Keep a new session; its number and id are no other's."""
         ...
 
+    def begin_session(self, session: int, at: int) -> None:
+        """Keep when a session began (ns), which was not kept with it."""
+        ...
+
     def close_session(self, session: int, at: int, state: Document) -> None:
         """Keep that a session was closed, and how it stood then."""
         ...
 
-    def set_monitor(self, session: int, monitor: MonitorRecord) -> None:
+    def set_monitor(self, session: int, monitor: MonitorRecord, done: Done | None = None) -> None:
         """Keep a monitor of a session, in place of the one of that name."""
         ...
 

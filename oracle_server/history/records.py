@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from oracle_server.core.bypass import Bypass
 from oracle_server.core.events import Order, Step, StreamKey
 from oracle_server.core.kinds import TICK
 from oracle_server.core.records import ExplanationRecord, VerdictRecord
@@ -21,7 +22,8 @@ class SessionRecord(NamedTuple):
     """A session as it was opened.
 
     `text` is its spec's YAML, `properties` are their ids in the order of a step's outcomes; a `private` session is
-    closed with its last monitor; `by` is the order that was asked for instead of the spec's.
+    closed with its last monitor; `by` is the order that was asked for instead of the spec's. `begun` is when its first
+    monitor attached, in the session's own time, None where none has, or where an older version kept it.
     """
 
     number: int
@@ -33,16 +35,18 @@ class SessionRecord(NamedTuple):
     private: bool
     opened: int
     by: By | None = None
+    begun: int | None = None
 
 
 class MonitorRecord(NamedTuple):
-    """A monitor of a session, and the streams that it claimed."""
+    """A monitor of a session, the streams that it claimed, and those of them that are bypassed."""
 
     name: str
     instance: str
     streams: tuple[StreamKey, ...]
     attached: bool
     clock: TimeBase
+    bypasses: Mapping[StreamKey, Bypass] = {}
 
 
 class Refusal(NamedTuple):
@@ -86,9 +90,10 @@ class StoredStep(msgspec.Struct, frozen=True, gc=False):
     """A judged step as it is kept, without the event's data.
 
     `position` counts 1, 2, 3… in the sequence in which the session judged, over all orders; `number` is the step's own,
-    None for ticks and where it was skipped; `gap` are the sequence numbers before the event that never came; `judged`
-    is the time of judgement. `outcomes` and `degraded` have an entry a property, `explanations` one for each violation,
-    by the property's index. `passed` and `why` are what the adapter did, None while it is not known.
+    None for ticks, where it was skipped and where it was taken back; `gap` are the sequence numbers before the event
+    that never came; `judged` is the time of judgement. `outcomes` and `degraded` have an entry a property,
+    `explanations` one for each violation, by the property's index; `bypassed` are the indexes of those degraded only
+    because a stream was bypassed at the time. `passed` and `why` are what the adapter did, None while it is not known.
     """
 
     position: int
@@ -104,6 +109,12 @@ class StoredStep(msgspec.Struct, frozen=True, gc=False):
     robustness: tuple[float | None, ...] | None = None
     passed: bool | None = None
     why: str | None = None
+    bypassed: tuple[int, ...] = ()
+
+    @property
+    def lost(self) -> bool:
+        """Whether all verdicts are degraded by what was known to be lost or skipped."""
+        return all(self.degraded) and not self.bypassed
 
     @property
     def is_tick(self) -> bool:
@@ -124,6 +135,7 @@ def stored(position: int, gap: int, judged: Judged, handling: tuple[bool, str] |
         position, judged.order, judged.number, judged.step, gap, judged.judged, judged.decision,
         tuple([v.outcome for v in verdicts]), tuple([v.degraded for v in verdicts]), explanations,
         None if robustness.count(None) == len(robustness) else tuple(robustness), passed, why,
+        tuple([i for i, v in enumerate(verdicts) if v.bypassed]),
     )  # fmt: skip
 
 

@@ -4,21 +4,50 @@ from __future__ import annotations
 
 import time
 
+import structlog
+
+MAX_AHEAD = 3600 * 10**9
+"""Nanoseconds by which a clock may be ahead of the wall clock and wait for it, or begin ahead of it."""
+
+log = structlog.get_logger()
+
 
 class Clock:
     """Follows the wall clock; where that is set back, continues at half speed until the two are equal.
 
-    So timeouts expire and arrivals keep their order, whatever happens to the machine's time.
+    So timeouts expire and arrivals keep their order, whatever happens to the machine's time. Where the wall clock is
+    set back by more than `MAX_AHEAD`, it had been wrong: this clock goes on at full speed from where it is, and says
+    so. A clock of a new server begins at the wall clock's time then; each session that has lived later goes on by a
+    clock of its own.
     """
 
     def __init__(self, at_least: int = 0) -> None:
-        """Start at the wall clock's time, and not before `at_least` (ns since the epoch)."""
-        self._now = max(at_least, time.time_ns())
+        """Start at the wall clock's time, and not before `at_least` (ns since the epoch) unless that is too far."""
+        wall = time.time_ns()
+        if at_least - wall > MAX_AHEAD:
+            log.warning("the wall clock was set back since the last start", seconds=(at_least - wall) // 10**9)
+            at_least = 0
+        self._now = max(at_least, wall)
         self._ticks = time.monotonic_ns()
+        self._far = False
 
     def now(self) -> int:
         """The time in nanoseconds since the epoch; never less than before."""
-        ticks = time.monotonic_ns()
-        self._now = max(self._now + (ticks - self._ticks) // 2, time.time_ns())
+        ticks, wall = time.monotonic_ns(), time.time_ns()
+        passed = ticks - self._ticks
+        self._now = max(self._now + (passed if self._far else passed // 2), wall)
         self._ticks = ticks
+        if (self._now - wall > MAX_AHEAD) is not self._far:
+            self._far = not self._far
+            if self._far:
+                ahead = (self._now - wall) // 10**9
+                log.warning("the wall clock was set back: the server's time goes on until a restart", seconds=ahead)
         return self._now
+
+    def since(self, time_: int) -> Clock:
+        """The clock for what has lived until `time_`: itself, or where that is too far ahead, one from there on."""
+        if time_ - self.now() <= MAX_AHEAD:
+            return self
+        later = Clock()
+        later._now, later._far = time_, True
+        return later

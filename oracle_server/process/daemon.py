@@ -26,7 +26,10 @@ LOG = "server.log"
 NOT_RUNNING = 3
 """The exit status of `status` where no server runs."""
 _POLL_INTERVAL = 0.05
-_ON_THE_COMMAND_LINE = ("specs", "host", "port", "legacy", "tls_cert", "tls_key", "tls_client_ca", "insecure")
+_ON_THE_COMMAND_LINE = (
+    "specs", "types", "host", "port", "legacy", "legacy_finals", "tls_cert", "tls_key", "tls_client_ca",
+    "insecure",
+)  # fmt: skip
 
 
 class DaemonError(OracleError):
@@ -118,7 +121,7 @@ def _environment(settings: Settings, log: Path) -> dict[str, str]:
 def _open_log(log: Path) -> IO[bytes]:
     try:
         log.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        return log.open("ab")
+        return open(log, "ab", opener=lambda path, flags: os.open(path, flags, 0o600))
     except OSError as error:
         raise DaemonError(f"{log}: can't be written: {error.strerror}") from None
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import sys
 from logging.handlers import RotatingFileHandler
@@ -9,15 +10,20 @@ from pathlib import Path
 
 import structlog
 from structlog.stdlib import ProcessorFormatter
-from structlog.types import Processor
+from structlog.types import EventDict, Processor
 
-from oracle_server.core.errors import OracleError
+from oracle_server.core.errors import OracleError, one_line
+from oracle_server.process.seldom import SeldomFilter
 from oracle_server.process.settings import Settings
 
 MAX_SIZE = 10 * 2**20
 """Bytes of a log file before it is rotated."""
 KEPT = 4
 """Rotated log files that are kept; `server.log.1` is the newest of them."""
+
+
+_LIBRARIES = ("asyncio", "uvicorn.error", "websockets.server")
+"""Loggers whose lines anybody who connects can cause."""
 
 
 class LogError(OracleError):
@@ -34,11 +40,18 @@ def set_up_logs(settings: Settings) -> None:
         else structlog.dev.ConsoleRenderer(colors=colors, exception_formatter=structlog.dev.plain_traceback)
     )
     first: list[Processor] = [structlog.processors.add_log_level, structlog.processors.TimeStamper(fmt="iso", utc=True)]
-    last: list[Processor] = [ProcessorFormatter.remove_processors_meta, structlog.processors.format_exc_info, renderer]
+    last: list[Processor] = [
+        ProcessorFormatter.remove_processors_meta,
+        structlog.processors.format_exc_info,
+        *((_escaped,) if settings.log == "console" else ()),
+        renderer,
+    ]
     handler.setFormatter(ProcessorFormatter(processors=last, foreign_pre_chain=first))
     logging.basicConfig(handlers=[handler], level=logging.WARNING)
     logging.raiseExceptions = False  # on a full disk, lines are lost without further errors
     logging.getLogger("uvicorn.error").addFilter(_without_traceback)
+    for library in _LIBRARIES:
+        logging.getLogger(library).addFilter(SeldomFilter())
     own = logging.getLogger("oracle_server")
     own.setLevel(logging.INFO)
     structlog.configure(
@@ -59,7 +72,23 @@ def _file(path: Path) -> RotatingFileHandler:
 
 
 def _without_traceback(record: logging.LogRecord) -> bool:
-    """Log a client's malformed text without a traceback: it is not an error of the server."""
+    """Log without a traceback what is no error of the server: malformed text, a request that its stop cut off."""
     if record.getMessage().startswith("Invalid UTF-8"):
         record.exc_info = None
+    elif record.exc_info and isinstance(record.exc_info[1], asyncio.CancelledError):
+        record.exc_info = None
+        record.msg, record.args = "a request did not end in time, and was cut off", ()
     return True
+
+
+def _escaped(_: object, __: str, event: EventDict) -> EventDict:
+    """A line whose values can't begin another one or command a terminal, whoever they come from.
+
+    A traceback keeps its lines, each of them indented.
+    """
+    return {
+        key: "\n".join(f"  {one_line(line)}" for line in str(value).split("\n"))
+        if key == "exception"
+        else one_line(value if isinstance(value, str) else repr(value))
+        for key, value in event.items()
+    }

@@ -29,7 +29,11 @@ class Settings(BaseSettings):
     port: Annotated[int, Field(ge=0, le=65535)] = 8642
     data_dir: Path = Field(default_factory=_data_dir)
     specs: Path | None = None
+    types: str = ""
+    """Folders with definitions of ROS types, by which specs are checked; several are separated as in PATH."""
     legacy: str | None = None
+    legacy_finals: bool = False
+    """Whether ROSMonitoring's monitors are told `true` and `false`, at which those that only log end."""
     history: Literal["sqlite", "memory"] = "sqlite"
     """Where the history is kept: in the data directory, or in memory, where it ends with the process."""
     durability: Literal["full", "normal"] = "full"
@@ -58,6 +62,11 @@ class Settings(BaseSettings):
     max_connections: Annotated[int, Field(ge=1, le=100_000)] = 2_000
     max_rate: Annotated[float, Field(ge=0)] = 20_000.0
     """Events a second that one monitor may send on average; 0 is no limit."""
+
+    @property
+    def type_folders(self) -> list[Path]:
+        """The folders of `types`."""
+        return [Path(folder) for folder in self.types.split(os.pathsep) if folder]
 
     @property
     def token_file(self) -> Path:

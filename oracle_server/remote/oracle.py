@@ -10,28 +10,22 @@ import asyncio
 import contextlib
 
 import structlog
-from websockets.asyncio.client import ClientConnection, connect
+from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import ConnectionClosed, WebSocketException
 
 from oracle_server.core.asking import Ask
 from oracle_server.core.engine import Answer
-from oracle_server.core.errors import OracleError
 from oracle_server.core.spec import SECOND, External
 from oracle_server.core.verdicts import Outcome
+from oracle_server.remote.address import UnreachableError, connected
 from oracle_server.remote.replies import OtherEventError, read_reply
 from oracle_server.wire.flat import as_flat
 from oracle_server.wire.json import encode
 
 _RETRY_AFTER = 1.0
 """Seconds before the next attempt to connect; until then questions fail at once."""
-_CLOSE_WITHIN = 1.0
-_MAX_REPLY = 2**20
 
 log = structlog.get_logger()
-
-
-class UnreachableError(OracleError):
-    """No connection can be made at present."""
 
 
 class ExternalOracle:
@@ -114,11 +108,8 @@ class ExternalOracle:
             raise UnreachableError(self._unreachable)
         self._retry_at, self._unreachable = loop.time() + self.timeout + _RETRY_AFTER, "it does not answer"
         try:
-            socket = await connect(
-                self._external.url, proxy=None, compression=None, open_timeout=None, close_timeout=_CLOSE_WITHIN,
-                ping_interval=None, max_size=_MAX_REPLY,
-            )  # fmt: skip
-        except (OSError, WebSocketException, ValueError, EOFError) as error:
+            socket = await connected(self._external.url)
+        except (OSError, WebSocketException, ValueError, EOFError, UnreachableError) as error:
             self._retry_at, self._unreachable = loop.time() + _RETRY_AFTER, str(error) or type(error).__name__
             raise UnreachableError(self._unreachable) from None
         except Exception:

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
 
-from rosbags.highlevel import AnyReader
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from rosbags.typesys.store import Typestore
+import zstandard
 
 from oracle_server.core.errors import TraceError, one_line
-from oracle_server.core.events import Event, StreamKey
+from oracle_server.core.events import Event
 from oracle_server.core.plan import plan
 from oracle_server.core.spec import Spec
-from oracle_server.core.stamps import DEFAULT_PATHS, stamp_in
-from oracle_server.replay.bagmessages import Read, message_reader
-from oracle_server.replay.recording import Recorded
-from oracle_server.wire.flat import find_stream
+from oracle_server.replay.bagnotes import notes_of
+from oracle_server.replay.folder import Files, files_of, open_storage
+from oracle_server.replay.passing import Filter
+from oracle_server.replay.recording import Note, Recorded
+from oracle_server.replay.roles import roles
+from oracle_server.replay.sources import Item, Source, Topic
+from oracle_server.replay.storage import Channel, Storage
+from oracle_server.rostypes.bagtypes import typestore
 
 MONITOR = "replay"
+_LARGEST = 2**30
+"""The most bytes of one message that is decompressed."""
 
 
 class Bag:
@@ -38,66 +42,138 @@ class Bag:
         """
         self.path = path
         self.ignored: Counter[str] = Counter()
+        self.notes: list[Note] = []
         self.read = self.size = 0
-        self._spec, self._types = spec, _typestore(types)
-        self._fields = {key: stream.project.fields for key, stream in plan(spec).streams.items()}
+        self._plan, self._types = plan(spec), typestore(types)
+        self._topics: dict[str, Topic] = {}
+        self._compressed = False
 
     def __iter__(self) -> Iterator[Recorded]:
-        """The messages. Raises `TraceError` where the bag can't be read."""
+        """The messages. Raises `TraceError` where nothing of the bag can be read."""
         try:
-            with AnyReader([self.path], default_typestore=self._types) as reader:
-                yield from self._messages(reader)
+            with ExitStack() as stack:
+                files = files_of(self.path)
+                self._compressed = files.compressed
+                storages = self._open(files, stack)
+                sources = self._prepare(files, storages)
+                self._survey(storages, sources)
+                yield from self._events(storages, sources)
+                self.notes += notes_of(self._topics.values(), files, storages)
         except TraceError as error:
-            raise TraceError(f"{self.path}: {error}") from None
-        except GeneratorExit:
+            text = one_line(str(error))
+            raise TraceError(text if text.startswith(str(self.path)) else f"{self.path}: {text}") from None
+        except OSError as error:
+            raise TraceError(f"{self.path}: can't be read: {error.strerror or error}") from None
+
+    def _open(self, files: Files, stack: ExitStack) -> list[Storage]:
+        storages, failed = [], []
+        for path in files.paths:
+            try:
+                storages.append(open_storage(path, stack))
+            except TraceError as error:
+                failed.append(error)
+        if not storages:
+            raise failed[0]
+        files.notes += [str(error) for error in failed]
+        return storages
+
+    def _prepare(self, files: Files, storages: Sequence[Storage]) -> list[dict[int, Source]]:
+        """The sources of each file by channel; what else is in the bag is ignored, and its types do not matter."""
+        there: Counter[str] = Counter(dict.fromkeys(files.promised or (), 0))
+        for storage in storages:
+            for channel in storage.channels:
+                there[channel.topic] += channel.promised or 0
+        for name, count in (files.promised or {}).items():
+            there[name] = max(there[name], count)
+        found = roles(there, self._plan.spec)
+        self.notes += found.notes
+        for name, role in found.by_topic.items():
+            self._topics[name] = topic = Topic(name, role)
+            if role.forwarded is not None:
+                within = self._plan.spec.by_key[role.streams[0]].decide_within
+                topic.asked = Filter(within)
+                self._topics[role.forwarded] = Topic(role.forwarded, None, gives=topic.asked)
+        self.ignored += Counter({name: count for name, count in there.items() if name not in self._topics})
+        self.size = sum(there[name] for name, topic in self._topics.items() if topic.role is not None)
+        for name, topic in self._topics.items():
+            topic.promised = there[name]
+        return [
+            {c.id: source for c in storage.channels if (source := self._source(c)) is not None} for storage in storages
+        ]
+
+    def _source(self, channel: Channel) -> Source | None:
+        if channel.topic not in self._topics:
+            return None
+        try:
+            return Source(channel, self._topics[channel.topic], self._plan, self._types)
+        except TraceError:
+            if channel.promised == 0:
+                return None
             raise
-        except Exception as error:  # noqa: BLE001 -- the reader raises anything for a damaged bag
-            raise TraceError(f"{self.path}: can't be read as a bag: {_reason(error)}") from None
+        except Exception as error:  # noqa: BLE001 -- a damaged definition makes the library raise anything
+            what = f"{channel.topic}: its messages can't be read as {channel.type}"
+            raise TraceError(f"{what}: {_reason(error)}") from None
 
-    def _messages(self, reader: AnyReader) -> Iterator[Recorded]:
-        connections, observed = [], {}
-        for connection in reader.connections:
-            key = find_stream(connection.topic, "topic", self._spec.by_key)
-            if key is None:
-                self.ignored[connection.topic] += connection.msgcount
-            else:
-                connections.append(connection)
-                observed[connection.id] = (key, self._spec.by_key[key].stamp, self._reader(reader, connection, key))
-        if not observed:
-            return
-        self.size = sum(connection.msgcount for connection in connections)
-        now = 0
-        for connection, recorded, raw in reader.messages(connections=connections):
-            key, stamp, read = observed[connection.id]
-            data = read(reader.deserialize(raw, connection.msgtype))
-            self.read += 1
-            now = max(now, recorded)
-            yield Recorded(Event(key, MONITOR, self.read, stamp_in(data, stamp), now, data))
+    def _survey(self, storages: Sequence[Storage], sources: Sequence[dict[int, Source]]) -> None:
+        """Look at what must be known as a whole before the first event: whose side is recorded, and what passed."""
+        self._look(storages, [{n: s for n, s in own.items() if s.topic.surveyed} for own in sources], Source.survey)
+        filtered = [
+            {n: s for n, s in own.items() if s.topic.is_service and (s.topic.asked or s.topic.gives)} for own in sources
+        ]
+        self._look(storages, filtered, Source.survey_calls)
+        for topic in self._topics.values():
+            topic.calls = None  # which begin anew
+            if topic.asked is not None:
+                topic.asked.settle()
 
-    def _reader(self, reader: AnyReader, connection: Any, key: StreamKey) -> Read:
-        fields = self._fields[key]
-        if fields is not None:
-            stamp = self._spec.by_key[key].stamp
-            fields = fields | frozenset([stamp] if stamp else DEFAULT_PATHS)
-        return message_reader(reader.typestore, connection.msgtype, fields)
+    def _look(
+        self,
+        storages: Sequence[Storage],
+        sources: Sequence[dict[int, Source]],
+        look: Callable[[Source, int, bytes], None],
+    ) -> None:
+        for storage, wanted in zip(storages, sources, strict=True):
+            for number, time, raw in storage.messages(wanted) if wanted else ():
+                try:
+                    look(wanted[number], time, self._plain(raw))
+                except Exception:  # noqa: BLE001, S112 -- it is told of when it is read
+                    continue
+
+    def _events(self, storages: Sequence[Storage], sources: Sequence[dict[int, Source]]) -> Iterator[Recorded]:
+        now = seq = lost = 0
+        for storage, own in zip(storages, sources, strict=True):
+            wanted = {number: source for number, source in own.items() if source.topic.role is not None}
+            damages = len(storage.damages)
+            for number, time, raw in storage.messages(wanted) if wanted else ():
+                source = wanted[number]
+                self.read += 1
+                if len(storage.damages) > damages:
+                    damages, lost = len(storage.damages), lost + 1
+                try:
+                    item = self._item(source, raw)
+                except Exception as error:  # noqa: BLE001 -- decoding raises anything for damaged messages
+                    source.topic.note_unreadable(_reason(error))
+                    lost += 1
+                    continue
+                if item is None:
+                    continue
+                seq, now = seq + 1, max(now, time)
+                yield Recorded(_event(item, seq, now, lost), passed=item.passed)
+                lost = 0
+
+    def _item(self, source: Source, raw: bytes) -> Item | None:
+        source.topic.seen += 1
+        return source.read(self._plain(raw))
+
+    def _plain(self, raw: bytes) -> bytes:
+        if not self._compressed:
+            return raw
+        return zstandard.ZstdDecompressor(max_window_size=2**27).decompress(raw, max_output_size=_LARGEST)
+
+
+def _event(item: Item, seq: int, now: int, lost: int) -> Event:
+    return Event(item.stream, MONITOR, seq, item.stamp, now, item.data, call=item.call, lost=lost, ask=item.asks)
 
 
 def _reason(error: Exception) -> str:
     return one_line(str(error).strip()) or type(error).__name__
-
-
-def _typestore(folders: Sequence[Path]) -> Typestore:
-    """The types of ROS 2's own packages, and those of the .msg files in folders, each in `PACKAGE/msg/`."""
-    store = get_typestore(Stores.LATEST)
-    for folder in folders:
-        found = sorted(folder.rglob("*.msg"))
-        if not found:
-            raise TraceError(f"{folder}: has no .msg files")
-        for path in found:
-            package = (path.parent.parent if path.parent.name == "msg" else path.parent).name
-            try:
-                types = get_types_from_msg(path.read_text(encoding="utf-8"), f"{package}/msg/{path.stem}")
-                store.register({name: t for name, t in types.items() if name not in store.fielddefs})
-            except Exception as error:  # noqa: BLE001 -- the parser raises anything for a malformed file
-                raise TraceError(f"{path}: can't be read as a message definition: {_reason(error)}") from None
-    return store

@@ -3,58 +3,74 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import Progress
-
+from oracle_server.core.errors import one_line
 from oracle_server.core.spec import By
+from oracle_server.core.units import counted
+from oracle_server.process.progress import progress
+from oracle_server.replay.conclusion import UNJUDGED, conclude, gravest
 from oracle_server.replay.formats import Format, Report, make_report
 from oracle_server.replay.opening import open_recording
 from oracle_server.replay.recording import Recording
 from oracle_server.replay.run import Replay
+from oracle_server.rostypes.known import Types
 from oracle_server.specfiles.load import load_spec
 
 _EVERY = 256
 
 
-def run_replay(specs: Sequence[Path], trace: Path, by: By | None, form: Format, types: Sequence[Path] = ()) -> int:
-    """Judge a recording by each spec, and print the report; returns the exit status: 1 for a violation, else 0.
+def run_replay(
+    specs: Sequence[Path],
+    trace: Path,
+    by: By | None,
+    form: Format,
+    types: Sequence[Path] = (),
+    *,
+    strict: bool = False,
+    signals: bool = False,
+) -> int:
+    """Judge a recording by each spec, and print the report; returns the exit status, the gravest of all specs.
 
-    Raises `SpecError` and `TraceError` where an input can't be used.
+    With `strict` whatever was not judged is no success; with `signals` a text report counts all signals. Raises
+    `SpecError` and `TraceError` where an input can't be used.
     """
-    loaded = [load_spec(path).spec for path in specs]
-    report = make_report(form, sys.stdout, several=len(loaded) > 1)
-    violated = False
+    known = Types(types)
+    loaded = [load_spec(path, types=known).spec for path in specs]
+    report = make_report(form, sys.stdout, several=len(loaded) > 1, signals=signals)
+    statuses = []
     for spec in loaded:
         recording = open_recording(trace, spec, types)
-        replay = Replay(spec, recording, by)
+        replay = Replay(spec, recording, by, strict=strict)
         _run(replay, recording, report)
-        violated = violated or replay.violated
-        for name, count in sorted(recording.ignored.items()):
-            sys.stderr.write(f"oracle-server: ignored {count} events of '{name}', which {spec.id} does not observe\n")
+        statuses.append(_tell(replay, form))
     report.finish()
     sys.stdout.flush()
-    return 1 if violated else 0
+    return gravest(statuses)
 
 
 def _run(replay: Replay, recording: Recording, report: Report) -> None:
-    with _progress(recording) as advance:
+    with progress(recording.path.name, "events", after=0) as show:
         for count, judged in enumerate(replay):
             report.judged(replay, judged)
             if count % _EVERY == 0:
-                advance()
+                show(recording.read, recording.size or None, replay.events)
     report.ended(replay)
 
 
-@contextmanager
-def _progress(recording: Recording) -> Iterator[Callable[[], None]]:
-    """Show a progress bar on standard error, if that is a terminal; yields the function that updates it."""
-    if not sys.stderr.isatty():
-        yield lambda: None
-        return
-    with Progress(console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(recording.path.name, total=recording.size)
-        yield lambda: progress.update(task, completed=recording.read, total=recording.size)
+def _tell(replay: Replay, form: Format) -> int:
+    """Say on standard error what the report has no place for; returns the exit status."""
+    end = conclude(replay)
+    lines = list(end.unusable)
+    if form != "text" and end.status == UNJUDGED:
+        lines += [f"{replay.spec.id}: {name} was not judged: {reason}" for name, reason in end.unjudged.items()]
+        lines += [f"{replay.spec.id}: {doubt}" for doubt in end.doubts]
+    if replay.events:
+        lines += [
+            f"ignored {counted(count, 'event')} of '{name}', which {replay.spec.id} does not observe"
+            for name, count in sorted(replay.recording.ignored.items())
+            if count
+        ]
+    sys.stderr.writelines(f"oracle-server: {one_line(line)}\n" for line in lines)
+    return end.status

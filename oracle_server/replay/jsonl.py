@@ -16,7 +16,7 @@ from oracle_server.core.events import TICKS, Event
 from oracle_server.core.kinds import TICK, StepKind
 from oracle_server.core.spec import Spec
 from oracle_server.core.stamps import stamp_in
-from oracle_server.replay.recording import Place, Projected, Recorded
+from oracle_server.replay.recording import Note, Place, Projected, Recorded
 from oracle_server.wire.flat import decode_object, find_stream, flat_event
 
 Natural = Annotated[int, Meta(ge=0, le=2**63 - 1)]
@@ -28,7 +28,8 @@ class Line(Struct):
     """A line in the project's own format; times in nanoseconds since the epoch.
 
     It has the message as `data`, or its signals as `signals` and `failed`. `otherwise` is the publication time of a
-    message that has none itself. `places`, `passed`, `why` and `verdict` are what was recorded about the event live.
+    message that has none itself. `places`, `passed`, `why` and `verdict` are what was recorded about the event live;
+    the first line of a session's trace has `begun`, when the session began.
     """
 
     stream: str
@@ -49,6 +50,7 @@ class Line(Struct):
     passed: bool | None = None
     why: str | None = None
     verdict: str | None = None
+    begun: Natural | None = None
 
     def message(self) -> dict[str, Any] | Projected:
         """The message, or its signals, to ingest. Raises ValueError where the line has neither."""
@@ -78,24 +80,28 @@ class Trace:
     size: int
     clocked: bool = True
     ignored: Counter[str] = field(default_factory=Counter)
+    notes: list[Note] = field(default_factory=list)
     read: int = 0
     _now: int = 0
     _seq: Counter[str] = field(default_factory=Counter)
 
     def __iter__(self) -> Iterator[Recorded]:
         """The events. Raises `TraceError` with file and line at the first line that is not an event."""
-        first = True
+        first, begun = True, None
         try:
             for place, text in self.lines():
                 self.read += len(text)
                 if not text.strip():
                     continue
+                if not first and _is_cut(text, self.read, self.size):
+                    self.notes.append(Note(f"{place}: ends early, within a line", doubt=True))
+                    break
                 line = self._line(text, place)
                 if first:
-                    self.clocked, first = line.arrived is not None, False
+                    self.clocked, first, begun = line.arrived is not None, False, line.begun
                 event = self._event(line)
                 if event is not None:
-                    yield Recorded(event, tuple(line.places), line.passed, line.why, line.verdict)
+                    yield Recorded(event, tuple(line.places), line.passed, line.why, line.verdict, begun)
         except OSError as error:
             raise TraceError(f"{self.path}: can't be read: {error.strerror}") from None
 
@@ -136,6 +142,11 @@ def read_lines(path: Path, spec: Spec) -> Trace:
         return Trace(path, spec, lines, path.stat().st_size)
     except OSError as error:
         raise TraceError(f"{path}: can't be read: {error.strerror}") from None
+
+
+def _is_cut(text: bytes, read: int, size: int) -> bool:
+    """Whether a line is the last of its file, and lacks its end."""
+    return read >= size and not text.endswith(b"\n") and not text.rstrip().endswith(b"}")
 
 
 def _line_of(value: dict[str, Any]) -> Any:

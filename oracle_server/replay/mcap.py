@@ -7,14 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from oracle_server.core.errors import TraceError
 from oracle_server.core.kinds import KINDS
 from oracle_server.core.spec import Spec
 from oracle_server.replay.jsonl import Trace
+from oracle_server.replay.mcapfile import MAGIC, McapFile
+from oracle_server.replay.recording import Note
 
 PROFILE = "oracle-server"
 _SCHEMA = b'{"type": "object"}'
@@ -42,23 +41,22 @@ def write_mcap(path: Path, lines: Iterable[dict[str, Any]]) -> int:
 
 def is_trace(path: Path) -> bool:
     """Whether an MCAP file was written by `write_mcap`, and not by ROS."""
-    try:
-        with path.open("rb") as file:
-            return bool(make_reader(file).get_header().profile == PROFILE)
-    except (OSError, McapError):
-        return False
+    with path.open("rb") as file:
+        head = file.read(64)
+    return head[len(MAGIC) + 9 :].startswith(len(PROFILE).to_bytes(4, "little") + PROFILE.encode())
 
 
 def read_mcap(path: Path, spec: Spec) -> Trace:
     """The trace in a file that `write_mcap` wrote. Raises OSError; reading it raises `TraceError`."""
+    notes: list[Note] = []
 
     def lines() -> Iterator[tuple[str, bytes]]:
-        with path.open("rb") as file:
-            try:
-                messages = make_reader(file).iter_messages(log_time_order=False)
-                for number, (_, _, message) in enumerate(messages, start=1):
-                    yield f"{path}: message {number}", message.data
-            except McapError as error:
-                raise TraceError(f"{path}: can't be read as MCAP: {error}") from None
+        file = McapFile(path)
+        try:
+            for number, (_, _, data) in enumerate(file.in_file_order(), start=1):
+                yield f"{path}: message {number}", data
+        finally:
+            file.close()
+        notes.extend(Note(f"{path.name}: {damage}", doubt=True) for damage in dict.fromkeys(file.damages))
 
-    return Trace(path, spec, lines, path.stat().st_size)
+    return Trace(path, spec, lines, path.stat().st_size, notes=notes)

@@ -1,4 +1,4 @@
-"""Opens a recording in the format that its name and content indicate."""
+"""Opens a recording in the format that its content indicates, whatever it is named."""
 
 from __future__ import annotations
 
@@ -7,25 +7,38 @@ from pathlib import Path
 
 from oracle_server.core.errors import TraceError
 from oracle_server.core.spec import Spec
-from oracle_server.replay.jsonl import read_lines
 from oracle_server.replay.recording import Recording
+
+_HEAD = 4096
+_MARK = b"\xef\xbb\xbf"
+"""How some editors begin a file of UTF-8."""
 
 
 def open_recording(path: Path, spec: Spec, types: Sequence[Path] = ()) -> Recording:
     """The recording at a path, for one spec; `types` are folders of .msg files. Raises `TraceError`."""
-    if path.suffix == ".jsonl":
-        return read_lines(path, spec)
-    if path.suffix not in (".bag", ".mcap", ".db3") and not path.is_dir():
-        raise TraceError(
-            f"{path}: is no recording; one is named .jsonl, .bag or .mcap, or is the folder of a ROS 2 bag"
-        )
-    if not path.exists():
-        raise TraceError(f"{path}: can't be read: No such file or directory")
-    if path.suffix == ".mcap":
+    try:
+        if path.is_dir() and path.suffix != ".jsonl":
+            from oracle_server.replay.bags import Bag
+
+            return Bag(path, spec, types)
+        with path.open("rb") as file:
+            head = file.read(_HEAD)
+        return _by_content(path, head, spec, types)
+    except OSError as error:
+        raise TraceError(f"{path}: can't be read: {error.strerror}") from None
+
+
+def _by_content(path: Path, head: bytes, spec: Spec, types: Sequence[Path]) -> Recording:
+    from oracle_server.replay.folder import MAGICS
+    from oracle_server.replay.jsonl import read_lines
+
+    if any(head.startswith(magic) for magic in MAGICS):
+        from oracle_server.replay.bags import Bag
         from oracle_server.replay.mcap import is_trace, read_mcap
 
-        if is_trace(path):
-            return read_mcap(path, spec)
-    from oracle_server.replay.bags import Bag
-
-    return Bag(path, spec, types)
+        return read_mcap(path, spec) if is_trace(path) else Bag(path, spec, types)
+    if path.suffix == ".jsonl" or head.removeprefix(_MARK).lstrip().startswith(b"{"):
+        return read_lines(path, spec)
+    if not head:
+        raise TraceError(f"{path}: is empty")
+    raise TraceError(f"{path}: is no recording: neither a bag of ROS 1 or ROS 2, nor a log in JSON Lines")

@@ -24,8 +24,9 @@ class Projected(NamedTuple):
 class Place(Struct, frozen=True, gc=False):
     """Where a session judged an event in one of its orders, and when (ns).
 
-    `position` counts all steps, of both orders; `degraded` is whether something before was known to be lost; `said`
-    are the answers of external oracles, by the properties that they judge.
+    `position` counts all steps, of both orders; `degraded` is whether something before was known to be lost; `bypassed`
+    are the properties that were degraded only because a stream of theirs was bypassed at the time; `said` are the
+    answers of external oracles, by the properties that they judge.
     """
 
     position: int
@@ -36,13 +37,14 @@ class Place(Struct, frozen=True, gc=False):
     forced: bool = False
     skipped: bool = False
     degraded: bool = False
+    bypassed: tuple[str, ...] = ()
     said: dict[str, Answer] = {}
 
 
 class Recorded(Struct, frozen=True, gc=False):
     """A recorded event; a session's own trace also has ticks, places, and what the adapter did with the event and why.
 
-    `verdict` is that of ROSMonitoring's oracle.
+    `verdict` is that of ROSMonitoring's oracle; `begun` is when the recorded session began (ns).
     """
 
     event: Event
@@ -50,17 +52,31 @@ class Recorded(Struct, frozen=True, gc=False):
     passed: bool | None = None
     why: str | None = None
     verdict: str | None = None
+    begun: int | None = None
+
+
+class Note(NamedTuple):
+    """Something that is to be known of a recording, as one line.
+
+    `doubt`: not all that the spec is about could be judged; `unusable`: none of some stream could be read.
+    """
+
+    text: str
+    doubt: bool = False
+    unusable: bool = False
 
 
 class Recording(Protocol):
     """A recording for one spec, in the order of arrival; `read` of `size` units are read.
 
-    `clocked` is whether it has times of arrival; `ignored` counts events of streams that the spec does not observe.
+    `clocked` is whether it has times of arrival; `ignored` counts events of streams that the spec does not observe;
+    `notes` grow while it is read.
     """
 
     path: Path
     clocked: bool
     ignored: Counter[str]
+    notes: list[Note]
     read: int
     size: int
 

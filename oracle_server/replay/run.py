@@ -13,14 +13,15 @@ from oracle_server.core.errors import TraceError
 from oracle_server.core.events import Event, Step
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.kinds import TICK
-from oracle_server.core.plan import Plan, Projects, plan
+from oracle_server.core.plan import plan
 from oracle_server.core.session import Session, orders
-from oracle_server.core.spec import By, Spec
+from oracle_server.core.spec import By, Property, Spec
 from oracle_server.core.verdicts import Judged, Outcome
 from oracle_server.engines.table import make_engines
 from oracle_server.remote.offline import OfflineOracles
 from oracle_server.replay.comparison import Comparison
-from oracle_server.replay.recording import Place, Projected, Recorded, Recording
+from oracle_server.replay.coverage import Counting, Coverage, signal_names
+from oracle_server.replay.recording import Place, Recorded, Recording
 
 _FOR_EVER = 2**63
 _NOT_KEPT = Answer(Outcome.UNKNOWN, "was not asked: a session's trace has no messages, only their signals")
@@ -33,22 +34,30 @@ class Replay:
     `by` requests another order.
     """
 
-    def __init__(self, spec: Spec, recording: Recording, by: By | None = None) -> None:
-        """`by` overrides the order that the spec asks for."""
+    def __init__(self, spec: Spec, recording: Recording, by: By | None = None, *, strict: bool = False) -> None:
+        """`by` overrides the order that the spec asks for; `strict`: whatever was not judged is no success."""
+        self.strict = strict
         ordering = replace(spec.ordering, by=by) if by else spec.ordering
         self.spec = replace(spec, ordering=ordering)
         self.events = 0
         self.comparison = Comparison(orders(self.spec)[0])
         self.passed: dict[tuple[str, int], tuple[bool, str | None]] = {}
         """What an adapter did with the events that are not judged yet: whether they passed, and why."""
-        self._recording = recording
+        self.recording = recording
+        ready = plan(spec)
+        self._counting = {
+            key: Counting(stream.project, signal_names(spec, key)) for key, stream in ready.streams.items()
+        }
+        streams = {key: replace(stream, project=self._counting[key]) for key, stream in ready.streams.items()}
+        self._plan = replace(ready, streams=streams)
+        self._unjudged = {p.id for p in spec.properties}
         self._reorder = by is not None
         self._session: Session | None = None
         self._oracles: OfflineOracles | None = None
 
     def __iter__(self) -> Iterator[Judged]:
         """The judged steps, in order. Raises `TraceError` where the recording can't be used."""
-        recorded = iter(self._recording)
+        recorded = iter(self.recording)
         first = next(recorded, None)
         if first is None:
             return
@@ -57,13 +66,15 @@ class Replay:
             for item in judge(first, recorded):
                 if self.comparison.is_waiting:
                     self.comparison.compare(item)
+                if self._unjudged:
+                    self._note_judged(item)
                 yield item
         finally:
             if self._oracles is not None:
                 self._oracles.close()
 
     def _as_new(self, first: Recorded, rest: Iterator[Recorded]) -> Iterator[Judged]:
-        session = self._session = self._open()
+        session = self._session = self._open(first.begun)
         if session.asking is not None:
             self._oracles = OfflineOracles(session)
         monitors: set[str] = set()
@@ -85,7 +96,7 @@ class Replay:
         used = {place.order for place in first.places}
         ordering = replace(self.spec.ordering, by="both" if len(used) > 1 else used.pop())
         self.spec = replace(self.spec, ordering=ordering)
-        session = self._session = self._open()
+        session = self._session = self._open(first.begun)
         waiting: list[tuple[int, Place, Step]] = []
         upcoming = itertools.count(1)
         for recorded in itertools.chain((first,), rest):
@@ -108,14 +119,37 @@ class Replay:
             self.comparison.expect(event, recorded.verdict)
         return event
 
-    def _open(self) -> Session:
-        """A new session; without times of arrival, it has no delays, no limit on skew, and no ticks."""
+    def _open(self, begun: int | None) -> Session:
+        """A new session, which began at a time (ns) or else begins with its first monitor.
+
+        Without times of arrival, it has no delays, no limit on skew, and no ticks.
+        """
         spec = self.spec
-        if not self._recording.clocked:
+        if not self.recording.clocked:
             ordering = replace(spec.ordering, max_delay=None, max_skew=_FOR_EVER, capacity=_FOR_EVER)
             spec = replace(spec, ordering=ordering)
-        ready = _projected(plan(spec))
-        return Session(ready, make_engines(ready), ticking=self._recording.clocked)
+        ready = replace(self._plan, spec=spec)
+        return Session(ready, make_engines(ready), ticking=self.recording.clocked, begun=begun)
+
+    def _note_judged(self, item: Judged) -> None:
+        for verdict in item.verdicts:
+            if verdict.outcome is not Outcome.UNKNOWN:
+                self._unjudged.discard(verdict.property)
+
+    @property
+    def session(self) -> Session | None:
+        """The session in which the recording was judged, None before its first event."""
+        return self._session
+
+    @property
+    def unjudged(self) -> list[Property]:
+        """The properties that were unknown at every step; none where there was no step."""
+        return [p for p in self.spec.properties if p.id in self._unjudged] if self.events else []
+
+    @property
+    def coverage(self) -> Coverage:
+        """The events and signals of each stream."""
+        return {key: counting.counts() for key, counting in self._counting.items()}
 
     @property
     def violated(self) -> bool:
@@ -132,7 +166,7 @@ class Replay:
         summary = {
             "spec": self.spec.id,
             "events": self.events,
-            "ignored": sum(self._recording.ignored.values()),
+            "ignored": sum(self.recording.ignored.values()),
             "violations": sum(state["violations"] for state in states.values()),
             "late": sum(c.late for c in counters),
             "properties": states,
@@ -143,12 +177,15 @@ class Replay:
         """The state of each property."""
         if self._session is None:
             blank = {"outcome": "unknown", "first_violation": None, "violations": 0, "unknown": 0}
+            blank |= {"first_violation_step": None, "first_violation_at": None}
             return {p.id: dict(blank) for p in self.spec.properties}
         both = len(self._session.judges) > 1
         return {
             state.property.id + (" (arrival)" if both and order == "arrival" else ""): {
                 "outcome": state.outcome.value,
                 "first_violation": state.first_violation,
+                "first_violation_step": state.first_violation_step,
+                "first_violation_at": state.first_violation_at,
                 "violations": state.violations,
                 "unknown": state.failures,
             }
@@ -171,6 +208,8 @@ def _rejudge(session: Session, upcoming: int, position: int, place: Place, step:
         )
     if place.degraded:
         session.judges[place.order].degrade()
+    bypassed = [i for i, p in enumerate(session.plan.spec.properties) if p.id in place.bypassed]
+    session.judges[place.order].bypass(bypassed)
     for index in session.plan.external:
         session.receive(place.order, {index: place.said.get(session.plan.spec.properties[index].id, _NOT_KEPT)})
     placed = Step(
@@ -178,20 +217,3 @@ def _rejudge(session: Session, upcoming: int, position: int, place: Place, step:
     )
     judged = session.rejudge(place.order, placed, place.judged)
     return [] if judged is None else [judged]
-
-
-class _Given:
-    """Uses recorded signals, and computes those of recorded messages."""
-
-    def __init__(self, project: Projects) -> None:
-        self._project, self.fields = project, project.fields
-
-    def __call__(self, message: object) -> tuple[dict[str, Any], frozenset[str]]:
-        if isinstance(message, Projected):
-            return dict(message.signals), message.failed
-        return self._project(message)
-
-
-def _projected(ready: Plan) -> Plan:
-    streams = {key: replace(stream, project=_Given(stream.project)) for key, stream in ready.streams.items()}
-    return replace(ready, streams=streams)

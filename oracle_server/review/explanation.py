@@ -11,9 +11,10 @@ from oracle_server.core.engine import Engine
 from oracle_server.core.errors import OracleError
 from oracle_server.core.events import Order
 from oracle_server.core.plan import Plan, judged_by, plan
+from oracle_server.core.presence import grace
 from oracle_server.core.records import ExplanationRecord, VerdictRecord
 from oracle_server.core.session import Session, orders
-from oracle_server.core.spec import Property
+from oracle_server.core.spec import SECOND, Property
 from oracle_server.core.verdicts import Outcome, explain
 from oracle_server.engines.native import NativeEngine
 from oracle_server.engines.table import ENGINES
@@ -53,23 +54,34 @@ async def explained(history: Reading, session: int, n: int) -> VerdictRecord | N
     prop = ready.spec.properties[index]
     if not ENGINES[prop.engine].explicable and record["explanation"] is not None:
         return record
-    _demand_explicable(record, prop, stored)
+    _demand_explicable(record, prop, stored, opened.begun)
     target = await _decided(history, session, stored, index, ready)
-    return {**record, "explanation": await _explain(history, session, _Explaining(ready, index, stored.order, target))}
+    return {
+        **record,
+        "explanation": await _explain(history, session, _Explaining(ready, index, stored.order, target, opened.begun)),
+    }
 
 
 def _plan(opened: SessionRecord) -> Plan:
-    return judged_by(plan(parse_spec(opened.text, opened.id).spec), opened.by)
+    return judged_by(plan(parse_spec(opened.text, opened.id, bounded=False).spec), opened.by)
 
 
-def _demand_explicable(record: VerdictRecord, prop: Property, stored: StoredStep) -> None:
+def _demand_explicable(record: VerdictRecord, prop: Property, stored: StoredStep, begun: int | None) -> None:
     if not ENGINES[prop.engine].explicable:
         raise NoExplanationError(f"the engine of '{prop.id}' can't explain its verdicts")
-    if stored.number is None and not stored.is_tick:
+    if stored.step.skipped and not stored.is_tick:
         raise NoExplanationError(f"verdict {record['n']} is no judgement: its event was late, or could not be stored")
     if record["outcome"] == Outcome.UNKNOWN:
         failed = ", ".join(sorted(stored.step.failed))
         reason = f"computing failed for {failed}" if failed else "the engine failed"
+        allowed, time = grace(prop.formula, prop.time), stored.step.event.arrived
+        if (
+            not failed
+            and allowed
+            and begun is not None
+            and (time if stored.order == "arrival" else stored.step.time) < begun + allowed
+        ):
+            reason = f"the session began less than {allowed / SECOND:g} s before, so that nothing is missing yet"
         raise NoExplanationError(f"verdict {record['n']} is no judgement: {reason}")
 
 
@@ -114,13 +126,13 @@ async def _judge(again: _Explaining, page: Sequence[StoredStep], position: int) 
 class _Explaining:
     """A session judged again up to a position, one property of it by the native engine."""
 
-    def __init__(self, ready: Plan, index: int, order: Order, target: int) -> None:
+    def __init__(self, ready: Plan, index: int, order: Order, target: int, begun: int | None) -> None:
         self.target = target
         self.given_up = False
         """Whether the request was cancelled."""
         self.explanation: ExplanationRecord | None = None
         """The explanation of the property's outcome at the target, once that was judged."""
-        self._plan, self._index, self._order = ready, index, order
+        self._plan, self._index, self._order, self._begun = ready, index, order, begun
         self._core: Session
         self._recorded: list[tuple[int, _Recorded]] = []
 
@@ -148,7 +160,8 @@ class _Explaining:
     def _fresh(self) -> Session:
         self._recorded = []
         spec = self._plan.spec
-        core = Session(self._plan, [[self._engine(i, p) for i, p in enumerate(spec.properties)] for _ in orders(spec)])
+        engines = [[self._engine(i, p) for i, p in enumerate(spec.properties)] for _ in orders(spec)]
+        core = Session(self._plan, engines, begun=self._begun)
         for judge in core.judges.values():
             judge.remember(_REMEMBERED, _EFFORT)
         return core

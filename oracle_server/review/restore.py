@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import asyncio
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import structlog
 
+from oracle_server.core.bypass import Bypass
 from oracle_server.core.engine import Answer
 from oracle_server.core.events import Order, Step, StreamKey
 from oracle_server.core.numbering import JUDGED, Numbering
@@ -38,6 +39,7 @@ class KnownMonitor:
     clock: TimeBase
     numbering: Numbering
     lost: int
+    bypasses: Mapping[StreamKey, Bypass]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,13 +63,16 @@ _Used = tuple[int, int, int]
 async def restore(history: Reading, session: int, plan: Plan) -> Restored:
     """Restore a session from its last snapshot, and judge the steps after it again. Raises `HistoryError`."""
     snapshot = await history.snapshot(session)
-    core, position = await _begin(history, session, plan, snapshot)
+    begun = await _begun(history, session, snapshot)
+    core, position = await _begin(history, session, plan, snapshot, begun)
     again = _Rejudging(core, plan)
     async for page in history.steps(session, snapshot.settled if snapshot else 0, position):
         again.use(page)
     async for page in history.steps(session, position):
         await asyncio.to_thread(again.judge, page)
         position = page[-1].position
+    for judge in core.judges.values():
+        judge.bypass(())  # what is bypassed now is known of the monitors
     if again.differing:
         log.error("restored verdicts differ from the recorded ones", session=session, steps=again.differing)
     refused = await history.refusals(session)
@@ -81,12 +86,25 @@ async def restore(history: Reading, session: int, plan: Plan) -> Restored:
     return Restored(core, position, len(refused), monitors, [*again.waiting.values()])
 
 
-async def _begin(history: Reading, session: int, plan: Plan, snapshot: SnapshotRecord | None) -> tuple[Session, int]:
+async def _begun(history: Reading, session: int, snapshot: SnapshotRecord | None) -> int | None:
+    """When a session began; one that an older version judged, without any grace, began long ago."""
+    opened = await history.session(session)
+    if opened is not None and opened.begun is not None:
+        return opened.begun
+    first, last = await history.extent(session)
+    return 0 if snapshot is not None or first <= last else None
+
+
+async def _begin(
+    history: Reading, session: int, plan: Plan, snapshot: SnapshotRecord | None, begun: int | None
+) -> tuple[Session, int]:
     """The session to continue with, and the position of its last step.
 
     It is a fresh one where the snapshot can't be used, and one that judges nothing where the first steps are deleted.
     """
-    core, position, problem = await asyncio.to_thread(begin, lambda: Session(plan, make_engines(plan)), snapshot)
+    core, position, problem = await asyncio.to_thread(
+        begin, lambda: Session(plan, make_engines(plan), begun=begun), snapshot
+    )
     if position:
         return core, position
     if snapshot is not None:
@@ -130,8 +148,9 @@ class _Rejudging:
 
     def _judge(self, stored: StoredStep) -> None:
         order, step, outcomes, degraded = stored.order, stored.step, stored.outcomes, stored.degraded
-        if all(degraded):  # a loss was known before the event was judged
+        if stored.lost:  # a loss was known before the event was judged
             self._core.judges[order].degrade()
+        self._core.judges[order].bypass(stored.bypassed)
         if not stored.is_tick and not step.skipped:
             asked = self._plan.streams[step.event.stream].asked
             self._core.receive(order, {i: Answer(outcomes[i], _ONCE, degraded[i]) for i in asked})
@@ -150,4 +169,6 @@ class _Rejudging:
 
 
 def _known(monitor: MonitorRecord, numbering: Numbering) -> KnownMonitor:
-    return KnownMonitor(monitor.instance, monitor.streams, monitor.attached, monitor.clock, numbering, numbering.lost)
+    return KnownMonitor(
+        monitor.instance, monitor.streams, monitor.attached, monitor.clock, numbering, numbering.lost, monitor.bypasses
+    )

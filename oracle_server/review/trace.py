@@ -7,17 +7,19 @@ answers of external oracles.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Sequence
 from contextlib import aclosing
 
 from oracle_server.history.port import Reading
-from oracle_server.history.records import Document, StoredStep
+from oracle_server.history.records import Document, SessionRecord, StoredStep
 from oracle_server.specfiles.load import parse_spec
 
 
 async def trace_lines(history: Reading, session: int) -> AsyncGenerator[list[Document], None]:
     """The lines of a session's committed steps, page by page. Raises `HistoryError`."""
-    external = await _external(history, session)
+    opened = await history.session(session)
+    external = await _external(opened)
+    begun = None if opened is None else opened.begun
     line: Document | None = None
     async with aclosing(history.by_arrival(session)) as pages:
         async for page in pages:
@@ -26,8 +28,9 @@ async def trace_lines(history: Reading, session: int) -> AsyncGenerator[list[Doc
                 if line is None or stored.is_tick or not _is_of(line, stored):
                     if line is not None:
                         lines.append(line)
-                    line = _line(stored)
-                line["places"].append(_place(stored, external))
+                    line = _line(stored) | ({} if begun is None else {"begun": begun})
+                    begun = None
+                line["places"].append(_place(stored, external, () if opened is None else opened.properties))
                 if stored.order == "publication":
                     line |= {"passed": stored.passed, "why": stored.why}
             yield lines
@@ -61,7 +64,7 @@ def _line(stored: StoredStep) -> Document:
     }
 
 
-def _place(stored: StoredStep, external: dict[int, str]) -> Document:
+def _place(stored: StoredStep, external: dict[int, str], properties: Sequence[str]) -> Document:
     step = stored.step
     place: Document = {
         "position": stored.position,
@@ -71,14 +74,15 @@ def _place(stored: StoredStep, external: dict[int, str]) -> Document:
         "skewed": step.skewed,
         "forced": step.forced,
         "skipped": step.skipped,
-        "degraded": all(stored.degraded),
+        "degraded": stored.lost,
     }
+    if stored.bypassed:
+        place["bypassed"] = [properties[i] for i in stored.bypassed]
     return place | {"said": _answers(stored, external)} if external else place
 
 
-async def _external(history: Reading, session: int) -> dict[int, str]:
+async def _external(opened: SessionRecord | None) -> dict[int, str]:
     """The ids of a session's external properties, by their indexes; none while the session is not committed."""
-    opened = await history.session(session)
     if opened is None or "external" not in opened.text:
         return {}
     properties = (await asyncio.to_thread(parse_spec, opened.text, "")).spec.properties

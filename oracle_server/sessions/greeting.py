@@ -31,7 +31,10 @@ def attached_frame(session: LiveSession, monitor: Monitor) -> AttachedFrame:
 
 
 def stream_frame(plan: Plan, key: StreamKey) -> StreamFrame:
-    """One stream of the frame: durations in nanoseconds, `fields` the dotted paths that are read, null for all."""
+    """One stream of the frame: durations in nanoseconds, `fields` the dotted paths that are read, null for all.
+
+    `stamp` is null too where the server reads it itself, since adapters read numbers as seconds since 1970.
+    """
     stream, fields = plan.spec.by_key[key], plan.streams[key].fields
     frame: StreamFrame = {
         "name": stream.name,
@@ -39,10 +42,12 @@ def stream_frame(plan: Plan, key: StreamKey) -> StreamFrame:
         "type": stream.type,
         "action": stream.action,
         "ordered": stream.ordered,
-        "stamp": stream.stamp,
+        "stamp": stream.stamp.field if stream.stamp and stream.stamp.plain else None,
         "latency": stream.latency,
         "fields": None if fields is None else sorted(fields),
     }
+    if plan.streams[key].named:
+        frame["reads"] = sorted(plan.streams[key].named)
     if stream.action == "filter":
         frame |= {"on_unavailable": stream.on_unavailable, "decide_within": stream.decide_within}
     if stream.traits.proxied:

@@ -10,7 +10,7 @@ from oracle_server.core.numbering import JUDGED
 from oracle_server.core.session import Session
 from oracle_server.core.verdicts import Judged, record
 from oracle_server.history.port import History
-from oracle_server.history.records import Refusal, SessionRecord, stored
+from oracle_server.history.records import MonitorRecord, Refusal, SessionRecord, stored
 from oracle_server.process.clock import Clock
 from oracle_server.sessions.commits import Commits
 from oracle_server.sessions.counters import Counters
@@ -18,6 +18,7 @@ from oracle_server.sessions.lookup import DecisionLookup
 from oracle_server.sessions.monitor import Monitor
 from oracle_server.sessions.snapshots import Snapshots
 from oracle_server.sessions.standing import Standing
+from oracle_server.sessions.violations import ViolationLog
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.frames import VerdictsFrame, ViolationFrame
 from oracle_server.wire.incoming import AnyEvent, Handling, QuickHandling
@@ -45,8 +46,9 @@ class Ledger:
         self._session, self._monitors = opened.number, monitors
         self._core, self._history, self._clock, self._counters = core, history, clock, counters
         self._width = len(core.plan.spec.properties)
-        self._deciding, judge = next(iter(core.judges.items()))
-        self._standing = Standing(judge)
+        self._deciding = next(iter(core.judges))
+        self._standing = Standing(core)
+        self._violations = ViolationLog(opened.id, clock)
         self._position = 0
         self._unwritten: list[Judged] = []
 
@@ -85,6 +87,12 @@ class Ledger:
             self._history.append(self._session, steps, done)
             if self.snapshots.is_due(self._position):
                 self.save()
+
+    def restate(self, monitor: MonitorRecord) -> None:
+        """Write what a monitor reports of its streams, and send how the properties then stand."""
+        self.write()
+        standing = self._standing.changed(self._last_verdict)
+        self._history.set_monitor(self._session, monitor, partial(self._announce, standing))
 
     def save(self) -> None:
         """Take a snapshot, so that a restart judges only later steps again."""
@@ -142,10 +150,14 @@ class Ledger:
         self.snapshots.committed(position)
         self.commits.notify()
         self._settle(used)
+        self._violations.add(violations)
         for frame in violations:
             for monitor in self._monitors.values():
                 if monitor.outbox:
                     monitor.outbox.send(frame)
+        self._announce(standing)
+
+    def _announce(self, standing: VerdictsFrame | None) -> None:
         if standing:
             self._standing.committed = standing
             for monitor in self._monitors.values():

@@ -45,9 +45,11 @@ class LiveSession:
         self.closing = False
         self.clock_went_back = False
         """Whether its simulation was restarted, so that it ignores all further events."""
-        self._history, self._clock, self._counters = history, clock, counters
+        self._history, self.clock, self._counters = history, clock, counters
         self._resume_within, self._request_close = resume_within, request_close
         self.oracles = None if core.asking is None else Oracles(core, self._enter, self._deliver)
+        self._begun = core.begun is not None
+        """Whether the history has when the session began."""
         self._timer: asyncio.TimerHandle | None = None
         self._armed: int | None = None
 
@@ -147,11 +149,17 @@ class LiveSession:
 
     def report(self, monitor: Monitor, message: ReportMessage) -> None:
         """Store a monitor's reports on its streams; the session's state shows them. Raises `WireError`."""
+        unknown, changed = False, False
         for report in message.streams:
-            key = StreamKey(report.stream, report.kind)
-            if key not in monitor.streams:
-                raise WireError("unknown_stream", "the report names a stream that was not claimed at attach")
-            monitor.reports[key] = report
+            if StreamKey(report.stream, report.kind) in monitor.streams:
+                changed = monitor.report(report, self.clock.now()) or changed
+            else:
+                unknown = True
+        if changed and not self.closing:
+            self.core.bypass(monitor.name, monitor.bypasses)
+            self.ledger.restate(_record(monitor))
+        if unknown:
+            raise WireError("unknown_stream", "the report names a stream that was not claimed at attach")
 
     def record_handling(self, monitor: Monitor, message: Handling | QuickHandling) -> None:
         """Record what the adapter did with an event that it asked about."""
@@ -214,6 +222,8 @@ class LiveSession:
             monitor = self.monitors[name] = Monitor(name, known.instance, known.numbering, lost=known.lost)
             if known.attached:
                 monitor.attached, monitor.streams, monitor.clock = True, known.streams, known.clock
+                monitor.bypasses = dict(known.bypasses)
+                self.core.bypass(name, monitor.bypasses)
                 monitor.expiry = loop.call_later(self._resume_within, self._expire, monitor)
                 self._deliver(self.core.attach(name, monitor.streams, self._enter()))
         if self.private and not any(m.attached for m in self.monitors.values()):
@@ -249,17 +259,16 @@ class LiveSession:
     def _enter(self) -> int:
         """Suspend judging while the history can't be written, and return the present time in nanoseconds."""
         self.core.suspended = self._history.failure is not None
-        return self._clock.now()
+        return self.clock.now()
 
     def _set_attached(self, monitor: Monitor, *, attached: bool) -> None:
         monitor.attached = attached
-        record = MonitorRecord(monitor.name, monitor.instance, monitor.streams, attached, monitor.clock)
-        self._history.set_monitor(self.number, record)
+        self._history.set_monitor(self.number, _record(monitor))
 
     def _check_reconnected(self) -> None:
         """After a restart, begin to judge once each restored monitor has reconnected, or its time has expired."""
         if self.core.ready_since is None and not any(m.attached and m.outbox is None for m in self.monitors.values()):
-            self.core.ready_since = self._clock.now()
+            self.core.ready_since = self.clock.now()
 
     def _expire(self, monitor: Monitor) -> None:
         monitor.expiry = None
@@ -268,6 +277,8 @@ class LiveSession:
 
     def _leave(self, monitor: Monitor) -> None:
         if monitor.attached:
+            monitor.bypasses.clear()
+            self.core.bypass(monitor.name, {})
             self._set_attached(monitor, attached=False)
             self._check_reconnected()
             self.credit.close(monitor.name)
@@ -289,6 +300,9 @@ class LiveSession:
 
     def _deliver(self, judged: list[Judged]) -> None:
         """Send decisions and credit at once, and queue the steps for the history."""
+        if not self._begun and self.core.begun is not None:
+            self._begun = True
+            self._history.begin_session(self.number, self.core.begun)
         for item in judged:
             if item.decision:
                 monitor = self.monitors[item.step.event.monitor]
@@ -296,7 +310,7 @@ class LiveSession:
                 decision = monitor.decisions[seq] = decision_frame(seq, item.decision, verdicts)
                 if monitor.outbox:
                     monitor.outbox.send(decision)
-                self._counters.decisions.add(self._clock.now() - item.step.event.came)
+                self._counters.decisions.add(self.clock.now() - item.step.event.came)
         if self.oracles is not None:
             self.oracles.ask()
         if judged:
@@ -314,9 +328,16 @@ class LiveSession:
         if self._timer:
             self._timer.cancel()
         loop = asyncio.get_running_loop()
-        delay = max(0, deadline - self._clock.now()) / 10**9
+        delay = max(0, deadline - self.clock.now()) / 10**9
         self._armed, self._timer = deadline, loop.call_later(delay, self._tick)
 
     def _tick(self) -> None:
         self._armed = self._timer = None
         self._deliver(self.core.advance(self._enter()))
+
+
+def _record(monitor: Monitor) -> MonitorRecord:
+    """A copy of what the history keeps of a monitor."""
+    return MonitorRecord(
+        monitor.name, monitor.instance, monitor.streams, monitor.attached, monitor.clock, dict(monitor.bypasses)
+    )

@@ -6,6 +6,7 @@ import asyncio
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from oracle_server.core.bypass import Bypass
 from oracle_server.core.events import StreamKey
 from oracle_server.core.numbering import Numbering
 from oracle_server.core.simulated import TimeBase
@@ -62,7 +63,22 @@ class Monitor:
     """What the adapter did with events that are not written yet, by number: whether they passed, and why."""
     reports: dict[StreamKey, StreamReport] = field(default_factory=dict)
     """The monitor's last report on each of its streams."""
+    bypasses: dict[StreamKey, Bypass] = field(default_factory=dict)
+    """The streams that it reports to be bypassed."""
     expiry: asyncio.TimerHandle | None = None
+
+    def report(self, report: StreamReport, now: int) -> bool:
+        """Take a report on one of its streams at a time (ns); whether it changes what is known to be bypassed."""
+        key = StreamKey(report.stream, report.kind)
+        self.reports[key] = report
+        before = self.bypasses.get(key)
+        if report.bypass == (before.text if before else ""):
+            return False
+        if report.bypass:
+            self.bypasses[key] = Bypass(report.bypass, before.since if before else now)
+        else:
+            del self.bypasses[key]
+        return True
 
     def acknowledge(self) -> None:
         """Send an ack of all numbers up to which everything is committed."""

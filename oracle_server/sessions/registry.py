@@ -24,6 +24,7 @@ from oracle_server.review.restore import restore
 from oracle_server.sessions.counters import Counters
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.monitor import Monitor, Outbox, claimed
+from oracle_server.sessions.runs import successors
 from oracle_server.sessions.status import session_state
 from oracle_server.specfiles.library import Entry, Library, UnknownSpecError
 from oracle_server.specfiles.load import parse_spec
@@ -37,8 +38,6 @@ _LISTED = 1_000
 _CLOSE_WITHIN = 2.0
 """Seconds for the connections to be closed when the server stops."""
 _FLUSH_WITHIN = 10.0
-_ANEW = ".run"
-"""Stands between a session's name and a number after each restart of its simulation: `s1`, `s1.run2`, `s1.run3`."""
 
 log = structlog.get_logger()
 
@@ -110,13 +109,13 @@ class Registry:
     async def state(self, session_id: str) -> Document | None:
         """A session's state, as of its end where it is closed; None where it is unknown. Raises `HistoryError`."""
         live = self.open.get(session_id)
-        return session_state(live, self._clock.now()) if live else await self._history.closed_state(session_id)
+        return session_state(live, live.clock.now()) if live else await self._history.closed_state(session_id)
 
     async def states(self) -> list[dict[str, Any]]:
         """The states of all sessions, open ones first, then the newest first. Raises `HistoryError`."""
         live = []
         for session in [*reversed(self.open.values())]:
-            live.append(session_state(session, self._clock.now()))
+            live.append(session_state(session, session.clock.now()))
             await asyncio.sleep(0)  # so that decisions wait for one state, not for a thousand
         listed = {state["id"] for state in live}  # one of these may be closed meanwhile
         closed = await self._history.closed_states(_LISTED)
@@ -128,7 +127,7 @@ class Registry:
             return
         session.close()
         await session.settle()
-        now = self._clock.now()
+        now = session.clock.now()
         successor = await self._successor(session) if session.clock_went_back else None
         state = session_state(session, now) | {"status": "closed", "closed": now, "continued_by": successor}
         state["clock_went_back"] = session.clock_went_back
@@ -237,7 +236,7 @@ class Registry:
         return live
 
     async def _restore(self, opened: SessionRecord) -> None:
-        ready = judged_by(plan(parse_spec(opened.text, opened.id).spec), opened.by)
+        ready = judged_by(plan(parse_spec(opened.text, opened.id, bounded=False).spec), opened.by)
         restored = await restore(self._history, opened.number, ready)
         live = self._live(opened, restored.core)
         live.resume(restored)
@@ -247,9 +246,10 @@ class Registry:
         log.info("session restored", session=opened.id, steps=restored.position)
 
     def _live(self, record: SessionRecord, core: Session) -> LiveSession:
-        live = LiveSession(
-            record, core, self._history, self._clock, self.counters, self._resume_within, self._request_close
-        )
+        clock = self._clock.since(core.now)
+        if clock is not self._clock:
+            log.warning("a session goes on by a time that is ahead of the wall clock; close it", session=record.id)
+        live = LiveSession(record, core, self._history, clock, self.counters, self._resume_within, self._request_close)
         self.open[live.id] = live
         return live
 
@@ -262,9 +262,7 @@ class Registry:
         """The name of the session that continues one whose simulation was restarted; None for a private one."""
         if session.private:
             return None
-        stem, mark, number = session.id.rpartition(_ANEW)
-        stem, first = (stem, int(number) + 1) if mark and number.isdecimal() else (session.id, 2)
-        return await self._first_free(f"{stem[: 60 - len(str(n))]}{_ANEW}{n}" for n in itertools.count(first))
+        return await self._first_free(successors(session.id))
 
     async def _first_free(self, names: Iterator[str]) -> str:
         for name in names:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from oracle_server.core.judge import Judge
+from collections.abc import Sequence
+from datetime import UTC, datetime
+
 from oracle_server.core.property_state import PropertyState
+from oracle_server.core.session import Session
 from oracle_server.core.verdicts import Outcome, worst
 from oracle_server.wire.frames import Level, PropertyStanding, VerdictsFrame
 
@@ -15,49 +18,70 @@ _WORDING: dict[Outcome, tuple[Level, str]] = {
 }
 
 
+def caveats(core: Session, index: int) -> list[str]:
+    """Why the verdicts of a property, by its index, are degraded at present, and since when, for people."""
+    return [
+        f"{b.text} since {datetime.fromtimestamp(b.since // 10**9, UTC):%F %T} UTC" for b in core.bypasses.of(index)
+    ]
+
+
 class Standing:
     """Follows the properties of the order that decides, from the first monitor on that requests `verdicts` frames."""
 
-    def __init__(self, judge: Judge) -> None:
+    def __init__(self, core: Session) -> None:
         self.committed: VerdictsFrame | None = None
         """The frame as of the last commit; None while no monitor has requested it."""
-        self._judge = judge
-        self._mark: tuple[tuple[Outcome, int, bool], ...] = ()
+        self._core = core
+        self._states = next(iter(core.judges.values())).properties
+        self._mark: tuple[tuple[Outcome, int, bool, tuple[str, ...]], ...] = ()
 
     def follow(self, n: int) -> None:
         """Begin to follow; the verdicts up to number `n` are written, if not committed yet."""
         if self.committed is None:
-            self._mark, self.committed = self._marked(), _frame(self._judge, n)
+            self._mark, self.committed = self._marked(), self._frame(n)
 
     def changed(self, n: int) -> VerdictsFrame | None:
         """The frame to send once the verdicts up to `n` are committed, None where nothing has changed."""
         if self.committed is None:
             return None
         before, self._mark = self._mark, self._marked()
-        return None if self._mark == before else _frame(self._judge, n)
+        return None if self._mark == before else self._frame(n)
 
-    def _marked(self) -> tuple[tuple[Outcome, int, bool], ...]:
-        """For each property: its outcome, its violations, and whether any step could not be judged."""
-        return tuple([(state.outcome, state.violations, state.failures > 0) for state in self._judge.properties])
+    def _marked(self) -> tuple[tuple[Outcome, int, bool, tuple[str, ...]], ...]:
+        """For each property: its outcome, its violations, whether any step could not be judged, and its caveats."""
+        return tuple(
+            [
+                (state.outcome, state.violations, state.failures > 0, self._caveats(i, state))
+                for i, state in enumerate(self._states)
+            ]
+        )
+
+    def _caveats(self, index: int, state: PropertyState) -> tuple[str, ...]:
+        return tuple(caveats(self._core, index)) if state.bypassed else ()
+
+    def _frame(self, n: int) -> VerdictsFrame:
+        states = enumerate(self._states)
+        return {
+            "type": "verdicts",
+            "n": n,
+            "worst": worst(state.outcome for state in self._states).value,
+            "properties": {state.property.id: _standing(state, self._caveats(i, state)) for i, state in states},
+        }
 
 
-def _frame(judge: Judge, n: int) -> VerdictsFrame:
-    return {
-        "type": "verdicts",
-        "n": n,
-        "worst": worst(state.outcome for state in judge.properties).value,
-        "properties": {state.property.id: _standing(state) for state in judge.properties},
-    }
-
-
-def _standing(state: PropertyState) -> PropertyStanding:
+def _standing(state: PropertyState, caveats: Sequence[str]) -> PropertyStanding:
     level, text = _WORDING.get(state.outcome) or _unknown(state)
+    if caveats:
+        level = "warn" if level == "ok" else level
+        text = f"{text}; degraded: {'; '.join(caveats)}"
     return {
         "outcome": state.outcome.value,
         "level": level,
         "text": text,
         "violations": state.violations,
         "first_violation": state.first_violation,
+        "first_violation_step": state.first_violation_step,
+        "first_violation_at": state.first_violation_at,
     }
 
 

@@ -13,6 +13,7 @@ from oracle_server.core.session import Session
 from oracle_server.core.tally import BOUNDS, HoldTimes, StreamCounts
 from oracle_server.core.verdicts import json_number
 from oracle_server.sessions.live import LiveSession
+from oracle_server.sessions.standing import caveats
 
 
 def session_state(session: LiveSession, now: int) -> dict[str, Any]:
@@ -25,6 +26,7 @@ def session_state(session: LiveSession, now: int) -> dict[str, Any]:
         "status": "open",
         "clock": "wall" if core.simulated is None else "sim",
         "opened": session.opened,
+        "begun": core.begun,
         "closed": None,
         "monitors": list(_monitors(session)),
         "streams": list(_streams(core, now)),
@@ -52,16 +54,19 @@ def _monitors(session: LiveSession) -> Iterator[dict[str, Any]]:
 def _properties(core: Session) -> Iterator[dict[str, Any]]:
     """Each property, in each order."""
     for order, judge in core.judges.items():
-        for state in judge.properties:
+        for i, state in enumerate(judge.properties):
             yield {
                 "id": state.property.id,
                 "order": order,
                 "outcome": state.outcome.value,
                 "first_violation": state.first_violation,
+                "first_violation_step": state.first_violation_step,
+                "first_violation_at": state.first_violation_at,
                 "violations": state.violations,
                 "unknown": state.failures,
                 "broken": state.broken,
                 "complaint": state.complaint,
+                "caveats": caveats(core, i),
                 "robustness": json_number(state.robustness),
             }
 
@@ -79,7 +84,7 @@ def _counters(session: LiveSession) -> dict[str, int]:
 def _streams(core: Session, now: int) -> Iterator[dict[str, Any]]:
     """Each stream of a monitor that is ordered or has counts; `lag` (ns) is in the session's time."""
     depths = Counter((step.event.monitor, step.event.stream) for step in core.buffer.held)
-    frontiers = core.buffer.frontiers
+    frontiers, publishers = core.buffer.frontiers, core.buffer.publishers
     present = now if core.simulated is None else core.simulated.now
     for source in dict.fromkeys((*frontiers, *core.counts)):
         monitor, stream = source
@@ -94,6 +99,8 @@ def _streams(core: Session, now: int) -> Iterator[dict[str, Any]]:
             "late": counts.late,
             "lost": counts.lost,
             "duplicates": counts.duplicates,
+            "publishers": publishers.get(source, (0, 0))[0],
+            "forgotten": publishers.get(source, (0, 0))[1],
         }
 
 

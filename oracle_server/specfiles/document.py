@@ -9,12 +9,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import yaml
 from yaml import events
 
 from oracle_server.core.errors import Finding, SpecError
+from oracle_server.specfiles.misspelt import Mark, misspelt
 
 MAX_TEXT = 256 * 1024
 """The most characters of a document."""
@@ -31,6 +32,7 @@ _QUOTED = {
 }
 """One character of a quoted text, escaped or not, by the quotes."""
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_ANCHORS = "anchors and aliases are not read; write the value out"
 _INTEGER = re.compile(r"[-+]?\d{1,30}")
 _FLOAT = re.compile(r"[-+]?(\d+\.\d*|\.\d+|\d+(?=[eE]))([eE][-+]?\d{1,4})?")
 
@@ -93,12 +95,12 @@ def read_yaml(text: str, file: str) -> Document:
         document.value = _Builder(document, stream).node((), next(stream, None))
         extra = next(stream, None)
         if extra is not None:
-            raise _refused(file, extra.start_mark, "a second document starts here; one file holds one")
+            raise _refused(file, extra.start_mark, "a second document starts here; give each spec a file of its own")
     except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None) or _mark_at(text, getattr(error, "position", None))
-        reason = getattr(error, "problem", None) or getattr(error, "reason", None) or "malformed"
-        hint = "; put a text with ': ' in it in quotes, or below a '|'" if "mapping values" in reason else ""
-        raise _refused(file, mark, f"not YAML: {reason}{hint}") from None
+        reason = getattr(error, "problem", None) or getattr(error, "reason", None) or ""
+        at = _mark(getattr(error, "problem_mark", None)) or _mark_at(text, getattr(error, "position", None))
+        message, place = misspelt(document.lines, reason, at, _mark(getattr(error, "context_mark", None)) or at)
+        raise _refused(file, place, f"not YAML: {message}") from None
     return document
 
 
@@ -117,10 +119,13 @@ class _Builder:
         if event is None:
             return None
         if isinstance(event, events.AliasEvent) or getattr(event, "anchor", None):
-            raise self._refused(event, "anchors and aliases are not read; write the value out")
+            raise self._refused(
+                event,
+                f"{_ANCHORS}; put a text that begins with `&` or `*` in quotes",
+            )
         tag = getattr(event, "tag", None)
         if tag:
-            raise self._refused(event, f"tags such as {tag} are not read")
+            raise self._refused(event, f"tags such as {tag} are not read; put a text that begins with `!` in quotes")
         self.document.values[path] = event
         if isinstance(event, events.ScalarEvent):
             return _scalar(event)
@@ -137,7 +142,10 @@ class _Builder:
             if not isinstance(key, events.ScalarEvent):
                 raise self._refused(key, "a key must be plain text")
             if key.value in value:
-                raise self._refused(key, f"the key '{key.value}' stands here a second time")
+                first = self.document.keys[(*path, key.value)][0]
+                raise self._refused(
+                    key, f"the key '{key.value}' stands here a second time; the first is in line {first}"
+                )
             inner = (*path, key.value)
             self.document.keys[inner] = _start(key)
             value[key.value] = self.node(inner, next(self.stream))
@@ -178,16 +186,13 @@ def _start(event: events.Event) -> Position:
     return (mark.line + 1, mark.column + 1)
 
 
-class _Mark(NamedTuple):
-    line: int
-    column: int
+def _mark(mark: Any) -> Mark | None:
+    return Mark(mark.line, mark.column) if mark else None
 
 
-def _mark_at(text: str, position: int | None) -> _Mark | None:
-    if position is None:
-        return None
-    before = text[:position]
-    return _Mark(before.count("\n"), position - before.rfind("\n") - 1)
+def _mark_at(text: str, position: int | None) -> Mark:
+    before = text[: position or 0]
+    return Mark(before.count("\n"), len(before) - before.rfind("\n") - 1)
 
 
 def _refused(file: str, mark: Any, message: str) -> SpecError:

@@ -3,19 +3,30 @@
 from __future__ import annotations
 
 import os
+import re
 import threading
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, NamedTuple
 
 from oracle_server.core.errors import Finding, OracleError, SpecError
 from oracle_server.core.plan import Plan, plan
 from oracle_server.core.spec import Retention
+from oracle_server.rostypes.known import Types
+from oracle_server.specfiles.document import MAX_TEXT
 from oracle_server.specfiles.load import SpecFile, load_spec, parse_spec
+
+_ID = re.compile(r"""^id:[ \t]*["']?([A-Za-z0-9_.-]{1,64})["']?[ \t]*(?:#.*)?$""", re.MULTILINE)
 
 
 class UnknownSpecError(OracleError):
     """The library has no spec of that id."""
+
+    def __init__(self, spec_id: str, known: Sequence[str]) -> None:
+        self.brief = f"there is no spec '{spec_id}'"
+        """The text without the names of other specs."""
+        super().__init__(f"{self.brief}; known are {', '.join(known) or 'none'}")
 
 
 class FileVersion(NamedTuple):
@@ -37,58 +48,112 @@ class Entry:
     path: Path
     version: FileVersion | None
 
+    @property
+    def id(self) -> str:
+        """The spec's id."""
+        return self.file.spec.id
+
+
+@dataclass(frozen=True, slots=True)
+class Unsound:
+    """A file that can't be used: the id that it gives itself, else its name, and why."""
+
+    id: str
+    error: SpecError
+    source: Literal["file", "put"]
+    path: Path
+    version: FileVersion | None
+
 
 class Library:
-    """Specs by id. A file that has changed is read again when its spec is next requested."""
+    """Specs by id. A file that has changed, or was unsound, is read again when its spec is next requested."""
 
-    def __init__(self, folder: Path | None, uploads: Path) -> None:
-        """Read all specs of both folders. Raises `SpecError` where one is refused, or two files have the same id."""
+    def __init__(self, folder: Path | None, uploads: Path, types: Types | None = None) -> None:
+        """Read all specs of both folders; those that are refused are kept as unsound, with the reasons.
+
+        Of two files with the same id the first one counts, and the other is unsound; an upload goes before a file.
+        Without `types` the types of messages are not checked.
+        """
+        self._types = types
         self._uploads = uploads
         self._putting = threading.Lock()
-        self._entries: dict[str, Entry] = {}
+        self._entries: dict[str, Entry | Unsound] = {}
+        self._doubles: dict[Path, Unsound] = {}
+        """Unsound files whose id is another one's, by path."""
         for path in sorted(folder.glob("*.yaml")) if folder else ():
-            entry = _read(path, "file")
-            other = self._entries.setdefault(entry.file.spec.id, entry)
-            if other is not entry:
-                message = f"the id '{entry.file.spec.id}' is that of {other.path} already"
-                raise SpecError([Finding(str(path), 1, 1, message)])
+            self._take(_found(path, "file", types))
         for path in sorted(uploads.glob("*.yaml")):
-            self._entries[path.stem] = _read(path, "put")
+            found = _found(path, "put", types)
+            if isinstance(found, Unsound):
+                found = replace(found, id=path.stem)
+            self._entries[path.stem] = found
 
-    def ids(self) -> list[str]:
-        """The ids of all specs."""
-        return sorted(self._entries)
-
-    def last(self, spec_id: str) -> Entry:
-        """A spec of `ids`, as of the last time that its file was sound."""
-        return self._entries[spec_id]
+    def listed(self) -> list[Entry | Unsound]:
+        """All specs by id, unsound ones as their files are now, and others as of the last time that they were sound."""
+        self._look_again()
+        return sorted((*self._entries.values(), *self._doubles.values()), key=lambda e: (e.id, str(e.path)))
 
     def retention(self) -> dict[str, Retention]:
         """The retention of each spec, by id."""
-        return {spec_id: entry.plan.spec.retention for spec_id, entry in self._entries.copy().items()}
+        sound = [entry for entry in self._entries.copy().values() if isinstance(entry, Entry)]
+        return {entry.id: entry.plan.spec.retention for entry in sound}
 
     def get(self, spec_id: str) -> Entry:
         """The present version of a spec. Raises `UnknownSpecError`, or `SpecError` where its file is unsound now."""
+        if not isinstance(self._entries.get(spec_id), Entry):
+            self._look_again()
         entry = self._entries.get(spec_id)
         if entry is None:
-            known = ", ".join(self.ids()) or "none"
-            raise UnknownSpecError(f"there is no spec '{spec_id}'; known are {known}")
+            raise UnknownSpecError(spec_id, sorted(self._entries))
+        if isinstance(entry, Unsound):
+            raise entry.error
         version = _version(entry.path)
         if version is not None and version != entry.version:
-            fresh = _read(entry.path, entry.source)
-            if fresh.file.spec.id != spec_id:
+            fresh = _read(entry.path, entry.source, self._types)
+            if fresh.id != spec_id:
                 raise SpecError([Finding(str(entry.path), 1, 1, f"the id was '{spec_id}' and has changed")])
             self._entries[spec_id] = entry = fresh
         return entry
 
+    def _take(self, found: Entry | Unsound) -> None:
+        """Take in a file of the specs folder, as unsound where its id is another file's already."""
+        first = self._entries.setdefault(found.id, found)
+        if first is found:
+            return
+        if isinstance(found, Entry):
+            message = f"the id '{found.id}' is that of {first.path} already; give one of them another id"
+            error = SpecError([Finding(str(found.path), *_place_of_id(found.file.text), message)])
+            found = Unsound(found.id, error, found.source, found.path, found.version)
+        self._doubles[found.path] = found
+
+    def _look_again(self) -> None:
+        """Read unsound files again that have changed, or whose id is free now."""
+        unsound = [e for e in (*self._entries.values(), *self._doubles.values()) if isinstance(e, Unsound)]
+        for old in unsound:
+            version = _version(old.path)
+            if version == old.version and old.id in self._entries:
+                continue
+            if self._doubles.pop(old.path, None) is None:
+                del self._entries[old.id]
+            if version is None:  # it is gone
+                continue
+            found = _found(old.path, old.source, self._types)
+            if old.source == "put" and found.id != old.id:
+                message = f"its id is '{found.id}', not '{old.id}'"
+                error = (
+                    found.error if isinstance(found, Unsound) else SpecError([Finding(str(old.path), 1, 1, message)])
+                )
+                found = Unsound(old.id, error, "put", old.path, version)
+            self._take(found)
+
     def put(self, spec_id: str, text: str) -> tuple[Entry, bool]:
         """Store an uploaded spec; returns it, and whether its id is new. Raises `SpecError` where it is refused."""
-        file = parse_spec(text, f"{spec_id}.yaml")
+        file = parse_spec(text, f"{spec_id}.yaml", types=self._types)
         if file.spec.id != spec_id:
             raise SpecError([Finding(f"{spec_id}.yaml", 1, 1, f"its id is '{file.spec.id}', not '{spec_id}'")])
         path = self._uploads / f"{spec_id}.yaml"
         with self._putting:
-            new = spec_id not in self._entries
+            new = not isinstance(self._entries.get(spec_id), Entry)
             _write(path, text)
             self._entries[spec_id] = entry = Entry(file, plan(file.spec), "put", path, _version(path))
         return entry, new
@@ -117,10 +182,41 @@ def _sync(folder: Path) -> None:
         os.close(handle)
 
 
-def _read(path: Path, source: Literal["file", "put"]) -> Entry:
+def _read(path: Path, source: Literal["file", "put"], types: Types | None) -> Entry:
     version = _version(path)  # before reading: a change meanwhile is noticed the next time
-    file = load_spec(path)
+    try:
+        file = load_spec(path, types=types)
+    except SpecError as error:
+        if source != "put":
+            raise
+        file = replace(load_spec(path), warnings=error.findings)  # it was accepted when less was known of its types
     return Entry(file, plan(file.spec), source, path, version)
+
+
+def _found(path: Path, source: Literal["file", "put"], types: Types | None) -> Entry | Unsound:
+    version = _version(path)
+    try:
+        return _read(path, source, types)
+    except SpecError as error:
+        return Unsound(_own_id(path) or path.name, error, source, path, version)
+
+
+def _own_id(path: Path) -> str | None:
+    """The id that an unsound file gives itself, None where none is found."""
+    try:
+        with path.open("rb") as file:
+            text = file.read(MAX_TEXT).decode(errors="replace")
+    except OSError:
+        return None
+    match = _ID.search(text)
+    return match[1] if match else None
+
+
+def _place_of_id(text: str) -> tuple[int, int]:
+    match = _ID.search(text)
+    if match is None:
+        return (1, 1)
+    return (text.count("\n", 0, match.start(1)) + 1, match.start(1) - match.start() + 1)
 
 
 def _version(path: Path) -> FileVersion | None:

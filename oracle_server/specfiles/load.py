@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -15,14 +16,24 @@ from pydantic import ValidationError
 
 from oracle_server.core.dependencies import GraphNode
 from oracle_server.core.errors import EngineError, Finding, FormulaError, SpecError, SpecProblem
-from oracle_server.core.formula.tree import Formula
+from oracle_server.core.fields import inspect_fields
+from oracle_server.core.formula.tree import Atom, Formula, walk
 from oracle_server.core.hazards import inspect
-from oracle_server.core.kinds import GROUPS
 from oracle_server.core.ros import Ros, ros_hazards
 from oracle_server.core.spec import SILENT, External, Ordering, Property, Retention, Spec, StreamSpec
+from oracle_server.core.stamps import Stamp
 from oracle_server.engines.table import ENGINES
+from oracle_server.rostypes.known import Types
+from oracle_server.rostypes.streams import stream_types
 from oracle_server.specfiles.document import MAX_TEXT, Document, read_yaml
-from oracle_server.specfiles.model import ChannelModel, PropertyModel, ServiceModel, SpecModel, TopicModel
+from oracle_server.specfiles.model import HalfModel, PropertyModel, ServiceModel, SpecModel, TopicModel
+from oracle_server.specfiles.texts import formula_finding, texts_findings
+from oracle_server.specfiles.wording import model_findings
+
+MOST = 1_000
+"""Streams, and properties, that a spec may have."""
+MOST_PAIRS = 500_000
+"""Pairs of a stream and a part of a formula (an operator or a comparison) that a spec may have: each is looked at."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,8 +45,13 @@ class SpecFile:
     warnings: tuple[Finding, ...]
 
 
-def load_spec(path: Path, ros: Ros | None = None, graph: Sequence[GraphNode] | None = None) -> SpecFile:
-    """Read and check a spec file, for a version of ROS and a graph if given. Raises `SpecError` with all findings."""
+def load_spec(
+    path: Path, ros: Ros | None = None, graph: Sequence[GraphNode] | None = None, types: Types | None = None
+) -> SpecFile:
+    """Read and check a spec file, for a version of ROS and a graph if given. Raises `SpecError` with all findings.
+
+    With `types`, the types of its streams are checked, and the fields that it reads of their messages.
+    """
     try:
         with path.open("rb") as file:
             data = file.read(4 * MAX_TEXT + 1)
@@ -45,27 +61,71 @@ def load_spec(path: Path, ros: Ros | None = None, graph: Sequence[GraphNode] | N
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise SpecError([Finding(str(path), line, 1, "not UTF-8 text")]) from None
-    return parse_spec(text, str(path), ros, graph)
+    return parse_spec(text, str(path), ros, graph, types)
 
 
-def parse_spec(text: str, file: str, ros: Ros | None = None, graph: Sequence[GraphNode] | None = None) -> SpecFile:
-    """Read and check the text of a spec; `file` is its name in findings. Raises `SpecError` with all findings."""
+def parse_spec(
+    text: str,
+    file: str,
+    ros: Ros | None = None,
+    graph: Sequence[GraphNode] | None = None,
+    types: Types | None = None,
+    *,
+    bounded: bool = True,
+) -> SpecFile:
+    """Read and check the text of a spec; `file` is its name in findings. Raises `SpecError` with all findings.
+
+    Without `types` nothing is said of types and fields, as where a session is restored, whose spec was accepted.
+    `bounded`: it may have no more than so many streams, properties and parts; those of old sessions may have more.
+    """
     document = read_yaml(text, file)
+    if document.value is None:
+        raise SpecError([Finding(file, 1, 1, "the file is empty; a spec has `id`, `streams` and `properties`")])
+    crowded = [_crowd(document, key) for key in ("streams", "properties") if _size(document.value, key) > MOST]
+    if bounded and crowded:
+        raise SpecError(crowded)
     try:
-        model = SpecModel.model_validate(document.value if document.value is not None else {})
+        model = SpecModel.model_validate(document.value)
     except ValidationError as error:
-        found = [_model_finding(document, problem) for problem in error.errors()]
-        raise SpecError(sorted(found, key=lambda f: (f.line, f.column))) from None
+        raise SpecError(_sorted([*model_findings(document, error.errors()), *texts_findings(document)])) from None
     findings: list[Finding] = []
     properties = [_property(document, i, p, findings) for i, p in enumerate(model.properties)]
-    if findings:
-        raise SpecError(findings)
-    spec = _spec(model, tuple(p for p in properties if p is not None))
+    spec = _spec(model, tuple(p or _make(m, SILENT, "") for p, m in zip(properties, model.properties, strict=True)))
+    pairs = len(spec.streams) * sum(_parts(prop) for prop in spec.properties)
+    if bounded and pairs > MOST_PAIRS:
+        message = (
+            f"the formulas have too many parts for {len(spec.streams)} streams: at most {MOST_PAIRS:,} pairs of a "
+            f"stream and an operator or comparison, not {pairs:,}; write several specs"
+        )
+        raise SpecError(_sorted([*findings, Finding(file, *document.place(("properties",)), message)]))
     problems = [*inspect(spec, graph), *_engines(spec), *(ros_hazards(spec, ros) if ros else ())]
-    findings = sorted((_finding(document, p, spec) for p in problems), key=lambda f: (f.line, f.column))
+    problems += _typed(spec, types, ros) if types is not None else ()
+    if findings:  # what is doubtful may be so because of them
+        problems = [p for p in problems if p.severity == "error"]
+    places = [number - 1 for number in accumulate(stream.traits.leads for stream in spec.streams)]
+    findings = _sorted(dict.fromkeys([*findings, *(_finding(document, p, spec, places) for p in problems)]))
     if any(f.severity == "error" for f in findings):
         raise SpecError(findings)
     return SpecFile(spec, text, tuple(findings))
+
+
+def _sorted(findings: Iterable[Finding]) -> list[Finding]:
+    return sorted(findings, key=lambda f: (f.line, f.column))
+
+
+def _parts(prop: Property) -> int:
+    """How many operators and comparisons a formula has."""
+    return sum(max(1, len(node.constraints)) if isinstance(node, Atom) else 1 for node in walk(prop.formula))
+
+
+def _size(value: Any, key: str) -> int:
+    found = value.get(key) if isinstance(value, dict) else None
+    return len(found) if isinstance(found, list) else 0
+
+
+def _crowd(document: Document, key: str) -> Finding:
+    message = f"there are {_size(document.value, key)} {key}; a spec has at most {MOST:,}: write several specs"
+    return Finding(document.file, *document.place((key, MOST)), message)
 
 
 _ONLY_EXTERNAL = ("url", "timeout", "streams", "names")
@@ -90,7 +150,8 @@ def _property(document: Document, index: int, model: PropertyModel, findings: li
         oracle = External(model.url, model.timeout, received, model.names == "bare")
         return _make(model, SILENT, f"the oracle at {model.url}", oracle)
     if model.formula is None:
-        findings.append(Finding(document.file, *document.place(place), "the key 'formula' is missing"))
+        message = f"property '{model.id}': the key 'formula' is missing: write what must hold, in quotes"
+        findings.append(Finding(document.file, *document.place(place), message))
         return None
     try:
         formula = ENGINES[model.engine].read(model.formula, model.time)
@@ -98,8 +159,7 @@ def _property(document: Document, index: int, model: PropertyModel, findings: li
         findings.append(Finding(document.file, *document.place((*place, "engine")), f"property '{model.id}': {error}"))
         return None
     except FormulaError as error:
-        at = document.place((*place, "formula"), (error.line, error.column))
-        findings.append(Finding(document.file, *at, f"formula of '{model.id}': {error.message}"))
+        findings.append(formula_finding(document, index, model.id, error))
         return None
     return _make(model, formula, " ".join(model.formula.split()))
 
@@ -182,8 +242,10 @@ def _streams(model: TopicModel | ServiceModel) -> Iterator[StreamSpec]:
     yield StreamSpec(model.service, "response", **_channel(model.response), **common)
 
 
-def _channel(model: ChannelModel) -> dict[str, Any]:
-    return {"stamp": model.stamp, "hold": frozenset(model.hold), "signals": model.signals}
+def _channel(model: TopicModel | HalfModel) -> dict[str, Any]:
+    where = model.stamp
+    stamp = Stamp(where) if isinstance(where, str) else where and Stamp(where.field, where.unit, where.epoch)
+    return {"stamp": stamp, "hold": frozenset(model.hold), "signals": model.signals}
 
 
 def _engines(spec: Spec) -> Iterator[SpecProblem]:
@@ -202,57 +264,24 @@ def _engines(spec: Spec) -> Iterator[SpecProblem]:
                 yield SpecProblem(("streams", j, "on_deny"), f"`on_deny: undo` {native} (property '{prop.id}')")
 
 
-def _finding(document: Document, problem: SpecProblem, spec: Spec) -> Finding:
-    place = document.place(_in_file(problem.path, spec), problem.within)
-    return Finding(document.file, *place, problem.message, problem.severity)
+def _typed(spec: Spec, types: Types, ros: Ros | None) -> list[SpecProblem]:
+    known, problems = stream_types(spec, types, ros)
+    return problems + inspect_fields(spec, known)
 
 
-def _in_file(path: tuple[str | int, ...], spec: Spec) -> tuple[str | int, ...]:
-    """The path in the file of a path in the spec, where each service is two streams."""
+def _finding(document: Document, problem: SpecProblem, spec: Spec, places: Sequence[int]) -> Finding:
+    place = document.place(_in_file(problem.path, spec, places), problem.within)
+    first = ""
+    if problem.first is not None:
+        line, _ = document.place(_in_file(problem.first, spec, places))
+        first = f"; the first is at {document.file}:{line}"
+    return Finding(document.file, *place, problem.message + first, problem.severity)
+
+
+def _in_file(path: tuple[str | int, ...], spec: Spec, places: Sequence[int]) -> tuple[str | int, ...]:
+    """The path in the file of a path in the spec, where each service is two streams; `places` are the streams' own."""
     if len(path) < 2 or path[0] != "streams" or not isinstance(path[1], int):
         return path
     stream = spec.streams[path[1]]
-    index = sum(s.traits.leads for s in spec.streams[: path[1] + 1]) - 1
     own = not stream.traits.sole and path[2:3] and path[2] in ("stamp", "hold", "signals")
-    return ("streams", index, *((stream.kind,) if own else ()), *path[2:])
-
-
-def _model_finding(document: Document, problem: Any) -> Finding:
-    path = _without_tags(problem["loc"])
-    if "[key]" in problem["loc"]:
-        name = ".".join(str(part) for part in path[:-1])
-        return Finding(document.file, *document.key_place(path), f"{name}: {_short(path[-1])} can't be a name here")
-    name = ".".join(str(part) for part in path) or "the file"
-    match problem["type"]:
-        case "extra_forbidden":
-            return Finding(document.file, *document.key_place(path), f"unknown key '{path[-1]}'")
-        case "missing":
-            return Finding(document.file, *document.place(path[:-1]), f"the key '{path[-1]}' is missing")
-        case "value_error":
-            message = str(problem["ctx"]["error"])
-        case "literal_error":
-            message = f"expected {problem['ctx']['expected']}, found {_short(problem['input'])}"
-        case "string_pattern_mismatch":
-            message = f"{_short(problem['input'])} does not match {problem['ctx']['pattern']}"
-        case "string_type":
-            message = f"expected text, found {_short(problem['input'])}; put it in quotes"
-        case _:
-            message = f"{problem['msg'][:1].lower()}{problem['msg'][1:]}, found {_short(problem['input'])}"
-    return Finding(document.file, *document.place(path), f"{name}: {message}")
-
-
-def _without_tags(loc: tuple[str | int, ...]) -> tuple[str | int, ...]:
-    """A path in the file of a path in the model, which also names the kind of a stream and calls keys `[key]`."""
-    path: list[str | int] = []
-    for i, part in enumerate(loc):
-        if part == "[key]":
-            continue
-        if part in GROUPS and i == 2 and loc[0] == "streams":
-            continue
-        path.append(part)
-    return tuple(path)
-
-
-def _short(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:60] + "…"
+    return ("streams", places[path[1]], *((stream.kind,) if own else ()), *path[2:])

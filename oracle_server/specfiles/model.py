@@ -5,9 +5,21 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, StrictBool, StrictInt, StrictStr, Tag
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    StrictBool,
+    StrictInt,
+    StrictStr,
+    Tag,
+    model_serializer,
+)
 
 from oracle_server.core.spec import IDENTIFIER
+from oracle_server.core.stamps import Epoch, Unit
 from oracle_server.core.units import duration, size
 from oracle_server.engines.table import ENGINES
 
@@ -54,12 +66,39 @@ class OrderingModel(_Model):
     capacity: Annotated[int, Field(strict=True, ge=1, le=1_000_000)] = 10_000
 
 
+class StampModel(_Model):
+    """`stamp:` of a topic; the field alone stands for a time, or for seconds since 1970."""
+
+    field: FieldPath
+    unit: Unit | None = None
+    epoch: Epoch = "unix"
+
+    @model_serializer
+    def _meaning(self) -> Any:
+        alone = self.unit is None and self.epoch == "unix"
+        return self.field if alone else {"field": self.field, "unit": self.unit, "epoch": self.epoch}
+
+
+def _stamp(value: object) -> object:
+    if isinstance(value, str):
+        return {"field": value}
+    if not isinstance(value, dict | StampModel | None):
+        wanted = "a field such as header.stamp, or {field: time, unit: us, epoch: boot}"
+        raise ValueError(f"expected {wanted}, found {value!r}")  # noqa: TRY004 -- pydantic reports no others
+    return value
+
+
 class ChannelModel(_Model):
     """The keys of a topic, or of the requests or responses of a service."""
 
-    stamp: FieldPath | None = None
     hold: list[SignalName] = []
     signals: dict[SignalName, StrictStr] | None = None
+
+
+class HalfModel(ChannelModel):
+    """The requests or the responses of a service."""
+
+    stamp: FieldPath | None = None
 
 
 class _Interface(_Model):
@@ -76,6 +115,7 @@ class TopicModel(ChannelModel, _Interface):
     """A topic: one stream."""
 
     topic: RosName
+    stamp: Annotated[StampModel | None, BeforeValidator(_stamp)] = None
     type: MessageType = ""
     intercept: Literal["publisher", "subscriber"] = "publisher"
 
@@ -87,8 +127,8 @@ class ServiceModel(_Interface):
     type: ServiceType = ""
     proxy: RosName | None = None
     denied_response: dict[str, Any] | None = None
-    request: ChannelModel = ChannelModel()
-    response: ChannelModel = ChannelModel()
+    request: HalfModel = HalfModel()
+    response: HalfModel = HalfModel()
 
 
 def _stream_kind(value: object) -> str:

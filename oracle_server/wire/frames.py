@@ -21,6 +21,7 @@ class StreamFrame(TypedDict):
     stamp: str | None
     latency: int
     fields: list[str] | None
+    reads: NotRequired[list[str] | None]
     on_unavailable: NotRequired[Literal["deny", "pass"] | None]
     decide_within: NotRequired[int | None]
     intercept: NotRequired[Literal["publisher", "subscriber"] | None]
@@ -68,13 +69,15 @@ Level = Literal["ok", "warn", "error", "stale"]
 
 
 class PropertyStanding(TypedDict):
-    """How one property stands."""
+    """How one property stands; `first_violation_at` is in nanoseconds."""
 
     outcome: str
     level: Level
     text: str
     violations: int
     first_violation: int | None
+    first_violation_step: NotRequired[int | None]
+    first_violation_at: NotRequired[int | None]
 
 
 class VerdictsFrame(TypedDict):

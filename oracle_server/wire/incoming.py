@@ -132,12 +132,16 @@ TimeSource = Literal["field", "middleware", "arrival"]
 
 
 class StreamReport(_Message):
-    """The state of one of a monitor's streams; an empty `trouble` means that nothing is wrong with it."""
+    """The state of one of a monitor's streams; an empty `trouble` means that nothing is wrong with it.
+
+    `bypass` is what of that lets events past the monitor, such as another publisher, and empty where nothing does.
+    """
 
     stream: str
     kind: Kind = "topic"
     time_source: TimeSource | None = None
     trouble: Annotated[str, Field(max_length=1000)] = ""
+    bypass: Annotated[str, Field(max_length=1000)] = ""
 
 
 class ReportMessage(_Message):

@@ -17,7 +17,10 @@ class _Frame(BaseModel):
 
 
 class StreamFrame(_Frame):
-    """One stream to observe; durations in nanoseconds, `fields` the dotted paths that are read, null for all."""
+    """One stream to observe; durations in nanoseconds, `fields` the dotted paths that are read, null for all.
+
+    `reads` are those that the spec itself names: what the type lacks of them is a mistake in one of both.
+    """
 
     name: str
     kind: Kind
@@ -27,6 +30,7 @@ class StreamFrame(_Frame):
     stamp: str | None
     latency: int
     fields: list[str] | None
+    reads: list[str] | None = None
     on_unavailable: Literal["deny", "pass"] | None = None
     decide_within: int | None = None
     intercept: Literal["publisher", "subscriber"] | None = None
@@ -109,13 +113,18 @@ class ViolationFrame(Record):
 
 
 class PropertyStanding(_Frame):
-    """How one property stands; `level` and `text` are as in diagnostics, `first_violation` is a record's `n`."""
+    """How one property stands; `level` and `text` are as in diagnostics, `first_violation` is a record's `n`.
+
+    `first_violation_step` is that one's step, null for a deadline, and `first_violation_at` its stamp in nanoseconds.
+    """
 
     outcome: Outcome
     level: Literal["ok", "warn", "error", "stale"]
     text: str
     violations: int
     first_violation: int | None
+    first_violation_step: int | None = None
+    first_violation_at: int | None = None
 
 
 class VerdictsFrame(_Frame):

@@ -145,7 +145,7 @@ class Served:
 
         A server that gets no processor for a while stands still.
         """
-        return [line for line in self.log if line.get("level") != "info" and "stands still" not in line["event"]]
+        return [line for line in self.log if line.get("level") != "info" and "the event loop st" not in line["event"]]
 
     def _http(self) -> httpx.AsyncClient:
         return httpx.AsyncClient(base_url=f"{self.url}/api/v1/", timeout=PATIENCE, trust_env=False, verify=False)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from oracle_server.replay.table import _csv_cell
 from tests.whole.client import attached, make_event
 from tests.whole.harness import Server, failed, run
 
@@ -72,7 +73,7 @@ async def test_what_is_printed_is_utf_8_whatever_the_locale(
     spec.write_text(ODD + "    guards: [/Tür]\n", encoding="utf-8")
     assert "/Tür" in run("check", spec, **locale).stderr
     spec.write_text(ODD, encoding="utf-8")
-    assert run("check", spec, **locale).stdout == f"{spec}: sound\n"
+    assert f"{spec}: sound\n" in run("check", spec, **locale).stdout
     trace.write_text('{"stream": "/a", "arrived": 1, "data": {"door": "Tür"}}\n', encoding="utf-8")
     for form in ("text", "jsonl", "csv", "junit"):
         ended = run("replay", "--format", form, spec, trace, **locale)
@@ -103,3 +104,54 @@ def test_arguments_that_no_server_can_be_asked_with(server: Server, tmp_path: Pa
         assert server.url in failed(*command, "--url", server.url)
     assert "not a token" in failed("sessions", "--token", "ü", "--url", server.url)
     assert "can't be reached" in failed("sessions", "--url", f"{server.url}/{odd}")
+
+
+HOSTILE = "a\x1b[2Jb\x07c\r\nviolation 99: forged"
+COMMANDING = f"""\
+id: commanding
+description: {json.dumps(HOSTILE)}
+streams:
+  - topic: {json.dumps("/a" + HOSTILE)}
+properties:
+  - id: closed
+    description: {json.dumps(HOSTILE)}
+    formula: 'not {{door: *}}'
+"""
+
+
+async def test_no_text_commands_the_terminal_or_begins_a_line(server: Server, tmp_path: Path) -> None:
+    put = server.http.put("/api/v1/specs/commanding", content=COMMANDING.encode())
+    stream = "/a" + HOSTILE if put.is_success else "/a"
+    if not put.is_success:
+        harmless = COMMANDING.replace(json.dumps("/a" + HOSTILE), "/a")
+        assert server.http.put("/api/v1/specs/commanding", content=harmless.encode()).is_success
+    async with attached(server, session="commanding", spec="commanding") as monitor:
+        await monitor.send(make_event(1, stream, data={"door": HOSTILE}))
+        await monitor.acked(1)
+    assert server.http.delete("/api/v1/sessions/commanding").is_success
+    url, trace, spec = ("--url", server.url), tmp_path / "trace.jsonl", tmp_path / "commanding.yaml"
+    spec.write_text(server.get("specs/commanding")["text"])
+    recorded = await asyncio.to_thread(run, "record", "commanding", "-o", trace, *url)
+    commands: list[tuple[str | Path, ...]] = [
+        ("specs", *url),
+        ("sessions", *url),
+        ("verdicts", "commanding", *url),
+        ("verdicts", "commanding", "--follow", *url),
+        ("verdicts", "commanding", "--explain", "1", *url),
+        ("verdicts", HOSTILE, *url),
+        ("replay", spec, trace),
+        ("replay", spec, trace, "--format", "csv"),
+        ("check", spec),
+    ]
+    shown = [recorded, *[await asyncio.to_thread(run, *command) for command in commands]]
+    text = "".join(ended.stdout + ended.stderr for ended in shown)
+    assert "forged" in text
+    assert all(char.isprintable() for char in text.replace("\r\n", "").replace("\n", ""))
+    assert not any(line.startswith("violation 99") for line in text.splitlines())
+
+
+def test_a_spreadsheet_runs_no_cell() -> None:
+    for text in ("=HYPERLINK(1)", "+1", "-1", "@SUM(1)"):
+        assert _csv_cell(text) == f"'{text}"
+    assert _csv_cell("a\r\n=1") == r"a\r\n=1"
+    assert [_csv_cell(value) for value in (-1, -0.5, True, None, "a=1")] == [-1, -0.5, "true", None, "a=1"]

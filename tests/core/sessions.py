@@ -48,11 +48,12 @@ def open_session(
     attach: Mapping[str, Iterable[StreamKey]],
     streams: Sequence[StreamSpec] = STREAMS,
     maker: Maker = reelay,
+    begun: int | None = None,
     **ordering: Any,
 ) -> Session:
     """A session with its monitors attached at time 0; whatever is said of the ordering goes over `max_delay` 50."""
     spec = Spec("s", tuple(streams), tuple(properties), Ordering(**{"max_delay": MAX_DELAY, **ordering}))
-    session = Session(plan(spec), [[maker(p) for p in properties] for _ in orders(spec)])
+    session = Session(plan(spec), [[maker(p) for p in properties] for _ in orders(spec)], begun=begun)
     for monitor, observed in attach.items():
         assert session.attach(monitor, observed, 0) == []
     return session

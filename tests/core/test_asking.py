@@ -83,7 +83,8 @@ def test_a_violation_says_whose_word_it_is() -> None:
     (judged,) = session.resolve(session.take_asks()[0], NO, 11)
     why = explain(judged, judged.verdicts[0])
     assert why
-    assert why["text"] == (f'p does not hold at step 1, /a (topic 1 of m): the oracle at {URL}: said "currently_false"')
+    said = f'the oracle at {URL}: said "currently_false"'
+    assert why["text"] == f"p does not hold at step 1 (0.000 s), /a (topic 1 of m): {said}"
     assert why["formula"] == f"the oracle at {URL}"
 
 

@@ -176,19 +176,19 @@ def test_seconds_may_be_decimal_or_carry_units(bound: str, lower: int, upper: in
 @pytest.mark.parametrize(
     ("text", "time", "place", "says"),
     [
-        ("", "steps", "1:1", "too early"),
-        ("  \n ", "steps", "2:2", "too early"),
+        ("", "steps", "1:1", "the formula is empty"),
+        ("  \n ", "steps", "1:1", "the formula is empty"),
         ("{a} and\n  {b", "steps", "2:5", "too early"),
-        ("{a} xyz", "steps", "1:5", "'xyz'"),
-        ("{a}\nand\n and", "steps", "3:2", "'and'"),
-        ("{}", "steps", "1:2", "'}'"),
-        ("{a: @}", "steps", "1:5", "'@'"),
-        ("{a: 'x}", "steps", "1:5", '"\'"'),
-        ("{a > true}", "steps", "1:6", "'true'"),
-        ("{a != *}", "steps", "1:7", "'*'"),
-        ("once[5]{a}", "steps", "1:7", "']'"),
-        ("once[-1:]{a}", "steps", "1:6", "'-1'"),
-        ("pre[1:2]{a}", "steps", "1:4", "'['"),
+        ("{a} xyz", "steps", "1:5", "`xyz` is not expected"),
+        ("{a}\nand\n and", "steps", "3:2", "something is missing after `and`"),
+        ("{}", "steps", "1:2", "the atom `{}` is empty"),
+        ("{a: @}", "steps", "1:5", "`@` is not expected"),
+        ("{a: 'x}", "steps", "1:5", "the quote ' is not closed"),
+        ("{a > true}", "steps", "1:6", "compares with a number, and `true`"),
+        ("{a != *}", "steps", "1:7", "compares with a text, a number, true or false, and `*`"),
+        ("once[5]{a}", "steps", "1:7", "write `[:5]` for up to 5"),
+        ("once[-1:]{a}", "steps", "1:6", "the bound [-1:] can't be read"),
+        ("pre[1:2]{a}", "steps", "1:4", "`pre` has no bound"),
         ("notnot {a}", "steps", "1:1", "notnot"),
         ("{a} and\n  once[3:2]{b}", "steps", "2:8", "empty"),
         ("{a} since[2s:1s]{b}", "seconds", "1:11", "empty"),
@@ -247,3 +247,55 @@ def test_the_deepest_and_the_widest_that_are_read() -> None:
     widest = parse_formula("{" + ", ".join(["a"] * 5_000) + "}")
     assert isinstance(widest, Atom)
     assert len(widest.constraints) == 5_000
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("{x} => {y}", "there is no operator `=>`: write `->`"),
+        ("{x} <-> {y}", "write `({a} -> {b}) and ({b} -> {a})`"),
+        ("eventually {x}", "`not (not {effect} since[100:] {cause})`"),
+        ("G {x}", "leave it out, or write `historically`"),
+        ("{x} until {y}", "write it with `since`"),
+        ("next {x}", "the step before is `pre`"),
+        ("{x} -> within[:2s] {y}", "a time stands in brackets"),
+        ("{a} AND {b}", "there is no operator `AND`: write `and`"),
+        ("histoically {a}", "did you mean `historically`?"),
+        ("once[:250msec] {x}", "write `250ms`, without spaces"),
+        ("once[:2 s] {x}", "write `2s`, without spaces"),
+        ("once[1,5] {x}", "write `[1:5]`"),
+        ("{x > 3 and f}", "write `{…} and {…}`"),
+        ("{not f}", "`not` stands before an atom"),
+        ("x > 3", "write `{x > 3}`"),
+        ("{3 < x}", "write `{x > 3}`"),
+        ("{x => 3}", "write `>=`"),
+        ("forall x, y. {v: *x}", "write `forall[x, y].`"),
+        ("forall[x] {v: *x}", "a `.` is missing"),
+        ("{a} → {b}", "write `->`"),
+        ("{a: “b”}", 'write `"`'),
+        ("{x > 3 -> {y}", "`{x > 3 -> {y}` is not closed by `}`"),
+        ("({x > 3}", "`({x > 3}` is not closed by `)`"),
+        ("{x > y}", "compares with a number"),
+        ("{msg.pose.x > 3}", "declare `x: msg.pose.x` under `signals`"),
+        ("{x + 1 > 3}", "there is no arithmetic in atoms"),
+        ("{a} {b}", "between two parts stands"),
+    ],
+)
+def test_a_mistake_is_told_with_its_mend(text: str, says: str) -> None:
+    with pytest.raises(FormulaError) as refusal:
+        parse_formula(text, "seconds")
+    assert says in refusal.value.message
+
+
+@settings(max_examples=300, deadline=None, database=None)
+@given(st.text(alphabet="{}()[]:,.*<>=!-\"'→abx1 \n", max_size=20))
+def test_whatever_can_not_be_read_is_told_at_a_place_within(text: str) -> None:
+    error = None
+    try:
+        parse_formula(text)
+    except FormulaError as refused:
+        error = refused
+    if error is not None:
+        assert error.message
+        assert 1 <= error.line <= text.count("\n") + 1
+        assert 1 <= error.column <= len(text) + 1

@@ -128,7 +128,7 @@ def test_another_kind_takes_no_more_than_its_rows() -> None:
         "formula of 'p': ros_action '/stay' is no stream of this spec; it has /go",
         "starvation: no node of the graph sends goals to /go",
         "/go goals | /go results",
-        "goal 1 deny {'ros_action': 'go', 'time': 0.0, 'goal': {'x': 5}}",
+        "goal None deny {'ros_action': 'go', 'time': 0.0, 'goal': {'x': 5}}",
         "goal 1 allow {'ros_action': 'go', 'time': 0.0, 'goal': {'x': 2}}",
         "result 2 allow {'ros_action': 'go', 'time': 0.0, 'result': {'x': 9}}",
     ]

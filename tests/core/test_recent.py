@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from oracle_server.core.events import Event, Step
+from oracle_server.core.naming import first_name
+from oracle_server.core.plan import View
+from oracle_server.core.property_state import PropertyState
 from oracle_server.core.recent import Recent
-from tests.core.sessions import A
+from oracle_server.engines.native import NativeEngine
+from tests.core.sessions import A, Feed, open_session, prop
 
 
 def test_of_several_steps_of_one_time_none_is_taken_for_the_one() -> None:
@@ -18,3 +22,34 @@ def test_of_several_steps_of_one_time_none_is_taken_for_the_one() -> None:
         assert found
         assert found["seq"] == seq
     assert recent.recall(4, None, timed=False) is None
+
+
+def test_a_snapshot_has_what_failed_and_an_older_one_is_read_without() -> None:
+    recent, event = Recent(), Event(A, "m", 7, 10, 10, None)
+    recent.add(1, 10, Step(event, {}, frozenset({"v"}), 10), {"w": 1}, frozenset({"v"}))
+    (kept,) = recent.snapshot()
+    for data, failed in ((kept, ["v"]), (kept[:7], [])):
+        again = Recent()
+        again.restore([data])
+        past = again.past(lambda _: View(0, (), frozenset()))
+        assert past.seen is not None
+        seen = past.seen(0)
+        assert (seen.number, seen.event, seen.signals, [*seen.failed]) == (1, "/a (topic 7 of m)", {"w": 1}, failed)
+
+
+def test_a_snapshot_has_where_a_property_was_violated_first_and_an_older_one_is_read_without() -> None:
+    def fresh() -> PropertyState:
+        made = prop("p", "{v < 5}")
+        session = open_session([made], attach={"m": [A]}, maker=lambda p: NativeEngine(p.formula, p.time), by="arrival")
+        feed = Feed(session)
+        for n, v in enumerate((1, 7), start=1):
+            feed(A, n, {"v": v})
+        return session.judges["arrival"].properties[0]
+
+    saved = fresh().snapshot()
+    assert saved is not None
+    assert (saved["first_violation"], saved.pop("first_violation_step"), saved.pop("first_violation_at")) == (2, 2, 2)
+    older = fresh()
+    older.restore(saved)
+    assert (older.first_violation, older.first_violation_step, older.first_violation_at) == (2, None, None)
+    assert first_name({"first_violation": 2, "first_violation_step": None, "first_violation_at": None}) == "#2"

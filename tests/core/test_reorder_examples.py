@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+import pytest
+
+from oracle_server.core import reorder
 from oracle_server.core.events import StreamKey
 from oracle_server.core.reorder import Released, ReorderBuffer
 
@@ -53,6 +56,21 @@ def test_a_new_publisher_holds_back_a_stream_that_was_ahead() -> None:
     assert items(buffer.push(1, SB, "second", 3, 9)) == [1]
     assert buffer.push(2, SB, "third", 4, 9) == []  # the second may still speak of 3
     assert items(buffer.push(3, SB, "second", 5, 9)) == [2]
+
+
+def test_of_too_many_publishers_the_one_that_is_furthest_behind_is_not_waited_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(reorder, "MAX_PUBLISHERS", 2)
+    buffer = opened(None)
+    buffer.open("m", (A,))
+    for publisher in ("first", "second"):
+        buffer.push(0, SA, publisher, 1, 1)
+    assert items(buffer.push(1, SA, "first", 5, 9)) == []
+    assert items(buffer.push(2, SA, "third", 4, 9)) == [2]  # the second may be gone
+    assert buffer.publishers[SA] == (2, 1)
+    assert items(buffer.push(3, SA, "second", 6, 9)) == [1]  # and is a new one: the third is forgotten
+    assert buffer.frontiers[SA] == 5
 
 
 def test_equal_stamps_keep_the_order_of_arrival() -> None:

@@ -177,6 +177,7 @@ def test_a_violation_is_becoming_negative() -> None:
     assert [why.signals["v"] for _, why in violations] == [7, 6]
     state = session.judges["publication"].properties[0]
     assert (state.violations, state.first_violation, state.outcome) == (2, 2, Outcome.CURRENTLY_FALSE)
+    assert (state.first_violation_step, state.first_violation_at) == (2, judged[1].step.stamp)
     written = record(judged[1], judged[1].verdicts[0])
     assert written["violation"]
     assert written["explanation"] is not None

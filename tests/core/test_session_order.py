@@ -9,6 +9,7 @@ import pytest
 from oracle_server.core.engine import Engine
 from oracle_server.core.session import Session
 from oracle_server.core.spec import Property, StreamSpec
+from oracle_server.core.stamps import Stamp
 from oracle_server.core.verdicts import Decision
 from tests.core.sessions import (
     MAX_DELAY,
@@ -185,7 +186,7 @@ HEADER = {"header": {"stamp": {"sec": 0, "nanosec": 70}}}
 def test_the_stamp_is_where_the_spec_says_or_the_arrival(
     stamp: int | None, data: object, path: str | None, expected: int
 ) -> None:
-    session = open_session([ANY], attach={}, streams=[StreamSpec("/a", stamp=path)])
+    session = open_session([ANY], attach={}, streams=[StreamSpec("/a", stamp=Stamp(path) if path else None)])
     (judged,) = Feed(session)(A, stamp, data, arrived=100)
     assert judged.step.stamp == expected
 

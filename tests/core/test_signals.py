@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from copy import deepcopy
 from typing import Any
 
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from oracle_server.core.errors import ExpressionError
-from oracle_server.core.expressions import MAX_ELEMENTS, MAX_NESTING, MAX_TEXT, parse_expression, prune
 from oracle_server.core.signals import DefaultProjection, Projection
 
 ABSENT, FAILED = "is absent", "has failed"
@@ -30,10 +28,6 @@ def project(expression: str, message: object) -> tuple[str, Any]:
     if values:
         return type(values["v"]).__name__, values["v"]
     return (FAILED if failed else ABSENT), None
-
-
-def nested(depth: int, inside: object = 1) -> object:
-    return {"d": nested(depth - 1, inside)} if depth else inside
 
 
 MESSAGE: Mapping[str, Any] = dict(
@@ -63,6 +57,18 @@ MESSAGE: Mapping[str, Any] = dict(
         ("msg.n == 7.0", True),
         ("msg.n == '7'", False),
         ("msg.n + 1", 8),
+        ("msg.x * 2", 5.0),
+        ("0 + msg.x", 2.5),
+        ("msg.n / 2", 3),
+        ("-msg.n / 2", -3),
+        ("msg.n / 2.0", 3.5),
+        ("1 - msg.x * 2 + msg.n", 3.0),
+        ("abs(-msg.n) + abs(msg.x)", 9.5),
+        ("min(msg.n, msg.x)", 2.5),
+        ("max(msg.l) + max(1, 2.5)", 5.5),
+        ("max(1, 0.5) / 2", 0.5),
+        ("sqrt(msg.n + 2)", 3.0),
+        ("msg.l.exists(v, msg.l.exists(w, v + w == 6))", True),
         ("msg.s == 'on' ? 'msg.z' : 'b'", "msg.z"),
         ("msg.l[1]", 2),
         ("msg.items[1].k", 2),
@@ -77,7 +83,14 @@ MESSAGE: Mapping[str, Any] = dict(
         ("msg.none", ABSENT),
         ("string(msg.none)", ABSENT),
         ("msg.head.stamp.nanosec", ABSENT),
-        ("msg.n.deeper", ABSENT),
+        ("msg.none.deeper", ABSENT),
+        ("msg.items[0].gone", ABSENT),
+        ("msg.items.exists(i, i.gone == 1)", ABSENT),
+        ("msg[msg.gone]", ABSENT),
+        ("!msg.gone || msg.none > 3", ABSENT),
+        ("has(msg.gone) && msg.s > 1", False),
+        ("msg.gone == 1 || msg.n == 7", True),
+        ("has(msg.gone.there)", ABSENT),
         ("msg.gone + 1", ABSENT),
         ("msg.none + 1", ABSENT),
         ("msg.head.gone.there == 1", ABSENT),
@@ -90,14 +103,17 @@ MESSAGE: Mapping[str, Any] = dict(
         ("true ? msg.inf : 0.0", FAILED),
         ("1.0 / 0.0", FAILED),
         ("1 / 0", FAILED),
-        ("msg.x * 2", FAILED),
         ("msg.nan > 2.0", FAILED),
+        ("msg.n.deeper", FAILED),
+        ("msg.s.deeper", FAILED),
+        ("msg.items.k", FAILED),
+        ("msg.gone == 1 || msg.s > 1", FAILED),
+        ("msg.s > 1 && msg.gone == 1", FAILED),
+        ("has(msg.gone) ? msg.gone : 1 / 0", FAILED),
         ("msg.s + 1", FAILED),
         ("string(msg.b)", FAILED),
         ("string(msg.l)", FAILED),
         ("msg.l[3]", FAILED),
-        ("b'raw'", FAILED),
-        ("timestamp('2020-01-01T00:00:00Z')", FAILED),
         ("9223372036854775807 + msg.n", FAILED),
     ],
 )
@@ -110,23 +126,6 @@ def test_a_signal_is_there_or_absent_or_failed(expression: str, expected: object
 def test_a_message_without_fields_has_no_signals(message: object) -> None:
     assert project("msg.a", message) == (ABSENT, None)
     assert project("string(msg.a)", message) == (ABSENT, None)
-
-
-@often
-@given(value=integers | st.floats() | texts | st.booleans())
-@example(-0.0)
-@example(2**63)
-@example(1e300)
-@example("")
-def test_the_short_way_and_cel_agree(value: object) -> None:
-    """A path, and `string()` of one, are read without CEL; in parentheses they are not."""
-    for short, long in (("msg.a", "(msg.a)"), ("string(msg.a)", "string((msg.a))")):
-        assert project(short, {"a": value}) == project(long, {"a": value})
-
-
-@pytest.mark.parametrize("value", ["NaN", "Infinity", "-Infinity"])
-def test_the_short_way_and_cel_agree_on_what_is_no_number(value: str) -> None:
-    assert project("string(msg.a)", {"a": value}) == project("string((msg.a))", {"a": value})
 
 
 @often
@@ -150,88 +149,63 @@ def test_nothing_is_left_of_the_message_before() -> None:
     assert projection({"a": 5})[0] == {"sum": 6, "path": 5, "text": "5"}
 
 
-@pytest.mark.parametrize(
-    "big", [[0] * (MAX_ELEMENTS + 1), nested(MAX_NESTING + 9), "7"], ids=["large", "deep", "of another type"]
-)
+class Broken(dict[str, object]):
+    """A message at which no expression can be evaluated."""
+
+    def __getitem__(self, key: str) -> object:
+        raise RuntimeError(key)
+
+    def get(self, key: str, default: object = None) -> object:  # type: ignore[override]
+        raise RuntimeError(key)
+
+
+def test_no_fault_of_an_expressions_evaluation_ends_a_session() -> None:
+    projection = Projection({"a": "msg.x", "b": "'always'"})
+    assert projection(Broken(x=1)) == ({"b": "always"}, frozenset({"a"}))
+    assert list(projection.reasons(Broken(x=1))) == ["a"]
+
+
+@pytest.mark.parametrize("big", [[0] * 100_000, "7"], ids=["large", "of another type"])
 def test_a_signal_that_fails_leaves_the_others(big: object) -> None:
     projection = Projection({"bad": "msg.big.all(v, v == 0)", "good": "msg.a + 1"})
     assert projection({"a": 1, "big": big}) == ({"good": 2}, frozenset(("bad",)))
 
 
-def test_size_and_depth_of_what_is_read_are_bounded() -> None:
-    large = {"l": [1] * MAX_ELEMENTS, "n": [0]}
-    assert project("size(msg.l) + size(msg.n)", large) == ("int", MAX_ELEMENTS + 1)
-    assert project("msg.l.all(v, v == 1) && msg.n.all(v, v == 0)", large) == (FAILED, None)
-    assert project("msg.n.all(v, v == 0)", large) == ("bool", True)  # what is not read does not count
-    for depth, expected in ((MAX_NESTING // 2, "int"), (MAX_NESTING + 1, FAILED)):
-        assert project("size(msg.d)", {"d": nested(depth)})[0] == expected
-        assert project("msg.a + 1", {"a": 1, "d": nested(depth)}) == ("int", 2)
-
-
 @pytest.mark.parametrize(
-    ("expressions", "kept"),
+    ("expressions", "read"),
     [
-        (["msg.n"], {"n": 7}),
-        (["msg.n > 1 || msg.gone"], {"n": 7}),
-        (["msg.head.stamp.sec + msg.head.stamp.nanosec"], {"head": {"stamp": {"sec": 5}}}),
-        (["msg.head.id", "msg.head"], {"head": MESSAGE["head"]}),
-        (["msg.head", "msg.head.stamp.sec"], {"head": MESSAGE["head"]}),
-        (["msg.head.stamp.sec", "msg.head.id", "msg.head.stamp"], {"head": MESSAGE["head"]}),
-        (["msg['s'] == msg.key"], {"s": "on", "key": "n"}),
-        (["msg.items[0].k", "msg.s.contains('msg.n')"], {"items": MESSAGE["items"], "s": "on"}),
-        (["msg.items.map(v, v.k)[0]"], {"items": MESSAGE["items"]}),
-        (["msg.n.deeper"], {"n": 7}),
-        (["msg.head.msg.n"], {"head": {}}),
-        ([r"msg.s == r'\' || msg.n > 1 || msg.s == r'\'"], {"s": "on", "n": 7}),
-        (["[msg][0].n"], MESSAGE),
-        (["msg[msg.key]"], MESSAGE),
+        (["msg.n"], {"n"}),
+        (["msg.n > 1 || msg.gone"], {"n", "gone"}),
+        (["msg.head.stamp.sec + msg.head.stamp.nanosec"], {"head.stamp.sec", "head.stamp.nanosec"}),
+        (["msg.head.id", "msg.head"], {"head.id", "head"}),
+        (["msg['s'] == msg.key"], {"s", "key"}),
+        (["(msg.head).id", "has(msg.goal.x)"], {"head.id", "goal.x"}),
+        (["msg.items[0].k", "msg.s.contains('msg.n')"], {"items", "s"}),
+        (["msg.items.map(v, v.k)[0]", "msg.l.exists(v, v == msg.n)"], {"items", "l", "n"}),
+        (["msg.head.msg.n"], {"head.msg.n"}),
+        (["msg.head['a.b'].c"], {"head"}),
+        (["7"], set()),
+        (["[msg][0].n"], None),
+        (["msg[msg.key]"], None),
+        (["msg['a.b']"], None),
     ],
 )
-def test_only_what_is_read_is_handed_on(expressions: list[str], kept: Mapping[str, Any]) -> None:
-    message = deepcopy(dict(MESSAGE))
-    assert prune(message, tuple(parse_expression(e) for e in expressions)) == kept
-    assert message == MESSAGE
+def test_the_fields_that_are_read_are_known(expressions: list[str], read: set[str] | None) -> None:
+    assert Projection({str(i): e for i, e in enumerate(expressions)}).fields == read
 
 
 @pytest.mark.parametrize(
     ("expression", "says"),
     [
-        ("", "not a CEL expression"),
-        ("msg.", "not a CEL expression"),
-        ("msg.a msg.b", "not a CEL expression"),
-        ("'open", "not a CEL expression"),
-        ("mgs.a", "unknown name 'mgs'"),
-        ("msg.a + a", "unknown name 'a'"),
-        ("foo(msg.a)", "unknown function 'foo'"),
-        ("msg.a.lowerAscii()", "unknown function 'lowerAscii'"),
-        ("msg.l.all(x, msg.l.all(y, x == y))", "can't be nested"),
-        ("msg.l . map (x, [1]. filter(y, true))", "can't be nested"),
-        ("msg.l.exists(x, (msg.l).exists_one(x, true))", "can't be nested"),
-        (r"msg.l.all(x, true) && r'\' != '' && msg.l.all(x, msg.l.all(x, true)) && r'\' != ''", "can't be nested"),
+        ("", "the expression is empty"),
         ("msg.l.all(msg, msg > 1)", "can't be called msg"),
-        ("(" * 65 + "1" + ")" * 65, "nested more than 64 deep"),
-        ("1" + " " * MAX_TEXT, "at most 4096"),
+        ("(" * 41 + "1" + ")" * 41, "nested more than 40 deep"),
+        ("1" + " " * 4096, "at most 4096"),
     ],
 )
 def test_refused_before_any_message(expression: str, says: str) -> None:
     with pytest.raises(ExpressionError, match=says):
         Projection({"v": expression})
-
-
-@pytest.mark.parametrize(
-    ("expression", "value"),
-    [("max(msg.n, 2)", 7), ("min(msg.n, 2)", 2), ("bool('true')", True), ("double('2.5')", 2.5), ("int('7')", 7)],
-)
-def test_a_function_that_the_library_lacks_is_refused_at_once(expression: str, value: object) -> None:
-    """What is let in works; an expression that fails at every message would make its properties unknown for ever."""
-    try:
-        parse_expression(expression)
-    except ExpressionError as error:
-        refusal = str(error)
-    else:
-        assert project(expression, MESSAGE)[1] == value
-        return
-    assert "unknown function" in refusal
 
 
 def test_without_declared_signals_the_scalar_fields_at_the_top_are_taken() -> None:

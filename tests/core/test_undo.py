@@ -13,7 +13,7 @@ from oracle_server.core.events import Event
 from oracle_server.core.formula.render import render
 from oracle_server.core.session import Session
 from oracle_server.core.spec import Property, StreamSpec
-from oracle_server.core.verdicts import NEGATIVE, Judged, Outcome
+from oracle_server.core.verdicts import NEGATIVE, Judged, Outcome, record
 from oracle_server.engines.native import NativeEngine
 from tests import generate
 from tests.brute import truths
@@ -48,7 +48,7 @@ def test_what_was_denied_is_not_held_against_what_follows(on_deny: str, then: st
     feed = Feed(session)
     judged = [j for n, v in enumerate((1, 9, 2), 1) for j in feed(A, n, {"v": v}, ask=True)]
     assert decisions(judged) == ["allow", "deny", then]
-    assert [j.number for j in judged] == ([1, 2, 2] if on_deny == "undo" else [1, 2, 3])
+    assert [j.number for j in judged] == ([1, None, 2] if on_deny == "undo" else [1, 2, 3])
     assert outcomes(judged)[1] == ("currently_false" if on_deny == "undo" else "false"), "an attempt is never final"
     assert session.judges["arrival"].counters.denied == (1 if on_deny == "undo" else 2)
 
@@ -74,6 +74,39 @@ def test_judging_again_undoes_again() -> None:
     there, back = (session_of(prop("p", "historically not {v: 9}", **GUARD)) for _ in range(2))
     judged = [j for n, v in enumerate((1, 9, 2, 9), 1) for j in Feed(there)(A, n, {"v": v}, ask=True)]
     assert [back.rejudge(j.order, j.step, j.judged) for j in judged] == judged
+
+
+def test_a_number_names_one_step_also_in_explanations() -> None:
+    """What was taken back has no number: the next event has the one that it had while it was tried."""
+    guard = prop("p", '({v: 9} or {v: 8}) -> not historically {topic: "/a"}', **GUARD)
+    feed = Feed(session_of(guard))
+    first, attempt, kept = (j for n, v in enumerate((1, 9, 2), 1) for j in feed(A, n, {"v": v}, ask=True))
+    assert [j.number for j in (first, attempt, kept)] == [1, None, 2]
+    why = record(attempt, attempt.verdicts[0])["explanation"]
+    assert why is not None
+    assert why["text"] == (
+        "p does not hold at an attempt that was taken back (0.000 s), /a (topic 2 of m): "
+        "{v: 9}: holds at this attempt (0.000 s); "
+        'historically {topic: "/a"}: at every one in step 1 and at this attempt'
+    )
+    atom, always = why["reasons"]
+    event = atom["event"]
+    assert event is not None
+    assert (atom.get("at"), event["seq"], "step" in event) == (None, 2, False)
+    assert always["window"] == [1, 1]
+    (broken,) = feed(B, 4, {"v": 9})
+    text = record(broken, broken.verdicts[0])["explanation"]
+    assert text is None, "other streams make it true"
+
+
+def test_what_an_attempt_breaks_beside_its_guard_has_its_number_where_it_passes() -> None:
+    beside = prop("p", "not {v: 9}")
+    feed = Feed(session_of(beside, prop("q", "not {v: 8}", **GUARD)))
+    (judged,) = feed(A, 1, {"v": 9}, ask=True)
+    why = record(judged, judged.verdicts[0])["explanation"]
+    assert judged.number == 1
+    assert why is not None
+    assert why["text"].endswith("{v: 9}: holds at step 1 (0.000 s)")
 
 
 def test_random_attempts_are_as_if_they_had_not_been() -> None:

@@ -24,6 +24,7 @@ METHODS: dict[type, dict[str, list[str]]] = {
         "send_400_response": ["msg"],
     },
     WebSocketsSansIOProtocol: {
+        "connection_made": ["transport"],
         "data_received": ["data"],
         "handle_connect": ["event"],
         "keepalive_timeout": [],
@@ -41,9 +42,10 @@ METHODS: dict[type, dict[str, list[str]]] = {
 }
 """Methods that are overridden or called, and their parameters."""
 CALLED = {"schedule_ping", "handle_exit"}
-HTTP_FIELDS = ("config", "connections", "conn", "cycle", "loop", "transport")
+HTTP_FIELDS = ("app_state", "config", "connections", "conn", "cycle", "loop", "transport")
 WEBSOCKET_FIELDS = (
-    "close_sent", "conn", "curr_msg_data_type", "frames", "loop", "pending_ping_payload", "pong_timer", "queue",
+    "app_state", "close_sent", "conn", "curr_msg_data_type", "frames", "handshake_complete", "loop",
+    "pending_ping_payload", "pong_timer", "queue",
     "read_paused", "transport", "writable",
 )  # fmt: skip
 

@@ -12,7 +12,7 @@ import pytest
 
 from oracle_server.replay.opening import open_recording
 from oracle_server.replay.run import Replay
-from oracle_server.specfiles.load import load_spec
+from oracle_server.specfiles.load import load_spec, parse_spec
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 BROKEN = {
@@ -60,6 +60,18 @@ def test_a_faulty_run_breaks_what_its_readme_says(name: str) -> None:
     broken = {n: state["violations"] for n, state in replay.states().items() if state["violations"]}
     assert broken == BROKEN[name]
     assert replay.summary()["late"] == 0
+
+
+def test_that_something_has_lasted_is_not_said_by_historically() -> None:
+    """After a pause its window holds the newest messages only: what the example's README warns of."""
+    path = EXAMPLES / "manipulator"
+    text = (path / "manipulator.yaml").read_text()
+    careless = text.replace("{near} since[0.3:] {near}", "historically[0:0.3]{near}")
+    assert careless != text
+    spec = parse_spec(careless, "careless.yaml").spec
+    replay = Replay(spec, open_recording(path / "traces" / "sound.jsonl", spec))
+    assert len(list(replay)) > 0
+    assert replay.states()["slow_near_a_person"]["violations"] > 0
 
 
 def test_the_rover_is_not_sent_on_into_the_leak() -> None:

@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import oracle_server
+from oracle_server.core.bypass import Bypass
 from oracle_server.core.events import StreamKey
 from oracle_server.core.records import VerdictRecord
 from oracle_server.core.spec import By
@@ -111,6 +112,19 @@ async def test_a_monitor_takes_the_place_of_the_one_of_its_name(history: History
         history.set_monitor(1, MonitorRecord("m", instance, streams, attached, "sim"))
     await history.flush()
     assert await history.monitors(1) == [MonitorRecord("m", "j", streams, attached=False, clock="sim")]
+
+
+async def test_the_bypassed_streams_of_a_monitor_and_the_begin_of_its_session_are_kept(history: History) -> None:
+    history.open_session(opened())
+    key, done = StreamKey("/s", "request"), asyncio.Event()
+    record = MonitorRecord("m", "i", (key,), True, "wall", {key: Bypass("by /rogue", 2**62)})
+    history.begin_session(1, 2**62 + 1)
+    history.set_monitor(1, record, done.set)
+    await done.wait()
+    assert await history.monitors(1) == [record]
+    found = await history.session(1)
+    assert found is not None
+    assert found.begun == 2**62 + 1
 
 
 async def test_a_snapshot_takes_the_place_of_the_last_one_and_is_read_when_it_is_given(history: History) -> None:
@@ -211,6 +225,9 @@ def marked(**fields: object) -> StoredStep:
         marked(forced=True),
         marked(failed=frozenset({"speed", "mode"})),
         step(1, number=None),
+        msgspec.structs.replace(marked(), number=None),  # an attempt that was taken back
+        msgspec.structs.replace(step(1), degraded=(True, True), bypassed=(1,)),
+        msgspec.structs.replace(step(1), degraded=(False, True), bypassed=(1,)),
     ],
 )
 async def test_a_step_is_kept_whole(history: History, kept: StoredStep) -> None:

@@ -6,10 +6,14 @@ import json
 import stat
 import subprocess
 import sys
+import time
 from itertools import pairwise
 from pathlib import Path
 
+import pytest
+
 from oracle_server.process.logs import KEPT, MAX_SIZE
+from oracle_server.process.seldom import Seldom
 from tests.processes import PATIENCE, environment
 
 LOGS = """
@@ -79,3 +83,49 @@ def test_without_a_file_the_log_is_on_standard_error_for_people() -> None:
 def test_a_disk_that_is_full_costs_lines_and_nothing_else() -> None:
     program = "for _ in range(3): log.info('lost'); logging.getLogger('theirs').error('lost too')"
     assert written(program, "json", "/dev/full") == ""
+
+
+HOSTILE = "a\x1b[2Jb\x07c\r\n2026-01-01 [error    ] forged\u2028d\u202ee"
+
+
+def test_what_others_say_begins_no_line_and_commands_no_terminal(tmp_path: Path) -> None:
+    program = (
+        f"text = {HOSTILE!r}\n"
+        "log.warning('ours', reason=text, list=[text])\n"
+        "log.warning(text)\n"
+        "logging.getLogger('theirs').warning(text)\n"
+        "try: raise ValueError(text)\n"
+        "except ValueError: log.exception('a bug')\n"
+    )
+    written(program, "console", tmp_path / "log")
+    text = (tmp_path / "log").read_text(encoding="utf-8")
+    assert all(char.isprintable() for char in text.replace("\n", ""))
+    lines = text.split("\n")[:-1]
+    assert sum("forged" in line for line in lines) >= 4
+    assert not any(line.startswith("2026-01-01") for line in lines)
+    assert [line.startswith("  ") for line in lines[:5]] == [False] * 4 + [True]
+
+
+def test_what_libraries_say_of_clients_is_logged_once_a_second(tmp_path: Path) -> None:
+    program = (
+        "for number in range(1000):\n"
+        "    logging.getLogger('uvicorn.error').warning('Invalid HTTP request received.')\n"
+        "    logging.getLogger('asyncio').warning('socket %s', number)\n"
+        "log.info('whole')\n"
+    )
+    written(program, "console", tmp_path / "log")
+    text = (tmp_path / "log").read_text(encoding="utf-8")
+    assert 1 <= text.count("Invalid HTTP request received.") < 100
+    assert 1 <= text.count("socket") < 100
+    assert text.count("whole") == 1
+
+
+def test_a_cause_is_told_again_with_how_often_it_came(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = 10.0
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    seldom = Seldom()
+    assert [seldom.due("a") for _ in range(5)] == [1, 0, 0, 0, 0]
+    assert seldom.due("b") == 1
+    now += 1
+    assert seldom.due("a") == 5
+    assert seldom.due("a") == 0

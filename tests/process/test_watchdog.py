@@ -3,12 +3,24 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import time
+from collections import deque
+from itertools import repeat
 
 import pytest
 
 from oracle_server.process.watchdog import Watchdog
 from tests.processes import PATIENCE
+
+
+def check_told(said: str) -> None:
+    """One line tells for how long the loop stood still, and where."""
+    (line,) = [line for line in said.splitlines() if "still" in line]
+    assert "test_watchdog.py" in line
+    seconds = re.search(r"seconds=(\S+)", line)
+    assert seconds
+    assert float(seconds[1]) > 0
 
 
 async def test_a_loop_that_stands_still_is_reported_with_its_place(capsys: pytest.CaptureFixture[str]) -> None:
@@ -17,9 +29,25 @@ async def test_a_loop_that_stands_still_is_reported_with_its_place(capsys: pytes
         while not watchdog.stalls and time.monotonic() < begin + PATIENCE:
             pass  # the loop has no turn
     assert watchdog.stalls == 1
-    said = capsys.readouterr().out
-    assert "stands still" in said
-    assert "test_watchdog.py" in said
+    check_told(capsys.readouterr().out)
+
+
+def hold_the_interpreter(steps: int) -> None:
+    """One call into a library: until it returns no other thread of this process runs."""
+    deque(repeat(None, steps), maxlen=0)
+
+
+async def test_a_call_that_holds_the_interpreter_is_reported_with_its_place(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with Watchdog(stalled=0.1) as watchdog:
+        begin, steps = time.monotonic(), 2**22
+        while not watchdog.stalls and time.monotonic() < begin + PATIENCE:
+            steps *= 2
+            hold_the_interpreter(steps)
+            await asyncio.sleep(0.06)
+    assert watchdog.stalls == 1
+    check_told(capsys.readouterr().out)
 
 
 async def test_a_loop_that_goes_round_is_not_reported() -> None:

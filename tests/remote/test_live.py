@@ -54,7 +54,7 @@ def failing_once(call: Callable[..., Any]) -> Callable[..., Any]:
     return called
 
 
-@pytest.mark.parametrize("broken", ["connect", "read_reply"])
+@pytest.mark.parametrize("broken", ["connected", "read_reply"])
 async def test_a_bug_is_logged_and_later_questions_are_asked(
     oracles: Oracles,
     monkeypatch: pytest.MonkeyPatch,

@@ -209,3 +209,10 @@ def test_a_number_that_a_spec_names_as_stamp_counts_as_seconds() -> None:
         assert read is not None
         assert read(kind(data=number)) == time
     assert stamp_reader(lookup_installed("std_msgs/Bool"), "data") is None
+
+
+def test_paths_that_a_type_does_not_have_are_told() -> None:
+    odometry = lookup_installed("nav_msgs/Odometry")
+    there = ["header.stamp.sec", "header.stamp.secs", "header.seq", "twist.twist.linear.x", "pose.covariance"]
+    lacking = ["twist.liner.x", "header.stamp.second", "pose.covariance.x", "child_frame_id.x", "nothing"]
+    assert codec.lacking(odometry, [*there, *lacking], lookup_installed) == lacking

@@ -134,11 +134,20 @@ def test_the_graph_sees_verdicts_errors_and_diagnostics(tmp_path: Path) -> None:
         adapter.ends_well()
 
 
-def test_a_stamp_that_the_type_does_not_have_is_told(tmp_path: Path) -> None:
-    spec = WATCH.replace("PointStamped\n", "PointStamped\n    stamp: header.stmp\n")
-    with Scene(tmp_path, spec_folder(tmp_path, spec)) as scene:
-        told = "/point: geometry_msgs/PointStamped has no time at `header.stmp`: ordered by arrival instead"
-        scene.adapter("watch").said(told)
+def test_what_the_installed_type_does_not_have_is_told(tmp_path: Path) -> None:
+    lacking = "battery_uav_msgs/BatteryStatus\n    stamp: header.stmp\n    signals: {x: msg.header.sek + msg.status}\n"
+    with Scene(tmp_path, spec_folder(tmp_path, WATCH.replace("geometry_msgs/PointStamped\n", lacking))) as scene:
+        told = (
+            "battery_uav_msgs/BatteryStatus has no time at `header.stmp`: ordered by arrival instead; "
+            "the spec reads msg.header.sek, which battery_uav_msgs/BatteryStatus does not have here"
+        )
+        scene.adapter("watch").said(f"/point: {told}")
+
+        def trouble() -> list[str]:
+            [monitor] = scene.server.session("s")["monitors"]
+            return [s["trouble"] for s in monitor["streams"] if s["stream"] == "/point"]
+
+        eventually(trouble, lambda found: found == [told])
 
 
 def test_where_stamps_come_from_is_known_and_shown(tmp_path: Path) -> None:

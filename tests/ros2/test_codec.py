@@ -262,3 +262,10 @@ def test_a_number_that_a_spec_names_as_stamp_counts_as_seconds() -> None:
         assert read(kind(data=number)) == time
     assert stamps.stamp_reader(type_of("std_msgs/msg/Bool"), "data") is None
     assert stamps.stamp_reader(whole, None) is None
+
+
+def test_paths_that_a_type_does_not_have_are_told() -> None:
+    odometry = codec.load_type("nav_msgs/msg/Odometry")
+    there = ["header.stamp.sec", "twist.twist.linear.x", "pose.covariance", "child_frame_id"]
+    lacking = ["twist.liner.x", "header.stamp.secs", "pose.covariance.x", "child_frame_id.x", "nothing"]
+    assert codec.lacking(odometry, [*there, *lacking]) == lacking

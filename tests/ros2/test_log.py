@@ -34,7 +34,7 @@ def test_a_log_without_an_oracle_is_replayed(tmp_path: Path) -> None:
         request = srv.SetLED.Request(id=3, status=1)
         assert peer.call(srv.SetLED, "/SetLED_mon", request).success, "a filtered service passes without an oracle"
         lines = logged(adapter, log, 7)
-        replayed(scene, log).said("7 events, 1 violations")
+        replayed(scene, log).said("7 events, 1 violation")
     assert [line["data"]["id"] for line in lines if line["kind"] == "topic"] == [1, 2, 3, 4, 5]
     assert [line["kind"] for line in lines if line["stream"] == "/SetLED"] == ["request", "response"]
     assert len(served) == 1

@@ -199,23 +199,37 @@ def test_a_message_published_past_the_monitor_is_told(scene: Scene) -> None:
     adapter.said("/number: /peer publishes /number past the monitor")
     peer.until(lambda: any("past the monitor" in error.data for error in errors))
 
-    def told() -> dict[str, tuple[str, str]]:
+    def told() -> dict[str, tuple[str, str, str]]:
         [monitor] = scene.server.session("s")["monitors"]
-        return {s["stream"]: (s["time_source"], s["trouble"]) for s in monitor["streams"]}
+        return {s["stream"]: (s["time_source"], s["trouble"], s["bypass"]) for s in monitor["streams"]}
 
-    past_it = ("middleware", "/peer publishes /number past the monitor")
-    eventually(told, lambda streams: streams == {"/number": past_it, "/logged": ("middleware", "")})
+    text = "/peer publishes /number past the monitor"
+    past_it = ("middleware", text, text)
+    eventually(told, lambda streams: streams == {"/number": past_it, "/logged": ("middleware", "", "")})
     peer.node.destroy_publisher(past)
     adapter.said("/number: recovered")
-    eventually(told, lambda streams: not any(trouble for _, trouble in streams.values()))
+    eventually(told, lambda streams: not any(trouble or bypass for _, trouble, bypass in streams.values()))
 
 
-def test_a_stamp_that_the_type_does_not_have_is_told(tmp_path: Path) -> None:
-    specs = spec_folder(tmp_path, SPEC.replace("/logged\n", "/logged\n    stamp: header.stmp\n"))
+def test_what_the_installed_type_does_not_have_is_told(tmp_path: Path) -> None:
+    lacking = "test_msgs/msg/BasicTypes\n    stamp: header.stmp\n    signals: {n: msg.int32_valu + msg.int64_value}\n"
+    service = "  - service: /trigger\n    type: test_msgs/srv/BasicTypes\n    request: {signals: {r: msg.bol.x}}\n"
+    specs = spec_folder(tmp_path, SPEC.replace("std_msgs/msg/Int64\nproperties", f"{lacking}{service}properties"))
     with Scene(tmp_path, specs) as scene:
-        scene.adapter("gate").said(
-            "/logged: std_msgs/msg/Int64 has no time at `header.stmp`: ordered by middleware instead"
-        )
+        adapter = scene.adapter("gate")
+        told = {
+            "/logged": "test_msgs/msg/BasicTypes has no time at `header.stmp`: ordered by middleware instead; "
+            "the spec reads msg.int32_valu, which test_msgs/msg/BasicTypes does not have here",
+            "/trigger": "the spec reads msg.bol.x, which the request of test_msgs/srv/BasicTypes does not have here",
+        }
+        for stream, trouble in told.items():
+            adapter.said(f"{stream}: {trouble}")
+
+        def troubles() -> dict[str, str]:
+            [monitor] = scene.server.session("s")["monitors"]
+            return {s["stream"]: s["trouble"] for s in monitor["streams"] if s["trouble"]}
+
+        eventually(troubles, lambda found: found == told)
 
 
 def test_a_publisher_of_another_type_is_told(scene: Scene) -> None:

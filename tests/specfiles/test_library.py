@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from oracle_server.core.errors import SpecError
 from oracle_server.specfiles import library
-from oracle_server.specfiles.library import Library
+from oracle_server.specfiles.library import Library, UnknownSpecError, Unsound
 from oracle_server.specfiles.load import SpecFile, load_spec
 
 SPEC = "id: x\nstreams:\n  - topic: /a\nproperties:\n  - {id: p, formula: '{v: %s}'}\n"
@@ -22,8 +24,8 @@ def path(tmp_path: Path) -> Path:
 
 
 def test_a_file_that_changes_while_it_is_read_is_read_again(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def overtaken(read: Path) -> SpecFile:
-        found = load_spec(read)
+    def overtaken(read: Path, **given: Any) -> SpecFile:
+        found = load_spec(read, **given)
         path.write_text(SPEC % 2, encoding="utf-8")
         return found
 
@@ -67,3 +69,84 @@ def test_a_spec_that_was_put_is_on_the_disk_before_that_is_told(
     synced.clear()
     specs.put("x", SPEC % 2)
     assert synced == [("x.draft", SPEC % 2), ("specs", ["x.yaml"])]
+
+
+# Files that are unsound
+
+UNSOUND = SPEC % 1 + "colour: red\n"
+
+
+def reasons(specs: Library) -> dict[str, str]:
+    """Why files can't be used, by id and file."""
+    return {f"{e.id} {e.path.name}": str(e.error) for e in specs.listed() if isinstance(e, Unsound)}
+
+
+def test_an_unsound_file_is_listed_with_its_reasons_and_hides_no_other(path: Path) -> None:
+    (path.parent / "a.yaml").write_text(UNSOUND.replace("id: x", 'id: "a"  # the first'))
+    (path.parent / "b.yaml").write_text("id: [")
+    (path.parent / "c.yaml").write_bytes(b"\xff\xfe")
+    specs = Library(path.parent, path.parent / "uploads")
+    assert [e.id for e in specs.listed()] == ["a", "b.yaml", "c.yaml", "x"]
+    assert ["a.yaml:6:1" in reasons(specs)["a a.yaml"], "c.yaml:1:1" in reasons(specs)["c.yaml c.yaml"]] == [True, True]
+    assert specs.get("x").file.text == SPEC % 1
+    assert [*specs.retention()] == ["x"]
+    with pytest.raises(SpecError, match="colour"):
+        specs.get("a")
+
+
+def test_an_unsound_file_that_is_mended_is_on_hand(path: Path) -> None:
+    bad = path.parent / "b.yaml"
+    bad.write_text("id: [")
+    specs = Library(path.parent, path.parent / "uploads")
+    with pytest.raises(UnknownSpecError):
+        specs.get("b")
+    bad.write_text(UNSOUND.replace("id: x", "id: b"))
+    with pytest.raises(SpecError, match="colour"):
+        specs.get("b")
+    bad.write_text((SPEC % 1).replace("id: x", "id: b"))
+    assert specs.get("b").id == "b"
+    assert reasons(specs) == {}
+
+
+def test_of_two_files_with_one_id_the_first_counts(path: Path) -> None:
+    second = path.parent / "y.yaml"
+    second.write_text(SPEC % 2)
+    specs = Library(path.parent, path.parent / "uploads")
+    assert specs.get("x").file.text == SPEC % 1
+    reason = f"the id 'x' is that of {path} already; give one of them another id"
+    assert reasons(specs) == {"x y.yaml": f"{second}:1:5: {reason}"}
+    second.write_text((SPEC % 2).replace("id: x", "id: y"))
+    assert specs.get("y").file.text == (SPEC % 2).replace("id: x", "id: y")
+    assert reasons(specs) == {}
+
+
+def test_a_file_whose_id_was_another_one_s_is_on_hand_once_that_is_free(path: Path) -> None:
+    second = path.parent / "y.yaml"
+    second.write_text(SPEC % 2)
+    path.write_text(UNSOUND)
+    specs = Library(path.parent, path.parent / "uploads")
+    assert len(reasons(specs)) == 2
+    path.write_text((SPEC % 1).replace("id: x", "id: z"))
+    assert specs.get("x").file.text == SPEC % 2
+    assert specs.get("z").path == path
+    assert reasons(specs) == {}
+
+
+def test_an_unsound_file_that_is_gone_is_not_listed(path: Path) -> None:
+    path.write_text(UNSOUND)
+    specs = Library(path.parent, path.parent / "uploads")
+    path.unlink()
+    assert specs.listed() == []
+
+
+def test_an_unsound_upload_goes_before_a_file_and_can_be_put_anew(path: Path, tmp_path: Path) -> None:
+    uploads = tmp_path / "uploads"
+    uploads.mkdir()
+    (uploads / "x.yaml").write_text(UNSOUND)
+    specs = Library(path.parent, uploads)
+    with pytest.raises(SpecError, match="colour"):
+        specs.get("x")
+    _, new = specs.put("x", SPEC % 2)
+    assert new
+    assert specs.get("x").file.text == SPEC % 2
+    assert reasons(specs) == {}

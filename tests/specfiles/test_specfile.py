@@ -13,9 +13,12 @@ from hypothesis import strategies as st
 
 from oracle_server.core.errors import Finding, SpecError
 from oracle_server.core.spec import Spec
-from oracle_server.specfiles.load import load_spec, parse_spec
+from oracle_server.rostypes.known import Types
+from oracle_server.specfiles.load import MOST, load_spec, parse_spec
 
 ROOT = Path(__file__).parents[2]
+STANDARD = Types(environment={})
+WARNED = sorted((Path(__file__).parents[1] / "corpus" / "warned").glob("*.yaml"))
 CORPUS = sorted((Path(__file__).parents[1] / "corpus" / "specs").glob("*.yaml"))
 SOUND = [
     *sorted((ROOT / "specs").glob("*.yaml")),
@@ -42,13 +45,65 @@ def test_a_malformed_spec_is_refused_at_its_place(path: Path) -> None:
     expected = re.match(r"# expect: (\d+:\d+: .*)", path.read_text().splitlines()[0])
     assert expected
     with pytest.raises(SpecError) as refused:
-        load_spec(path)
-    assert str(refused.value).startswith(f"{path}:{expected[1]}")
+        load_spec(path, types=STANDARD)
+    first = next(finding for finding in refused.value.findings if finding.severity == "error")
+    assert str(first).startswith(f"{path}:{expected[1]}")
+
+
+@pytest.mark.parametrize("path", WARNED, ids=lambda path: path.stem)
+def test_a_doubtful_spec_is_warned_of_at_its_place(path: Path) -> None:
+    expected = re.match(r"# expect: (.*)", path.read_text().splitlines()[0])
+    assert expected
+    assert [str(warning) for warning in load_spec(path).warnings] == [f"{path}:{expected[1]}"]
+
+
+FORBIDDEN = re.compile(
+    r"input should|valid (dict|list|bool|integer|string)|match pattern|\^\[|\$ |Error|mismatched|NUM_|LBRACE|token|"
+    r"scanning|parsing|block (mapping|sequence)|flow |scalar|node content|None\b|True\b(?!\")|streams\.0|properties\.0"
+)
+
+
+@pytest.mark.parametrize("path", CORPUS, ids=lambda path: path.stem)
+def test_a_refusal_has_no_words_of_a_library(path: Path) -> None:
+    with pytest.raises(SpecError) as refused:
+        load_spec(path, types=STANDARD)
+    for finding in refused.value.findings:
+        assert not FORBIDDEN.search(finding.message), finding.message
+
+
+def test_all_errors_are_told_in_one_run() -> None:
+    text = """\
+id: x
+streams:
+  - {topic: /a, signals: {v: msg.v, w: msg.}}
+  - {service: /s, response: {signals: {ok: "msg."}}, colour: red}
+properties:
+  - {id: p, formula: '{v: 1} =>', latch: yes}
+  - {id: q, formula: '{v: 1'}
+  - {id: r, formula: '{v > 1}', engine: natve}
+"""
+    assert [(f.line, f.column) for f in findings(text)] == [
+        (3, 44), (4, 49), (4, 54), (6, 30), (6, 42), (7, 28), (8, 41),
+    ]  # fmt: skip
+    sound_keys = text.replace(", colour: red", "").replace(", latch: yes", "").replace(", engine: natve", "")
+    assert [(f.line, f.column) for f in findings(sound_keys)] == [(3, 44), (4, 49), (6, 30), (7, 28)]
+
+
+def test_what_stands_twice_is_told_with_the_place_of_the_first() -> None:
+    (found,) = findings(SMALL + "  - {id: p, formula: '{v: 1}'}\n")
+    assert found.message.endswith("the first is at x.yaml:6")
+    (found,) = findings(SMALL.replace("  - service: /s", "  - topic: /a"))
+    assert found.message.endswith("the first is at x.yaml:3")
+
+
+def test_names_and_equals_signs_are_read_as_they_are_written_elsewhere() -> None:
+    (prop,) = sound(SMALL.replace('topic: "/a", v: 7', "topic: /a, v = 7")).properties
+    assert prop.formula == sound(SMALL).properties[0].formula
 
 
 @pytest.mark.parametrize("path", SOUND, ids=lambda path: path.stem)
 def test_shipped_specs_are_sound(path: Path) -> None:
-    assert load_spec(path).spec.id == path.stem
+    assert load_spec(path, types=STANDARD).spec.id == path.stem
 
 
 # What is read
@@ -123,9 +178,9 @@ def test_a_spec_means_the_same_however_it_is_written() -> None:
 def test_everything_that_is_wrong_is_told_at_once() -> None:
     text = SMALL.replace("topic: /a\n", "topic: /a\n    ordered: 7\n    late: judge\n", 1) + "    latch: 1\n"
     assert {(f.line, f.message.split(":")[0]) for f in findings(text)} == {
-        (4, "streams.0.ordered"),
-        (5, "unknown key 'late'"),
-        (10, "properties.0.latch"),
+        (4, "stream '/a'"),
+        (5, "stream '/a'"),
+        (10, "property 'p'"),
     }
 
 
@@ -210,3 +265,56 @@ def test_a_file_that_is_too_long_or_no_file_is_refused(tmp_path: Path) -> None:
             load_spec(tmp_path / f"{name}.yaml")
         (line,) = str(refused.value).splitlines()
         assert line.startswith(f"{tmp_path}/{name}.yaml:{place}")
+
+
+def test_a_spec_of_too_many_streams_or_properties_is_refused_at_once() -> None:
+    streams, properties = "  - topic: /a\n", "  - {id: p, formula: '{v: 1}'}\n"
+    for key, many in (("streams", (18_000, 1)), ("properties", (1, MOST + 1))):
+        text = f"id: x\nstreams:\n{streams * many[0]}properties:\n{properties * many[1]}"
+        with pytest.raises(SpecError) as refused:
+            parse_spec(text, "x.yaml")
+        (finding,) = refused.value.findings
+        assert finding.message == f"there are {max(many)} {key}; a spec has at most 1,000: write several specs"
+        assert text.splitlines()[finding.line - 1] in (streams[:-1], properties[:-1])
+
+
+def test_as_many_streams_and_properties_as_there_may_be_are_read() -> None:
+    streams = "".join(f"  - topic: /a{n}\n" for n in range(MOST))
+    properties = "".join(f"  - {{id: p{n}, formula: '{{v: {n}}}'}}\n" for n in range(MOST))
+    one = "  - topic: /a0\n", "  - {id: p, formula: '{v: 1}'}\n"
+    for several in ((streams, one[1]), (one[0], properties)):
+        spec = parse_spec("id: x\nstreams:\n{}properties:\n{}".format(*several), "x.yaml").spec
+        assert max(len(spec.streams), len(spec.properties)) == MOST
+    with pytest.raises(SpecError, match="too many parts for 1000 streams"):
+        parse_spec(f"id: x\nstreams:\n{streams}properties:\n{properties}", "x.yaml")
+
+
+def test_a_session_of_an_older_version_may_have_a_spec_of_more_streams() -> None:
+    streams = "".join(f"  - topic: /a{n}\n" for n in range(MOST + 1))
+    text = f"id: x\nstreams:\n{streams}properties:\n  - {{id: p, formula: '{{v: 1}}'}}\n"
+    assert len(parse_spec(text, "x", bounded=False).spec.streams) == MOST + 1
+
+
+def test_comparisons_count_too_where_streams_are_many() -> None:
+    streams = "".join(f"  - topic: /a{n}\n" for n in range(MOST))
+    atom = "{" + ", ".join(f"v{n}: 1" for n in range(501)) + "}"
+    with pytest.raises(SpecError, match="too many parts for 1000 streams"):
+        parse_spec(f"id: x\nstreams:\n{streams}properties:\n  - {{id: p, formula: '{atom}'}}\n", "x.yaml")
+
+
+def test_a_finding_names_the_first_of_many_streams_and_signals() -> None:
+    streams = "".join(f"  - {{topic: /a{n}, signals: {{s{n}: msg.data}}}}\n" for n in range(MOST))
+    typed = "".join(f"  - {{topic: /a{n}, type: std_msgs/msg/Bool}}\n" for n in range(MOST))
+    untyped = "".join(f"  - topic: /a{n}\n" for n in range(MOST))
+    properties = "properties:\n  - {id: p, formula: '{wrong: 1}'}\n"
+    for several in (streams, typed):
+        with pytest.raises(SpecError) as refused:
+            parse_spec(f"id: x\nstreams:\n{several}{properties}", "x.yaml", types=STANDARD)
+        (finding,) = refused.value.findings
+        assert "/a0" in finding.message
+        assert "988 more" in finding.message
+        assert "/a13" not in finding.message
+    (warning,) = parse_spec(f"id: x\nstreams:\n{untyped}{properties}", "x.yaml", types=STANDARD).warnings
+    assert "/a0" in warning.message
+    assert "988 more" in warning.message
+    assert "/a13" not in warning.message

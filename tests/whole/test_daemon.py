@@ -108,8 +108,8 @@ def test_the_pid_file_of_one_that_was_killed_deceives_nobody(data: Path, specs: 
 
 def test_what_keeps_it_from_starting_is_told(data: Path, specs: Path, tmp_path: Path) -> None:
     assert "is no folder" in failed("start", "--data-dir", data, "--specs", tmp_path / "nowhere", "--port", "0")
-    (specs / "single.yaml").write_text("id: single\n")
-    assert "single.yaml:1:1" in failed("start", "--data-dir", data, "--specs", specs, "--port", "0")
+    told = failed("start", "--data-dir", data, "--specs", specs, "--port", "0", "--legacy", "nowhere")
+    assert "there is no spec 'nowhere'" in told
     (tmp_path / "file").write_text("")
     assert "can't be" in failed("start", "--data-dir", tmp_path / "file", "--specs", specs, "--port", "0")
 

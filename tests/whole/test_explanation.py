@@ -152,7 +152,9 @@ async def test_an_explanation_survives_a_restart_and_is_printed_as_a_tree(start:
         capture_output=True, text=True, check=True, env=environment(),
     ).stdout  # fmt: skip
     lines = [line.strip() for line in printed.splitlines()]
-    assert lines[0].startswith(f"verdict {n}: granted_in_time is false, decided by /ask (topic 5 of ")
+    assert lines[0].startswith("granted_in_time is false at step 4 (")
+    assert "), decided by /ask (topic 5 of " in lines[0]
+    assert lines[0].endswith(f" (#{n})")
     assert '{topic: "/grant", id: 1}: held at none of steps 1–4' in lines  # noqa: RUF001 -- a range
 
 
@@ -168,7 +170,7 @@ streams:
 properties:
   - id: fresh
     time: seconds
-    formula: 'once[:5ms] {topic: "/a"}'
+    formula: 'once[:5ms] {topic: "/a"} or {topic: "/go", v: 77}'
   - id: small
     formula: 'not {v > 3}'
     guards: [/go]
@@ -187,7 +189,7 @@ async def test_a_deadline_after_an_attempt_that_was_undone_is_not_explained_by_i
     *_, tick = server.records("s", property="small")
     assert (tick["kind"], tick["outcome"]) == ("tick", "currently_true")
     found = explanation(server, tick["n"])
-    assert found["explanation"]["text"].startswith("small holds at step 1, /a")
+    assert found["explanation"]["text"].startswith("small holds at step 1 (00:00:00.000Z), /a")
 
 
 SLOW = """

@@ -88,7 +88,8 @@ async def test_a_spec_that_is_put_comes_before_the_file(server: Server) -> None:
 async def test_warnings_of_a_spec_are_told(server: Server) -> None:
     response = server.http.put("/api/v1/specs/lamp-warned", content=LAMP.replace("id: lamp\n", "id: lamp-warned\n"))
     assert response.status_code == 201
-    (warning,) = response.json()["warnings"]
+    types, warning = response.json()["warnings"]
+    assert ":8:11: warning: the package example_msgs is not known here" in types
     assert ":18:20: warning: with `max_delay: none`" in warning
 
 

@@ -119,6 +119,30 @@ def test_a_deadline_that_ran_out_before_an_event_is_not_said_of_it() -> None:
     assert verdict_of(judged, 2) == {"verdict": "true"}
 
 
+FINAL = """
+id: final
+streams:
+  - {topic: /a, signals: {ok: msg.ok}}
+  - {topic: /b, signals: {ok: msg.ok}, action: filter}
+properties:
+  - {id: never_wrong, formula: "historically{ok}", guards: [/b]}
+"""
+WRONG = [('{"topic":"a","time":1,"ok":true}', "currently_true"), ('{"topic":"a","time":2,"ok":false}', "false"),
+         ('{"topic":"b","time":3,"ok":true}', "false")]  # fmt: skip
+
+
+@pytest.mark.parametrize("finals", [False, True])
+async def test_a_monitor_that_only_logs_is_told_no_word_at_which_it_ends(start: Starts, finals: bool) -> None:
+    """On a filter `false` stays: version 1 lets `currently_false` pass there with `warning: 2`."""
+    server = start(ORACLE_LEGACY_FINALS=str(finals))
+    assert server.http.put(
+        "/api/v1/specs/final", content=FINAL, headers={"content-type": "application/yaml"}
+    ).is_success
+    async with old_monitor(server, "/legacy/final") as socket:
+        said = [json.loads(await answer(socket, event))["verdict"] for event, _ in WRONG]
+    assert said == ([word for _, word in WRONG] if finals else ["currently_true", "currently_false", "false"])
+
+
 async def test_an_old_session_is_closed_after_a_restart_and_can_be_read(start: Starts) -> None:
     server = start(ORACLE_LEGACY="lamp", ORACLE_RESUME_WITHIN="0.2")
     async with old_monitor(server, "/") as socket:

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import json
-import socket
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 
 import pytest
 
@@ -70,32 +68,6 @@ def test_a_spec_that_is_too_long_is_refused(server: Server) -> None:
     text = "id: large\nstreams:\n  - topic: /a\nproperties:\n  - {id: p, formula: '{v: 1}'}\n" + "#" * 262_144
     assert "characters" in str(problem(server.http.put("/api/v1/specs/large", content=text), 422))
     problem(server.http.get("/api/v1/specs/large"), 404)
-
-
-def connections(server: Server, count: int, stack: ExitStack) -> Iterator[socket.socket]:
-    host, port = server.url.removeprefix("http://").split(":")
-    for _ in range(count):
-        made = stack.enter_context(socket.create_connection((host, int(port)), PATIENCE))
-        made.settimeout(PATIENCE)
-        yield made
-
-
-def test_connections_beyond_the_limit_are_refused_at_once(start: Starts) -> None:
-    server = start(ORACLE_MAX_CONNECTIONS="20")
-    with ExitStack() as stack:
-        made = list(connections(server, 40, stack))
-        refused: list[tuple[socket.socket, bytes]] = []
-        for one in made:
-            one.setblocking(False)
-        while len(refused) < 20:
-            for one in made:
-                if one not in [r for r, _ in refused]:
-                    with suppress(BlockingIOError):
-                        refused.append((one, one.recv(65536)))
-        for _, answer in refused:
-            assert answer.startswith(b"HTTP/1.1 503 ")
-            assert b"application/problem+json" in answer
-    assert server.http.get("/healthz").status_code == 200
 
 
 async def test_who_says_nothing_or_half_a_word_is_not_waited_for(server: Server) -> None:

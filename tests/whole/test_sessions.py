@@ -17,7 +17,7 @@ from tests.whole.client import (
     monitors,
 )
 from tests.whole.conftest import Starts
-from tests.whole.harness import Server
+from tests.whole.harness import Server, problem, run
 
 
 async def refused(server: Server, **attach: Any) -> Frame:
@@ -218,3 +218,24 @@ async def test_a_spec_that_has_become_unsound_opens_no_session_and_ends_none(sta
         await old.send(make_event(1, data={"v": 7}))
         await old.acked(1)
     assert {s["id"] for s in server.get("sessions")["items"]} == {"old"}
+
+
+async def test_a_server_with_unsound_files_serves_the_others(start: Starts) -> None:
+    server = start()
+    single = server.specs / "single.yaml"
+    sound = single.read_text()
+    assert server.stop() == 0
+    single.write_text("id: single\n")
+    (server.specs / "zz.yaml").write_text(sound.replace("id: single", "id: pair"))
+    server = start()
+    listed = [(s["id"], s.get("problem", "")) for s in server.get("specs")["items"]]
+    assert [reason for spec_id, reason in listed if spec_id == "single" and reason.startswith(f"{single}:1:1: ")]
+    assert [reason for spec_id, reason in listed if spec_id == "pair" and "is that of" in reason]
+    table = run("specs", "--url", server.url).stdout
+    assert "unsound: " in table
+    problem(server.http.post("/api/v1/sessions", json={"spec": "single"}), 422)
+    assert (await refused(server, spec="single"))["code"] == "bad_spec"
+    assert server.http.post("/api/v1/sessions", json={"spec": "pair"}).status_code == 201
+    single.write_text(sound)
+    assert server.http.post("/api/v1/sessions", json={"spec": "single"}).status_code == 201
+    assert "problem" not in server.get("specs/single")

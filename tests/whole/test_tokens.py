@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Iterator
+from collections.abc import AsyncIterator, Iterator
+from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 
 import httpx
@@ -12,7 +14,8 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 
-from oracle_server.edge.tokens import add, hash_of
+from oracle_server.edge.tokens import Grant, add, hash_of
+from oracle_server.sessions.runs import successors
 from tests.whole.client import make_attach, make_event
 from tests.whole.conftest import Starts
 from tests.whole.harness import PATIENCE, Server, failed, problem, run
@@ -145,6 +148,81 @@ async def test_a_token_is_held_to_its_specs_and_sessions(guarded: Guarded) -> No
     assert (await guarded.attach("joined", monitor="m2", session="ours"))["type"] == "attached"
 
 
+async def test_a_bound_token_changes_nothing_of_all_and_is_told_nothing_of_others(guarded: Guarded) -> None:
+    file = guarded.server.data / "tokens.json"
+    guarded.secrets |= {
+        "chief": add(file, "chief", ["admin"], sessions=["ours"]),
+        "narrow": add(file, "narrow", ["admin"], specs=["pair"], sessions=["ours"]),
+    }
+    for session, spec in (("ours", "single"), ("theirs", "pair")):
+        assert guarded.ask("admin", "POST", "/api/v1/sessions", json={"spec": spec, "id": session}).status_code == 201
+    spec = guarded.ask("admin", "GET", "/api/v1/specs/single").json()["text"]
+    for who in ("chief", "narrow"):
+        for name, text in (("single", spec), ("fresh", SPEC)):
+            problem(guarded.ask(who, "PUT", f"/api/v1/specs/{name}", content=text), 403)
+    for who in ("chief", "joined"):
+        assert [s["id"] for s in guarded.ask(who, "GET", "/api/v1/specs").json()["items"]] == ["single"]
+        assert guarded.ask(who, "GET", "/api/v1/specs/single").status_code == 200
+        details = [problem(guarded.ask(who, "GET", f"/api/v1/specs/{n}"), 403)["detail"] for n in ("pair", "nowhere")]
+        assert details[0] == details[1]
+    assert guarded.ask("narrow", "GET", "/api/v1/specs").json()["items"] == []
+    for who in ("chief", "joined", "bound", "narrow"):
+        assert "bound" in problem(guarded.ask(who, "GET", "/metrics"), 403)["detail"]
+    assert guarded.ask("read", "GET", "/metrics").status_code == 200
+    assert guarded.ask("admin", "DELETE", "/api/v1/sessions/ours").status_code == 200
+    assert [s["id"] for s in guarded.ask("chief", "GET", "/api/v1/specs").json()["items"]] == ["single"]
+
+
+async def test_a_bound_token_is_not_told_which_sessions_and_specs_there_are(guarded: Guarded) -> None:
+    for session in ("open", "closed"):
+        assert guarded.ask("admin", "POST", "/api/v1/sessions", json={"spec": "pair", "id": session}).status_code == 201
+    assert guarded.ask("admin", "DELETE", "/api/v1/sessions/closed").status_code == 200
+    for who in ("bound", "joined"):
+        for method, path in (("GET", ""), ("GET", "/verdicts"), ("GET", "/stream"), ("GET", "/trace"), ("DELETE", "")):
+            asked = [guarded.ask(who, method, f"/api/v1/sessions/{s}{path}") for s in ("open", "closed", "nowhere")]
+            assert len({(answer.status_code, answer.text) for answer in asked}) == 1
+            problem(asked[0], 403)
+    for session in ("open", "closed"):
+        problem(guarded.ask("bound", "POST", "/api/v1/sessions", json={"spec": "single", "id": session}), 403)
+        for who in ("bound", "joined"):
+            answer = await guarded.attach(who, session=session, spec="single")
+            assert (answer["type"], answer["code"]) == ("error", "forbidden")
+    answer = await guarded.attach("joined", session="ours", spec="nowhere")
+    assert (answer["code"], answer["message"]) == ("unknown_spec", "there is no spec 'nowhere'")
+    made = guarded.ask("joined", "POST", "/api/v1/sessions", json={"spec": "nowhere", "id": "ours"})
+    assert problem(made, 404)["detail"] == "there is no spec 'nowhere'"
+    assert "known are" in str((await guarded.attach("submit", session="ours", spec="nowhere"))["message"])
+
+
+def test_a_token_goes_on_where_the_server_has_its_session_go_on() -> None:
+    grant = Grant(frozenset({"submit"}), sessions=frozenset({"s1", "x" * 64, "a.run2"}))
+    for name in ("s1", "s1.run2", "s1.run10", "a.run2.run2"):
+        assert grant.covers_session(name), name
+    for name in (
+        "s1.run",
+        "s1.run1",
+        "s1.run02",
+        "s1.run2.run2x",
+        "s1.runs",
+        "s1.run²",
+        "s11.run2",
+        "S1.run2",
+        ".run2",
+    ):
+        assert not grant.covers_session(name), name
+    for own in ("s1", "x" * 64):
+        assert all(grant.covers_session(name) for name in islice(successors(own), 20))
+    assert next(successors("s1.run9")) == "s1.run10"
+
+
+async def test_a_token_goes_on_in_the_session_that_follows_its_own(guarded: Guarded) -> None:
+    guarded.secrets["robot"] = add(guarded.server.data / "tokens.json", "robot", ["submit"], sessions=["s1"])
+    answer = await guarded.attach("robot", session="s1.run2", spec="single")
+    assert answer["type"] == "attached"
+    answer = await guarded.attach("robot", session="s2.run2", spec="single")
+    assert answer["code"] == "forbidden"
+
+
 def test_the_file_must_be_nobody_elses(tmp_path: Path) -> None:
     data = tmp_path / "data"
     assert run("token", "add", "a", "--scope", "read", "--data-dir", data).returncode == 0
@@ -172,6 +250,85 @@ def test_tokens_come_and_go_while_the_server_runs(guarded: Guarded) -> None:
     assert guarded.ask("late", "GET", "/api/v1/sessions").status_code == 200
     assert run("token", "remove", "late", "--data-dir", data).returncode == 0
     problem(guarded.ask("late", "GET", "/api/v1/sessions"), 401)
+
+
+async def until_the_end(chunks: AsyncIterator[bytes]) -> None:
+    async for _ in chunks:
+        pass
+
+
+async def test_what_a_token_has_opened_ends_with_it(guarded: Guarded) -> None:
+    data, url = guarded.server.data, guarded.server.url
+    for name, scope in (("robot", "submit"), ("old", "submit"), ("viewer", "read")):
+        secret = run("token", "add", name, "--scope", scope, "--data-dir", data).stdout.strip()
+        guarded.secrets[name] = secret
+    socket_url = url.replace("http", "ws", 1)
+
+    def headers(who: str) -> dict[str, str]:
+        return {"Authorization": f"Bearer {guarded.secrets[who]}"}
+
+    def opened(who: str, path: str) -> connect:
+        return connect(f"{socket_url}{path}", additional_headers=headers(who), proxy=None, open_timeout=PATIENCE)
+
+    async with (
+        asyncio.timeout(PATIENCE),
+        opened("robot", "/api/v1/attach") as robot,
+        opened("submit", "/api/v1/attach") as other,
+        opened("old", "/legacy/single") as old,
+        httpx.AsyncClient(base_url=url, trust_env=False, timeout=PATIENCE) as http,
+    ):
+        for number, socket in enumerate((robot, other)):
+            await socket.send(json.dumps(make_attach(f"m{number}", session="s", spec="single")))
+            assert json.loads(await socket.recv())["type"] == "attached"
+        async with http.stream("GET", "/api/v1/sessions/s/stream", headers=headers("viewer")) as stream:
+            chunks = stream.aiter_raw()
+            assert b"verdicts of a session" in await anext(chunks)
+            for name in ("robot", "old", "viewer"):
+                removed = await asyncio.to_thread(run, "token", "remove", name, "--data-dir", data)
+                assert removed.returncode == 0
+            with pytest.raises(httpx.RemoteProtocolError):
+                await until_the_end(chunks)
+        for ended in (robot, old):
+            await ended.wait_closed()
+            assert ended.close_code == 1008
+        await other.send(json.dumps(make_event(1, data={"v": 1}, ask=True)))
+        while json.loads(await other.recv())["type"] != "decision":
+            pass
+    assert guarded.ask("read", "GET", "/api/v1/sessions/s").json()["counters"]["steps"] == 1
+    guarded.server.said(r"their token was removed or changed\s+count=")
+
+
+async def test_a_trace_that_is_being_read_ends_with_its_token(guarded: Guarded) -> None:
+    data = guarded.server.data
+    guarded.secrets["viewer"] = run("token", "add", "viewer", "--scope", "read", "--data-dir", data).stdout.strip()
+    url = guarded.server.url.replace("http", "ws", 1) + "/api/v1/attach"
+    headers = {"Authorization": f"Bearer {guarded.secrets['submit']}"}
+    count, filling = 600, "x" * 40_000
+    async with connect(url, additional_headers=headers, proxy=None, open_timeout=PATIENCE) as socket:
+        await socket.send(json.dumps(make_attach(session="long", spec="texts")))
+        for seq in range(1, count + 1):
+            await socket.send(json.dumps(make_event(seq, at=seq, data={"name": filling, "list": []})))
+        upto = 0
+        async with asyncio.timeout(PATIENCE):
+            while upto < count:
+                frame = json.loads(await socket.recv())
+                upto = frame["upto"] if frame["type"] == "ack" else upto
+    port = int(guarded.server.url.rpartition(":")[2])
+    reader, writer = await asyncio.open_connection("127.0.0.1", port, limit=1024)
+    writer.write(
+        f"GET /api/v1/sessions/long/trace HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n"
+        f"Authorization: Bearer {guarded.secrets['viewer']}\r\n\r\n".encode()
+    )
+    async with asyncio.timeout(PATIENCE):
+        assert (await reader.readline()).endswith(b"200 OK\r\n")
+        assert run("token", "remove", "viewer", "--data-dir", data).returncode == 0
+        await asyncio.to_thread(guarded.server.said, "their token was removed")
+        rest = b""
+        with suppress(ConnectionError):
+            while chunk := await reader.read(2**20):
+                rest += chunk
+    writer.close()
+    assert len(rest) < count * len(filling) / 2
 
 
 def test_the_command_line_uses_a_token(guarded: Guarded) -> None:

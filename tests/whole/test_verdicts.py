@@ -61,6 +61,7 @@ async def test_how_properties_stand_is_told_again_after_a_reconnect_and_a_restar
         assert told["properties"]["stays_small"] == {
             "outcome": "false", "level": "error", "text": "violated for good", "violations": 1,
             "first_violation": told["properties"]["stays_small"]["first_violation"],
+            "first_violation_step": 1, "first_violation_at": 1732147200000000000,
         }  # fmt: skip
         async with attached(server, session="s", spec="pair", streams=["/a"], verdicts=True) as monitor:
             assert await monitor.expect("verdicts") == told

@@ -34,12 +34,29 @@ def graph_name(monitor: str) -> str:
 
 
 def violation_text(record: Mapping[str, Any]) -> str:
-    """A violation's record in one line: the property, the event, and why."""
+    """A violation's record in one line: the property, the event, why, and the verdict's number."""
     explanation = record.get("explanation") or {}
-    known = {**dict.fromkeys(("stream", "kind", "seq", "monitor"), "?"), **record}
-    event = "{stream} ({kind} {seq} of {monitor})".format_map(known)
+    known = {**dict.fromkeys(("step", "stream", "kind", "seq", "monitor"), "?"), **record}
+    event = "step {step}, {stream} ({kind} {seq} of {monitor})".format_map(known)
     text = explanation.get("text") or f"{record.get('property')} does not hold at {event}"
-    return f"violation {record.get('n')}: {text}"
+    return f"violation: {text} (#{record.get('n')})"
+
+
+def first_text(state: Mapping[str, Any]) -> str:
+    """Where the first violation of a property was: its step and time; older servers do not tell."""
+    step, stamp = state.get("first_violation_step"), state.get("first_violation_at")
+    if stamp is None:
+        return "-"
+    return time_text(stamp) if step is None else f"step {step}, {time_text(stamp)}"
+
+
+def time_text(stamp: int) -> str:
+    """A time (ns) as the server tells it: of the day in UTC, in seconds if the clock is near 0."""
+    if stamp < 10**18:
+        return f"{stamp / 10**9:.3f} s"
+    second = stamp // 10**9 % 86_400
+    day = f"{second // 3600:02}:{second // 60 % 60:02}:{second % 60:02}"
+    return f"{day}.{stamp // 10**6 % 1000:03}Z"
 
 
 class Board:
@@ -177,8 +194,12 @@ class Board:
         level, message = LEVELS.get(state["level"], STALE), str(state["text"])
         if not self._attached:
             level, message = STALE, f"the oracle is away; when it was last connected: {message}"
-        keys = ("outcome", "violations", "first_violation")
-        values = tuple((key, str(state.get(key))) for key in keys)
+        values = (
+            ("outcome", str(state.get("outcome"))),
+            ("violations", str(state.get("violations"))),
+            ("first at", first_text(state)),
+            ("first_violation", str(state.get("first_violation"))),
+        )
         return Status(f"{self._monitor}: {name}", level, message, values)
 
     def _trouble_statuses(self) -> List[Status]:

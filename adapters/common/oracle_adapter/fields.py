@@ -21,6 +21,12 @@ def grouped(paths: Iterable[str]) -> Dict[str, Optional[List[str]]]:
     return wanted
 
 
+def not_there(message_type: str, paths: Iterable[str]) -> str:
+    """What to say of fields that a spec reads and the type lacks; empty where it lacks none."""
+    read = " and ".join(f"msg.{path}" for path in paths)
+    return f"the spec reads {read}, which {message_type} does not have here" if read else ""
+
+
 def nanoseconds(seconds: Union[int, float]) -> Optional[int]:
     """A number of seconds as a time (ns), as the server reads it; None for one that is none."""
     if isinstance(seconds, int):

@@ -41,6 +41,10 @@ class Details(TypedDict, total=False):
     """Counts messages known to be missed just before it."""
 
 
+_LONGEST = 1000
+"""The most characters of what is reported of a stream."""
+
+
 class Link:
     """A monitor's link to the oracle, kept up by a thread of its own from `start` to `close`.
 
@@ -184,13 +188,15 @@ class Link:
         *,
         time_source: Optional[TimeSource] = None,
         trouble: Optional[str] = None,
+        bypass: Optional[str] = None,
     ) -> None:
         """Report to the server where a stream's times come from, or what is wrong with it.
 
-        What is not given stays as last reported; an empty `trouble` means that nothing is wrong.
+        `bypass` is what of that lets events past the monitor, so that the verdicts on them may be
+        wrong. What is not given stays as last reported; an empty text means that there is nothing.
         """
-        given = {"time_source": time_source, "trouble": trouble}
-        facts = {name: value for name, value in given.items() if value is not None}
+        given = {"time_source": time_source, "trouble": trouble, "bypass": bypass}
+        facts = {name: value[:_LONGEST] for name, value in given.items() if value is not None}
         self._exchange.describe(stream, kind, facts)
 
     def stats(self) -> Stats:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import base64
 import re
 import struct
-from typing import Any, Callable, Dict, Iterable, Mapping, Optional, Sequence
+from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Sequence
 
 import genpy
 from oracle_adapter.fields import grouped, shortest
@@ -44,6 +44,20 @@ def reader(message_type: Any, fields: Optional[Iterable[str]], lookup: Lookup) -
     wanted = dict.fromkeys(types) if fields is None else grouped(fields)
     parts = [(name, _value_reader(types[name], inner, lookup)) for name, inner in wanted.items() if name in types]
     return lambda message: {name: read(getattr(message, name)) for name, read in parts}
+
+
+def lacking(message_type: Any, paths: Iterable[str], lookup: Lookup) -> List[str]:
+    """Those of some dotted paths at which the type has nothing."""
+    return [path for path in paths if not _has(message_type, path.split("."), lookup)]
+
+
+def _has(message_type: Any, names: Sequence[str], lookup: Lookup) -> bool:
+    kind = types_of(message_type).get(names[0])
+    if kind is None or len(names) == 1:
+        return kind is not None
+    if kind in _TIMES:
+        return len(names) == 2 and names[1] in _TIME_NAMES
+    return "/" in kind and not _ARRAY.fullmatch(kind) and _has(lookup(kind), names[1:], lookup)
 
 
 def types_of(message_type: Any) -> Dict[str, str]:

@@ -69,7 +69,7 @@ class Monitor:
         for part in self._parts:
             trouble, first = part.look(), part.streams[0]
             self._board.trouble(first.name, trouble)
-            self._link.report(first.name, first.kind, trouble=trouble)
+            self._link.report(first.name, first.kind, trouble=trouble, bypass=part.bypass)
             for stream in part.streams:
                 self._link.report(stream.name, stream.kind, time_source=stream.time_source)
         self._board.tick(self._link.stats())

@@ -8,8 +8,9 @@ from typing import Any, Callable, Dict, Iterable, Iterator, List, Mapping, Optio
 
 import rospy
 from oracle_adapter import Stamp, TimeSource
+from oracle_adapter.fields import not_there
 
-from oracle_ros1.codec import CodecError, Read, reader
+from oracle_ros1.codec import CodecError, Read, lacking, reader
 from oracle_ros1.definitions import Definition, installed_message, ros1_name, sent_definition
 from oracle_ros1.stamps import Now, stamp_reader
 
@@ -23,6 +24,8 @@ class Decoder:
     definition: Definition
     read: Read
     stamp: Optional[Callable[[Any], Optional[int]]]
+    lacking: str
+    """Which fields the spec reads that it does not have."""
     idle: bool
     """Whether nothing of a message is read, so that it need not be decoded."""
 
@@ -41,6 +44,7 @@ class Observed:
         self.latency: int = stream["latency"]
         self._type = ros1_name(stream["type"]) if stream["type"] else ""
         self._fields, self._path, self._now = stream["fields"], stream["stamp"], now
+        self._reads = stream.get("reads") or ()
         # by type and md5sum, as types of one definition have one md5sum; a text is why there is none
         self._decoders: Dict[Tuple[str, str], Union[Decoder, str]] = {}
         self._unread = 0  # messages since the last event, under the lock
@@ -93,7 +97,9 @@ class Observed:
         nodes = {header.get("callerid", "an unknown node"): self.decoder(header) for header in publishers}
         with self._deciding:
             self.unreadable = {node: why for node, why in self.unreadable.items() if node in nodes}
-            found = (*nodes.values(), *self.unreadable.values(), *self._misplaced((self.installed, *nodes.values())))
+            known = (self.installed, *nodes.values())
+            lacking = {found.lacking: None for found in known if isinstance(found, Decoder) and found.lacking}
+            found = (*nodes.values(), *self.unreadable.values(), *self._misplaced(known), *lacking)
             return [why for why in found if isinstance(why, str)]
 
     def _misplaced(self, decoders: Iterable[Union[Decoder, str, None]]) -> Iterator[str]:
@@ -117,7 +123,9 @@ class Observed:
     def _decoder(self, found: Definition) -> Decoder:
         stamp = stamp_reader(found.type, self._path)
         read = reader(found.type, self._fields, found.lookup)
-        return Decoder(found, read, stamp, idle=stamp is None and self._fields == [])
+        name = f"{found.type._type}"  # noqa: SLF001 - genpy's own interface
+        unread = not_there(name, lacking(found.type, self._reads, found.lookup))
+        return Decoder(found, read, stamp, unread, idle=stamp is None and self._fields == [])
 
 
 def header_of(message: rospy.AnyMsg) -> Header:

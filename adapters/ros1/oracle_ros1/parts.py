@@ -36,6 +36,10 @@ class Part(Protocol):
     def streams(self) -> Sequence[PartStream]:
         """Its streams; troubles are those of the first."""
 
+    @property
+    def bypass(self) -> str:
+        """What lets events past the monitor, as of the last look; empty where nothing does."""
+
     def look(self) -> str:
         """What is wrong, empty for nothing; to be called from time to time."""
 

@@ -7,10 +7,11 @@ from typing import Any, List, Optional
 
 import rospy
 from oracle_adapter import ClockStamp, TimeSource
+from oracle_adapter.fields import not_there
 from oracle_adapter.interfaces import Interface, Stream, is_filtered
 from oracle_adapter.passing import Passing
 
-from oracle_ros1.codec import reader
+from oracle_ros1.codec import lacking, reader
 from oracle_ros1.definitions import installed_service, lookup_installed, ros1_name
 from oracle_ros1.shared import Shared
 from oracle_ros1.stamps import stamp_reader
@@ -30,13 +31,17 @@ class ProxiedService:
         self._request = _Side(shared, request, self._type._request_class)  # noqa: SLF001 - genpy's own interface
         self._response = _Side(shared, response, self._type._response_class)  # noqa: SLF001
         self.streams = [self._request, self._response]
+        self.bypass = ""
+        """Why calls did not reach the proxy at the last look."""
         self._calls = itertools.count(1)
         self._served, self._proxy = shared.names[self._name], shared.names[request["proxy"]]
         self._service = rospy.Service(self._proxy, self._type, self._serve)
 
     def look(self) -> str:
-        """Why calls do not reach the proxy, empty where they do."""
-        return self._graph.not_serving(self._proxy)
+        """Why calls do not reach the proxy, and what the service's type lacks; empty where all is well."""
+        self.bypass = self._graph.not_serving(self._proxy)
+        troubles = (self.bypass, self._request.lacking, self._response.lacking)
+        return "; ".join(trouble for trouble in troubles if trouble)
 
     def stop(self) -> None:
         """Serve no more."""
@@ -74,6 +79,8 @@ class _Side:
         self.name, self.kind = str(stream["name"]), str(stream["kind"])
         self.latency: int = stream["latency"]
         self.passing = Passing(shared.link, shared.board, stream) if is_filtered(stream) else None
+        unread = lacking(message_type, stream.get("reads") or (), lookup_installed)
+        self.lacking = not_there(f"the {self.kind} of {stream['type']}", unread)
         self.read = reader(message_type, stream["fields"], lookup_installed)
         self.stamp = stamp_reader(message_type, stream["stamp"]) if stream["stamp"] else None
         self.time_source: Optional[TimeSource] = "field" if self.stamp else "arrival"

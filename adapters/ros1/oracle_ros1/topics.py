@@ -23,6 +23,8 @@ DEPTH = 1000  # messages that wait for a slow subscriber
 class LoggedTopic:
     """Reports every message of a topic."""
 
+    bypass = ""
+
     def __init__(self, shared: Shared, topic: Interface) -> None:
         self._link, self._board, self._observed = shared.link, shared.board, Observed(topic.first, shared.now)
         self.streams = [self._observed]
@@ -65,6 +67,8 @@ class FilteredTopic:
         self._making = threading.Lock()
         self._publishers: List[rospy.Publisher] = []
         self._latched = self._stopped = False
+        self.bypass = ""
+        """Who publishes past the monitor what it forwards."""
         self._ready: Dict[int, Tuple[Header, Decoder]] = {}  # by the header's id: that of one connection
         if self._observed.installed:
             self._publish(self._observed.installed, latched=False)
@@ -79,8 +83,9 @@ class FilteredTopic:
         found = [self._prepared(header) for header in publishers]
         troubles = [why for why in found if isinstance(why, str)]
         troubles += [why for why in self._observed.troubles(publishers) if why not in troubles]
-        troubles += [f"{node} publishes {self._given} past the monitor" for node in self._graph.others(self._given)]
-        return "; ".join(troubles)
+        past = [f"{node} publishes {self._given} past the monitor" for node in self._graph.others(self._given)]
+        self.bypass = "; ".join(past)
+        return "; ".join([*troubles, *past])
 
     def stop(self) -> None:
         """Take and forward no more."""

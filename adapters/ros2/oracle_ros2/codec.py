@@ -11,7 +11,7 @@ import importlib
 import re
 import struct
 from functools import lru_cache
-from typing import Any, Callable, Iterable, Mapping
+from typing import Any, Callable, Iterable, Mapping, Sequence
 
 import numpy
 from oracle_adapter.fields import grouped
@@ -47,6 +47,18 @@ def reader(message_type: Any, fields: Iterable[str] | None) -> Read:
     types = message_type.get_fields_and_field_types()
     parts = [(name, _value_reader(types[name], inner)) for name, inner in grouped(fields).items() if name in types]
     return lambda message: {name: read(getattr(message, name)) for name, read in parts}
+
+
+def lacking(message_type: Any, paths: Iterable[str]) -> list[str]:
+    """Those of some dotted paths at which the type has nothing."""
+    return [path for path in paths if not _has(message_type, path.split("."))]
+
+
+def _has(message_type: Any, names: Sequence[str]) -> bool:
+    kind = message_type.get_fields_and_field_types().get(names[0])
+    if kind is None or len(names) == 1:
+        return kind is not None
+    return "/" in kind and not _SEQUENCE.fullmatch(kind) and _has(load_type(kind), names[1:])
 
 
 @lru_cache(maxsize=None)

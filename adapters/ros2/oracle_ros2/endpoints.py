@@ -126,6 +126,8 @@ class MatchedPublisher:
     def __init__(self, node: Node, message_type: Any, topic: str) -> None:
         """Offer what is usual until `look` is given what the originals offer."""
         self._node, self._type, self._topic = node, message_type, topic
+        self.bypass = ""
+        """Who else publishes the topic, as of the last look; empty where nobody does."""
         self._giving = threading.Lock()
         self._publisher = self._next = self._make(to_offer([]))
         self._retired: Any = None
@@ -162,7 +164,7 @@ class MatchedPublisher:
                 self._changed = time.monotonic()
                 self._release()
         self.match(originals)
-        return "" if self._retired or self._next is not self._publisher else "; ".join(self._troubles())
+        return "" if self._retired or self._next is not self._publisher else "; ".join(self._find_troubles())
 
     def match(self, originals: Sequence[QoSProfile]) -> None:
         """Begin to offer what the originals do, unless that is going on."""
@@ -186,12 +188,13 @@ class MatchedPublisher:
     def _make(self, profile: QoSProfile) -> Any:
         return self._node.create_publisher(self._type, self._topic, profile, event_callbacks=NO_EVENTS)
 
-    def _troubles(self) -> Iterator[str]:
+    def _find_troubles(self) -> Iterator[str]:
         own, others = [], []
         for info in self._node.get_publishers_info_by_topic(self._topic):
             (own if self._is_own(info) else others).append(info)
-        for info in others:
-            yield f"{full_name(info)} publishes {self._topic} past the monitor"
+        self.bypass = "; ".join(f"{full_name(info)} publishes {self._topic} past the monitor" for info in others)
+        if self.bypass:
+            yield self.bypass
         for info in self._node.get_subscriptions_info_by_topic(self._topic):
             why = misfit(own[0].qos_profile, info.qos_profile) if own else ""
             if why:

@@ -77,7 +77,7 @@ class Monitor:
         for part in self._parts:
             trouble, first = part.look(), part.streams[0]
             self._board.trouble(first.name, trouble)
-            self._link.report(first.name, first.kind, trouble=trouble)
+            self._link.report(first.name, first.kind, trouble=trouble, bypass=part.bypass)
 
     def _send_clocks(self) -> None:
         """Send how far each stream has come: exactly where messages are stamped here, else less a delay.

@@ -36,6 +36,10 @@ class Part(Protocol):
     """Its streams; troubles are those of the first."""
 
     @property
+    def bypass(self) -> str:
+        """What lets events past the monitor, as of the last look; empty where nothing does."""
+
+    @property
     def received(self) -> int:
         """How many messages have come that show whether the middleware delivers; calls are too rare."""
 

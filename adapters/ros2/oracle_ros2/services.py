@@ -9,11 +9,12 @@ from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Callable, Mapping, Sequence
 
+from oracle_adapter.fields import not_there
 from oracle_adapter.interfaces import is_filtered
 from oracle_adapter.passing import Passing
 from rclpy.qos import QoSProfile
 
-from oracle_ros2.codec import load_type, reader, write
+from oracle_ros2.codec import lacking, load_type, reader, write
 from oracle_ros2.graph import past_proxy
 from oracle_ros2.loop import Later
 from oracle_ros2.stamps import stamp_reader, time_of
@@ -53,6 +54,8 @@ class ProxiedService:
         self._request = _Side(shared, request, self._type.Request)
         self._response = _Side(shared, response, self._type.Response)
         self.streams = [self._request, self._response]
+        self.bypass = ""
+        """Who can call without the proxy, or serves in its place, as of the last look."""
         self._calls = itertools.count(1)
         self._lock = threading.Lock()  # guards what follows: decisions come in the link's thread
         self._open: dict[int, _Call] = {}  # without an answer
@@ -73,8 +76,10 @@ class ProxiedService:
         self._node.destroy_client(self._client)
 
     def look(self) -> str:
-        """Who can call the service without the proxy, or serves in its place; empty where nobody can."""
-        return past_proxy(self._node, self._served, self._proxy)
+        """Who can call the service without the proxy, or serves in its place, and what its type lacks; else empty."""
+        self.bypass = past_proxy(self._node, self._served, self._proxy)
+        troubles = (self.bypass, self._request.lacking, self._response.lacking)
+        return "; ".join(trouble for trouble in troubles if trouble)
 
     def catch_up(self) -> None:
         """Go on with calls that wait for the service; to be called often, where callbacks run."""
@@ -180,6 +185,9 @@ class _Side:
     def __init__(self, shared: Shared, stream: Stream, message_type: Any) -> None:
         self.name, self.kind = str(stream["name"]), str(stream["kind"])
         self.passing = Passing(shared.link, shared.board, stream) if is_filtered(stream) else None
+        self.lacking = not_there(
+            f"the {self.kind} of {stream['type']}", lacking(message_type, stream.get("reads") or ())
+        )
         self.read = reader(message_type, stream["fields"])
         self.latency: int | None = stream["latency"] if stream["stamp"] else None
         self.time_source: TimeSource = "field" if stream["stamp"] else "arrival"

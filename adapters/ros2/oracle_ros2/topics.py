@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping
 
 from oracle_adapter import PROXY
+from oracle_adapter.fields import not_there
 from oracle_adapter.forwarding import ForwardQueue
 from oracle_adapter.passing import Passing
 from rclpy.serialization import deserialize_message
 
-from oracle_ros2.codec import load_type, reader
+from oracle_ros2.codec import lacking, load_type, reader
 from oracle_ros2.endpoints import MatchedPublisher, MatchedSubscription
 from oracle_ros2.stamps import simulated, stamp_reader, time_of
 
@@ -40,6 +41,8 @@ class Observed:
         if stream["stamp"] and self._stamp is None:
             where = f"{stream['type']} has no time at `{stream['stamp']}`"
             self.misplaced = f"{where}: ordered by {self.time_source} instead"
+        self.lacking = not_there(stream["type"], lacking(self.type, stream.get("reads") or ()))
+        """Which fields the spec reads that the type does not have here."""
         self._read = reader(self.type, stream["fields"])
         self._numbers: dict[str, int] = {}
         self._unread = 0  # messages since the last event
@@ -88,6 +91,8 @@ class Observed:
 class LoggedTopic:
     """Reports every message of a topic."""
 
+    bypass = ""
+
     def __init__(self, shared: Shared, topic: Interface) -> None:
         self._link = shared.link
         self.observed = Observed(shared.node, topic.first)
@@ -105,7 +110,7 @@ class LoggedTopic:
 
     def look(self) -> str:
         """Look at the other nodes again, and return what is wrong."""
-        troubles = (self.subscription.look(), self.observed.misplaced, *unreadable(self))
+        troubles = (self.subscription.look(), self.observed.misplaced, self.observed.lacking, *unreadable(self))
         return "; ".join(trouble for trouble in troubles if trouble)
 
     def stop(self) -> None:
@@ -140,6 +145,11 @@ class FilteredTopic:
         """How many messages have come."""
         return self.observed.count
 
+    @property
+    def bypass(self) -> str:
+        """Who publishes past the monitor what it forwards."""
+        return self._publisher.bypass
+
     def catch_up(self) -> None:
         """Take every message that has come by now."""
         self.subscription.take_all()
@@ -147,7 +157,7 @@ class FilteredTopic:
     def look(self) -> str:
         """Look at the other nodes again, and return what is wrong."""
         found = self.subscription.look(), self._publisher.look(self.subscription.offered)
-        troubles = (*found, self.observed.misplaced, *unreadable(self))
+        troubles = (*found, self.observed.misplaced, self.observed.lacking, *unreadable(self))
         return "; ".join(trouble for trouble in troubles if trouble)
 
     def stop(self) -> None:

@@ -35,7 +35,7 @@ bound: "[" LOWER ":" UPPER "]"                            -> both_ends
 atom: LBRACE constraint ("," constraint)* "}"
 
 constraint: key                                           -> flag
-    | key (":" | "==") value                              -> equal
+    | key (":" | "==" | "=") value                        -> equal
     | key "!=" literal                                    -> unequal
     | key COMPARE NUMBER                                  -> compare
 key: NAME | STRING
@@ -47,6 +47,7 @@ key: NAME | STRING
     | TRUE                                                -> true
     | FALSE                                               -> false
     | NAME                                                -> string
+    | ROSNAME                                             -> string
 
 LBRACE: "{"
 COMPARE: "<=" | ">=" | "<" | ">"
@@ -66,6 +67,7 @@ UPPER: /\d+(\.\d+)?(ns|us|ms|s|min|h)?/
 TRUE.2: /true\b/
 FALSE.2: /false\b/
 NAME: /[A-Za-z_][A-Za-z0-9_]*/
+ROSNAME: /[~\/][A-Za-z0-9_\/]*/
 VARIABLE: /[A-Za-z_][A-Za-z0-9_]*/
 STRING: /"[^"\n]*"/ | /'[^'\n]*'/
 NUMBER: /-?\d+(\.\d+)?([eE][+-]?\d+)?/

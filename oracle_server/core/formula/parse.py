@@ -13,6 +13,7 @@ from lark.exceptions import VisitError
 from oracle_server.core.errors import FormulaError
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.grammar import RYE
+from oracle_server.core.formula.misread import misread
 from oracle_server.core.formula.tree import ALL_PAST, Atom, Bound, Constraint, Formula, Ref
 
 Time = Literal["steps", "seconds"]
@@ -40,7 +41,7 @@ def parse_formula(text: str, time: Time = "steps") -> Formula:
     try:
         parsed = cast("Formula", _parser(time).parse(text))
     except UnexpectedInput as error:
-        raise _syntax_error(text, error) from None
+        raise misread(text, _where(error)) from None
     except VisitError as error:
         if isinstance(error.orig_exc, FormulaError):
             raise error.orig_exc from None
@@ -55,31 +56,10 @@ def _parser(time: Time) -> Lark:
     return Lark(RYE, parser="lalr", lexer="contextual", transformer=_Builder(time))
 
 
-def _syntax_error(text: str, error: UnexpectedInput) -> FormulaError:
-    found = error.token if hasattr(error, "token") else None
-    if found is None:
-        where = f"{text[error.pos_in_stream or 0 :][:1]!r} is not expected here"
-    elif found.type == "$END":
-        end = text.rstrip() or text
-        return FormulaError("the formula ends too early", end.count("\n") + 1, len(end) - end.rfind("\n"))
-    else:
-        shown = found if len(found) <= 40 else found[:40] + "…"
-        where = f"{str(shown)!r} is not expected here"
-    return FormulaError(f"{where}{_expected(error)}", error.line, error.column)
-
-
-_PLAIN = {
-    "LBRACE": "an atom '{…}'", "LPAR": "'('", "RPAR": "')'", "RBRACE": "'}'", "COMMA": "','", "COLON": "':'",
-    "NAME": "a name", "STRING": "a quoted string", "NUMBER": "a number", "VARIABLE": "a variable", "LSQB": "'['",
-    "RSQB": "']'", "DOT": "'.'", "LOWER": "a bound", "UPPER": "a bound", "_IMPLIES": "'->'", "_AND": "'and'",
-    "_OR": "'or'", "SINCE": "'since'",
-}  # fmt: skip
-
-
-def _expected(error: UnexpectedInput) -> str:
-    names = getattr(error, "accepts", None) or getattr(error, "allowed", None) or ()
-    words = dict.fromkeys(_PLAIN[name] for name in sorted(names) if name in _PLAIN)
-    return f"; expected {' or '.join(words)}" if words else ""
+def _where(error: UnexpectedInput) -> int | None:
+    """The character at which a formula can't be read on, None for its end."""
+    ended = getattr(getattr(error, "token", None), "type", "") == "$END"
+    return None if ended else error.pos_in_stream
 
 
 def _check_depth(formula: Formula) -> None:
@@ -101,7 +81,7 @@ def _used(node: Formula, bound: frozenset[str]) -> frozenset[str]:
         for _, name in node.refs:
             if name not in bound:
                 raise FormulaError(
-                    f"the variable '{name}' is free; bind it with exists[{name}]. or forall[{name}].",
+                    f"the variable '{name}' is free; bind it with forall[{name}]. or exists[{name}]. in front",
                     *node.at,
                 )
         return frozenset(name for _, name in node.refs)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 
-from oracle_server.core.explanation import Reason, Why
+from oracle_server.core.explanation import Failing, Reason, Why
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import Bound, Formula
@@ -21,6 +21,7 @@ from oracle_server.engines.native.keys import key_of, texts_of
 from oracle_server.engines.native.latest import Latest
 from oracle_server.engines.native.parts import Part, is_simple
 from oracle_server.engines.native.recall import Recall
+from oracle_server.engines.native.saying import Saying
 from oracle_server.engines.native.some import Some, SomeOf
 from oracle_server.engines.native.window import Window
 from oracle_server.engines.native.wording import Wording, scalar
@@ -35,7 +36,8 @@ _MOST_TOLD = 3
 def explain(formula: Formula, network: Network, time: Time, last: int, past: Past) -> Why:
     """Why the formula holds, or does not, at the last step, number `last`; `past` are the remembered steps."""
     part = Part(formula, (), {}, {})
-    explainer = _Explainer(network, Recall(formula, network, time, last, past), Wording(time, network.timeline.now))
+    recall = Recall(formula, network, time, last, past)
+    explainer = _Explainer(network, recall, Wording(time, network.timeline.now, recall))
     holds = explainer.holds(part)
     deciding = None
     if isinstance(formula, tree.Exists | tree.Forall) and holds is isinstance(formula, tree.Exists):
@@ -50,6 +52,7 @@ def explain(formula: Formula, network: Network, time: Time, last: int, past: Pas
 class _Explainer:
     def __init__(self, network: Network, recall: Recall, wording: Wording) -> None:
         self._network, self._recall, self._wording = network, recall, wording
+        self._saying = Saying(recall, wording)
         self._now = recall.last
 
     def holds(self, part: Part) -> bool:
@@ -165,8 +168,9 @@ class _Explainer:
             return self._plain(part, steps, holds)
         times = self._times(before) if known else [self._network.timeline.before]
         parts = self._deeper([(operand, holds, before)]) if known else ()
-        text = f"its operand {self._wording.held(times, holds=holds)}"
-        return self._reason(part, steps, holds, text, times, before if known else (), parts=parts)
+        found = before if known else []
+        held, failed = self._saying.held(operand, times, found, holds=holds)
+        return self._reason(part, steps, holds, f"its operand {held}", times, found, parts=parts, failed=failed)
 
     def _once(self, part: Part, steps: Steps, holds: bool) -> Reason:
         formula = part.formula
@@ -178,7 +182,9 @@ class _Explainer:
         if not times:
             return self._plain(part, steps, holds)
         parts = self._deeper([(operand, wanted, found)])
-        return self._reason(part, steps, holds, self._wording.held(times, holds=wanted), times, found, parts=parts)
+        text, failed = self._saying.stood(operand, times, found, holds=wanted)
+        text += self._saying.ran_out(formula.bound) if [*steps] == [self._now] else ""
+        return self._reason(part, steps, holds, text, times, found, parts=parts, failed=failed)
 
     def _witnesses(self, part: Part, operand: Part, steps: Steps, *, wanted: bool) -> tuple[list[int], list[int]]:
         """The times of steps that make `once` hold at all of some steps, and these as far as they are remembered."""
@@ -197,16 +203,24 @@ class _Explainer:
         return self._times(found), found
 
     def _witness_now(self, part: Part, operand: Part, *, wanted: bool) -> tuple[list[int], list[int]]:
-        """The time of the step that the engine goes by at present, and the step if it is remembered."""
+        """The time of the step that the engine goes by at present, and the step if it is remembered.
+
+        Values that the engine does not tell apart any more share a time, which may be that of one of them only: then
+        it is another step.
+        """
         when = self._when(part)
         if when is None:
             return [], []
-        step = self._recall.step(when)
-        while step is not None and step >= self._recall.first and self._recall.time(step) == when:
-            if self._recall.at(operand, step) is wanted:
-                return [when], [step]
-            step -= 1
-        return [when], []
+        found = self._recall.steps(when)
+        stood = [self._recall.at(operand, step) for step in found]
+        if wanted in stood:
+            step = found[stood.index(wanted)]
+            return [when], [step]
+        if not stood or None in stood:
+            return [when], []
+        window, _ = self._recall.window(_bound(part), self._now)
+        other = next((j for j in reversed(window) if self._recall.at(operand, j) is wanted), None)
+        return ([], []) if other is None else ([self._recall.time(other)], [other])
 
     def _when(self, part: Part) -> int | None:
         """The time of a step that makes an operator hold now, as the engine knows it."""
@@ -223,7 +237,10 @@ class _Explainer:
         simple = is_simple(operand.formula)
         if not simple and complete and window and self._recall.are(operand, holds, window):
             parts = self._deeper([(operand, holds, window)])
-        return self._reason(part, steps, holds, f"{words} {where}", window=ends, parts=parts)
+        text = f"{words} {where}"
+        if not holds and [*steps] == [self._now]:
+            text += self._saying.nearest(operand, part.formula.bound, window)
+        return self._reason(part, steps, holds, text, window=ends, parts=parts)
 
     def _since(self, part: Part, steps: Steps, holds: bool) -> Reason:
         formula = part.formula
@@ -245,13 +262,14 @@ class _Explainer:
             found = sorted(witnesses)
             times = self._times(found)
             parts = self._deeper([(right, True, found), (left, True, sorted(between))])
-            text = f"its right side {self._wording.held(times, holds=True)}"
+            text = self._saying.since(left, right, times, found)
+            text += self._saying.ran_out(part.formula.bound) if [*steps] == [self._now] else ""
             window = (times[0], self._recall.time(steps[-1])) if between else None
             return self._reason(part, steps, True, text, times, found, window=window, parts=parts)
         when = self._when(part) if [*steps] == [self._now] else None
         if when is None:
             return self._plain(part, steps, True)
-        text = f"its right side {self._wording.held([when], holds=True)}"
+        text = self._saying.since(left, right, [when], ()) + self._saying.ran_out(part.formula.bound)
         return self._reason(part, steps, True, text, [when], window=(when, self._network.timeline.now))
 
     def _since_not(self, part: Part, left: Part, right: Part, steps: Steps) -> Reason:
@@ -304,8 +322,8 @@ class _Explainer:
         """The reason that a part held, or did not, without parts of its own."""
         times = self._times(steps)
         now = [*steps] == [self._now]
-        text = self._wording.held(times, holds=holds)
-        return self._reason(part, [self._now], holds, text, [] if now and not holds else times, steps)
+        text, failed = self._saying.stood(part, times, steps, holds=holds)
+        return self._reason(part, [self._now], holds, text, [] if now and not holds else times, steps, failed=failed)
 
     def _reason(
         self,
@@ -318,15 +336,23 @@ class _Explainer:
         *,
         window: tuple[int, int] | None = None,
         parts: tuple[Reason, ...] = (),
+        failed: tuple[Failing, ...] = (),
     ) -> Reason:
         """A reason at `steps`, which steps `found` at `times` decide, or a window."""
         if [*steps] != [self._now]:
-            text = f"({self._wording.at(self._times(steps))}) {text}"
+            text = f"({self._wording.at(self._times(steps), steps)}) {text}"
         if len(times) > 1:
             window = times[0], times[-1] if window is None else window[1]
         at = times[0] if len(times) == 1 else None
         step = found[0] if at is not None and found else None
-        return Reason(self._wording.formula(part), holds, text, at, window, parts, step)
+        unnumbered = at is not None and self._wording.is_unnumbered(at)
+        window = None if window is None else self._wording.numbered(*window)
+        return Reason(self._wording.formula(part), holds, text, at, window, parts, step, failed, unnumbered)
+
+
+def _bound(part: Part) -> Bound:
+    assert isinstance(part.formula, tree.Once | tree.Historically)  # noqa: S101 -- see `reasons`
+    return part.formula.bound
 
 
 def _leaves(reasons: Iterable[Reason]) -> Iterator[Reason]:

@@ -14,7 +14,7 @@ from oracle_server.core.atoms import Matches
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import Bound, Formula
-from oracle_server.core.past import Past
+from oracle_server.core.past import Past, Seen
 from oracle_server.engines.native.build import Network, Path
 from oracle_server.engines.native.ever import Ever
 from oracle_server.engines.native.keys import Text, key_of
@@ -46,12 +46,36 @@ class Recall:
         """A step's time as explanations show it: its number or, with `time: seconds`, nanoseconds."""
         return self._times[step - self.first] if self._timed else step
 
-    def step(self, time: int) -> int | None:
-        """The last remembered step at a time."""
+    def steps(self, time: int) -> Sequence[int]:
+        """The remembered steps at a time, the last one first."""
         if not self._timed:
-            return time if self.first <= time <= self.last else None
-        place = bisect_right(self._times, time) - 1
-        return place + self.first if place >= 0 and self._times[place] == time else None
+            return [time] if self.first <= time <= self.last else []
+        begin, end = bisect_left(self._times, time), bisect_right(self._times, time)
+        return range(end - 1 + self.first, begin - 1 + self.first, -1)
+
+    def seen(self, step: int) -> Seen | None:
+        """A remembered step as the session names it, None where it is not remembered."""
+        known = self._past.seen is not None and self.first <= step < self.first + len(self._past.times)
+        return self._past.seen(step - self.first) if known and self._past.seen is not None else None
+
+    def before(self, bound: Bound) -> int | None:
+        """The last step before the window of a bound as of now, 0 for none; None where it is not remembered."""
+        window, complete = self.window(bound, self.last)
+        return window.start - 1 if complete and (self.first == 1 or window.start > self.first) else None
+
+    def latest(self, part: Part, upto: int) -> int | None:
+        """The last step up to this one at which a part held, 0 for none; None where that is not remembered."""
+        for step in range(upto, self.first - 1, -1):
+            if not self.spend():
+                return None
+            if self.at(part, step) is True:
+                return step
+        return 0 if self.first == 1 else None
+
+    def spend(self) -> bool:
+        """Spend effort on what is not needed; false where only what is needed may be spent any more."""
+        self._effort -= _WORK
+        return self._effort * 2 > self._past.effort
 
     def window(self, bound: Bound, step: int) -> tuple[range, bool]:
         """The remembered steps whose distance from a step lies in a bound, and whether these are all there were."""

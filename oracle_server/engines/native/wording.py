@@ -1,4 +1,4 @@
-"""The words of explanations."""
+"""The words of explanations: formulas with values, steps and windows."""
 
 from __future__ import annotations
 
@@ -9,18 +9,28 @@ from oracle_server.core.formula import tree
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import Atom, Bound, Constraint, Formula, Ref, Scalar
+from oracle_server.core.naming import step_name
 from oracle_server.engines.native.keys import Text
 from oracle_server.engines.native.parts import Part, Values
+from oracle_server.engines.native.recall import Recall
 
 _MOST_RANGES = 4
+_ATTEMPT = "at this attempt"
 
 
 class Wording:
     """Tells steps and windows as seen from the present one; times are step numbers or, with `time: seconds`, ns."""
 
-    def __init__(self, time: Time, now: int) -> None:
+    def __init__(self, time: Time, now: int, recall: Recall) -> None:
         self._time: Time = time
-        self._now = now
+        self._now, self._recall = now, recall
+        self.is_timed = time == "seconds"
+        present = recall.seen(recall.last)
+        self._stamp = None if present is None else present.stamp
+        self.is_tick = present is not None and not present.event
+        """Whether the present step is a deadline."""
+        self._attempt = present is not None and present.number is None and not self.is_tick
+        """Whether the present step is about to be taken back, so that its number will be another's."""
 
     def formula(self, part: Part) -> str:
         """A part, with values in place of its variables."""
@@ -31,57 +41,94 @@ class Wording:
         """What variables stand for."""
         return ", ".join(f"{name} = {values[i] or 'any other value'}" for name, i in names.items() if i in values)
 
-    def held(self, times: Sequence[int], *, holds: bool) -> str:
-        """That something held at steps, or did not."""
-        if self.is_now(times):
-            return f"{'holds' if holds else 'does not hold'} {self.at(times)}"
+    def held(self, times: Sequence[int], steps: Sequence[int], *, holds: bool) -> str:
+        """That something held at steps, or did not; `steps` is empty where only the time of one is known."""
+        if self._is_now(times, steps):
+            return f"{'holds' if holds else 'does not hold'} {self.at(times, steps)}"
         if len(times) > 1 and not holds:
-            return "held " + self.at(times).replace("at each", "at none", 1)
-        return f"{'held' if holds else 'did not hold'} {self.at(times)}"
+            return "held " + self.at(times, steps).replace("at each", "at none", 1)
+        return f"{'held' if holds else 'did not hold'} {self.at(times, steps)}"
 
-    def at(self, times: Sequence[int]) -> str:
+    def at(self, times: Sequence[int], steps: Sequence[int]) -> str:
         """At which steps."""
-        if self._time == "seconds":
-            if len(times) == 1 or times[0] == times[-1]:
-                return f"at {self._step(times[0])}"
-            return f"at each of {len(times)} steps between {self._ago(times[0])} and {self._ago(times[-1])}"
         if len(times) == 1:
-            return f"at step {times[0]}"
+            return self._at_one(times[0], steps[0] if steps else None)
+        if self._time == "seconds":
+            first, last = self._ago(times[0]), self._ago(times[-1])
+            return f"at each of {len(times)} steps " + (first if first == last else f"between {first} and {last}")
+        if self.is_unnumbered(times[-1]):
+            return f"{self.at(times[:-1], steps[:-1])} and {_ATTEMPT}"
         ranges = _ranges(times)
-        shown = ", ".join(f"{a}–{b}" if a != b else str(a) for a, b in ranges[:_MOST_RANGES])  # noqa: RUF001
-        more = f" and {len(ranges) - _MOST_RANGES} more times up to {times[-1]}" if len(ranges) > _MOST_RANGES else ""
-        return f"at each of steps {shown}{more}"
+        shown = ", ".join(_range(*each) for each in ranges[:_MOST_RANGES])
+        if len(ranges) > _MOST_RANGES:
+            shown += f" and {len(ranges) - _MOST_RANGES} more times up to {times[-1]}"
+        return f"at each of steps {shown}"
+
+    def step(self, step: int) -> str:
+        """A remembered step by its number and time; at a deadline, by its event too: it is that one's deadline."""
+        seen = self._recall.seen(step)
+        if seen is None:
+            return f"step {step}"
+        at = step_name(seen.number, seen.stamp, self._stamp)
+        if not seen.event:
+            return f"the deadline ({at})"
+        if seen.number is None:
+            return f"this attempt ({at})"
+        return f"{at}, {seen.event}" if self.is_tick else at
 
     def during(self, first: int, last: int) -> str:
         """Among which steps, as seen from another step than the present one."""
+        if self.is_unnumbered(last):
+            return f"{self.during(first, last - 1)} and {_ATTEMPT}" if last > first else _ATTEMPT
         if self._time == "steps":
-            return f"in steps {first}–{last}" if last > first else f"in step {first}"  # noqa: RUF001 -- a range
-        return f"between {self._ago(first)} and {self._ago(last)}" if last > first else f"at {self._step(first)}"
+            return f"in steps {_range(first, last)}" if last > first else f"in step {first}"
+        return f"between {self._ago(first)} and {self._ago(last)}" if last > first else f"at {self._at_time(first)}"
 
     def window(self, bound: Bound) -> str:
         """A window as seen from the present step."""
         first, last = self.ends(bound)
         if self._time == "steps":
             return "before there were steps" if last < first else self.during(first, last)
-        near, far = _duration(bound.lower), None if bound.upper is None else _duration(bound.upper)
+        near, far = duration(bound.lower), None if bound.upper is None else duration(bound.upper)
         if far is None:
             return f"{near} ago or earlier" if bound.lower else "so far"
         return f"between {near} and {far} ago" if bound.lower else f"in the last {far}"
+
+    def span(self, bound: Bound) -> str:
+        """The greatest distance of a bound that has one, with `time: seconds`."""
+        return duration(bound.upper or 0)
 
     def ends(self, bound: Bound) -> tuple[int, int]:
         """The first and the last time in a window; the last is earlier where there were no such steps."""
         first = 1 if bound.upper is None else max(1, self._now - bound.upper)
         return first, self._now - bound.lower
 
-    def is_now(self, times: Sequence[int]) -> bool:
-        """Whether this is the present step."""
-        return len(times) == 1 and times[0] == self._now
+    def is_unnumbered(self, time: int) -> bool:
+        """Whether this is the number of an attempt that is taken back: another step will have it."""
+        return self._attempt and self._time == "steps" and time == self._now
 
-    def _step(self, time: int) -> str:
-        return "this step" if time == self._now else f"a step {_duration(self._now - time)} ago"
+    def numbered(self, first: int, last: int) -> tuple[int, int] | None:
+        """The part of a window that has numbers of its own, None where there is none."""
+        last -= self.is_unnumbered(last)
+        return (first, last) if first <= last else None
+
+    def _is_now(self, times: Sequence[int], steps: Sequence[int]) -> bool:
+        """Whether this is the present step."""
+        return len(times) == 1 and (steps[0] == self._recall.last if steps else times[0] == self._now)
+
+    def _at_one(self, time: int, step: int | None) -> str:
+        if self._time == "steps":
+            return f"at {self.step(time)}"
+        if step is None or self._recall.seen(step) is None:
+            return f"at {self._at_time(time)}"
+        ago = "" if step == self._recall.last else f", {self._ago(time)}"
+        return f"at {self.step(step)}{ago}"
+
+    def _at_time(self, time: int) -> str:
+        return "this step" if time == self._now else f"a step {duration(self._now - time)} ago"
 
     def _ago(self, time: int) -> str:
-        return "now" if time == self._now else f"{_duration(self._now - time)} ago"
+        return "now" if time == self._now else f"{duration(self._now - time)} ago"
 
 
 def scalar(text: Text) -> Scalar | None:
@@ -90,6 +137,10 @@ def scalar(text: Text) -> Scalar | None:
         return None
     value: Scalar = json.loads(text)
     return value
+
+
+def _range(first: int, last: int) -> str:
+    return f"{first}–{last}" if first != last else str(first)  # noqa: RUF001 -- a range
 
 
 def _ranges(times: Sequence[int]) -> list[tuple[int, int]]:
@@ -127,7 +178,8 @@ def _given(constraint: Constraint, values: Mapping[str, Scalar | None]) -> Const
     return constraint if value is None else Constraint(constraint.key, "==", value)
 
 
-def _duration(nanoseconds: int) -> str:
+def duration(nanoseconds: int) -> str:
+    """A time span in its unit, exact to nine digits."""
     for unit, size in (("s", 10**9), ("ms", 10**6), ("us", 10**3)):
         if nanoseconds >= size or nanoseconds % size == 0:
             return f"{nanoseconds / size:.9g}{unit}"

@@ -122,13 +122,18 @@ class SqliteHistory:
         """Keep a new session."""
         self._writer.execute(_insert("INSERT INTO sessions", SESSION_COLUMNS), session_row(session))
 
+    def begin_session(self, session: int, at: int) -> None:
+        """Keep when a session began."""
+        self._writer.execute("UPDATE sessions SET begun = ? WHERE number = ?", (at, session))
+
     def close_session(self, session: int, at: int, state: Document) -> None:
         """Keep that a session was closed."""
         self._writer.execute("UPDATE sessions SET closed = ?, state = ? WHERE number = ?", (at, text(state), session))
 
-    def set_monitor(self, session: int, monitor: MonitorRecord) -> None:
+    def set_monitor(self, session: int, monitor: MonitorRecord, done: Done | None = None) -> None:
         """Keep a monitor of a session."""
-        self._writer.execute(_insert("INSERT OR REPLACE INTO monitors", MONITOR_COLUMNS), monitor_row(session, monitor))
+        sql = _insert("INSERT OR REPLACE INTO monitors", MONITOR_COLUMNS)
+        self._writer.execute(sql, monitor_row(session, monitor), done)
 
     def append(self, session: int, steps: Sequence[StoredStep], done: Done) -> None:
         """Keep steps that were judged."""
@@ -265,7 +270,7 @@ class SqliteHistory:
             if undoing
             else "0"
         )
-        sql = f"SELECT max(position) FROM steps WHERE {_UPTO} AND number IS NOT NULL AND NOT ({undone})"  # noqa: S608
+        sql = f"SELECT max(position) FROM steps WHERE {_UPTO} AND number > 0 AND NOT ({undone})"  # noqa: S608
         (position,) = await self._reader.row(sql, (session, upto, order, *chain.from_iterable(undoing)))
         return None if position is None else int(position)
 

@@ -15,6 +15,8 @@ _STEPS = {
     "ALTER TABLE snapshots ADD COLUMN settled INTEGER NOT NULL DEFAULT 0;"
     "ALTER TABLE snapshots ADD COLUMN numbers TEXT;",
     4: "ALTER TABLE steps ADD COLUMN robustness TEXT;",
+    5: "ALTER TABLE sessions ADD COLUMN begun INTEGER;"
+    "ALTER TABLE monitors ADD COLUMN bypasses TEXT NOT NULL DEFAULT '[]';",
 }
 """By the version that they start from: statements that lead to the next one."""
 

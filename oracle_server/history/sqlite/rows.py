@@ -7,6 +7,7 @@ from typing import Any
 
 import msgspec
 
+from oracle_server.core.bypass import Bypass
 from oracle_server.core.events import Event, Step, StreamKey
 from oracle_server.core.verdicts import Decision, Outcome, json_number
 from oracle_server.history.query import Query
@@ -24,6 +25,9 @@ LETTERS = {
 }
 _OUTCOMES = {letter: outcome for outcome, letter in LETTERS.items()}
 
+_BYPASSED = "2"
+"""Stands for `degraded` where that ends with a bypass."""
+
 _encode = msgspec.json.Encoder().encode
 _decode = msgspec.json.decode
 
@@ -37,13 +41,13 @@ def step_row(session: int, stored: StoredStep) -> Row:
     """A step as a row of its table, in the order of `STEP_COLUMNS`."""
     step, event = stored.step, stored.step.event
     return (
-        session, stored.position, stored.order, stored.number, event.stream.name, event.stream.kind, event.monitor,
+        session, stored.position, stored.order, _number(stored), event.stream.name, event.stream.kind, event.monitor,
         event.seq, stored.gap, step.stamp, event.arrived, stored.judged, step.late, step.skewed, step.forced,
         event.lost, event.source, event.call, event.ask, stored.decision.choice if stored.decision else None,
         text(stored.decision.denied_by) if stored.decision else "[]", stored.passed, stored.why,
         _encode(step.signals).decode(), "[]" if not step.failed else text(sorted(step.failed)),
         "".join([LETTERS[outcome] for outcome in stored.outcomes]),
-        "".join(["1" if it else "0" for it in stored.degraded]),
+        _degraded(stored),
         text({str(i): why for i, why in stored.explanations.items()}) if stored.explanations else None,
         None if stored.robustness is None else text([json_number(value) for value in stored.robustness]),
     )  # fmt: skip
@@ -62,12 +66,25 @@ def step_of(row: Row) -> StoredStep:
     )  # fmt: skip
     why = _decode(r["explanations"]) if r["explanations"] else {}
     return StoredStep(
-        r["position"], r["ord"], r["number"], step, r["gap"], r["judged"],
+        r["position"], r["ord"], r["number"] or None, step, r["gap"], r["judged"],
         None if r["decision"] is None else Decision(r["decision"], tuple(_decode(r["denied_by"]))),
-        tuple([_OUTCOMES[letter] for letter in r["outcomes"]]), tuple([digit == "1" for digit in r["degraded"]]),
+        tuple([_OUTCOMES[letter] for letter in r["outcomes"]]), tuple([digit != "0" for digit in r["degraded"]]),
         {int(i): it for i, it in why.items()}, _robustness(r["robustness"]),
         None if r["passed"] is None else bool(r["passed"]), r["why"],
+        tuple([i for i, digit in enumerate(r["degraded"]) if digit == _BYPASSED]),
     )  # fmt: skip
+
+
+def _degraded(stored: StoredStep) -> str:
+    if not stored.bypassed:
+        return "".join(["1" if it else "0" for it in stored.degraded])
+    marks = [_BYPASSED if i in stored.bypassed else "1" if it else "0" for i, it in enumerate(stored.degraded)]
+    return "".join(marks)
+
+
+def _number(stored: StoredStep) -> int | None:
+    """The step's number; 0 for an attempt that was taken back, None for what was not judged, and for ticks."""
+    return 0 if stored.number is None and not stored.step.skipped and not stored.is_tick else stored.number
 
 
 def _robustness(value: str | None) -> tuple[float | None, ...] | None:
@@ -78,26 +95,29 @@ def _robustness(value: str | None) -> tuple[float | None, ...] | None:
 
 def session_row(session: SessionRecord) -> Row:
     """A session as a row of its table, in the order of `SESSION_COLUMNS`."""
-    number, name, spec, yaml, digest, properties, private, opened, by = session
-    return number, name, spec, yaml, digest, text(properties), private, opened, by
+    number, name, spec, yaml, digest, properties, private, opened, by, begun = session
+    return number, name, spec, yaml, digest, text(properties), private, opened, by, begun
 
 
 def session_of(row: Row) -> SessionRecord:
     """The same, back."""
-    number, name, spec, yaml, digest, properties, private, opened, by = row
-    return SessionRecord(number, name, spec, yaml, digest, tuple(_decode(properties)), bool(private), opened, by)
+    number, name, spec, yaml, digest, properties, private, opened, by, begun = row
+    return SessionRecord(number, name, spec, yaml, digest, tuple(_decode(properties)), bool(private), opened, by, begun)
 
 
 def monitor_row(session: int, monitor: MonitorRecord) -> Row:
     """A monitor as a row of its table, in the order of `MONITOR_COLUMNS`."""
     streams = text([list(key) for key in monitor.streams])
-    return session, monitor.name, monitor.instance, streams, monitor.attached, monitor.clock
+    bypasses = text([[*key, *bypass] for key, bypass in monitor.bypasses.items()])
+    return session, monitor.name, monitor.instance, streams, monitor.attached, monitor.clock, bypasses
 
 
 def monitor_of(row: Row) -> MonitorRecord:
     """The same, back."""
-    _, name, instance, streams, attached, clock = row
-    return MonitorRecord(name, instance, tuple([StreamKey(*key) for key in _decode(streams)]), bool(attached), clock)
+    _, name, instance, streams, attached, clock, bypasses = row
+    keys = tuple([StreamKey(*key) for key in _decode(streams)])
+    bypassed = {StreamKey(stream, kind): Bypass(told, since) for stream, kind, told, since in _decode(bypasses)}
+    return MonitorRecord(name, instance, keys, bool(attached), clock, bypassed)
 
 
 def snapshot_of(row: Row) -> SnapshotRecord:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-VERSION = 5
+VERSION = 6
 
 DDL = """
 CREATE TABLE IF NOT EXISTS sessions (
@@ -15,6 +15,7 @@ CREATE TABLE IF NOT EXISTS sessions (
     private INTEGER NOT NULL,    -- closed with its last monitor
     opened INTEGER NOT NULL,     -- ns
     asked TEXT,                  -- the order that was asked for instead of the spec's
+    begun INTEGER,               -- ns, in the session's own time: when its first monitor attached
     closed INTEGER,              -- ns
     state TEXT                   -- JSON: how it stood when it was closed
 );
@@ -22,7 +23,7 @@ CREATE TABLE IF NOT EXISTS steps (
     session INTEGER NOT NULL,
     position INTEGER NOT NULL,   -- 1, 2, 3…: the sequence in which the session judged
     ord TEXT NOT NULL,
-    number INTEGER,              -- the step; NULL for ticks, and where it was skipped
+    number INTEGER,              -- the step; NULL for ticks, and where it was skipped; 0 for an attempt taken back
     stream TEXT NOT NULL,        -- empty for ticks, as is their monitor
     kind TEXT NOT NULL,
     monitor TEXT NOT NULL,
@@ -45,7 +46,7 @@ CREATE TABLE IF NOT EXISTS steps (
     signals TEXT NOT NULL,       -- JSON
     failed TEXT NOT NULL,        -- JSON
     outcomes TEXT NOT NULL,      -- a character a property: T t f F u
-    degraded TEXT NOT NULL,      -- a character a property: 0 1
+    degraded TEXT NOT NULL,      -- a character a property: 0, 1, or 2 for one that is only while a stream is bypassed
     explanations TEXT,           -- JSON, by the property's place; NULL where none became negative
     robustness TEXT,             -- JSON: a number, "Infinity", "-Infinity" or null a property; NULL where there is none
     PRIMARY KEY (session, position)
@@ -59,6 +60,7 @@ CREATE TABLE IF NOT EXISTS monitors (
     streams TEXT NOT NULL,       -- JSON: [name, kind] of those that it claimed
     attached INTEGER NOT NULL,
     clock TEXT NOT NULL,         -- wall or sim
+    bypasses TEXT NOT NULL DEFAULT '[]',  -- JSON: [name, what is told of it, since (ns)] of streams that are bypassed
     PRIMARY KEY (session, name)
 ) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS snapshots (
@@ -86,5 +88,5 @@ STEP_COLUMNS = (
     "failed", "outcomes", "degraded", "explanations", "robustness",
 )  # fmt: skip
 REFUSED_COLUMNS = ("session", "monitor", "seq", "gap", "at", "code", "message")
-SESSION_COLUMNS = ("number", "id", "spec", "text", "digest", "properties", "private", "opened", "asked")
-MONITOR_COLUMNS = ("session", "name", "instance", "streams", "attached", "clock")
+SESSION_COLUMNS = ("number", "id", "spec", "text", "digest", "properties", "private", "opened", "asked", "begun")
+MONITOR_COLUMNS = ("session", "name", "instance", "streams", "attached", "clock", "bypasses")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import os
 import sqlite3
 import threading
 import time
@@ -56,8 +57,11 @@ class Writer:
         """Open a database that no other process uses. Raises `HistoryError` where it can't be used."""
         self.path = path
         try:
+            _make_private(self.path)
             self._writer = sqlite3.connect(self.path, isolation_level=None, check_same_thread=False)
             _prepare(self._writer, durability)
+        except OSError as error:
+            raise HistoryError(f"{self.path}: can't be used as a database: {error.strerror}") from None
         except sqlite3.Error as error:
             raise HistoryError(f"{self.path}: can't be used as a database: {error}") from None
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -234,6 +238,15 @@ def _insert(writer: sqlite3.Connection, table: str, rows: list[Row]) -> None:
         statement = f"INSERT INTO {table} ({','.join(columns)}) VALUES {','.join([place] * size)}"  # noqa: S608
         writer.execute(statement, values)
         start += size
+
+
+def _make_private(path: Path) -> None:
+    """Let no other user read the database or what SQLite writes beside it, to which it gives the same rights."""
+    os.close(os.open(path, os.O_RDONLY | os.O_CREAT, 0o600))
+    for file in (path, *(path.with_name(path.name + suffix) for suffix in ("-wal", "-shm"))):
+        with contextlib.suppress(FileNotFoundError, PermissionError):  # a file of another owner
+            if file.stat().st_mode & 0o077:
+                file.chmod(0o600)
 
 
 def _prepare(writer: sqlite3.Connection, durability: Durability) -> None:

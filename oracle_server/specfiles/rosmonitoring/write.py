@@ -5,113 +5,88 @@ from __future__ import annotations
 import json
 import re
 import sys
-from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
 
-from oracle_server.core.errors import ExpressionError, FormulaError, one_line
-from oracle_server.core.expressions import parse_expression
-from oracle_server.core.formula.parse import parse_formula
-from oracle_server.core.kinds import RESERVED
+from oracle_server.core.errors import SpecError, one_line
+from oracle_server.core.formula.tree import Historically, Once, Since, walk
+from oracle_server.core.signals import UNWRITTEN as STUB
+from oracle_server.specfiles.load import parse_spec
 from oracle_server.specfiles.rosmonitoring.config import Config, ConfigError, Interface, read_config
-from oracle_server.specfiles.rosmonitoring.module import PropertyModule, read_module
-from oracle_server.specfiles.rosmonitoring.predicates import Stream, effect
-
-STUB = "1 / 0 == 1"
-"""A signal that always fails, so that formulas with it are unknown until it is written."""
-_IGNORED = RESERVED | {"time", "t"}
+from oracle_server.specfiles.rosmonitoring.draft import TODO, Draft, make_draft, streams_of
+from oracle_server.specfiles.rosmonitoring.expressions import Stream
+from oracle_server.specfiles.rosmonitoring.module import read_module
+from oracle_server.specfiles.rosmonitoring.translate import Translation, reason_line
 
 
-@dataclass(slots=True)
-class _Signals:
-    """One stream's signals: their CEL, those that hold their value, and the Python that can't be translated."""
+@dataclass(frozen=True, slots=True)
+class Imported:
+    """What is to be told of a spec that was written: how much is left to be written, and what `check` finds in it."""
 
-    cel: dict[str, str] = field(default_factory=dict)
-    hold: list[str] = field(default_factory=list)
-    unread: dict[str, str] = field(default_factory=dict)
+    todos: int
+    told: tuple[str, ...]
+    unsound: bool
 
 
-def import_config(config: Path, modules: Sequence[Path], out: Path | None) -> None:
+def import_config(config: Path, modules: Sequence[Path], out: Path | None) -> Imported:
     """Write the spec of a configuration, or print it. Raises `ConfigError`."""
     try:
         value = yaml.safe_load(config.read_bytes())
     except OSError as error:
         raise ConfigError(f"{config}: can't be read: {error.strerror}") from None
-    except (yaml.YAMLError, RecursionError) as error:
+    except (yaml.YAMLError, RecursionError, ValueError) as error:
         raise ConfigError(f"{config}: not YAML: {one_line(' '.join(str(error).split()))}") from None
-    text = spec_text(read_config(value, str(config)), [read_module(path) for path in modules], config.name)
+    read = read_config(value, str(config))
+    draft = make_draft(read, [read_module(path) for path in modules])
+    text = spec_text(read, draft, config.name)
     if out is None:
         sys.stdout.write(text)
-        return
+    else:
+        try:
+            out.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise ConfigError(f"{out}: can't be written: {error.strerror}") from None
+    findings, unsound = _findings(text, str(out or "the spec"))
+    return Imported(todos(draft), (*_open(draft), *findings), unsound)
+
+
+def todos(draft: Draft) -> int:
+    """How many predicates and formulas are to be written."""
+    return len(draft.unread) + len(draft.unjudged)
+
+
+def _open(draft: Draft) -> list[str]:
+    told = []
+    for names, noun in ((draft.unread, "predicate"), (draft.unjudged, "formula")):
+        if names:
+            s, are, them = ("s", "they are", "them") if len(names) > 1 else ("", "it is", "it")
+            listed = ", ".join(names)
+            told.append(f"{len(names)} {noun}{s} could not be read: {are} unknown until you write {them}: {listed}")
+    return told
+
+
+def _findings(text: str, file: str) -> tuple[list[str], bool]:
+    """What `check` finds, and whether that makes the spec unsound."""
     try:
-        out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"{out}: can't be written: {error.strerror}") from None
+        return [str(warning) for warning in parse_spec(text, file).warnings], False
+    except SpecError as error:
+        return str(error).splitlines(), True
 
 
-def spec_text(config: Config, modules: Sequence[PropertyModule], source: str) -> str:
-    """The text of the spec for a configuration and its modules."""
-    signals = {(i.name, kind): _signals(i, kind, modules) for i in config.interfaces for kind in _kinds(i)}
-    shared = _hold(signals)
+def spec_text(config: Config, draft: Draft, source: str) -> str:
+    """The text of the spec for a configuration and what its modules became."""
     lines = [f"# Imported from {source} by `oracle-server import`. Check the lines marked TODO."]
     lines += [f"# no counterpart: {one_line(text)}" for text in config.lost]
-    lines += [f"# TODO: `{name}` kept its value over several streams' messages there; here only one stream can hold it"
-              for name in shared]  # fmt: skip
     lines += [f"id: {re.sub(r'[^A-Za-z0-9_.-]', '_', config.name)[:64]}", *_ordering(config), "streams:"]
-    wait = 0 if modules else _milliseconds(config.timeout)
+    external = not draft.properties or any(found is None for _, found in draft.properties)
+    wait = _milliseconds(config.timeout) if external else 0
     for interface in config.interfaces:
-        lines += _interface(config, interface, signals, wait)
-    lines += ["properties:", *_properties(config, modules, signals)]
+        lines += _interface(config, interface, draft, wait)
+    lines += ["properties:", *_properties(config, draft)]
     return "\n".join(lines) + "\n"
-
-
-def _kinds(interface: Interface) -> tuple[str, ...]:
-    return ("topic",) if interface.kind == "topic" else ("request", "response")
-
-
-def _signals(interface: Interface, kind: str, modules: Sequence[PropertyModule]) -> _Signals:
-    found = _Signals()
-    for module in modules:
-        if module.function is None:
-            continue
-        done = effect(module.function, Stream(interface.kind, interface.name, kind))
-        found.unread |= {n: python for n, python in done.unread.items() if n not in _IGNORED}
-        for name, cel in done.assigned.items():
-            if name in _IGNORED or name in found.unread:
-                continue
-            if _reads(cel):
-                found.cel[name] = cel
-            else:
-                found.unread[name] = cel
-    return found
-
-
-def _reads(cel: str) -> bool:
-    try:
-        parse_expression(cel)
-    except ExpressionError:
-        return False
-    return True
-
-
-def _hold(signals: dict[tuple[str, str], _Signals]) -> list[str]:
-    """Hold the signals that only one stream sets; returns those that several streams, but not all, set."""
-    setters: defaultdict[str, list[_Signals]] = defaultdict(list)
-    for stream in signals.values():
-        for name in (*stream.cel, *stream.unread):
-            setters[name].append(stream)
-    shared = []
-    for name, streams in setters.items():
-        if len(streams) == len(signals):
-            continue
-        if len(streams) == 1:
-            streams[0].hold.append(name)
-        else:
-            shared.append(name)
-    return sorted(shared)
 
 
 def _ordering(config: Config) -> list[str]:
@@ -130,7 +105,7 @@ def _ordering(config: Config) -> list[str]:
     ]
 
 
-def _interface(config: Config, interface: Interface, signals: dict[tuple[str, str], _Signals], wait: int) -> list[str]:
+def _interface(config: Config, interface: Interface, draft: Draft, wait: int) -> list[str]:
     """The lines of one interface; `wait` is how long (ms) decisions wait for an external oracle."""
     lines = [f"  - {interface.kind}: {interface.name}"]
     if interface.type:
@@ -145,11 +120,12 @@ def _interface(config: Config, interface: Interface, signals: dict[tuple[str, st
         lines.append("    on_unavailable: deny   # ROSMonitoring's filters pass all while the oracle is unreachable")
         if interface.kind == "topic":
             lines.append(f"    intercept: {'subscriber' if interface.subscribers else 'publisher'}")
-    if interface.kind == "topic":
-        return lines + _channel(interface, signals[interface.name, "topic"], "    ")
-    for kind in _kinds(interface):
-        inside = _channel(interface, signals[interface.name, kind], "      ")
-        lines += [f"    {kind}:", *inside] if inside else []
+    for stream in streams_of(interface):
+        if stream.kind == "topic":
+            lines += _channel(interface, stream, draft, "    ")
+        else:
+            inside = _channel(interface, stream, draft, "      ")
+            lines += [f"    {stream.kind}:", *inside] if inside else []
     return lines
 
 
@@ -157,78 +133,87 @@ def _milliseconds(seconds: float) -> int:
     return max(1, round(seconds * 1000))
 
 
-def _channel(interface: Interface, signals: _Signals, indent: str) -> list[str]:
+def _channel(interface: Interface, stream: Stream, draft: Draft, indent: str) -> list[str]:
     lines = [f"{indent}stamp: {interface.stamp}"] if interface.stamp else []
-    if signals.hold:
-        lines.append(f"{indent}hold: [{', '.join(signals.hold)}]")
-    if signals.cel or signals.unread:
-        lines.append(f"{indent}signals:")
-    for name, cel in signals.cel.items():
-        lines.append(f"{indent}  {json.dumps(name)}: {json.dumps(cel)}")
-    for name, python in signals.unread.items():
-        was = [f"{indent}  # {line}" for line in python.splitlines()]
-        lines += [f"{indent}  # TODO: write this as CEL over `msg`; until then its formulas are unknown. It was:", *was]
-        lines.append(f"{indent}  {json.dumps(name)}: {json.dumps(STUB)}")
+    hold = [name for name, signal in draft.signals.items() if signal.hold == stream]
+    if hold:
+        lines.append(f"{indent}hold: [{', '.join(json.dumps(name) for name in hold)}]")
+    inside = [line for name in draft.signals for line in _signal(name, stream, draft, f"{indent}  ")]
+    if inside:
+        lines += [f"{indent}signals:", *inside]
+    elif draft.properties:
+        lines.append(f"{indent}signals: {{}}   # its messages set nothing that a formula reads")
     return lines
 
 
-def _properties(
-    config: Config, modules: Sequence[PropertyModule], signals: dict[tuple[str, str], _Signals]
-) -> list[str]:
-    guards = f"    guards: [{', '.join(i.name for i in config.interfaces if i.filtered)}]"
-    lines: list[str] = []
-    if not modules:
-        lines += [
-            "  # No property module was given (--properties), so that the external oracle still judges.",
-            "  - id: oracle",
-            "    engine: external",
-            f"    url: {config.url}",
-            f"    timeout: {_milliseconds(config.timeout)}ms",
-        ]
-        lines += ["    names: bare   # as it received them before"] if all(i.bare for i in config.interfaces) else []
-        lines += [guards] if any(i.filtered for i in config.interfaces) else []
-        return lines
-    known = {name for stream in signals.values() for name in (*stream.cel, *stream.unread)}
-    for module in modules:
-        formula = _formula(module, config)
+def _signal(name: str, stream: Stream, draft: Draft, indent: str) -> list[str]:
+    signal = draft.signals[name]
+    if stream in signal.cel:
+        cel = signal.cel[stream]
+        fails = [f"{indent}# the module fails here, so that its formulas are unknown"] if cel == STUB else []
+        return [*fails, f"{indent}{json.dumps(name)}: {json.dumps(cel)}"]
+    if stream not in signal.unread:
+        return []
+    was = signal.unread[stream]
+    lines = [f"{indent}# unknown here too, until `{name}` is written" if not was and name != TODO else ""]
+    if was:
+        lines = [f"{indent}# TODO: write this as CEL over `msg`; until then its formulas are unknown. It was:"]
+        lines += [f"{indent}# {line}" for line in was.splitlines()]
+    return [*(line for line in lines if line), f"{indent}{json.dumps(name)}: {json.dumps(STUB)}"]
+
+
+def _properties(config: Config, draft: Draft) -> list[str]:
+    if not draft.properties:
+        lines = ["  # No property module was given (--properties), so that the external oracle still judges."]
+        return lines + _oracle(config, "oracle")
+    lines = []
+    for module, found in draft.properties:
+        if found is None:
+            lines += [
+                "  # Its formula is about what comes, so that its oracle still judges. It was:",
+                f"  # {one_line(module.formula)}",
+                *_oracle(config, module.name),
+            ]
+            continue
         lines.append(f"  - id: {module.name}")
-        lines += [f"    # TODO: {text}" for text in _doubts(module, formula, known)]
-        lines.append(f"    formula: {json.dumps(formula if _parses(formula) is None else '{todo}')}")
-        lines += [guards] if any(i.filtered for i in config.interfaces) else []
+        lines += [f"    # {text}" for text in _remarks(found)]
+        if found.text is None:
+            lines.append(f"    # TODO: {reason_line(found)}")
+        lines.append(f"    formula: {json.dumps(found.text or '{' + TODO + '}', ensure_ascii=False)}")
+        lines += _guards(config)
     return lines
 
 
-def _formula(module: PropertyModule, config: Config) -> str:
-    text = module.formula
-    for name in module.truths:
-        text = re.sub(rf"(\b{re.escape(name)}\s*:\s*)(True|False)\b", lambda m: m[1] + m[2].lower(), text)
-    for interface in config.interfaces:
-        bare = re.escape(interface.name.removeprefix("/"))
-        text = re.sub(rf'({interface.kind}\s*:\s*)(["\']?)/?{bare}\2(?=\s*[,}}])', rf'\1"{interface.name}"', text)
-    return text
+def _oracle(config: Config, name: str) -> list[str]:
+    lines = [
+        f"  - id: {name}",
+        "    engine: external",
+        f"    url: {config.url}",
+        f"    timeout: {_milliseconds(config.timeout)}ms",
+    ]
+    lines += ["    names: bare   # as it received them before"] if all(i.bare for i in config.interfaces) else []
+    return lines + _guards(config)
 
 
-def _parses(formula: str) -> str | None:
-    try:
-        parse_formula(formula, "steps")
-    except FormulaError as error:
-        return str(error)
-    return None
+def _guards(config: Config) -> list[str]:
+    names = [i.name for i in config.interfaces if i.filtered]
+    return [f"    guards: [{', '.join(names)}]"] if names else []
 
 
-def _doubts(module: PropertyModule, formula: str, known: set[str]) -> list[str]:
-    wrong = _parses(formula)
-    if wrong is not None:
-        return [f"the formula can't be read ({one_line(wrong)}); it was: {one_line(module.formula)}"]
-    doubts = []
-    if "[" in formula:
-        doubts.append("bounds count steps here; with `time: seconds`, as in the oracle's dense mode, they are seconds")
-    initial = sorted(
-        n for n, v in module.initial.items() if v not in (None, False) and n in known and n not in _IGNORED
+def _remarks(found: Translation) -> list[str]:
+    """What a reader of the spec is told of a formula that is judged."""
+    bounded = found.formula is not None and any(
+        isinstance(node, Once | Historically | Since) and (node.bound.lower or node.bound.upper is not None)
+        for node in walk(found.formula)
     )
-    if initial:
-        doubts.append(f"before its first message {', '.join(initial)} had a value there, and is absent here")
-    lost = sorted(n for n in module.initial if n not in known and n not in _IGNORED and re.search(rf"\b{n}\b", formula))
-    if lost:
-        doubts.append(f"no stream sets {', '.join(lost)}")
-    return doubts
+    remarks = []
+    if bounded:
+        remarks.append(
+            "Bounds count events here, as with the oracle's --discrete. `time: seconds` would count seconds,"
+        )
+        remarks.append(
+            "and is not its --dense: there a message lasts until the next one, and is judged when that comes."
+        )
+    if "{" not in found.module.formula:
+        remarks.append(f"Written from: {one_line(found.module.formula)}")
+    return remarks

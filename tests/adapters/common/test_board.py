@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, List, Sequence, Tuple
+from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 import pytest
 from oracle_adapter import Answer, Board, Stats, Status, graph_name
@@ -115,7 +115,31 @@ def test_diagnostics_say_what_the_server_says(screen: Screen, board: Board) -> N
         "uav1: d": (STALE, "?"),
     }
     values = dict(screen.shown[-1][1].values)
-    assert values == {"outcome": "unknown", "violations": "2", "first_violation": "7"}
+    assert values == {
+        "outcome": "unknown",
+        "violations": "2",
+        "first at": "-",
+        "first_violation": "7",
+    }
+
+
+@pytest.mark.parametrize(
+    ("step", "stamp", "text"),
+    [
+        (3, 1_732_147_230_012_999_999, "step 3, 00:00:30.012Z"),
+        (None, 1_732_147_230_012_999_999, "00:00:30.012Z"),
+        (3, 12_500_000_000, "step 3, 12.500 s"),
+        (None, None, "-"),
+    ],
+)
+def test_diagnostics_say_where_a_property_was_violated_first(
+    screen: Screen, board: Board, step: Optional[int], stamp: Optional[int], text: str
+) -> None:
+    frame = told("false", a=("warn", "no"))
+    frame["properties"]["a"].update(first_violation_step=step, first_violation_at=stamp)
+    board.on_verdicts(frame)
+    board.tick(Stats())
+    assert dict(screen.shown[-1][1].values)["first at"] == text
 
 
 def test_all_is_stale_while_the_oracle_is_away(screen: Screen, board: Board) -> None:
@@ -208,12 +232,13 @@ def test_trouble_is_told_where_it_is_new_and_shown_until_it_is_over(
 def test_a_violation_is_told_with_its_property_its_event_and_why(
     screen: Screen, board: Board
 ) -> None:
-    record = {"n": 4, "property": "p", "stream": "/a", "kind": "topic", "seq": 3, "monitor": "m"}
+    event = {"stream": "/a", "kind": "topic", "seq": 3, "monitor": "m"}
+    record = {"n": 4, "property": "p", "step": 2, **event}
     board.on_violation({**record, "explanation": {"text": "p fails, since it is late"}})
     board.on_violation(record)
     board.on_violation({})
-    assert screen.errors[0] == "violation 4: p fails, since it is late"
-    assert screen.errors[1] == "violation 4: p does not hold at /a (topic 3 of m)"
+    assert screen.errors[0] == "violation: p fails, since it is late (#4)"
+    assert screen.errors[1] == "violation: p does not hold at step 2, /a (topic 3 of m) (#4)"
     assert len(screen.errors) == 3
 
 

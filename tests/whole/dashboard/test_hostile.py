@@ -35,6 +35,14 @@ async def test_what_a_robot_says_is_text_and_never_a_page(server: Server, sessio
     assert await page.locator("main img, main script").count() == 0
 
 
+async def test_the_description_of_the_api_is_drawn_within_its_policy(server: Server, page: Page) -> None:
+    answer = await page.goto(f"{server.url}/docs")
+    assert answer
+    assert "content-security-policy" in answer.headers
+    await page.get_by_text("/api/v1/sessions/{session_id}/stream").first.click()
+    await expect(page.get_by_text("Last-Event-ID").first).to_be_visible()
+
+
 @pytest.mark.parametrize(
     ("address", "told"),
     [

@@ -1,0 +1,31 @@
+"""Expressions over `msg`, a message: read, checked before any message, and evaluated within a bound that is counted.
+
+parse_expression(text) -> Expression            raises `ExpressionError`, with line and column
+check_shape(expression, shape) -> [Problem]     what is wrong with it, for messages of a shape, or of any (None)
+result_kind(expression, shape) -> kind or None  what its signal is
+"""
+
+from oracle_server.core.expression.check import Problem, check_shape, result_kind
+from oracle_server.core.expression.cost import MAX_STEPS
+from oracle_server.core.expression.expression import Expression, FieldPath, parse_expression, read, too_dear
+from oracle_server.core.expression.patterns import MAX_PATTERNS
+from oracle_server.core.expression.reasons import WANTED, reason, told
+from oracle_server.core.expression.stops import Absent, Failed
+
+__all__ = [
+    "MAX_PATTERNS",
+    "MAX_STEPS",
+    "WANTED",
+    "Absent",
+    "Expression",
+    "Failed",
+    "FieldPath",
+    "Problem",
+    "check_shape",
+    "parse_expression",
+    "read",
+    "reason",
+    "result_kind",
+    "told",
+    "too_dear",
+]

@@ -1,0 +1,293 @@
+"""What can be said of an expression before any message: for messages of a known shape, or whatever they are."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from oracle_server.core.expression import operands, tree
+from oracle_server.core.expression.checkcalls import called
+from oracle_server.core.expression.expression import Expression
+from oracle_server.core.expression.functions import nearest
+from oracle_server.core.expression.operands import Operand
+from oracle_server.core.expression.static import (
+    BOOL,
+    REAL,
+    TEXT,
+    WHOLE,
+    Elements,
+    Static,
+    common,
+    described,
+    element,
+    fields_of,
+    is_number,
+    kind,
+)
+from oracle_server.core.expression.tokens import comments, place
+from oracle_server.core.expression.tree import Node
+from oracle_server.core.shapes import Many, Record, Shape, Value, ValueKind
+
+Severity = Literal["error", "warning"]
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Something wrong with an expression; `within` is the line and column in its text, from 1."""
+
+    message: str
+    within: tuple[int, int]
+    severity: Severity = "error"
+
+
+def check_shape(expression: Expression, shape: Shape | None) -> list[Problem]:
+    """What is wrong with an expression over messages of a shape, or over any messages (None), in the text's order.
+
+    An *error* is what makes the signal fail at every message, or the same whatever the message has; a *warning* is
+    what may well be meant otherwise.
+    """
+    checker = _Checker(expression.text, shape)
+    checker.result(expression.tree, checker.of(expression.tree))
+    checker.comments()
+    return sorted(checker.problems, key=lambda p: p.within)
+
+
+def result_kind(expression: Expression, shape: Shape | None) -> ValueKind | None:
+    """The kind of an expression's value over messages of a shape, None where it is not known or no single value."""
+    return kind(_Checker(expression.text, shape).of(expression.tree))
+
+
+class _Checker:
+    def __init__(self, text: str, shape: Shape | None) -> None:
+        self.problems: list[Problem] = []
+        self._text, self._shape = text, shape
+        self._variables: list[tuple[str, Static]] = []
+        self._rules: dict[type, Callable[[Any], Static]] = {
+            tree.Literal: _literal,
+            tree.Path: self._path,
+            tree.Variable: self._variable,
+            tree.Field: lambda node: self._member(self.of(node.of), node.name, node.place, self._snippet(node.of)),
+            tree.Index: self._index,
+            tree.Unary: self._unary,
+            tree.Chain: self._chain,
+            tree.Compare: self._compare,
+            tree.Joined: self._joined,
+            tree.Choice: self._choice,
+            tree.Call: self._call,
+            tree.Has: self._has,
+            tree.Loop: self._loop,
+            tree.ListOf: self._list,
+            tree.MapOf: self._map,
+        }
+
+    def of(self, node: Node) -> Static:
+        """What is known of the value of a part."""
+        return self._rules[type(node)](node)
+
+    def result(self, node: Node, static: Static) -> None:
+        """Refuse a value that can be no signal."""
+        text = self._snippet(node)
+        wanted = "and a signal is one text, Boolean or number"
+        match static:
+            case Many() | Elements():
+                mend = f"write `{text}[0]`, `size({text})` or `{text}.exists(x, x == 1)`"
+                self._error(node.start, f"`{text}` is {described(static)}, {wanted}; {mend}")
+            case Record(fields=fields):
+                mend = (
+                    f"write one of its fields, such as `{text}.{next(iter(fields))}`" if fields else "it has no fields"
+                )
+                self._error(node.start, f"`{text}` is {described(static)}, {wanted}; {mend}")
+            case None if isinstance(node, tree.Path) and not node.names:
+                self._error(node.start, f"`msg` is the whole message, {wanted}; write a field, as in msg.data")
+            case None if isinstance(node, tree.Choice):
+                for part in (*(value for _, value in node.cases), node.otherwise):
+                    self.result(part, _Checker(self._text, self._shape).of(part))
+
+    def comments(self) -> None:
+        """Warn of what looks like a part of the expression and is a comment."""
+        for at, told in comments(self._text):
+            if re.match(r"[\d.(]|msg\b", told):
+                hint = "`//` begins a comment, so that what follows is not read; a division is written `/`"
+                self._warn(at, hint)
+
+    def _path(self, node: tree.Path) -> Static:
+        static: Static = self._shape
+        for i, (name, at) in enumerate(zip(node.names, node.places, strict=True)):
+            static = self._member(static, name, at, ".".join(("msg", *node.names[:i])))
+        return static
+
+    def _member(self, static: Static, name: str, at: int, text: str) -> Static:
+        match static:
+            case Record(fields=fields):
+                if name in fields:
+                    return fields[name]
+                near = nearest(name, list(fields))
+                told = f"nearest is `{near}`; " if near else ""
+                self._error(at, f"{described(static)} has no field `{name}`; {told}{fields_of(static)}")
+            case Many() | Elements():
+                mend = f"write `{text}[0].{name}` or `{text}.exists(x, x.{name} == 1)`"
+                if name in ("size", "length", "len"):
+                    mend = f"write `size({text})`"
+                self._error(at, f"`{text}` is {described(static)}, and has no field `{name}`; {mend}")
+            case Value():
+                self._error(at, f"`{text}` is {described(static)}, and has no field `{name}`")
+        return None
+
+    def _variable(self, node: tree.Variable) -> Static:
+        return next(static for name, static in reversed(self._variables) if name == node.name)
+
+    def _index(self, node: tree.Index) -> Static:
+        whole, at, text = self.of(node.of), self.of(node.index), self._snippet(node.of)
+        index = node.index.value if isinstance(node.index, tree.Literal) else None
+        if isinstance(node.of, tree.Path) and not node.of.names and kind(at) == "whole":
+            self._error(node.index.start, "`msg` is a message, and no list; write a field, as in msg.data")
+        elif isinstance(whole, Value) or (isinstance(whole, Record) and is_number(at)):
+            more = "; single characters can't be read" if kind(whole) in ("text", "bytes") else ""
+            self._error(node.index.start, f"`{text}` is {described(whole)}, and no list{more}")
+        elif isinstance(at, Value) and at.kind in ("real", "bool"):
+            self._error(
+                node.index.start, f"the number of an element is a whole one; write `int({self._snippet(node.index)})`"
+            )
+        elif isinstance(index, int) and index < 0:
+            self._error(node.index.start, f"elements are counted from 0; the last one is `{text}[size({text}) - 1]`")
+        elif isinstance(index, int) and isinstance(whole, Many) and whole.length is not None and index >= whole.length:
+            self._error(node.index.start, f"`{text}` has {whole.length} elements, the last one is {whole.length - 1}")
+        return element(whole)
+
+    def _unary(self, node: tree.Unary) -> Static:
+        operand = self._operand(node.of)
+        if node.mark == "!":
+            self._told(node.start, operands.boolean("!", operand))
+            return BOOL
+        self._told(node.start, operands.arithmetic("-", operand, operand))
+        return Value(operand.static.kind, "") if isinstance(operand.static, Value) else None
+
+    def _chain(self, node: tree.Chain) -> Static:
+        left = self._operand(node.first)
+        for mark, part in node.rest:
+            right = self._operand(part)
+            self._told(node.start, operands.arithmetic(mark, left, right))
+            if mark == "/":
+                self._divided(left, right)
+            left = Operand(node, self._text[node.start : part.end], _result(mark, left.static, right.static))
+        return left.static
+
+    def _divided(self, left: Operand, right: Operand) -> None:
+        if kind(left.static) != "whole" or kind(right.static) != "whole":
+            return
+        if isinstance(right.node, tree.Literal) and right.node.value == 0:
+            self._warn(right.node.start, "a division by zero fails at every message")
+            return
+        literal = isinstance(right.node, tree.Literal)
+        exact = f"{left.text} / {right.text}.0" if literal else f"double({left.text}) / {right.text}"
+        told = f"`{left.text} / {right.text}` divides whole numbers, and gives a whole one, as 7 / 2 is 3"
+        self._warn(left.node.start, f"{told}; write `{exact}` for the exact one")
+
+    def _compare(self, node: tree.Compare) -> Static:
+        left, right = self._operand(node.left), self._operand(node.right)
+        if node.mark == "in":
+            self._inside(node, left, right)
+        else:
+            rule = operands.equal if node.mark in ("==", "!=") else operands.ordered
+            self._told(node.start, rule(node.mark, left, right))
+        return BOOL
+
+    def _inside(self, node: tree.Compare, left: Operand, right: Operand) -> None:
+        if isinstance(node.right, tree.ListOf):
+            found = [operands.equal("in", left, self._operand(item)) for item in node.right.items]
+            self._told(node.start, next((told for told in found if told), None))
+        elif isinstance(right.static, Many | Elements):
+            stand_in = Operand(node.right, f"{right.text}[0]", element(right.static))
+            self._told(node.start, operands.equal("in", left, stand_in))
+        elif kind(right.static) in ("text", "bytes"):
+            self._error(node.start, f"{right}, and no list; write `{right.text}.contains({left.text})`")
+        elif isinstance(right.static, Value):
+            self._error(node.start, f"{right}, and `in` takes a list behind it")
+
+    def _joined(self, node: tree.Joined) -> Static:
+        for part in node.parts:
+            self._told(part.start, operands.boolean(node.mark, self._operand(part)))
+        return BOOL
+
+    def _choice(self, node: tree.Choice) -> Static:
+        found = []
+        for test, value in node.cases:
+            self._told(test.start, operands.boolean("?", self._operand(test)))
+            found.append(self.of(value))
+        last = self.of(node.otherwise)
+        for each in found:
+            last = common(last, each)
+        return last
+
+    def _call(self, node: tree.Call) -> Static:
+        static, told = called(node, [self._operand(argument) for argument in node.arguments])
+        for severity, message in told:
+            self.problems.append(Problem(message, place(self._text, node.start), severity))
+        return static
+
+    def _has(self, node: tree.Has) -> Static:
+        self.of(node.of)
+        return BOOL
+
+    def _loop(self, node: tree.Loop) -> Static:
+        whole = self._operand(node.of)
+        if isinstance(whole.static, Value):
+            self._error(node.start, f"{whole}, and `{node.kind}` takes a list")
+        each = TEXT if isinstance(whole.static, Record) else element(whole.static)
+        self._variables.append((node.variable, each))
+        if node.when is not None:
+            self._told(node.when.start, operands.boolean(node.kind, self._operand(node.when)))
+        body = self._operand(node.body)
+        if node.kind != "map":
+            self._told(node.body.start, operands.boolean(node.kind, body))
+        self._variables.pop()
+        if node.kind == "map":
+            return Elements(body.static)
+        return Elements(each) if node.kind == "filter" else BOOL
+
+    def _list(self, node: tree.ListOf) -> Static:
+        found = [self.of(item) for item in node.items]
+        alike = found and all(static == found[0] for static in found)
+        return Elements(found[0] if alike else None)
+
+    def _map(self, node: tree.MapOf) -> Static:
+        for value in node.values:
+            self.of(value)
+        return None
+
+    def _operand(self, node: Node) -> Operand:
+        return Operand(node, self._snippet(node), self.of(node))
+
+    def _snippet(self, node: Node) -> str:
+        return " ".join(self._text[node.start : node.end].split())
+
+    def _told(self, at: int, message: str | None) -> None:
+        if message is not None:
+            self._error(at, message)
+
+    def _error(self, at: int, message: str) -> None:
+        self.problems.append(Problem(message, place(self._text, at)))
+
+    def _warn(self, at: int, message: str) -> None:
+        self.problems.append(Problem(message, place(self._text, at), "warning"))
+
+
+def _literal(node: tree.Literal) -> Static:
+    known = {int: WHOLE, float: REAL, bool: BOOL, str: TEXT}
+    return known.get(type(node.value))
+
+
+def _result(mark: str, one: Static, other: Static) -> Static:
+    """What is known of the result of an operation that succeeds."""
+    kinds = {kind(one), kind(other)}
+    if mark == "%" or kinds == {"whole"}:
+        return WHOLE
+    if "real" in kinds:
+        return REAL
+    if mark == "+" and kinds and kinds <= {"text", "bytes"}:
+        return TEXT
+    if mark == "+" and all(isinstance(s, Many | Elements) for s in (one, other)):
+        return Elements(common(element(one), element(other)))
+    return None

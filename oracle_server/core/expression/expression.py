@@ -1,0 +1,78 @@
+"""An expression: its text, its tree and its code, and the fields of `msg` that it reads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from oracle_server.core.expression import tree
+from oracle_server.core.expression.compile import Code, compile_tree
+from oracle_server.core.expression.cost import MAX_KNOWN_STEPS, Frame
+from oracle_server.core.expression.parse import parse
+from oracle_server.core.expression.tree import Node
+
+FieldPath = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A checked expression; `slots` is how many variables its frame has beside the steps that are left."""
+
+    text: str
+    tree: Node = field(repr=False)
+    code: Code = field(repr=False)
+    slots: int
+
+    @cached_property
+    def paths(self) -> tuple[FieldPath, ...]:
+        """The fields of `msg` that are read, each once, the empty path being the whole message."""
+        found = (node.names for node in tree.walk(self.tree) if isinstance(node, tree.Path))
+        return tuple(dict.fromkeys(_dotted(names) for names in found))
+
+    @cached_property
+    def traced(self) -> Code:
+        """The same code, whose stops say which part of the expression has no value."""
+        return compile_tree(self.tree, traced=True)[0]
+
+    @property
+    def patterns(self) -> int:
+        """How many patterns there are in it."""
+        return sum(isinstance(node, tree.Call) and node.name == "matches" for node in tree.walk(self.tree))
+
+    def frame(self, steps: int) -> Frame:
+        """A frame for one evaluation, which may take so many steps."""
+        return [steps, *[None] * self.slots]
+
+
+def parse_expression(text: str) -> Expression:
+    """Read and check an expression. Raises `ExpressionError`, with the line and column in the text."""
+    node = parse(text)
+    code, slots = compile_tree(node)
+    return Expression(text, node, code, slots)
+
+
+def too_dear(expressions: Mapping[str, Expression]) -> str | None:
+    """Why one stream can't have all of these signals, None where it can."""
+    steps = sum(expression.code.steps for expression in expressions.values())
+    if steps <= MAX_KNOWN_STEPS:
+        return None
+    return f"the signals take {steps} steps at every message, and may take {MAX_KNOWN_STEPS}; leave some out"
+
+
+def read(message: object, path: FieldPath) -> Any:
+    """The value at a path of a message, None where it is missing."""
+    for name in path:
+        if not isinstance(message, Mapping):
+            return None
+        message = message.get(name)
+    return message
+
+
+def _dotted(names: FieldPath) -> FieldPath:
+    """The path as far as dots can be put between its names."""
+    for i, name in enumerate(names):
+        if not name or "." in name:
+            return names[:i]
+    return names

@@ -1,0 +1,111 @@
+"""The functions of expressions by name: how they are called, what they take, and what they are called elsewhere."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+from oracle_server.core.expression.values import (
+    absolute,
+    largest,
+    root,
+    shown,
+    size,
+    smallest,
+    to_real,
+    to_unsigned,
+    to_whole,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """One function: `usage` shows how it is called; `own` ones stand behind the value, `least` counts arguments."""
+
+    usage: str
+    own: bool = False
+    least: int = 1
+    most: int = 1
+
+
+FUNCTIONS = {
+    "abs": Function("abs(msg.x)"),
+    "contains": Function("msg.text.contains('part')", own=True, least=2, most=2),
+    "double": Function("double(msg.count)"),
+    "endsWith": Function("msg.text.endsWith('end')", own=True, least=2, most=2),
+    "int": Function("int(msg.x)"),
+    "matches": Function("msg.text.matches('pattern')", own=True, least=2, most=2),
+    "max": Function("max(msg.a, msg.b)", most=64),
+    "min": Function("min(msg.a, msg.b)", most=64),
+    "size": Function("size(msg.list)"),
+    "sqrt": Function("sqrt(msg.x)"),
+    "startsWith": Function("msg.text.startsWith('start')", own=True, least=2, most=2),
+    "string": Function("string(msg.id)"),
+    "uint": Function("uint(msg.x)"),
+}
+NUMBERS = frozenset({"abs", "double", "int", "max", "min", "size", "sqrt", "uint"})
+"""The functions that give numbers."""
+LOOPS = frozenset({"all", "exists", "exists_one", "filter", "map"})
+KNOWN = frozenset({*FUNCTIONS, *LOOPS, "has"})
+
+ONE = {
+    "abs": absolute,
+    "double": to_real,
+    "int": to_whole,
+    "size": size,
+    "sqrt": root,
+    "string": shown,
+    "uint": to_unsigned,
+}
+"""What the functions of one argument do."""
+OF_NUMBERS = {"max": largest, "min": smallest}
+"""What the functions of any number of arguments do with their list."""
+
+_LIST = "write `msg.list.{}(x, x > 0)`"
+_NO_TIMES = "expressions have no times and durations; compare the numbers, as in msg.header.stamp.sec"
+_NO_BYTES = "expressions have no bytes; in a message they are a text in base64"
+_ELSEWHERE = {
+    "all": _LIST.format("all"),
+    "any": _LIST.format("exists"),
+    "bool": "write a comparison, as in msg.count != 0",
+    "bytes": _NO_BYTES,
+    "count": "write `size(msg.list.filter(x, x > 0))`",
+    "dist": "write `sqrt(msg.x * msg.x + msg.y * msg.y)`",
+    "duration": _NO_TIMES,
+    "dyn": "write the value alone",
+    "every": _LIST.format("all"),
+    "fabs": "write `abs(msg.x)`",
+    "float": "write `double(msg.count)`",
+    "floor": "write `int(msg.x)`, which leaves out what is behind the point",
+    "hypot": "write `sqrt(msg.x * msg.x + msg.y * msg.y)`",
+    "includes": "write `msg.text.contains('part')`",
+    "isinf": "infinities arrive as texts: write `msg.x == 'Infinity' || msg.x == '-Infinity'`",
+    "isnan": "NaN arrives as a text: write `msg.x == 'NaN'`",
+    "len": "write `size(msg.list)`",
+    "length": "write `size(msg.list)`",
+    "pow": "write `msg.x * msg.x`",
+    "some": _LIST.format("exists"),
+    "startswith": "write `msg.text.startsWith('start')`",
+    "endswith": "write `msg.text.endsWith('end')`",
+    "str": "write `string(msg.id)`",
+    "timestamp": _NO_TIMES,
+    "trunc": "write `int(msg.x)`",
+}
+
+
+def nearest(name: str, known: frozenset[str] | list[str]) -> str | None:
+    """The known name that a name was most likely meant to be."""
+    lower = {k.lower(): k for k in sorted(known)}
+    found = get_close_matches(name.lower(), lower, 1, 0.6)
+    return lower[found[0]] if found else None
+
+
+def unknown_function(name: str) -> str:
+    """What is said of a function that there is not."""
+    told = f"unknown function '{name}'"
+    if name in _ELSEWHERE:
+        return f"{told}; {_ELSEWHERE[name]}"
+    if name.startswith("get") and name[3:4].isupper():
+        return f"{told}; {_NO_TIMES}"
+    near = nearest(name, KNOWN)
+    return f"{told}; {f'nearest is `{near}`; ' if near else ''}known are {', '.join(sorted(KNOWN))}"

@@ -1,0 +1,95 @@
+"""What is said of an expression that can't be read: what is wrong there, and what to write instead."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from oracle_server.core.expression.functions import nearest
+from oracle_server.core.expression.tokens import Token
+
+_CLOSES = {"(": ")", "[": "]", "{": "}"}
+_INSTEAD = {
+    "=": "`=` compares nothing; write `==`",
+    "===": "write `==` for `===`",
+    "!==": "write `!=` for `!==`",
+    "=>": "write `>=` for 'at least'; for 'implies' write `!a || b`",
+    "=<": "write `<=` for `=<`",
+    "<>": "write `!=` for `<>`",
+    "&": "write `&&` for 'and'",
+    "|": "write `||` for 'or'",
+    "^": "there is no power; write `msg.x * msg.x`",
+    "**": "there is no power; write `msg.x * msg.x`",
+    "~": "write `!` for 'not'",
+    "->": "a field stands behind a dot, as in msg.field; for 'implies' write `!a || b`",
+    ";": "an expression is one value; leave `;` out",
+    "and": "write `&&` for `and`",
+    "or": "write `||` for `or`",
+    "not": "write `!` for `not`, as in !(msg.a > 3)",
+    "is": "write `==` for `is`",
+    "if": "a choice is written `test ? value : otherwise`",
+    "else": "a choice is written `test ? value : otherwise`",
+    "implies": "for 'implies' write `!a || b`",
+    "True": "write `true` for `True`",
+    "TRUE": "write `true` for `TRUE`",
+    "False": "write `false` for `False`",
+    "FALSE": "write `false` for `FALSE`",
+    "None": "write `has(msg.field)` to ask whether a field is there",
+    "nil": "write `has(msg.field)` to ask whether a field is there",
+    "NaN": "NaN arrives as a text: write `msg.x == 'NaN'`",
+    "nan": "NaN arrives as a text: write `msg.x == 'NaN'`",
+    "inf": "infinities arrive as the texts 'Infinity' and '-Infinity'",
+    "Infinity": "infinities arrive as the texts 'Infinity' and '-Infinity'",
+}
+
+
+def missing(token: Token, before: Token | None) -> str:
+    """What is said where a value has to stand, and another token does."""
+    if before is None and token.kind == "end":
+        return "the expression is empty; write a field, as in msg.data"
+    if token.text in _INSTEAD and token.kind != "end":
+        return _INSTEAD[token.text]
+    after = f"after `{before.text}`" if before is not None else "at the beginning"
+    if token.kind == "end":
+        return f"the expression ends too early: a value is missing {after}"
+    return f"`{token.text}` is not expected {after}: a value is missing there"
+
+
+def unexpected(token: Token, before: Token | None, opened: Token | None) -> str:
+    """What is said where a value has ended, and no operator follows; `opened` is the bracket that is not closed yet."""
+    if token.kind != "end" and token.text in _INSTEAD:
+        return _INSTEAD[token.text]
+    if token.kind == "end" or token.text in (")", "]", "}"):
+        return _bracket(token, opened)
+    if token.text == ":" and opened is not None and opened.text == "[":
+        return "there are no parts of lists; write msg.list[0] for one element"
+    if token.text == "," and before is not None:
+        return "`,` is not expected here; a list is written in square brackets, as in [1, 2]"
+    if token.kind == "mark":
+        return f"`{token.text}` is not expected here"
+    shown = f"`{before.text}` and " if before is not None else ""
+    return f"an operator is missing between {shown}`{token.text}`, such as `==` or `&&`"
+
+
+def _bracket(token: Token, opened: Token | None) -> str:
+    if opened is None:
+        return f"this `{token.text}` closes nothing; leave it out, or open it before"
+    wanted = _CLOSES[opened.text]
+    if token.kind == "end":
+        return f"the `{opened.text}` that opens here is not closed: a `{wanted}` is missing"
+    return f"`{token.text}` does not close the `{opened.text}` before it: a `{wanted}` is missing"
+
+
+def unknown_name(name: str, variables: Iterable[str], *, compared: bool) -> str:
+    """What is said of a name that is neither `msg` nor a variable; `compared`: it stands behind `==` or `!=`."""
+    if name in _INSTEAD:
+        return _INSTEAD[name]
+    told = f"unknown name '{name}'"
+    near = nearest(name, ["msg", *variables])
+    if name in ("message", "m", "event", "self", "this") or (near == "msg" and len(name) <= 4):
+        return f"{told}; did you mean `msg`?"
+    if near is not None and abs(len(near) - len(name)) <= 1:
+        return f"{told}; did you mean `{near}`?"
+    if name in ("time", "now"):
+        return f"{told}; an expression reads the message alone, as in msg.field"
+    text = f", or '{name}' for the text" if compared else ""
+    return f"{told}; an expression reads `msg`: write `msg.{name}` for the field{text}"

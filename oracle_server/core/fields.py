@@ -1,0 +1,263 @@
+"""What `check` finds by the types of messages: fields that are read and are not there, and values that do not fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from typing import Any
+
+from oracle_server.core.errors import ExpressionError, SpecProblem
+from oracle_server.core.expression import Problem, check_shape, parse_expression
+from oracle_server.core.formula.render import render_atom
+from oracle_server.core.formula.tree import Atom
+from oracle_server.core.kinds import RESERVED
+from oracle_server.core.nearest import either, listed, nearest
+from oracle_server.core.plan import can_meet, has_reserved
+from oracle_server.core.readings import at, lacking, no_field
+from oracle_server.core.shapes import Many, Record, Shape, Value
+from oracle_server.core.spec import Spec, StreamSpec
+from oracle_server.core.stamps import Stamp
+from oracle_server.core.typed import StreamTypes, TypedMessage
+
+_TIME_FIELDS = ("sec", "nanosec")
+_NOT_FINITE = frozenset({"NaN", "Infinity", "-Infinity"})
+
+
+def inspect_fields(spec: Spec, types: StreamTypes) -> list[SpecProblem]:
+    """Everything that is wrong or doubtful in a spec about the fields of its messages."""
+    return [
+        *_expressions(spec, types),
+        *_stamps(spec, types),
+        *_responses(spec, types),
+        *_default_signals(spec, types),
+    ]
+
+
+def _expressions(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
+    for i, stream in enumerate(spec.streams):
+        known = types.get(stream.key)
+        for name, text in (stream.signals or {}).items() if known else ():
+            assert known is not None  # noqa: S101 -- else there is nothing to check
+            try:
+                expression = parse_expression(text)
+            except ExpressionError:
+                continue  # found by `inspect`
+            for problem in _of_all(known, lambda shape, read=expression: check_shape(read, shape)):  # type: ignore[misc]
+                path = ("streams", i, "signals", name)
+                yield SpecProblem(path, f"signal '{name}': {problem.message}", problem.within, problem.severity)
+
+
+def _of_all(known: TypedMessage, check: Callable[[Shape], list[Problem]]) -> Iterator[Problem]:
+    """The problems with the newest definition; warnings where another distribution's has none there."""
+    problems = check(known.shape)
+    if not problems or known.anywhere is None:
+        yield from problems
+        return
+    everywhere = {problem.within for problem in check(known.anywhere)}
+    for problem in problems:
+        if problem.severity == "warning" or problem.within in everywhere:
+            yield problem
+        else:
+            yield Problem(f"{problem.message} (another version of ROS has it)", problem.within, "warning")
+
+
+def _stamps(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
+    for i, stream in enumerate(spec.streams):
+        known = types.get(stream.key)
+        if stream.stamp is None or known is None:
+            continue
+        field = stream.stamp.field
+        reason = _no_time(known.widest, stream.stamp)
+        if reason:
+            yield SpecProblem(("streams", i, "stamp"), f"stamp of {stream.key}: {reason}")
+            continue
+        found = at(known.widest, tuple(field.split(".")))
+        if isinstance(found, Value) and found.kind == "whole" and stream.stamp.unit is None:
+            message = (
+                f"{found.type} `{field}` is read as seconds; say its unit, as in `stamp: {{field: {field}, unit: us}}`"
+            )
+            yield SpecProblem(("streams", i, "stamp"), message, severity="warning")
+
+
+def _no_time(shape: Record, stamp: Stamp) -> str:
+    """Why a field of a message can't be its publication time, empty where it can."""
+    field = stamp.field
+    path = tuple(field.split("."))
+    reason = lacking(shape, path)
+    if reason:
+        return reason
+    found = at(shape, path)
+    if isinstance(found, Value) and found.kind in ("whole", "real"):
+        return ""
+    if isinstance(found, Record) and all(_is_whole(found.fields.get(name)) for name in _TIME_FIELDS):
+        return f"`{field}` is a time, which has its unit; leave `unit` out" if stamp.unit else ""
+    return f"`{field}` is {_described(found)}; name a time, or a number with its unit"
+
+
+def _is_whole(shape: Shape | None) -> bool:
+    return isinstance(shape, Value) and shape.kind == "whole"
+
+
+def _described(shape: Shape | None) -> str:
+    if isinstance(shape, Value):
+        return f"of the type {shape.type}"
+    return "a list" if isinstance(shape, Many) else f"a {shape.name}" if shape else "not there"
+
+
+def _responses(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
+    """The fields of `denied_response`, against those of the service's response."""
+    for i, stream in enumerate(spec.streams):
+        if not stream.traits.leads or stream.denied_response is None:
+            continue
+        known = types.get(stream.key._replace(kind="response"))
+        if known is not None:
+            for path, message in _unfit(known.widest, stream.denied_response, ()):
+                where = ("streams", i, "denied_response", *path)
+                yield SpecProblem(where, f"denied_response of {stream.name}: {message}")
+
+
+def _unfit(shape: Shape, value: Any, path: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], str]]:
+    """The parts of a value that do not fit a shape, and why."""
+    name = ".".join(str(part) for part in path)
+    match shape:
+        case Record() if isinstance(value, Mapping):
+            for key, inner in value.items():
+                if key in shape.fields:
+                    yield from _unfit(shape.fields[key], inner, (*path, key))
+                else:
+                    yield (*path, key), no_field(shape, str(key))
+        case Many() if isinstance(value, list):
+            if shape.length is not None and len(value) != shape.length:
+                yield path, f"`{name}` has {shape.length} items, not {len(value)}"
+            for i, inner in enumerate(value):
+                yield from _unfit(shape.of, inner, (*path, i))
+        case Value() if _fits(shape, value):
+            return
+        case _:
+            yield path, f"{value!r} does not fit `{name}`, which is {_described(shape)}"
+
+
+def _fits(shape: Value, value: Any) -> bool:
+    match shape.kind:
+        case "bool":
+            return isinstance(value, bool)
+        case "text":
+            return isinstance(value, str)
+        case "bytes":
+            return isinstance(value, str | list)
+        case "whole":
+            return _is_number(value) and not isinstance(value, float)
+        case "real":
+            return value in _NOT_FINITE if isinstance(value, str) else _is_number(value)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+# Signals that no stream declares
+
+
+def _default_signals(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
+    held = frozenset[str]().union(*(s.hold for s in spec.streams))
+    for i, stream in enumerate(spec.streams):
+        yield from _held_fields(i, stream, types)
+    warned: set[str] = set()
+    for i, prop in enumerate(spec.properties):
+        for atom in prop.atoms:
+            for severity, key, message in _doubts(atom, spec, types, held, warned):
+                text = f"formula of '{prop.id}': {message}"
+                yield SpecProblem(("properties", i, "formula"), text, atom.at, severity)
+                warned.add(key)
+
+
+def _held_fields(i: int, stream: StreamSpec, types: StreamTypes) -> Iterator[SpecProblem]:
+    known = types.get(stream.key)
+    if stream.signals is None and known is not None:
+        for name in sorted(stream.hold - RESERVED):
+            reason = _no_signal(known.widest, name)
+            if reason:
+                yield SpecProblem(("streams", i, "hold"), f"'{name}' is held: {reason}")
+
+
+def _doubts(
+    atom: Atom, spec: Spec, types: StreamTypes, held: frozenset[str], warned: Collection[str]
+) -> Iterator[tuple[Any, str, str]]:
+    """What is wrong with the signals that an atom reads of streams without `signals`: how much, which, and why."""
+    streams = [s for s in spec.streams if can_meet(s, atom)]
+    if all(s.signals is not None for s in streams):
+        return  # found by `inspect`
+    possible = streams
+    for key in dict.fromkeys(c.key for c in atom.constraints if c.key not in RESERVED):
+        having = {s.key: _has(s, key, types, held) for s in streams}
+        possible = [s for s in possible if having[s.key] is not False]
+        if True in having.values():
+            continue
+        doubtful = [s for s in streams if having[s.key] is None]
+        if doubtful and key in warned:
+            continue
+        if doubtful:
+            declared = {name for s in streams for name in s.signals or ()}
+            yield "warning", key, _read_of_unknown(key, doubtful, declared)
+        else:
+            yield "error", key, _unknown_signal(key, streams, types, held)
+            return
+    if not possible:
+        yield "error", "", f"no event of this spec has all the signals of {render_atom(atom)}"
+
+
+def _has(stream: StreamSpec, key: str, types: StreamTypes, held: frozenset[str]) -> bool | None:
+    """Whether events of a stream can have a signal; None where its type, which is not known, decides it."""
+    if key in RESERVED:
+        return has_reserved(stream, key)
+    if key in held:
+        return True
+    if stream.signals is not None:
+        return key in stream.signals
+    known = types.get(stream.key)
+    return None if known is None else isinstance(known.widest.fields.get(key), Value)
+
+
+def _no_signal(shape: Record, name: str) -> str:
+    """Why a field of a message is no signal without an expression, empty where it is."""
+    found = shape.fields.get(name)
+    if isinstance(found, Value):
+        return ""
+    if found is None:
+        return no_field(shape, name)
+    said = f"the field '{name}' of {shape.name} is {_described(found)}, no single value"
+    return f"{said}; write one under `signals`, as `msg.{name}{_to_a_value(found)}`"
+
+
+def _to_a_value(shape: Shape) -> str:
+    """What leads from a field to one value inside of it, for an example."""
+    text = ""
+    while not isinstance(shape, Value):
+        if isinstance(shape, Many):
+            text, shape = f"{text}[0]", shape.of
+        elif shape.fields:
+            name, shape = next(iter(shape.fields.items()))
+            text += f".{name}"
+        else:
+            break
+    return text
+
+
+def _read_of_unknown(key: str, streams: Iterable[StreamSpec], declared: Iterable[str]) -> str:
+    first, *_ = streams
+    where = either(str(s.key) for s in streams)
+    why = f"whose type, {first.type}, is not known here" if first.type else "whose `type` is not given"
+    meant = nearest(key, declared)
+    hint = f"; {meant}" if meant else ""
+    return f"'{key}' is declared by no stream; it would be read from a field of {where}, {why}{hint}"
+
+
+def _unknown_signal(key: str, streams: list[StreamSpec], types: StreamTypes, held: frozenset[str]) -> str:
+    plain = [(s, types[s.key].widest) for s in streams if s.signals is None]
+    reasons = [_no_signal(shape, key) for _, shape in plain if key in shape.fields]
+    if reasons:
+        return f"unknown signal '{key}': {reasons[0]}"
+    known = {name for s in streams for name in s.signals or ()} | held
+    known |= {name for _, shape in plain for name, inner in shape.fields.items() if isinstance(inner, Value)}
+    where = either(f"{s.key} ({shape.name})" for s, shape in plain)
+    others = f"those of a single value are {listed(sorted(known))}" if known else "it has none of a single value"
+    return f"unknown signal '{key}'; {where} has no such field; {nearest(key, known) or others}"

@@ -1,0 +1,158 @@
+"""A formula's parts, place by place: which are known to hold or to fail there, and where an atom can decide anything.
+
+An *instant* is the whole formula, or an operand of a temporal operator: its atoms are judged at one and the same step.
+What stands below a temporal operator is another instant, of which an outer one knows no more than what always holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+from oracle_server.core.formula.tree import (
+    And,
+    Atom,
+    Exists,
+    Forall,
+    Formula,
+    Historically,
+    Implies,
+    Not,
+    Once,
+    Or,
+    Pre,
+    Since,
+    children,
+    walk,
+)
+from oracle_server.core.places import Place, likened
+
+Truth = bool | None
+"""Whether a part holds at every event of a place (true), at none (false), or that is not known."""
+Row = tuple[Truth, ...]
+"""The truth of a part, place by place."""
+TEMPORAL = (Pre, Once, Historically, Since)
+
+
+@dataclass(frozen=True, slots=True)
+class Occurrence:
+    """An atom where it stands: in which instant, and at which places it can decide what that comes to."""
+
+    atom: Atom
+    instant: Formula
+    counts: tuple[bool, ...]
+
+
+class Instants:
+    """The rows of all parts of a formula."""
+
+    def __init__(self, formula: Formula, places: Sequence[Place], value: Callable[[Place, Atom], Truth]) -> None:
+        """Work out all rows; `value` is what is known of an atom at a place."""
+        self._places, self._value = places, value
+        self._rows: dict[int, Row] = {}
+        self._formula = formula
+        self._fill(formula)
+
+    def row(self, node: Formula) -> Row:
+        """The row of a part of the formula."""
+        return self._rows[id(node)]
+
+    def operands(self) -> Iterator[Formula]:
+        """All instants, the innermost first."""
+        for node in reversed(list(walk(self._formula))):
+            if isinstance(node, TEMPORAL):
+                yield from children(node)
+        yield self._formula
+
+    def occurrences(self) -> Iterator[Occurrence]:
+        """The atoms of all instants."""
+        everywhere = (True,) * len(self._places)
+        for instant in self.operands():
+            yield from self._below(instant, instant, everywhere)
+
+    def _below(self, node: Formula, instant: Formula, counts: tuple[bool, ...]) -> Iterator[Occurrence]:
+        """The atoms below a part that counts at some places, within its instant."""
+        match node:
+            case Atom():
+                yield Occurrence(node, instant, counts)
+            case Not(operand) | Exists(_, operand) | Forall(_, operand):
+                yield from self._below(operand, instant, counts)
+            case And(left, right):
+                yield from self._both(left, right, instant, counts, (False, False))
+            case Or(left, right):
+                yield from self._both(left, right, instant, counts, (True, True))
+            case Implies(left, right):
+                yield from self._both(left, right, instant, counts, (False, True))
+
+    def _both(
+        self, left: Formula, right: Formula, instant: Formula, counts: tuple[bool, ...], decisive: tuple[bool, bool]
+    ) -> Iterator[Occurrence]:
+        """The atoms of two operands; a side counts where the other does not have the value that decides alone."""
+        by_left, by_right = decisive
+        yield from self._below(left, instant, _where_not(counts, self.row(right), by_right))
+        yield from self._below(right, instant, _where_not(counts, self.row(left), by_left))
+
+    def _fill(self, formula: Formula) -> None:
+        for node in reversed(list(walk(formula))):  # children stand behind their parents
+            self._rows[id(node)] = self._compute(node)
+
+    def _compute(self, node: Formula) -> Row:  # noqa: C901, PLR0911 -- a case a node
+        match node:
+            case Atom():
+                like = likened(node, self._places)
+                known = {id(place): self._value(place, node) for place in {id(p): p for p in like}.values()}
+                return tuple(known[id(place)] for place in like)
+            case Not(operand):
+                return _negated(self.row(operand))
+            case And(left, right):
+                return tuple(map(_and, self.row(left), self.row(right)))
+            case Or(left, right):
+                return tuple(map(_or, self.row(left), self.row(right)))
+            case Implies(left, right):
+                return tuple(map(_or, _negated(self.row(left)), self.row(right)))
+            case Exists(_, body) | Forall(_, body):
+                return self.row(body)
+            case Pre(operand):
+                return _never(self.row(operand))
+            case Once(operand, bound):
+                return _ever(self.row(operand), now=bound.lower == 0)
+            case Historically(operand, bound):
+                return _negated(_ever(_negated(self.row(operand)), now=bound.lower == 0))
+            case Since(left, right, bound):
+                return _since(self.row(left), self.row(right), now=bound.lower == 0)
+
+
+def _never(operand: Row) -> Row:
+    """False where the operand holds nowhere."""
+    return tuple(False if all(v is False for v in operand) else None for _ in operand)
+
+
+def _ever(operand: Row, *, now: bool) -> Row:
+    """`once`: true where its operand holds now, if now is within the bound."""
+    return tuple(True if now and here else ever for here, ever in zip(operand, _never(operand), strict=True))
+
+
+def _since(left: Row, right: Row, *, now: bool) -> Row:
+    begun = _ever(right, now=now)
+    ended = (p is False and not (now and q is not False) for p, q in zip(left, right, strict=True))
+    return tuple(False if end else ever for end, ever in zip(ended, begun, strict=True))
+
+
+def _where_not(counts: tuple[bool, ...], row: Row, value: bool) -> tuple[bool, ...]:
+    return tuple(c and v is not value for c, v in zip(counts, row, strict=True))
+
+
+def _negated(row: Row) -> Row:
+    return tuple(None if v is None else not v for v in row)
+
+
+def _and(left: Truth, right: Truth) -> Truth:
+    if left is False or right is False:
+        return False
+    return None if left is None or right is None else True
+
+
+def _or(left: Truth, right: Truth) -> Truth:
+    if left is True or right is True:
+        return True
+    return None if left is None or right is None else False

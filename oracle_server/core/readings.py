@@ -1,0 +1,39 @@
+"""What stands at a path of a message, by the message's shape."""
+
+from __future__ import annotations
+
+from oracle_server.core.expression import FieldPath
+from oracle_server.core.nearest import listed, nearest
+from oracle_server.core.shapes import Many, Record, Shape
+
+
+def lacking(shape: Shape | None, path: FieldPath) -> str:
+    """Why a message of this shape has nothing at a path, empty where it has."""
+    for i, name in enumerate(path):
+        before = "`msg`" if i == 0 else f"`{'.'.join(path[:i])}`"
+        if isinstance(shape, Record):
+            if name not in shape.fields:
+                return no_field(shape, name)
+            shape = shape.fields[name]
+        elif isinstance(shape, Many):
+            return (
+                f"{before} is a list, and has no field '{name}'; name one of its items, as in `{'.'.join(path[:i])}[0]`"
+            )
+        elif shape is not None:
+            return f"{before} is of the type {shape.type}, and has no field '{name}'"
+    return ""
+
+
+def no_field(record: Record, name: str) -> str:
+    """What to say of a field that a message does not have."""
+    hint = nearest(name, record.fields) or f"it has {listed(record.fields) or 'none'}"
+    return f"{record.name} has no field '{name}'; {hint}"
+
+
+def at(shape: Shape, path: FieldPath) -> Shape | None:
+    """What stands at a path, None where nothing does."""
+    for name in path:
+        if not isinstance(shape, Record) or name not in shape.fields:
+            return None
+        shape = shape.fields[name]
+    return shape

@@ -1,0 +1,37 @@
+"""The shape of a message: its fields and what stands in them, as data; where it comes from is no matter here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+ValueKind = Literal["whole", "real", "bool", "text", "bytes"]
+"""`whole` and `real` are numbers; a real one that is not finite arrives as text, and `bytes` as base64 text."""
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """A field with one value; `type` is what the message's definition calls it, as `float32`."""
+
+    kind: ValueKind
+    type: str
+
+
+@dataclass(frozen=True, slots=True)
+class Many:
+    """A field with a list; `length` is None where that depends on the message."""
+
+    of: Shape
+    length: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """A message or a part of one; `name` is its type, as `geometry_msgs/msg/Twist`."""
+
+    name: str
+    fields: Mapping[str, Shape]
+
+
+Shape = Value | Many | Record

@@ -1,0 +1,88 @@
+"""Atoms that name what a spec does not have: streams and signals that are misspelt, or that belong elsewhere."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Iterator, Sequence
+
+from oracle_server.core.errors import SpecProblem
+from oracle_server.core.formula.render import render_atom
+from oracle_server.core.formula.tree import Atom, Constraint
+from oracle_server.core.kinds import GROUPS, KINDS, RESERVED, TICK
+from oracle_server.core.nearest import listed
+from oracle_server.core.plan import can_meet, has_reserved
+from oracle_server.core.spec import Spec, StreamSpec
+
+
+def unmet(spec: Spec) -> Iterator[SpecProblem]:
+    """Atoms that no event of a spec can meet."""
+    held = frozenset[str]().union(*(s.hold for s in spec.streams))
+    for i, prop in enumerate(spec.properties):
+        for atom in prop.atoms:
+            reason = _why_never(atom, spec, held)
+            if reason:
+                yield SpecProblem(("properties", i, "formula"), f"formula of '{prop.id}': {reason}", atom.at)
+
+
+def has_signal(stream: StreamSpec, key: str, held: frozenset[str]) -> bool:
+    """Whether an event of a stream can have a signal; `held` are those that some stream holds."""
+    if key in RESERVED:
+        return has_reserved(stream, key)
+    return stream.signals is None or key in stream.signals or key in held
+
+
+def _why_never(atom: Atom, spec: Spec, held: frozenset[str]) -> str | None:
+    """Why an atom can never hold, since it names something that the spec does not have; None where it can."""
+    for constraint in atom.constraints:
+        if constraint.key in GROUPS and constraint.op == "==" and isinstance(constraint.value, str):
+            names = sorted({s.name for s in spec.streams if s.traits.group == constraint.key})
+            if constraint.value not in names:
+                return _no_stream(constraint.key, constraint.value, names, spec)
+    streams = [s for s in spec.streams if can_meet(s, atom)]
+    if not streams:
+        return f"no event of this spec can meet {render_atom(atom)}{_contradiction(atom.constraints)}"
+    for constraint in atom.constraints:
+        if not any(has_signal(s, constraint.key, held) for s in streams):
+            return _no_signal(constraint.key, streams, held, spec)
+    if not any(all(has_signal(s, c.key, held) for c in atom.constraints) for s in streams):
+        mend = "name those of other streams under `hold` there, so that they keep their values"
+        return f"no event of this spec has all the signals of {render_atom(atom)}; {mend}"
+    return None
+
+
+def _no_stream(group: str, name: str, names: Sequence[str], spec: Spec) -> str:
+    known = listed(names) or "none"
+    other = next((s.traits.group for s in spec.streams if s.name == name), None)
+    hint = f'; it is a {other}: write `{other}: "{name}"`' if other else _did_you_mean(name, names)
+    return f"{group} '{name}' is no stream of this spec; it has {known}{hint}"
+
+
+def _no_signal(key: str, streams: Sequence[StreamSpec], held: frozenset[str], spec: Spec) -> str:
+    where = listed(str(s.key) for s in streams)
+    declared = sorted({name for s in streams for name in s.signals or ()} | held)
+    owners = [str(s.key) for s in spec.streams if key in (s.signals or {})]
+    if owners:
+        hint = f"; {' and '.join(owners)} has it: name it under `hold` there, so that it keeps its value"
+    else:
+        hint = _did_you_mean(key, declared)
+    return f"unknown signal '{key}'; {where} declares {listed(declared) or 'none'}{hint}"
+
+
+def _contradiction(constraints: Sequence[Constraint]) -> str:
+    """Which reserved signals do not go together."""
+    wanted = {c.key: c.value for c in constraints if c.key in RESERVED}
+    kinds = [kind for kind in KINDS if kind != TICK]
+    if isinstance(wanted.get("kind"), str) and wanted["kind"] not in kinds:
+        return f": there is no kind '{wanted['kind']}'; the kinds are {', '.join(kinds)}"
+    if {"topic", "service"} <= wanted.keys():
+        return ": an event is of a topic or of a service, and never of both"
+    if "topic" in wanted and "kind" in wanted:
+        return ": events of a topic are of kind `topic`"
+    if "service" in wanted and "kind" in wanted:
+        return ": events of a service are of kind `request` or `response`"
+    return ": only events of services have a `call`" if "call" in wanted else ""
+
+
+def _did_you_mean(word: str, words: Iterable[str]) -> str:
+    near = difflib.get_close_matches(word, list(words), 1)
+    return f"; did you mean {near[0]}?" if near else ""

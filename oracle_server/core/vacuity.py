@@ -1,0 +1,198 @@
+"""Parts of formulas that can never hold, or never fail, whatever the messages say: hardly what was meant.
+
+The most common one: a step is one event of one stream, so that a signal of another stream is absent unless it is held.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from oracle_server.core.errors import SpecProblem
+from oracle_server.core.formula.parse import Time
+from oracle_server.core.formula.render import render, render_atom
+from oracle_server.core.formula.tree import (
+    Any,
+    Atom,
+    Bound,
+    Constraint,
+    Exists,
+    Forall,
+    Formula,
+    Historically,
+    Implies,
+    Position,
+    Since,
+    atoms,
+    walk,
+)
+from oracle_server.core.instants import Instants, Occurrence, Truth
+from oracle_server.core.kinds import RESERVED
+from oracle_server.core.misfits import Doubt, misfits
+from oracle_server.core.places import Place, names_of, places
+from oracle_server.core.spec import Property, Spec
+
+
+def vacuous(spec: Spec) -> Iterator[SpecProblem]:
+    """Warnings about formulas of a spec without errors."""
+    where: dict[Time, list[Place]] = {}
+    for i, prop in enumerate(spec.properties):
+        if prop.time not in where:
+            where[prop.time] = places(spec, prop.time)
+        for doubt in dict.fromkeys(doubts(prop, where[prop.time])):
+            message = f"formula of '{prop.id}': {doubt.message}"
+            yield SpecProblem(("properties", i, "formula"), message, doubt.at, severity="warning")
+
+
+def doubts(prop: Property, where: Sequence[Place]) -> Iterator[Doubt]:
+    """What is doubtful in a property's formula at some places, each with a claim that holds for all messages."""
+    if prop.external or prop.numeric:
+        return
+    seen = _Seen(prop, where, Instants(prop.formula, where, Place.value), Instants(prop.formula, where, _lenient))
+    yield from seen.doubts()
+
+
+@dataclass(slots=True)
+class _Seen:
+    """A formula as it is judged at some places; `lenient` knows nothing of atoms that other streams could meet."""
+
+    prop: Property
+    places: Sequence[Place]
+    known: Instants
+    lenient: Instants
+
+    def doubts(self) -> Iterator[Doubt]:
+        told: set[int] = set()
+        """The instants, by identity, in which something was found."""
+        foreign: dict[int, Doubt] = {}
+        """Atoms that ask for another stream: the last one of each instant, where nothing else is wrong there."""
+        for occurrence in self.known.occurrences():
+            instant = id(occurrence.instant)
+            found = [*misfits(occurrence.atom, self.places)] or [*self._lacking(occurrence)]
+            if any(doubt.claim != "met" for doubt in found):
+                told.add(instant)
+            yield from found
+            foreign.update((instant, doubt) for doubt in self._foreign(occurrence))
+        yield from (doubt for instant, doubt in foreign.items() if instant not in told)
+        told |= foreign.keys()
+        for node in walk(self.prop.formula):
+            if isinstance(node, Historically | Since):
+                yield from self._ended(node)
+        yield from self._settled(told)
+
+    def _idle(self, occurrence: Occurrence) -> list[Place]:
+        """The streams at whose events an atom could decide something, and never holds; none where it holds at some."""
+        row = self.known.row(occurrence.atom)
+        if any(counts and value is not False for counts, value in zip(occurrence.counts, row, strict=True)):
+            return []
+        return [p for p, counts in zip(self.places, occurrence.counts, strict=True) if counts and p.stream]
+
+    def _lacking(self, occurrence: Occurrence) -> Iterator[Doubt]:
+        """An atom that holds nowhere where it could decide anything, for want of signals."""
+        atom = occurrence.atom
+        lacking = [p for p in self._idle(occurrence) if p.allows(atom) and p.lacks(atom)]
+        if lacking:
+            keys = sorted({key for p in lacking for key in p.lacks(atom)})
+            message = f"`{render_atom(atom)}` never holds at an event of {names_of(lacking, 'or')}: {self._whose(keys)}"
+            yield Doubt("idle", atom, message, atom.at)
+
+    def _foreign(self, occurrence: Occurrence) -> Iterator[Doubt]:
+        """An atom that holds nowhere where it could decide anything, since it asks for another stream."""
+        atom = occurrence.atom
+        foreign = [p for p in self._idle(occurrence) if not p.allows(atom)]
+        if foreign:
+            text = render_atom(atom)
+            message = (
+                f"`{text}` never holds at an event of {names_of(foreign, 'or')}, where alone it would matter: a step "
+                f"is one event of one stream; write `once {text}` if it may have held before"
+            )
+            yield Doubt("idle", atom, message, atom.at)
+
+    def _whose(self, keys: Sequence[str]) -> str:
+        """Who has signals that an atom lacks, and how to make them last."""
+        owners = [p for p in self.places if p.stream is not None and all(p.has(key) for key in keys)]
+        named = _quoted(keys)
+        if not owners:
+            return f"it has no {named}; name them under `hold` of their streams, so that they keep their values"
+        them = "it keeps its value" if len(keys) == 1 else "they keep their values"
+        verb = "has" if len(owners) == 1 else "have"
+        hold = f"name {'it' if len(keys) == 1 else 'them'} under `hold` of {names_of(owners, 'or')}, so that {them}"
+        return f"only {names_of(owners)} {verb} {named}; {hold}"
+
+    def _ended(self, node: Historically | Since) -> Iterator[Doubt]:
+        """An operand that must hold at every step, and fails at every event of some stream for want of a signal."""
+        operand = node.operand if isinstance(node, Historically) else node.left
+        mendable = zip(self.places, self.known.row(operand), self.lenient.row(operand), strict=True)
+        failing = [p for p, value, other in mendable if p.stream and value is False and other is not False]
+        streams = [p for p in self.places if p.stream]
+        if not failing or len(failing) == len(streams):
+            return
+        guard = _guard(operand, failing)
+        text = render(operand, self.prop.time)
+        if isinstance(node, Historically):
+            mended = render(Historically(Implies(guard, operand), node.bound), self.prop.time)
+            after = "for ever after the first one" if node.bound == Bound() else "while one is within its bound"
+            effect = f"so that `{render(node, self.prop.time)}` is false {after}; write `{mended}`"
+        else:
+            mended = render(Since(Implies(guard, operand), node.right, node.bound), self.prop.time)
+            effect = f"so that each of them ends the `since`; write `{mended}`"
+        why = _lack(operand, failing)
+        place = _place(operand)
+        yield Doubt("false", operand, f"`{text}` is false at every event of {names_of(failing)}{why}, {effect}", place,
+                    tuple(p.name for p in failing))  # fmt: skip
+
+    def _settled(self, told: set[int]) -> Iterator[Doubt]:
+        """Instants that are known to hold, or to fail, wherever they are judged, if nothing in them says why."""
+        for instant in self.known.operands():
+            row = self.known.row(instant)
+            value = row[0]
+            if value is None or any(v is not value for v in row):
+                continue
+            if not told & {id(node) for node in walk(instant)}:
+                yield self._constant(instant, value)
+            told.add(id(instant))
+
+    def _constant(self, instant: Formula, value: Truth) -> Doubt:
+        what = "holds" if value else "fails"
+        claim: Literal["true", "false"] = "true" if value else "false"
+        if instant is self.prop.formula:
+            more = "; it can never be violated" if value else "; write what must hold"
+            message = f"it {what} at every event, whatever the messages say{more}"
+        else:
+            message = f"`{render(instant, self.prop.time)}` {what} at every event, whatever the messages say"
+        return Doubt(claim, instant, message, _place(instant), tuple(p.name for p in self.places))
+
+
+def _lenient(place: Place, atom: Atom) -> Truth:
+    """What is known of an atom where it may be that it was meant for the events of another stream only."""
+    value = place.value(atom)
+    return None if value is False and not all(c.key in RESERVED for c in atom.constraints) else value
+
+
+def _guard(operand: Formula, failing: Sequence[Place]) -> Atom:
+    """What says that an operand's signals are there: of its first atom that fails, the keys with any value."""
+    culprit = next(a for a in atoms(operand) if any(p.value(a) is False for p in failing))
+    own = [c for c in culprit.constraints if c.key in RESERVED]
+    if any(not p.allows(culprit) for p in failing):
+        return Atom(tuple(own))
+    keys = dict.fromkeys(c.key for c in culprit.constraints if c.key not in RESERVED)
+    return Atom((*own, *(Constraint(key, "==", Any.ANY) for key in keys)))
+
+
+def _lack(operand: Formula, failing: Sequence[Place]) -> str:
+    """Why an operand fails: the signals that the events of these places lack."""
+    keys = sorted({key for a in atoms(operand) for p in failing if p.allows(a) for key in p.lacks(a)})
+    verb = "has" if len(failing) == 1 else "have"
+    return f", which {verb} no {_quoted(keys, 'or')}" if keys else ""
+
+
+def _place(node: Formula) -> Position:
+    """Where a part of a formula begins, as far as its nodes have a place."""
+    found: list[Position] = [n.at for n in walk(node) if isinstance(n, Atom | Exists | Forall)]
+    return min(found, default=(1, 1))
+
+
+def _quoted(keys: Sequence[str], last: str = "and") -> str:
+    quoted = [f"`{key}`" for key in keys]
+    return f" {last} ".join(filter(None, (", ".join(quoted[:-1]), quoted[-1])))

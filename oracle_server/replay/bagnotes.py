@@ -1,0 +1,62 @@
+"""What is to be said of a bag once it was read: what was damaged, missing, or not as its metadata has it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from oracle_server.core.errors import one_line
+from oracle_server.core.units import counted
+from oracle_server.replay.folder import Files
+from oracle_server.replay.recording import Note
+from oracle_server.replay.sources import Topic
+from oracle_server.replay.storage import Storage
+
+_MOST = 5
+"""Damages of one file that are told one by one."""
+
+
+def notes_of(topics: Iterable[Topic], files: Files, storages: Sequence[Storage]) -> list[Note]:
+    """Everything that is to be said of a bag that was read to its end."""
+    found = [Note(one_line(text), doubt=True) for text in files.notes]
+    for path, storage in zip(files.paths, storages, strict=False):
+        damages = list(dict.fromkeys(storage.damages))
+        found += [Note(one_line(f"{path.name}: {damage}"), doubt=True) for damage in damages[:_MOST]]
+        if len(damages) > _MOST:
+            found.append(
+                Note(f"{path.name}: {counted(len(damages) - _MOST, 'more part')} could not be read", doubt=True)
+            )
+    for topic in topics:
+        found += _of_topic(topic)
+    return found
+
+
+def _of_topic(topic: Topic) -> Iterator[Note]:
+    if topic.role is None:
+        others = topic.gives.others if topic.gives else 0
+        if others:
+            what = counted(others, "message")
+            yield Note(f"{topic.name}: {what} passed that nobody asked for, and {_was(others)} not judged", doubt=True)
+        return
+    if topic.unreadable:
+        what, type_ = counted(topic.seen, "message"), f"could be read as {topic.type}: {topic.why}"
+        if topic.unreadable == topic.seen:
+            yield Note(f"{topic.name}: none of its {what} {type_}", unusable=True)
+        else:
+            yield Note(f"{topic.name}: {topic.unreadable} of its {what} could not be read: {topic.why}", doubt=True)
+    if topic.seen < topic.promised:
+        what = f"of the {counted(topic.promised, 'message')} that it should have"
+        if topic.seen:
+            yield Note(f"{topic.name}: {topic.seen} {what} could be read", doubt=True)
+        else:
+            yield Note(f"{topic.name}: none {what} could be read", unusable=True)
+    elif topic.seen > topic.promised:
+        yield Note(
+            f"{topic.name}: {counted(topic.seen, 'message')} could be read, where {topic.promised} should be there"
+        )
+    if topic.bare:
+        what = "service events" if topic.bare > 1 else "service event"
+        yield Note(f"{topic.name}: {topic.bare} {what} without content: only metadata was recorded", doubt=True)
+
+
+def _was(count: int) -> str:
+    return "was" if count == 1 else "were"

@@ -1,0 +1,103 @@
+"""Blocks of recorded messages: decompressed within bounds, and put in the order of recording."""
+
+from __future__ import annotations
+
+import bz2
+import heapq
+from bisect import bisect_left
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import lz4.frame
+import zstandard
+
+from oracle_server.replay.storage import DamagedError, Message
+
+LARGEST = 2**30
+"""The most bytes of a block that is decompressed; recorders write blocks of some megabytes."""
+_PIECE = 2**20
+
+
+class Block(NamedTuple):
+    """A part of a file, by its place, with the time of its first message (ns); `length` bytes of it are there.
+
+    `size` bytes were compressed by the method `how`, where that stands outside the block; `chunk` is false for
+    records that stand in no chunk.
+    """
+
+    start: int
+    offset: int
+    length: int
+    chunk: bool = True
+    how: str = ""
+    size: int = 0
+
+
+def in_order(blocks: Sequence[Block], read: Callable[[Block], list[Message]]) -> Iterator[Message]:
+    """The messages of blocks by time; of equal times, as they stand in the file."""
+    ordered = sorted(blocks, key=lambda block: block.start)
+    waiting: list[Message] = []
+    for number, block in enumerate(ordered):
+        found = sorted(read(block), key=_time)
+        waiting = list(heapq.merge(waiting, found, key=_time)) if waiting else found
+        until = len(waiting)
+        if number + 1 < len(ordered):
+            until = bisect_left(waiting, ordered[number + 1].start, key=_time)
+        yield from waiting[:until]
+        del waiting[:until]
+
+
+def _time(message: Message) -> int:
+    return message[1]
+
+
+def decompress(data: bytes, how: str, size: int) -> tuple[bytes, bool]:
+    """What `size` bytes were compressed to, as far as that can be read, and whether it is whole.
+
+    Raises `DamagedError` where nothing can be read of it.
+    """
+    if how in ("", "none"):
+        return data, len(data) == size
+    if size > LARGEST:
+        raise DamagedError(f"a block says that it has {size} bytes")
+    if how not in _DECOMPRESSORS:
+        raise DamagedError(f"a block is compressed by '{how[:20]}', which is not known")
+    found = _DECOMPRESSORS[how](data, size)
+    return found, len(found) == size
+
+
+def _zstd(data: bytes, size: int) -> bytes:
+    pieces, total = [], 0
+    try:
+        with zstandard.ZstdDecompressor(max_window_size=2**27).stream_reader(data) as reader:
+            while total < size and (piece := reader.read(min(_PIECE, size - total))):
+                pieces.append(piece)
+                total += len(piece)
+    except (zstandard.ZstdError, MemoryError):
+        pass
+    return b"".join(pieces)
+
+
+def _incremental(make: Callable[[], Any], errors: tuple[type[Exception], ...]) -> Callable[[bytes, int], bytes]:
+    def read(data: bytes, size: int) -> bytes:
+        pieces, total, decompressor = [], 0, make()
+        try:
+            while total < size and not decompressor.eof:
+                piece = decompressor.decompress(data, min(_PIECE, size - total))
+                data = b""
+                if not piece and decompressor.needs_input:
+                    break
+                pieces.append(piece)
+                total += len(piece)
+        except errors:
+            pass
+        return b"".join(pieces)
+
+    return read
+
+
+_DECOMPRESSORS: dict[str, Callable[[bytes, int], bytes]] = {
+    "zstd": _zstd,
+    "lz4": _incremental(lz4.frame.LZ4FrameDecompressor, (RuntimeError, EOFError, ValueError)),
+    "bz2": _incremental(bz2.BZ2Decompressor, (OSError, EOFError, ValueError)),
+}

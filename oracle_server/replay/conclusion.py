@@ -1,0 +1,144 @@
+"""What a replay says as a whole: its exit status, and what could not be judged, with the reasons."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from oracle_server.core.errors import one_line
+from oracle_server.core.events import StreamKey
+from oracle_server.core.spec import Property
+from oracle_server.core.units import counted
+from oracle_server.replay.coverage import Coverage, SignalCounts, because, never_there, silent
+from oracle_server.replay.run import Replay
+
+SOUND, VIOLATED, UNUSABLE, UNJUDGED = 0, 1, 2, 3
+"""The exit statuses of `replay`."""
+_GRAVEST_FIRST = (UNUSABLE, VIOLATED, UNJUDGED, SOUND)
+_BOTH: tuple[Literal["failed", "absent"], ...] = ("failed", "absent")
+_MOST_TOPICS = 8
+"""Topics of a recording that are named where it has none of the spec's."""
+
+
+def gravest(statuses: list[int]) -> int:
+    """The exit status that stands for several."""
+    return min(statuses, key=_GRAVEST_FIRST.index, default=SOUND)
+
+
+@dataclass(frozen=True, slots=True)
+class Conclusion:
+    """The exit status of one replay, and its reasons.
+
+    `unusable` says why the recording can't be used, empty where it can; `unjudged` has properties that were unknown
+    at every step, with the reason; `doubts` is whatever else was not judged, and makes a strict replay fail; `remarks`
+    is to be known, and changes no status.
+    """
+
+    status: int
+    unusable: tuple[str, ...]
+    unjudged: dict[str, str]
+    doubts: tuple[str, ...]
+    remarks: tuple[str, ...]
+    coverage: Coverage
+
+    def as_data(self) -> dict[str, Any]:
+        """The conclusion as plain data, for a summary."""
+        return {
+            "exit": self.status,
+            "streams": {str(key): counts for key, counts in self.coverage.items()},
+            "silent": [str(key) for key in silent(self.coverage)],
+            "unjudged": [{"property": name, "reason": reason} for name, reason in self.unjudged.items()],
+            "notes": [*self.unusable, *self.doubts, *self.remarks],
+        }
+
+
+def conclude(replay: Replay) -> Conclusion:
+    """The conclusion of a replay that has ended."""
+    coverage = replay.coverage
+    notes = replay.recording.notes
+    unusable = [note.text for note in notes if note.unusable]
+    if not replay.events:
+        unusable.insert(0, _nothing_observed(replay))
+    unjudged = {prop.id: _reason(replay, prop, coverage) for prop in replay.unjudged}
+    doubts = [note.text for note in notes if note.doubt]
+    doubts += _open_questions(replay, coverage, unjudged) if replay.events else []
+    status = SOUND
+    if unusable:
+        status = UNUSABLE
+    elif replay.violated:
+        status = VIOLATED
+    elif unjudged or (replay.strict and doubts):
+        status = UNJUDGED
+    remarks = tuple(note.text for note in notes if not note.unusable and not note.doubt)
+    return Conclusion(status, tuple(unusable), unjudged, tuple(doubts), remarks, coverage)
+
+
+def _open_questions(replay: Replay, coverage: Coverage, unjudged: dict[str, str]) -> Iterator[str]:
+    """What was not judged though it could have been: streams without events, signals that never were, unknown steps."""
+    for key in silent(coverage):
+        near = _nearest(key.name, list(replay.recording.ignored))
+        yield f"{key}: no event in the recording" + (f"; it has {near[0]}" if near else "")
+    for key, name in never_there(coverage):
+        counts = coverage[key]["signals"][name]
+        how = "failed" if counts["failed"] > counts["absent"] else "was absent"
+        why = because(counts) if how == "failed" else ""
+        yield f"{key}: the signal {name} {how} at {_all(coverage[key]['events'])}{why}"
+    for name, state in replay.states().items():
+        if state["unknown"] and name not in unjudged:
+            yield f"{name}: unknown at {counted(state['unknown'], 'step')}"
+
+
+def _all(events: int) -> str:
+    return "its only event" if events == 1 else f"all its {events} events"
+
+
+def _nothing_observed(replay: Replay) -> str:
+    recording, spec = replay.recording, replay.spec
+    there = {name: count for name, count in recording.ignored.items() if count}
+    wanted = [str(stream.key) for stream in spec.streams]
+    path = recording.path
+    if not there:
+        return f"{path}: has no event at all; {spec.id} observes {', '.join(wanted)}"
+    near = list(dict.fromkeys(n for stream in spec.streams for n in _nearest(stream.name, list(there))))
+    names = near + sorted((name for name in there if name not in near), key=lambda name: (-there[name], name))
+    shown = ", ".join(f"{one_line(name)} ({counted(there[name], 'event')})" for name in names[:_MOST_TOPICS])
+    more = f" and {len(names) - _MOST_TOPICS} more" if len(names) > _MOST_TOPICS else ""
+    return f"{path}: has no event of {spec.id}, which observes {', '.join(wanted)}; it has {shown}{more}"
+
+
+def _nearest(name: str, others: list[str]) -> list[str]:
+    return difflib.get_close_matches(name, others, n=3, cutoff=0.7)
+
+
+def _reason(replay: Replay, prop: Property, coverage: Coverage) -> str:
+    """Why a property was unknown at every step."""
+    session = replay.session
+    states = [s for j in session.judges.values() for s in j.properties if s.property is prop] if session else []
+    for state in states:
+        if state.broken is not None or state.complaint is not None:
+            return one_line(state.broken or state.complaint or "")
+    index = replay.spec.properties.index(prop)
+    views = {key: stream.views[index] for key, stream in session.plan.streams.items()} if session else {}
+    reads = frozenset[str]().union(*(view.reads for view in views.values()))
+    lacking = list(_lacking(coverage, reads, prop))
+    if lacking:
+        return "; ".join(lacking)
+    if session and any(judge.counters.skipped for judge in session.judges.values()):
+        return "all its events were late, and skipped"
+    return "no step could be judged"
+
+
+def _lacking(coverage: Coverage, reads: frozenset[str], prop: Property) -> Iterator[str]:
+    """The signals that a property reads and that failed, or for a formula over numbers were absent."""
+    for key, counts in coverage.items():
+        for name, signal in counts["signals"].items():
+            for how in _BOTH if prop.numeric else _BOTH[:1]:
+                if name in reads and signal[how]:
+                    yield _lack(key, name, how, signal, counts["events"])
+
+
+def _lack(key: StreamKey, name: str, how: Literal["failed", "absent"], signal: SignalCounts, events: int) -> str:
+    verb, why = ("failed", because(signal)) if how == "failed" else ("was absent", "")
+    return f"the signal {name} of {key} {verb} at {signal[how]} of {counted(events, 'event')}{why}"

@@ -1,0 +1,98 @@
+"""What a recording had of each stream and signal: events, and how often a signal was present, absent or failed."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any, NotRequired, TypedDict
+
+from oracle_server.core.events import StreamKey
+from oracle_server.core.plan import Projects, named_signals
+from oracle_server.core.spec import Spec
+from oracle_server.replay.recording import Projected
+
+
+class SignalCounts(TypedDict):
+    """How many of a stream's events had a signal, lacked it, or failed to give it; `reason` is why the first failed."""
+
+    present: int
+    absent: int
+    failed: int
+    reason: NotRequired[str]
+
+
+class StreamCounts(TypedDict):
+    """The events of a stream, and what they had of its signals."""
+
+    events: int
+    signals: dict[str, SignalCounts]
+
+
+def signal_names(spec: Spec, key: StreamKey) -> tuple[str, ...]:
+    """The signals of a stream, in the order of the spec; where it declares none, those that formulas read of it."""
+    stream = spec.by_key[key]
+    if stream.signals is not None:
+        return tuple(stream.signals)
+    held = frozenset[str]().union(*(s.hold for s in spec.streams))
+    return tuple(sorted(named_signals(stream, tuple(p.atoms for p in spec.properties), held)))
+
+
+class Counting:
+    """Projects the messages of a stream, as recorded or anew, and counts which signals they had."""
+
+    def __init__(self, project: Projects, names: tuple[str, ...]) -> None:
+        """Count the signals of these names."""
+        self.fields = project.fields
+        self._project, self._names = project, names
+        self._shapes: Counter[tuple[tuple[str, ...], frozenset[str]]] = Counter()
+        self._reasons: dict[str, str] = {}
+
+    def __call__(self, message: object) -> tuple[dict[str, Any], frozenset[str]]:
+        """The signals of a message by name, and the names of those that failed."""
+        if isinstance(message, Projected):
+            signals, failed = dict(message.signals), message.failed
+        else:
+            signals, failed = self._project(message)
+            if not failed <= self._reasons.keys():
+                self._reasons = self._project.reasons(message) | self._reasons
+        self._shapes[tuple(signals), failed] += 1
+        return signals, failed
+
+    def reasons(self, message: object) -> dict[str, str]:
+        """Why each signal of a message failed that did; that is not recorded."""
+        return {} if isinstance(message, Projected) else self._project.reasons(message)
+
+    def counts(self) -> StreamCounts:
+        """What was counted so far."""
+        events = self._shapes.total()
+        signals: dict[str, SignalCounts] = {}
+        for name in self._names:
+            present = sum(count for (names, _), count in self._shapes.items() if name in names)
+            failed = sum(count for (_, names), count in self._shapes.items() if name in names)
+            signals[name] = {"present": present, "absent": events - present - failed, "failed": failed}
+            if name in self._reasons:
+                signals[name]["reason"] = self._reasons[name]
+        return {"events": events, "signals": signals}
+
+
+Coverage = dict[StreamKey, StreamCounts]
+"""What a recording had of each stream of a spec."""
+
+
+def silent(coverage: Coverage) -> list[StreamKey]:
+    """The streams without events."""
+    return [key for key, counts in coverage.items() if not counts["events"]]
+
+
+def never_there(coverage: Coverage) -> list[tuple[StreamKey, str]]:
+    """The signals that no event of their stream had, though it has events."""
+    return [
+        (key, name)
+        for key, counts in coverage.items()
+        for name, signal in counts["signals"].items()
+        if counts["events"] and not signal["present"]
+    ]
+
+
+def because(signal: SignalCounts) -> str:
+    """Why a signal failed first, as the end of a sentence; empty where that is not known."""
+    return f": {signal['reason']}" if "reason" in signal else ""

@@ -1,0 +1,148 @@
+"""The types of recorded messages, from the definitions in a bag or, where it has none, from those on hand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from oracle_server.core.errors import TraceError, one_line
+from oracle_server.replay.storage import Channel
+
+_EVENT = "_Event"
+_RULE = "=" * 80 + "\n"
+_INFO = """uint8 event_type
+builtin_interfaces/Time stamp
+uint8[16] client_gid
+int64 sequence_number
+"""
+_TIME = "int32 sec\nuint32 nanosec\n"
+_NO_FIELDS = "structure_needs_at_least_one_member"
+_Types = dict[str, Any]
+
+
+def types_of(channel: Channel, known: Typestore) -> Typestore:
+    """The type of a channel's messages, under `type_name`, and those in it.
+
+    `known` has what the channel does not define itself. Raises `TraceError` where a type is unknown.
+    """
+    own, name = _defined(channel), type_name(channel.type)
+    if name not in own and channel.type.endswith(_EVENT):
+        own |= _known_event(channel.type, known)
+    elif name not in own and name in known.fielddefs:
+        own[name] = known.fielddefs[name]
+    elif name not in own and channel.encoding == "ros2msg" and not channel.definition.strip():
+        own[name] = _never_empty(([], []))
+    if name not in own:
+        raise TraceError(
+            f"{channel.topic}: the type {channel.type} is unknown; give the folder of its package with --types"
+        )
+    _complete(own, channel, known)
+    store = get_typestore(Stores.EMPTY)
+    store.register(own)
+    return store
+
+
+def type_name(name: str) -> str:
+    """What a type is called among types of messages, as is that of a service's events."""
+    package, _, rest = name.partition("/")
+    if "/" not in rest or (rest.startswith("srv/") and rest.endswith(_EVENT)):
+        return f"{package}/msg/{rest.removeprefix('srv/')}"
+    return name
+
+
+def event_parts(name: str) -> tuple[str, str]:
+    """What the requests and the responses in a service's events are named, by the type of the events."""
+    package, _, service = name.removesuffix(_EVENT).rpartition("/")
+    package = package.split("/")[0]
+    return f"{package}/msg/{service}_Request", f"{package}/msg/{service}_Response"
+
+
+def _defined(channel: Channel) -> _Types:
+    """The types that a channel defines; none where its definition can't be read."""
+    try:
+        if channel.encoding == "ros2idl":
+            return _from_idl(channel.definition)
+        if not channel.definition.strip() and channel.encoding != "ros1msg":
+            return {}
+        head, *parts = channel.definition.split(_RULE)
+        if channel.type.endswith(_EVENT) and "/srv/" in channel.type:
+            lines = head.splitlines()
+            if "---" not in lines:
+                return {}
+            at = lines.index("---")
+            halves = "\n".join(lines[:at]) + "\n", "\n".join(lines[at + 1 :]) + "\n"
+            return _event(channel.type, halves, parts)
+        return dict(get_types_from_msg(channel.definition, channel.type))
+    except Exception:  # noqa: BLE001 -- the parser raises anything for a malformed definition
+        return {}
+
+
+def _from_idl(text: str) -> _Types:
+    found: _Types = {}
+    if not text.startswith(f"{_RULE}IDL: "):
+        return dict(get_types_from_idl(text))
+    for part in text.split(_RULE)[1:]:
+        found |= get_types_from_idl(part.partition("\n")[2])
+    return found
+
+
+def _event(name: str, halves: tuple[str, str], parts: Iterable[str]) -> _Types:
+    """The type of a service's events, of the texts of its request and its response and of the types in them."""
+    found: _Types = {}
+    for part, half in zip(event_parts(name), halves, strict=True):
+        found |= get_types_from_msg(_RULE.join((half, *parts)), part)
+        found[part] = _never_empty(found[part])
+    return found | _event_type(name)
+
+
+def _never_empty(definition: Any) -> Any:
+    """A definition as it is sent: one without fields has a byte."""
+    constants, fields = definition
+    return constants, fields or [(_NO_FIELDS, (Nodetype.BASE, ("uint8", 0)))]
+
+
+def _event_type(name: str) -> _Types:
+    """The type of a service's events, without the types of its requests and responses."""
+    request, response = (part.replace("/msg/", "/") for part in event_parts(name))
+    text = f"service_msgs/ServiceEventInfo info\n{request}[<=1] request\n{response}[<=1] response\n"
+    return {
+        **get_types_from_msg(text, type_name(name)),
+        **get_types_from_msg(_INFO, "service_msgs/msg/ServiceEventInfo"),
+        **get_types_from_msg(_TIME, "builtin_interfaces/msg/Time"),
+    }
+
+
+def _known_event(name: str, known: Typestore) -> _Types:
+    service = name.removesuffix(_EVENT)
+    wanted = f"{service}_Request", f"{service}_Response"
+    if not all(part in known.fielddefs for part in wanted):
+        return {}
+    parts = zip(event_parts(name), wanted, strict=True)
+    return {part: known.fielddefs[own] for part, own in parts} | _event_type(name)
+
+
+def _complete(own: _Types, channel: Channel, known: Typestore) -> None:
+    """Add the types that others contain. Raises `TraceError` where one is unknown."""
+    waiting = list(own)
+    while waiting:
+        for _, kind in own[waiting.pop()][1]:
+            name = _name_in(kind)
+            if name is None or name in own:
+                continue
+            if name not in known.fielddefs:
+                what = one_line(f"{channel.topic}: the type {name}, which {channel.type} contains, is unknown")
+                raise TraceError(f"{what}; give the folder of its package with --types")
+            own[name] = known.fielddefs[name]
+            waiting.append(name)
+
+
+def _name_in(kind: Any) -> str | None:
+    """The type that a field contains, None for a plain one."""
+    node, of = kind
+    if node in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+        return _name_in(of[0])
+    return str(of) if node == Nodetype.NAME else None

@@ -1,0 +1,132 @@
+"""The folder of a ROS 2 bag: its files, and what its metadata says of them."""
+
+from __future__ import annotations
+
+import shutil
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import yaml
+import zstandard
+
+from oracle_server.core.errors import TraceError
+from oracle_server.replay.mcapfile import MAGIC as MCAP
+from oracle_server.replay.mcapfile import McapFile
+from oracle_server.replay.ros1file import MAGIC as ROS1
+from oracle_server.replay.ros1file import Ros1File
+from oracle_server.replay.sqlitefile import MAGIC as SQLITE
+from oracle_server.replay.sqlitefile import SqliteFile
+from oracle_server.replay.storage import Storage
+
+ZSTD = b"\x28\xb5\x2f\xfd"
+_KINDS: dict[bytes, Callable[[Path], Storage]] = {MCAP: McapFile, SQLITE: SqliteFile, ROS1: Ros1File}
+MAGICS = (*_KINDS, ZSTD)
+"""How the files of bags begin."""
+_METADATA = "metadata.yaml"
+_LARGEST = 2**26
+"""The most bytes of metadata."""
+
+
+@dataclass(slots=True)
+class Files:
+    """The files of a bag, in the order of recording.
+
+    `promised` are the numbers of messages by topic that the metadata has, None without them; `notes` says what is
+    wrong with the bag as a whole; `compressed`: each message is compressed.
+    """
+
+    paths: list[Path]
+    promised: Counter[str] | None = None
+    notes: list[str] = field(default_factory=list)
+    compressed: bool = False
+
+
+def files_of(path: Path) -> Files:
+    """The files of a bag, which is a file or a folder. Raises `TraceError` where there are none."""
+    if not path.is_dir():
+        return Files([path])
+    metadata = path / _METADATA
+    if not metadata.exists():
+        found = sorted(p for p in path.iterdir() if p.is_file() and begins_as(p) in MAGICS)
+        if not found:
+            raise TraceError(f"{path}: can't be read as a bag: it has no {_METADATA}, and no files of messages")
+        return Files(found, notes=[f"has no {_METADATA}: its recording was not closed"])
+    return _listed(path, _information(metadata))
+
+
+def open_storage(path: Path, stack: ExitStack) -> Storage:
+    """One file of a bag, opened by what it begins with, until `stack` is closed. Raises `TraceError` and OSError."""
+    magic = begins_as(path)
+    if magic == ZSTD:
+        folder = Path(stack.enter_context(TemporaryDirectory(prefix="oracle-server-")))
+        plain = folder / path.name.removesuffix(".zstd")
+        damage = _unpack(path, plain)
+        storage = open_storage(plain, stack)
+        storage.damages += damage
+        return storage
+    if magic is None:
+        raise TraceError(f"{path}: is {'empty' if not path.stat().st_size else 'no file of a bag'}")
+    storage = _KINDS[magic](path)
+    stack.callback(storage.close)
+    return storage
+
+
+def begins_as(path: Path) -> bytes | None:
+    """What a file begins with, of what files of bags begin with. Raises OSError."""
+    with path.open("rb") as file:
+        head = file.read(32)
+    return next((magic for magic in MAGICS if head.startswith(magic)), None)
+
+
+def _information(path: Path) -> dict[str, Any]:
+    """What stands in metadata. Raises `TraceError`."""
+    try:
+        text = path.read_text(encoding="utf-8") if path.stat().st_size <= _LARGEST else ""
+        document = yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))  # noqa: S506 -- both are safe
+        found = document["rosbag2_bagfile_information"]
+    except (OSError, ValueError, TypeError, LookupError, RecursionError, yaml.YAMLError):
+        found = None
+    if not isinstance(found, dict):
+        raise TraceError(f"{path}: can't be read as the metadata of a bag; without it the folder's files can be")
+    return found
+
+
+def _listed(folder: Path, information: dict[str, Any]) -> Files:
+    names = information.get("relative_file_paths")
+    if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
+        raise TraceError(f"{folder / _METADATA}: names no files")
+    paths = [folder / PurePosixPath(name).name for name in names]
+    there = [path for path in paths if path.is_file()]
+    if not there:
+        raise TraceError(f"{folder}: none of the files that {_METADATA} names is there: {', '.join(map(str, names))}")
+    notes = [f"{path.name} is missing, which {_METADATA} names" for path in paths if path not in there]
+    compressed = str(information.get("compression_mode", "")).lower() == "message"
+    return Files(there, Counter(dict(_promised(information))), notes, compressed)
+
+
+def _promised(information: dict[str, Any]) -> Iterator[tuple[str, int]]:
+    for entry in information.get("topics_with_message_count") or ():
+        match entry:
+            case {"topic_metadata": {"name": str(name)}, "message_count": int(count)}:
+                yield name, count
+
+
+def _unpack(path: Path, plain: Path) -> list[str]:
+    """Decompress a file; returns what was wrong with it. Raises `TraceError` where nothing comes out."""
+    try:
+        with path.open("rb") as packed, plain.open("wb") as out:
+            reader = zstandard.ZstdDecompressor(max_window_size=2**27).stream_reader(packed, read_across_frames=True)
+            shutil.copyfileobj(reader, out)
+        with path.open("rb") as packed:
+            size = zstandard.frame_content_size(packed.read(18))
+    except zstandard.ZstdError:
+        size = -1
+    there = plain.stat().st_size
+    if not there:
+        raise TraceError(f"{path}: could not be decompressed")
+    return ["ends early: it could not be decompressed to its end"] if there < size else []

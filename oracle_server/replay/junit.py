@@ -1,0 +1,83 @@
+"""The report of `replay` as JUnit XML, for continuous integration."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from typing import IO, Any
+from xml.sax.saxutils import escape, quoteattr
+
+from oracle_server.core.errors import one_line
+from oracle_server.core.naming import step_name
+from oracle_server.core.units import counted
+from oracle_server.core.verdicts import Judged, explain
+from oracle_server.replay.conclusion import Conclusion, conclude
+from oracle_server.replay.run import Replay
+
+_MOST_SHOWN = 20
+"""Violations of one property that a JUnit report explains; all are counted."""
+
+
+class JunitReport:
+    """A test suite for each spec, a test case for each property: a failure if violated, an error if unknown."""
+
+    def __init__(self, out: IO[str], several: bool) -> None:  # noqa: ARG002 -- a suite always has its name
+        self._out = out
+        self._texts: defaultdict[str, list[str]] = defaultdict(list)
+        self._suites: list[str] = []
+
+    def judged(self, replay: Replay, judged: Judged) -> None:
+        """Keep the explanations of the first violations."""
+        both = replay.spec.ordering.by == "both" and judged.order == "arrival"
+        for verdict in judged.verdicts:
+            texts = self._texts[verdict.property + (" (arrival)" if both else "")]
+            why = explain(judged, verdict)
+            if why is not None and len(texts) < _MOST_SHOWN:
+                texts.append(why["text"])
+        replay.comparison.take()
+
+    def ended(self, replay: Replay) -> None:
+        """Add a suite."""
+        end = conclude(replay)
+        cases = [self._case(replay, end, name, state) for name, state in replay.states().items()]
+        wrong = {kind: sum(f"<{kind} " in case for case in cases) for kind in ("failure", "error")}
+        counts = f'failures="{wrong["failure"]}" errors="{wrong["error"]}" skipped="0"'
+        head = f'  <testsuite name={_attribute(replay.spec.id)} tests="{len(cases)}" {counts}>\n'
+        self._suites.append(head + "".join(cases) + _said(end) + "  </testsuite>\n")
+        self._texts.clear()
+
+    def finish(self) -> None:
+        """Write all suites."""
+        self._out.write('<?xml version="1.0" encoding="UTF-8"?>\n<testsuites>\n')
+        self._out.write("".join(self._suites))
+        self._out.write("</testsuites>\n")
+
+    def _case(self, replay: Replay, end: Conclusion, name: str, state: dict[str, Any]) -> str:
+        head = f"    <testcase classname={_attribute(replay.spec.id)} name={_attribute(name)}"
+        inside = ""
+        if state["violations"]:
+            first = step_name(state["first_violation_step"], state["first_violation_at"])
+            message = f"violated {_times(state['violations'])}, first at {first}"
+            texts = "\n".join(escape(one_line(text)) for text in self._texts[name])
+            inside = f"      <failure message={_attribute(message)}>{texts}</failure>\n"
+        elif end.unusable:
+            inside = f"      <error message={_attribute(end.unusable[0])}/>\n"
+        elif state["unknown"]:
+            message = f"{counted(state['unknown'], 'step')} could not be judged"
+            reason = end.unjudged.get(name.removesuffix(" (arrival)"))
+            message += f": {reason}" if reason else ""
+            inside = f"      <error message={_attribute(message)}/>\n"
+        return f"{head}>\n{inside}    </testcase>\n" if inside else f"{head}/>\n"
+
+
+def _said(end: Conclusion) -> str:
+    """What is to be known of the recording."""
+    lines = "\n".join(escape(one_line(text)) for text in (*end.doubts, *end.remarks))
+    return f"    <system-out>{lines}</system-out>\n" if lines else ""
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"
+
+
+def _attribute(text: str) -> str:
+    return quoteattr(one_line(text))

@@ -1,0 +1,192 @@
+"""MCAP files, read record by record: an index that is damaged or missing does no harm."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections import Counter
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+from oracle_server.core.errors import TraceError
+from oracle_server.replay.blocks import Block, decompress, in_order
+from oracle_server.replay.storage import Channel, DamagedError, Message
+
+MAGIC = b"\x89MCAP0\r\n"
+_HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _STATISTICS = 1, 2, 3, 4, 5, 6, 11
+_RECORD = struct.Struct("<BQ")
+_MESSAGE_HEAD = struct.Struct("<HIQQ")
+_CHUNK_HEAD = struct.Struct("<QQQI")
+_STATISTICS_HEAD = struct.Struct("<QHIIIIQQ")
+_RUN = 2**20
+"""The most bytes of records outside chunks that are read at once."""
+_LARGEST_NOTE = 2**26
+"""The most bytes of a schema, a channel or the statistics."""
+
+
+class McapFile:
+    """The channels and messages of an MCAP file."""
+
+    def __init__(self, path: Path) -> None:
+        """Find the chunks, channels and schemas. Raises `TraceError` where it is no MCAP file, and OSError."""
+        self.path = path
+        self.profile = ""
+        self.damages: list[str] = []
+        self._schemas: dict[int, tuple[str, str, str]] = {}
+        self._channels: dict[int, Channel] = {}
+        self._counts: dict[int, int] | None = None
+        self._blocks: list[Block] = []
+        self._file: BinaryIO = path.open("rb")
+        try:
+            self._scan(path.stat().st_size)
+        except BaseException:
+            self._file.close()
+            raise
+
+    @property
+    def channels(self) -> list[Channel]:
+        """The channels."""
+        counts = self._counts
+        return [c._replace(promised=None if counts is None else counts.get(c.id, 0)) for c in self._channels.values()]
+
+    def messages(self, wanted: Collection[int]) -> Iterator[Message]:
+        """The messages of these channels, by the time of recording."""
+        return in_order(self._blocks, lambda block: list(self._in_block(block, wanted)))
+
+    def in_file_order(self) -> Iterator[Message]:
+        """All messages, as they stand in the file."""
+        for block in self._blocks:
+            yield from self._in_block(block, None)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def _scan(self, size: int) -> None:
+        """Go from record to record, without what is in chunks; where that does not tell all channels, look there."""
+        if self._file.read(len(MAGIC)) != MAGIC:
+            raise TraceError(f"{self.path}: is no MCAP file")
+        position, ended, run, channels = len(MAGIC), False, False, None
+        while not ended and (record := self._record_at(position, size)) is not None:
+            kind, length, there = record
+            body = position + _RECORD.size
+            run = kind == _MESSAGE or (run and kind in (_SCHEMA, _CHANNEL))
+            if run:
+                self._add_to_run(position, _RECORD.size + there, self._time(_MESSAGE_HEAD, 2, there))
+            elif kind == _CHUNK:
+                self._blocks.append(Block(self._time(_CHUNK_HEAD, 0, there), body, there))
+            if there < length:
+                break
+            if kind in (_HEADER, _SCHEMA, _CHANNEL, _STATISTICS) and length <= _LARGEST_NOTE:
+                self._file.seek(body)
+                channels = self._note(kind, self._file.read(length)) or channels
+            ended = kind == _FOOTER
+            position = body + length
+        if not ended:
+            self.damages.append(f"ends early, in the record at byte {position} of {size}")
+        if not ended or channels is None or channels > len(self._channels):
+            self._counts = Counter(number for block in self._blocks for number, _, _ in self._in_block(block, None))
+            del self.damages[0 if ended else 1 :]  # they are found again with the messages
+
+    def _record_at(self, position: int, size: int) -> tuple[int, int, int] | None:
+        """The kind of the record at a place, its length, and how much of that is there; None behind the last one."""
+        self._file.seek(position)
+        head = self._file.read(_RECORD.size)
+        if len(head) < _RECORD.size:
+            return None
+        kind, length = _RECORD.unpack(head)
+        return kind, length, min(length, size - position - _RECORD.size)
+
+    def _add_to_run(self, position: int, length: int, start: int) -> None:
+        last = self._blocks[-1] if self._blocks else None
+        if last is None or last.chunk or last.length > _RUN or last.offset + last.length != position:
+            self._blocks.append(Block(start, position, length, chunk=False))
+        else:
+            self._blocks[-1] = Block(min(last.start, start), last.offset, last.length + length, chunk=False)
+
+    def _time(self, head: struct.Struct, field: int, there: int) -> int:
+        """The time that stands in the heading of the record which is read next."""
+        data = self._file.read(min(there, head.size))
+        return int(head.unpack(data)[field]) if len(data) == head.size else 0
+
+    def _note(self, kind: int, data: bytes) -> int | None:
+        """Keep what a record says; of statistics, returns the number of channels."""
+        try:
+            if kind == _HEADER:
+                self.profile = _string(data, 0)[0]
+            elif kind == _SCHEMA:
+                name, at = _string(data, 2)
+                encoding, at = _string(data, at)
+                self._schemas.setdefault(_short(data, 0), (name, encoding, _string(data, at)[0]))
+            elif kind == _CHANNEL:
+                number, schema = _short(data, 0), _short(data, 2)
+                topic, at = _string(data, 4)
+                name, encoding, text = self._schemas.get(schema, ("", "", ""))
+                channel = Channel(number, topic, name, text, encoding, _string(data, at)[0])
+                self._channels.setdefault(number, channel)
+            elif kind == _STATISTICS:
+                at = _STATISTICS_HEAD.size + 4
+                pairs = struct.iter_unpack("<HQ", data[at : at + struct.unpack_from("<I", data, at - 4)[0]])
+                self._counts = dict(pairs)
+                return int(_STATISTICS_HEAD.unpack_from(data)[2])
+        except (struct.error, UnicodeDecodeError):
+            self.damages.append("has a record that can't be read")
+        return None
+
+    def _in_block(self, block: Block, wanted: Collection[int] | None) -> Iterator[Message]:
+        try:
+            data, whole = self._content(block)
+        except DamagedError as error:
+            self._damaged(block, str(error))
+            return
+        at, size = 0, len(data)
+        while at + _RECORD.size <= size:
+            kind, length = _RECORD.unpack_from(data, at)
+            at += _RECORD.size
+            if at + length > size:
+                whole = False
+                break
+            if kind == _MESSAGE and length >= _MESSAGE_HEAD.size:
+                channel, _, time, _ = _MESSAGE_HEAD.unpack_from(data, at)
+                if wanted is None or channel in wanted:
+                    yield channel, time, data[at + _MESSAGE_HEAD.size : at + length]
+            elif kind in (_SCHEMA, _CHANNEL):
+                self._note(kind, data[at : at + length])
+            at += length
+        if not whole or at < size:
+            self._damaged(block, "is not whole")
+
+    def _content(self, block: Block) -> tuple[bytes, bool]:
+        """The records of a block as far as they can be read, and whether they are whole. Raises `DamagedError`."""
+        self._file.seek(block.offset)
+        data = self._file.read(block.length)
+        if not block.chunk:
+            return data, True
+        try:
+            _, _, size, checksum = _CHUNK_HEAD.unpack_from(data)
+            how, at = _string(data, _CHUNK_HEAD.size)
+            (length,) = struct.unpack_from("<Q", data, at)
+        except (struct.error, UnicodeDecodeError):
+            raise DamagedError("has a heading that can't be read") from None
+        records = data[at + 8 : at + 8 + length]
+        content, whole = decompress(records, how, size)
+        if whole and checksum and zlib.crc32(content) != checksum:
+            raise DamagedError("differs from its checksum, and was left out")
+        return content, whole and len(records) == length
+
+    def _damaged(self, block: Block, what: str) -> None:
+        if not any(damage.startswith("ends early") for damage in self.damages) or block is not self._blocks[-1]:
+            self.damages.append(f"the part at byte {block.offset} {what}")
+
+
+def _short(data: bytes, at: int) -> int:
+    return int(struct.unpack_from("<H", data, at)[0])
+
+
+def _string(data: bytes, at: int) -> tuple[str, int]:
+    """The text at a place, and the place behind it. Raises struct.error and UnicodeDecodeError."""
+    (length,) = struct.unpack_from("<I", data, at)
+    if at + 4 + length > len(data):
+        raise struct.error
+    return data[at + 4 : at + 4 + length].decode(), at + 4 + length

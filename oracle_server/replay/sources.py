@@ -1,0 +1,167 @@
+"""The messages of one topic of a bag as events of a spec's streams."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import msgspec
+from rosbags.typesys.store import Typestore
+
+from oracle_server.core.errors import TraceError
+from oracle_server.core.events import StreamKey
+from oracle_server.core.kinds import Kind
+from oracle_server.core.plan import Plan
+from oracle_server.core.stamps import DEFAULT_PATHS, stamp_in
+from oracle_server.replay.bagmessages import message_reader
+from oracle_server.replay.coverage import signal_names
+from oracle_server.replay.definitions import event_parts, type_name, types_of
+from oracle_server.replay.passing import Filter
+from oracle_server.replay.recording import Projected
+from oracle_server.replay.roles import EVENTS, Role
+from oracle_server.replay.serviceevents import Calls, Half
+from oracle_server.replay.storage import Channel
+
+
+class Item(NamedTuple):
+    """An event to be: its publication time is in nanoseconds; `asks`: it waited for a decision.
+
+    `passed` is whether it passed then, None where that is not known.
+    """
+
+    stream: StreamKey
+    stamp: int | None
+    data: Any
+    call: int | None = None
+    asks: bool = False
+    passed: bool | None = None
+
+
+@dataclass(slots=True)
+class Topic:
+    """What is known of a topic over all files of a bag.
+
+    `role` is None for a topic on which only what passed `gives` is. Of the `promised` messages `seen` ones were
+    read, of which `unreadable` could not be decoded, the first for the reason `why`; `bare` ones had no content.
+    """
+
+    name: str
+    role: Role | None
+    asked: Filter | None = None
+    gives: Filter | None = None
+    events: set[int] = field(default_factory=set)
+    calls: Calls | None = None
+    promised: int = 0
+    seen: int = 0
+    unreadable: int = 0
+    why: str = ""
+    type: str = ""
+    bare: int = 0
+    denied: set[int] = field(default_factory=set)
+
+    @property
+    def is_service(self) -> bool:
+        """Whether the messages are a service's events."""
+        return self.name.endswith(EVENTS)
+
+    @property
+    def surveyed(self) -> bool:
+        """Whether all messages must be seen before the first one is judged."""
+        return self.is_service or self.asked is not None or self.gives is not None
+
+    def note_unreadable(self, why: str) -> None:
+        """Note that a message could not be decoded."""
+        self.why = self.why or why
+        self.unreadable += 1
+
+
+class Source:
+    """Decodes the messages of one channel."""
+
+    def __init__(self, channel: Channel, topic: Topic, ready: Plan, known: Typestore) -> None:
+        """Prepare to decode. Raises `TraceError` where the type of the messages is not known."""
+        if channel.serialization not in ("cdr", "ros1"):
+            raise TraceError(f"{channel.topic}: its messages are in '{channel.serialization[:20]}', which is not read")
+        self.topic, self._type = topic, type_name(channel.type)
+        topic.type = channel.type
+        types = types_of(channel, known)
+        self._decode: Callable[[bytes, str], Any] = (
+            types.deserialize_ros1 if channel.serialization == "ros1" else types.deserialize_cdr
+        )
+        self._plan = ready
+        self._streams = {key.kind: key for key in topic.role.streams} if topic.role else {}
+        parts: Mapping[Kind, str] = {"topic": self._type}
+        if topic.is_service:
+            request, response = event_parts(channel.type)
+            parts = {"request": request, "response": response}
+        self._read = {kind: message_reader(types, name, self._fields(kind)) for kind, name in parts.items()}
+        whole = topic.asked is not None or topic.gives is not None
+        self._whole = {kind: message_reader(types, name, None) for kind, name in parts.items()} if whole else {}
+
+    def survey(self, time: int, raw: bytes) -> None:
+        """Look at a message before all of them are read."""
+        decoded = self._decode(raw, self._type)
+        if not self.topic.is_service:
+            self._note(time, "topic", decoded)
+            return
+        self.topic.events.add(decoded.info.event_type)
+
+    def survey_calls(self, time: int, raw: bytes) -> None:
+        """Look at a service's event once the types of all of them are known."""
+        half = self._half(raw)
+        if half is not None and half.kind == "request":
+            self._note(time, "request", half.content)
+
+    def read(self, raw: bytes) -> Item | None:
+        """The event that a message is, None for none. Raises whatever decoding raises."""
+        if self.topic.is_service:
+            half = self._half(raw)
+            return None if half is None else self._of_service(half)
+        key = self._streams["topic"]
+        data = self._read["topic"](self._decode(raw, self._type))
+        return self._asking(Item(key, stamp_in(data, self._plan.spec.by_key[key].stamp), data))
+
+    def _half(self, raw: bytes) -> Half | None:
+        if self.topic.calls is None:
+            self.topic.calls = Calls(self.topic.events)
+        return self.topic.calls.take(self._decode(raw, self._type))
+
+    def _of_service(self, half: Half) -> Item | None:
+        key = self._streams.get(half.kind)
+        where = self._plan.spec.by_key[key].stamp if key else None
+        data: Any = Projected({}, frozenset(signal_names(self._plan.spec, key))) if key else None
+        if half.content is not None:
+            data = self._read[half.kind](half.content)
+        else:
+            self.topic.bare += 1
+        stamp = (stamp_in(data, where) if where and half.content is not None else None) or half.stamp
+        if half.kind == "response":
+            denied = half.call in self.topic.denied
+            self.topic.denied.discard(half.call)
+            return None if denied or key is None else Item(key, stamp, data, half.call)
+        item = self._asking(Item(key or StreamKey("", "request"), stamp, data, half.call))
+        if item.passed is False:
+            self.topic.denied.add(half.call)
+        return item if key else None
+
+    def _asking(self, item: Item) -> Item:
+        if self.topic.role is None or not self.topic.role.asks:
+            return item
+        return item._replace(asks=True, passed=self.topic.asked.take() if self.topic.asked else None)
+
+    def _note(self, time: int, kind: Kind, decoded: Any) -> None:
+        content = None if decoded is None else msgspec.json.encode(self._whole[kind](decoded))
+        if self.topic.asked is not None:
+            self.topic.asked.asked(time, content)
+        if self.topic.gives is not None:
+            self.topic.gives.gave(time, content)
+
+    def _fields(self, kind: str) -> frozenset[str] | None:
+        """The dotted paths of the fields that the spec reads of a message, None for all."""
+        key = self._streams.get(kind)  # type: ignore[call-overload]
+        if key is None:
+            return frozenset()
+        fields = self._plan.streams[key].fields
+        stamp = self._plan.spec.by_key[key].stamp
+        return None if fields is None else fields | frozenset([stamp.field] if stamp else DEFAULT_PATHS)

@@ -1,0 +1,103 @@
+"""The sqlite3 files of ROS 2 bags, of every version of their tables."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from urllib.parse import quote
+
+from oracle_server.core.errors import TraceError
+from oracle_server.replay.storage import Channel, Message
+
+MAGIC = b"SQLite format 3\x00"
+_MESSAGES = "SELECT topic_id, timestamp, data FROM messages"
+
+
+class SqliteFile:
+    """The channels and messages of an sqlite3 file."""
+
+    def __init__(self, path: Path) -> None:
+        """Find the channels. Raises `TraceError` where they can't be read, and OSError."""
+        self.path = path
+        self.damages: list[str] = []
+        self._whole = _has_its_pages(path)
+        if not self._whole:
+            self.damages.append("ends early: pages of the database are missing")
+        self._database = self._open()
+        try:
+            self.channels = self._find_channels()
+        except (sqlite3.Error, UnicodeDecodeError) as error:
+            self._database.close()
+            raise TraceError(f"{path}: can't be read as a bag in sqlite3: {error}") from None
+
+    def _open(self) -> sqlite3.Connection:
+        """Open the file, with what was committed but not written to it yet."""
+        log = self.path.with_name(self.path.name + "-wal")
+        logged = log.exists() and log.stat().st_size > 0
+        address = f"file:{quote(str(self.path.absolute()))}?mode=ro"
+        database = sqlite3.connect(address if logged else address + "&immutable=1", uri=True)
+        if logged:
+            try:
+                database.execute("SELECT count(*) FROM sqlite_master").fetchone()
+            except sqlite3.Error:
+                database.close()
+                self.damages.append(f"what {log.name} has can't be read")
+                database = sqlite3.connect(address + "&immutable=1", uri=True)
+        database.text_factory = lambda data: data.decode(errors="replace")
+        return database
+
+    def _find_channels(self) -> list[Channel]:
+        columns = {row[1] for row in self._database.execute("PRAGMA table_info(topics)")}
+        tables = {row[0] for row in self._database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+        if "topics" not in tables or "messages" not in tables or not {"id", "name", "type"} <= columns:
+            raise sqlite3.DatabaseError("it has no table of topics, or none of messages")
+        definitions: dict[str, tuple[str, str]] = {}
+        if "message_definitions" in tables:
+            query = "SELECT topic_type, encoded_message_definition, encoding FROM message_definitions"
+            definitions = {str(row[0]): (str(row[1]), str(row[2])) for row in self._database.execute(query)}
+        counts = self._counts()
+        form = "serialization_format" if "serialization_format" in columns else "'cdr'"
+        found = []
+        for number, topic, kind, serialization in self._database.execute(f"SELECT id, name, type, {form} FROM topics"):  # noqa: S608
+            text, encoding = definitions.get(kind) or definitions.get(str(kind).removesuffix("_Event")) or ("", "")
+            promised = None if counts is None else counts.get(number, 0)
+            found.append(Channel(number, str(topic), str(kind), text, encoding, str(serialization), promised))
+        return found
+
+    def _counts(self) -> dict[int, int] | None:
+        try:
+            return dict(self._database.execute("SELECT topic_id, count(*) FROM messages GROUP BY topic_id"))
+        except sqlite3.Error:
+            return None  # reading the messages comes upon it again, and says so
+
+    def messages(self, wanted: Collection[int]) -> Iterator[Message]:
+        """The messages of these channels, by the time of recording; as they stand in a file that ends early."""
+        which = f"topic_id IN ({','.join('?' * len(wanted))})"
+        query = f"{_MESSAGES} WHERE {which} ORDER BY timestamp, id"
+        if not self._whole:
+            query = f"{_MESSAGES} NOT INDEXED WHERE {which} ORDER BY id"
+        try:
+            for number, time, data in self._database.execute(query, tuple(wanted)):
+                if not isinstance(time, int) or not isinstance(data, bytes):
+                    self.damages.append("has a message that can't be read")
+                    continue
+                yield number, time, data
+        except sqlite3.Error as error:
+            if self._whole:
+                self.damages.append(f"ends early: {error}")
+
+    def close(self) -> None:
+        """Close the file."""
+        self._database.close()
+
+
+def _has_its_pages(path: Path) -> bool:
+    """Whether a database file is as long as its heading says."""
+    with path.open("rb") as file:
+        head = file.read(100)
+    if len(head) < 100:
+        return False
+    size = int.from_bytes(head[16:18], "big")
+    pages, changed, valid_for = (int.from_bytes(head[a : a + 4], "big") for a in (28, 24, 92))
+    return changed != valid_for or path.stat().st_size >= pages * (2**16 if size == 1 else size)

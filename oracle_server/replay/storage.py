@@ -1,0 +1,55 @@
+"""What the files of a bag have in common: channels, and messages that are read as far as the file is whole."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from typing import NamedTuple, Protocol
+
+from oracle_server.core.errors import OracleError
+
+
+class Channel(NamedTuple):
+    """The messages of one type on one topic.
+
+    `definition` is the text of the type in an `encoding` (`ros1msg`, `ros2msg` or `ros2idl`), empty where the file has
+    none; `serialization` is `ros1`, `cdr`, or what this program does not read; `promised` is how many messages
+    the file says that it has, None where it does not say.
+    """
+
+    id: int
+    topic: str
+    type: str
+    definition: str = ""
+    encoding: str = ""
+    serialization: str = "cdr"
+    promised: int | None = None
+
+
+Message = tuple[int, int, bytes]
+"""The id of a channel, the time of recording (ns since the epoch), and the message as it was sent."""
+
+
+class Storage(Protocol):
+    """One file of messages.
+
+    `damages` says what of the file could not be read, and grows while it is.
+    """
+
+    damages: list[str]
+
+    @property
+    def channels(self) -> list[Channel]:
+        """The channels of the file."""
+        ...
+
+    def messages(self, wanted: Collection[int]) -> Iterator[Message]:
+        """The messages of these channels, by the time of recording. Damage ends them early, and raises nothing."""
+        ...
+
+    def close(self) -> None:
+        """Close the file."""
+        ...
+
+
+class DamagedError(OracleError):
+    """A part of a file that can't be read; what can be is judged."""

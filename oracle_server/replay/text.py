@@ -1,0 +1,86 @@
+"""The report of `replay` as text, for people."""
+
+from __future__ import annotations
+
+from typing import IO
+
+from rich.console import Console
+from rich.table import Table
+
+from oracle_server.core.errors import one_line
+from oracle_server.core.naming import first_name
+from oracle_server.core.units import counted
+from oracle_server.core.verdicts import Judged, explain
+from oracle_server.replay.conclusion import conclude
+from oracle_server.replay.coverage import Coverage, because
+from oracle_server.replay.run import Replay
+
+
+class TextReport:
+    """Violations and differences as they occur, then a table for each spec."""
+
+    def __init__(self, out: IO[str], several: bool, *, signals: bool = False) -> None:
+        self._out, self._several, self._signals = out, several, signals
+
+    def judged(self, replay: Replay, judged: Judged) -> None:
+        """Write violations, and differences from recorded verdicts."""
+        for verdict in judged.verdicts:
+            why = explain(judged, verdict)
+            if why is not None:
+                order = " by arrival" if judged.order == "arrival" else ""
+                text = one_line(why["text"])
+                self._write(replay, f"violation{order}: {text} (#{verdict.n})")
+        for found in replay.comparison.take():
+            broken = f" ({', '.join(found.properties)})" if found.properties else ""
+            event = f"{found.event.stream} {found.event.seq}"
+            self._write(replay, f"difference: {event} was '{one_line(found.was)}', is {found.now}{broken}")
+
+    def ended(self, replay: Replay) -> None:
+        """Write a table of the properties, and the counts."""
+        summary = replay.summary()
+        table = Table("property", "outcome", "violations", "first at", "unknown", box=None, pad_edge=False)
+        for name, state in summary["properties"].items():
+            cells = (state["outcome"], state["violations"], first_name(state), state["unknown"])
+            table.add_row(name, *map(str, cells))
+        console = Console(file=self._out, highlight=False, width=None if self._out.isatty() else 160)
+        if self._several:
+            console.print(f"== {replay.spec.id}")
+        console.print(table)
+        counts = f"{counted(summary['events'], 'event')}, {counted(summary['violations'], 'violation')}"
+        counts += f", {summary['late']} late"
+        if "compared" in summary:
+            counts += f"; {summary['compared']} compared with old verdicts, {summary['differing']} differ"
+        console.print(counts)
+        end = conclude(replay)
+        if self._signals:
+            console.print(_table(end.coverage))
+        lines = [f"{name} was not judged: {reason}" for name, reason in end.unjudged.items()]
+        for line in (*lines, *end.doubts, *end.remarks, *_failures(end.coverage)):
+            self._write(replay, one_line(line))
+
+    def finish(self) -> None:
+        """Write nothing more."""
+
+    def _write(self, replay: Replay, line: str) -> None:
+        self._out.write(f"{replay.spec.id}: {line}\n" if self._several else f"{line}\n")
+
+
+def _table(coverage: Coverage) -> Table:
+    """How often each signal was present, absent and failed."""
+    table = Table("stream", "events", "signal", "present", "absent", "failed", box=None, pad_edge=False)
+    for key, counts in coverage.items():
+        table.add_row(str(key), str(counts["events"]))
+        for name, signal in counts["signals"].items():
+            table.add_row("", "", name, str(signal["present"]), str(signal["absent"]), str(signal["failed"]))
+    return table
+
+
+def _failures(coverage: Coverage) -> list[str]:
+    """The signals that failed at some events; those that were never there are said elsewhere."""
+    return [
+        f"{key}: the signal {name} failed at {signal['failed']} of {counted(counts['events'], 'event')}"
+        + because(signal)
+        for key, counts in coverage.items()
+        for name, signal in counts["signals"].items()
+        if signal["failed"] and signal["present"]
+    ]

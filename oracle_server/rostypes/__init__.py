@@ -1,0 +1,1 @@
+"""ROS types: their definitions, and the shapes of their messages."""

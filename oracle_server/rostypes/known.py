@@ -1,0 +1,136 @@
+"""The types that are known here: of folders that are named, of what is sourced, and of ROS's standard packages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+
+from oracle_server.core.errors import OracleError
+from oracle_server.core.nearest import nearest
+from oracle_server.core.ros import Ros
+from oracle_server.core.shapes import Many, Record, Shape, Value, ValueKind
+from oracle_server.core.typed import Missing, TypedMessage
+from oracle_server.rostypes import standard
+from oracle_server.rostypes.definition import PRIMITIVES, Fields
+from oracle_server.rostypes.folders import Workspace, read_folder
+
+_KINDS: Mapping[str, ValueKind] = {
+    "bool": "bool", "string": "text", "wstring": "text", "float32": "real", "float64": "real"
+}  # fmt: skip
+_BYTES = frozenset({"uint8", "char", "byte"})
+_TIMES = frozenset({"builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration"})
+_DEEPEST = 64
+
+
+class NestedTypeError(OracleError):
+    """A message has a field of a type that is not known."""
+
+
+class Types:
+    """ROS types by name, for one version of ROS or for all.
+
+    The folders come first, then what is sourced, then the standard packages. A folder's definition is what the robot
+    has; of the others a robot may have an older or newer one.
+    """
+
+    def __init__(self, folders: Sequence[Path] = (), environment: Mapping[str, str] | None = None) -> None:
+        """Read the folders; of `environment`, by default the process's, what is sourced. Raises `TypesError`."""
+        self._own: dict[str, Fields] = {}
+        for folder in folders:
+            for name, fields in read_folder(folder).items():
+                self._own.setdefault(name, fields)
+        self._sourced = Workspace(environment)
+
+    def message(self, name: str, ros: Ros | None = None) -> TypedMessage | Missing:
+        """A message by its full name, as `pkg/msg/Name` or `pkg/srv/Name_Request`; or why it is not known."""
+        found = self._variants(name, ros)
+        if not found:
+            return self._missing(name)
+        try:
+            shape = self._record(name, ros, newest=True)
+            if name in self._own:
+                return TypedMessage(shape)
+            anywhere = self._record(name, ros, newest=False)
+        except NestedTypeError as error:
+            return Missing(f"{error}, so the fields of {_written(name)} are not checked; {_HOW}", "warning")
+        return TypedMessage(shape, None if anywhere == shape else anywhere)
+
+    def _variants(self, name: str, ros: Ros | None) -> list[Fields]:
+        if name in self._own:
+            return [self._own[name]]
+        sourced = self._sourced.types(name.partition("/")[0]).get(name)
+        given = [] if sourced is None else [sourced]
+        known = list(standard.variants(name, ros))
+        return given + known if ros is None else known + given
+
+    def _record(self, name: str, ros: Ros | None, *, newest: bool, depth: int = 0) -> Record:
+        found = self._variants(name, ros)
+        if not found or depth > _DEEPEST:
+            raise NestedTypeError(f"the type {name} of a field is not known here")
+        fields: dict[str, str] = {}
+        for variant in found[:1] if newest else found:
+            fields = {**variant, **fields}
+        shapes = {field: self._shape(kind, ros, newest, depth + 1) for field, kind in fields.items()}
+        if name in _TIMES and not (ros == 2 or (ros is None and newest)):
+            shapes |= {"secs": Value("whole", "int32"), "nsecs": Value("whole", "int32")}
+        return Record(_written(name), shapes)
+
+    def _shape(self, kind: str, ros: Ros | None, newest: bool, depth: int) -> Shape:
+        of, is_list, size = kind.partition("[")
+        if is_list and of in _BYTES and not (of == "byte" and ros == 1):
+            return Value("bytes", kind)
+        single: Shape
+        if of in PRIMITIVES:
+            single = Value(_KINDS.get(of, "whole"), of)
+        else:
+            single = self._record(of, ros, newest=newest, depth=depth)
+        if not is_list:
+            return single
+        return Many(single, int(size[:-1]) if size[:-1] else None)
+
+    # What is not known
+
+    @cached_property
+    def _packages(self) -> frozenset[str]:
+        names = {name.partition("/")[0] for name in (*self._own, *standard.names())}
+        return frozenset(names) | frozenset(self._sourced.packages)
+
+    def _of_package(self, package: str) -> Iterator[str]:
+        """The names of a package's messages, and of the halves of its services."""
+        for name in (*self._own, *self._sourced.types(package), *standard.names()):
+            if name.startswith(f"{package}/"):
+                yield name
+
+    def _missing(self, name: str) -> Missing:
+        type_ = _written(name)
+        package, kind, short = type_.split("/")
+        if name in self._sourced.types(package):
+            why = next(
+                (w for p, w in self._sourced.unreadable.items() if f"/{short}." in p), "it is no .msg or .srv file"
+            )
+            return Missing(f"the definition of {type_} can't be read, so its fields are not checked: {why}", "warning")
+        if package not in self._packages:
+            near = nearest(package, self._packages, alike=0.85)
+            who = f"the package {package} is not known here{f' ({near})' if near else ''}"
+            return Missing(f"{who}, so the fields of its types are not checked; {_HOW}", "warning", package)
+        known = {_written(other) for other in self._of_package(package)}
+        other = f"{package}/{'srv' if kind == 'msg' else 'msg'}/{short}"
+        if other in known:
+            is_now, key = ("service", "service") if kind == "msg" else ("message", "topic")
+            return Missing(f"{type_} is not there, and {other} is a {is_now}: it belongs to a `{key}`", "error")
+        shorts = {n.rpartition("/")[2] for n in known if f"/{kind}/" in n}
+        if not shorts:
+            return Missing(f"{type_} is not known here, so its fields are not checked; {_HOW}", "warning")
+        hint = nearest(short, shorts) or "give the folder of a newer one with --types"
+        return Missing(f"the package {package} has no {kind} '{short}'; {hint}", "error")
+
+
+_HOW = "give the folder of its package with --types, or source the workspace"
+
+
+def _written(name: str) -> str:
+    """The name as a spec has it: the halves of a service by the service."""
+    if "/srv/" in name:
+        return name.removesuffix("_Request").removesuffix("_Response")
+    return name

@@ -1,0 +1,38 @@
+"""Violations in the server's log: each with its text, but for a flood of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import structlog
+
+from oracle_server.core.errors import one_line
+from oracle_server.core.records import VerdictRecord
+from oracle_server.process.clock import Clock
+
+log = structlog.get_logger()
+
+_MOST, _WITHIN = 20, 10 * 10**9
+"""Violations of a session that are logged within so many nanoseconds."""
+
+
+class ViolationLog:
+    """Logs one session's violations; of a flood the first ones, since a log is for people. The history has them all."""
+
+    def __init__(self, session: str, clock: Clock) -> None:
+        self._session, self._clock = session, clock
+        self._since = self._logged = 0
+
+    def add(self, records: Iterable[VerdictRecord]) -> None:
+        """Log committed violations."""
+        for record in records:
+            now = self._clock.now()
+            if now - self._since >= _WITHIN:
+                self._since, self._logged = now, 0
+            self._logged += 1
+            if self._logged <= _MOST:
+                why = record["explanation"]
+                text = f"{record['property']} is violated" if why is None else why["text"]
+                log.warning(f"violation: {one_line(text)}", session=self._session, n=record["n"])
+            elif self._logged == _MOST + 1:
+                log.warning("more violations are in the history, and not logged for now", session=self._session)

@@ -1,0 +1,78 @@
+"""The signals and properties of an imported spec, before they are written: of one module, or of several together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from oracle_server.core.formula.tree import Atom, Constraint, Formula
+from oracle_server.core.kinds import RESERVED
+from oracle_server.specfiles.rosmonitoring.config import Config, Interface
+from oracle_server.specfiles.rosmonitoring.expressions import Stream
+from oracle_server.specfiles.rosmonitoring.formulas import FutureError, changed
+from oracle_server.specfiles.rosmonitoring.module import PropertyModule
+from oracle_server.specfiles.rosmonitoring.translate import Signal, Translation, translate
+
+TODO = "todo"
+"""The signal of formulas that can't be read: it fails at every event."""
+
+
+@dataclass(slots=True)
+class Draft:
+    """What the modules became: a translation each, None where its oracle still judges, and all signals by name."""
+
+    properties: list[tuple[PropertyModule, Translation | None]] = field(default_factory=list)
+    signals: dict[str, Signal] = field(default_factory=dict)
+
+    @property
+    def unread(self) -> list[str]:
+        """The predicates that could not be read."""
+        return sorted(name for name, signal in self.signals.items() if signal.unread and name != TODO)
+
+    @property
+    def unjudged(self) -> list[str]:
+        """The properties whose formula could not be read."""
+        return [module.name for module, found in self.properties if found is not None and found.formula is None]
+
+
+def streams_of(interface: Interface) -> list[Stream]:
+    """The streams of an interface, as their messages name them."""
+    name = interface.name.removeprefix("/") if interface.bare else interface.name
+    kinds = ("topic",) if interface.kind == "topic" else ("request", "response")
+    return [Stream(interface.kind, name, kind) for kind in kinds]
+
+
+def make_draft(config: Config, modules: Sequence[PropertyModule]) -> Draft:
+    """Translate the modules for all streams of a configuration."""
+    streams = [stream for interface in config.interfaces for stream in streams_of(interface)]
+    draft = Draft()
+    for module in modules:
+        try:
+            found = translate(module, streams)
+        except FutureError:
+            draft.properties.append((module, None))
+            continue
+        draft.properties.append((module, found))
+        names = {name: _free(name, module, signal, draft) for name, signal in found.signals.items()}
+        if found.formula is not None:
+            found.formula = changed(found.formula, _Renamed(names))
+        draft.signals |= {names[name]: signal for name, signal in found.signals.items()}
+    if draft.unjudged:
+        draft.signals[TODO] = Signal(unread=dict.fromkeys(streams, ""))
+    return draft
+
+
+def _free(name: str, module: PropertyModule, signal: Signal, draft: Draft) -> str:
+    """The name of a signal: the predicate's, unless it is reserved, or another module has made another one of it."""
+    for free in (name, f"{name}_", f"{module.name.replace('-', '_').replace('.', '_')}_{name}"):
+        if free not in RESERVED and free != TODO and draft.signals.get(free, signal) == signal:
+            return free
+    return f"{name}_{len(draft.signals)}"
+
+
+@dataclass(frozen=True, slots=True)
+class _Renamed:
+    names: dict[str, str]
+
+    def __call__(self, atom: Atom) -> Formula:
+        return Atom(tuple(Constraint(self.names[c.key], c.op, c.value) for c in atom.constraints), atom.at)

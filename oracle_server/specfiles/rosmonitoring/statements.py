@@ -1,0 +1,334 @@
+"""Follows a function's statements, every way at once: what it assigns to predicates, and what it returns."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from oracle_server.specfiles.rosmonitoring.calls import function
+from oracle_server.specfiles.rosmonitoring.cel import collapsed, truth
+from oracle_server.specfiles.rosmonitoring.cel import field as field_text
+from oracle_server.specfiles.rosmonitoring.expressions import State, Stream, evaluate
+from oracle_server.specfiles.rosmonitoring.operators import arithmetic
+from oracle_server.specfiles.rosmonitoring.values import (
+    Const,
+    Field,
+    Items,
+    Kept,
+    Leaf,
+    Raises,
+    Term,
+    Unread,
+    UntranslatableError,
+    Value,
+    choice,
+    each,
+    same,
+)
+
+_MAX_STEPS = 4000
+_MAX_DEPTH = 16
+_LOGS = frozenset({"print", "logging", "logger", "log", "rospy", "sys", "warnings"})
+
+
+class UnfollowableError(UntranslatableError):
+    """A statement whose effect on the predicates is not known."""
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """Where a function ends: what it returns, None where it goes on, and the state then."""
+
+    returned: Value | None
+    state: State
+
+
+@dataclass(slots=True)
+class Machine:
+    """A module's constants, functions and initial predicates, and the stream whose message is followed.
+
+    `flags` are the predicates that are never anything but Booleans, `changing` the names that keep something from one
+    message to the next.
+    """
+
+    constants: Mapping[str, Value] = field(default_factory=dict)
+    functions: Mapping[str, ast.FunctionDef] = field(default_factory=dict)
+    initial: Mapping[str, Value] = field(default_factory=dict)
+    flags: frozenset[str] = frozenset()
+    changing: frozenset[str] = frozenset()
+    stream: Stream | None = None
+    steps: int = 0
+    depth: int = 0
+
+    def function(self, name: str, state: State) -> ast.FunctionDef | None:
+        """A function of the module, or one defined inside of the function."""
+        return state.functions.get(name, self.functions.get(name))
+
+    def call(self, name: str, node: ast.Call, state: State) -> Value:
+        """What a function that assigns nothing outside returns. Raises `UntranslatableError`."""
+        called = self.function(name, state)
+        assert called is not None  # noqa: S101 -- the caller has looked
+        if _changes(called):
+            raise UnfollowableError
+        end = self._enter(called, node, state)
+        return Const(None) if end.returned is None else end.returned
+
+    def _enter(self, called: ast.FunctionDef, node: ast.Call, state: State) -> End:
+        if self.depth >= _MAX_DEPTH:
+            raise UntranslatableError
+        inner = State({**state.variables} if called.name in state.functions else {}, state.predicates, state.functions)
+        inner.variables.update(self._arguments(called, node, state))
+        self.depth += 1
+        try:
+            return self.follow(called.body, inner)
+        finally:
+            self.depth -= 1
+
+    def _arguments(self, called: ast.FunctionDef, node: ast.Call, state: State) -> dict[str, Value]:
+        names = [a.arg for a in (*called.args.posonlyargs, *called.args.args)]
+        if called.args.vararg or called.args.kwarg or called.args.kwonlyargs or len(node.args) > len(names):
+            raise UntranslatableError
+        defaults = called.args.defaults
+        found = {
+            n: evaluate(d, State(), self) for n, d in zip(names[len(names) - len(defaults) :], defaults, strict=True)
+        }
+        found |= {n: evaluate(a, state, self) for n, a in zip(names, node.args, strict=False)}
+        found |= {k.arg: evaluate(k.value, state, self) for k in node.keywords if k.arg in names}
+        if found.keys() != set(names) or any(k.arg not in names for k in node.keywords):
+            raise UntranslatableError
+        return found
+
+    def follow(self, body: Sequence[ast.stmt], state: State) -> End:
+        """Follow statements to their end. Raises `UnfollowableError`."""
+        for i, statement in enumerate(body):
+            self.steps += 1
+            if self.steps > _MAX_STEPS:
+                raise UnfollowableError
+            try:
+                end = self._statement(statement, body[i + 1 :], state)
+            except UnfollowableError:
+                raise
+            except UntranslatableError:
+                self._leave(statement, state)
+                continue
+            if end is not None:
+                return end
+        return End(None, state)
+
+    def _statement(self, statement: ast.stmt, rest: Sequence[ast.stmt], state: State) -> End | None:  # noqa: C901, PLR0911
+        match statement:
+            case ast.Return(value):
+                return self._return(value, state)
+            case ast.Assign(targets, value):
+                return self._assigned(targets, evaluate(value, state, self), state)
+            case ast.AnnAssign(target, _, ast.expr() as value):
+                return self._assigned([target], evaluate(value, state, self), state)
+            case ast.AugAssign(target, op, value):
+                return self._assigned([target], self._augmented(target, op, value, state), state)
+            case ast.If(test, body, orelse):
+                return self._branch(collapsed(each(evaluate(test, state, self), truth)), body, orelse, rest, state)
+            case ast.For(target, over, body, []):
+                return self._loop(target, evaluate(over, state, self), body, rest, state)
+            case ast.Try(body, [_, *_], orelse, []):
+                return self._try(statement, rest, state)
+            case ast.FunctionDef(name):
+                state.functions[name] = statement
+            case ast.Expr(ast.Call() as call):
+                return self._called(call, state)
+            case ast.Pass() | ast.Import() | ast.ImportFrom() | ast.Global() | ast.Expr(ast.Constant()):
+                pass
+            case _:
+                raise UntranslatableError
+        return None
+
+    def _return(self, value: ast.expr | None, state: State) -> End:
+        try:
+            return End(Const(None) if value is None else evaluate(value, state, self), state)
+        except UnfollowableError:
+            raise
+        except UntranslatableError:
+            return End(Unread(ast.unparse(value) if value else ""), state)
+
+    def _assigned(self, targets: list[ast.expr], value: Value, state: State) -> End | None:
+        if isinstance(value, Raises):
+            return End(value, state)
+        for target in targets:
+            self.assign(target, value, state)
+        return None
+
+    def assign(self, target: ast.expr, value: Value, state: State) -> None:
+        """Assign to a variable, to a predicate, or to several. Raises `UntranslatableError`."""
+        match target:
+            case ast.Name("predicates"):
+                raise UnfollowableError
+            case ast.Name(name):
+                state.variables[name] = value
+            case ast.Subscript(ast.Name("predicates"), index):
+                key = evaluate(index, state, self)
+                if not isinstance(key, Const) or not isinstance(key.value, str):
+                    raise UnfollowableError
+                state.predicates[str(key.value)] = value
+            case ast.Tuple(parts) | ast.List(parts):
+                values = [Const(v) for v in value.value] if isinstance(value, Const) and isinstance(
+                    value.value, list | tuple) else list(value.values) if isinstance(value, Items) else []  # fmt: skip
+                if len(values) != len(parts):
+                    raise UntranslatableError
+                for part, item in zip(parts, values, strict=True):
+                    self.assign(part, item, state)
+            case _:
+                raise UnfollowableError
+
+    def _augmented(self, target: ast.expr, op: ast.operator, value: ast.expr, state: State) -> Value:
+        return arithmetic(evaluate(target, state, self), op, evaluate(value, state, self))
+
+    def _branch(
+        self, test: Value, body: Sequence[ast.stmt], orelse: Sequence[ast.stmt], rest: Sequence[ast.stmt], state: State
+    ) -> End | None:
+        if isinstance(test, Raises):
+            return End(test, state)
+        if isinstance(test, Const):
+            return self.follow([*(body if test.value else orelse), *rest], state)
+        ends = any(isinstance(n, ast.Return) for s in (*body, *orelse) for n in ast.walk(s))
+        more = rest if ends else ()
+        yes = self.follow([*body, *more], state.copy())
+        no = self.follow([*orelse, *more], state.copy())
+        merged = _merged(test, yes.state, no.state)
+        state.variables, state.predicates, state.functions = merged.variables, merged.predicates, merged.functions
+        if not ends and yes.returned is None and no.returned is None:
+            return None
+        if not ends:  # one of them fails: what comes after it counts for the other alone
+            goes_on = self.follow(rest, state)
+            yes = End(yes.returned or goes_on.returned, state)
+            no = End(no.returned or goes_on.returned, state)
+        return End(choice(test, yes.returned or Const(None), no.returned or Const(None)), state)
+
+    def _loop(
+        self, target: ast.expr, over: Value, body: Sequence[ast.stmt], rest: Sequence[ast.stmt], state: State
+    ) -> End:
+        if any(isinstance(n, ast.Break | ast.Continue) for s in body for n in ast.walk(s)):
+            raise UntranslatableError
+        if isinstance(over, Const) and isinstance(over.value, str | list | tuple | dict):
+            values: list[Value] = [Const(v) for v in over.value]
+        elif isinstance(over, Items):
+            values = list(over.values)
+        else:
+            raise UntranslatableError
+        unrolled: list[ast.stmt] = []
+        for i, value in enumerate(values[:65]):
+            name = f".{id(body)}.{i}"
+            state.variables[name] = value
+            unrolled += [ast.Assign([target], ast.Name(name)), *body]
+        if len(values) > 64:
+            raise UntranslatableError
+        return self.follow([*unrolled, *rest], state)
+
+    def _try(self, statement: ast.Try, rest: Sequence[ast.stmt], state: State) -> End:
+        """`try: return float(x)`, with the handler's value for what is none; other failures of CEL are unknown."""
+        match statement:
+            case ast.Try([ast.Return(ast.Call(ast.Name("float" | "int" as word), [asked], []))], [handler], [], []):
+                pass
+            case _:
+                raise UntranslatableError
+        kinds = handler.type.elts if isinstance(handler.type, ast.Tuple) else [handler.type]
+        if not {k.id if isinstance(k, ast.Name) else "" for k in kinds} <= {"TypeError", "ValueError"}:
+            raise UntranslatableError
+        caught = self.follow([*handler.body, *rest], state.copy()).returned or Const(None)
+
+        def read(leaf: Leaf) -> Value:
+            found = function(word, [leaf])
+            if isinstance(leaf, Field):
+                return choice(Term(f"{field_text(leaf.path)} == null", "bool"), caught, found)
+            return caught if isinstance(found, Raises) else found
+
+        return End(each(evaluate(asked, state, self), read), state)
+
+    def _called(self, call: ast.Call, state: State) -> End | None:
+        match call:
+            case ast.Call(ast.Name(name)) if name in _LOGS:
+                return None
+            case ast.Call(ast.Attribute(value)) if _root(value) in _LOGS:
+                return None
+            case ast.Call(ast.Attribute(ast.Name("predicates"), "update"), arguments, keywords):
+                self._update(arguments, keywords, state)
+                return None
+            case ast.Call(ast.Name(name)) if self.function(name, state) is not None:
+                called = self.function(name, state)
+                assert called is not None  # noqa: S101 -- the line above
+                end = self._enter(called, call, state)
+                state.predicates = end.state.predicates
+                return End(end.returned, state) if isinstance(end.returned, Raises) else None
+        raise UnfollowableError
+
+    def _update(self, arguments: list[ast.expr], keywords: list[ast.keyword], state: State) -> None:
+        for argument in arguments:
+            if not isinstance(argument, ast.Dict):
+                raise UnfollowableError
+            for key, value in zip(argument.keys, argument.values, strict=True):
+                if not isinstance(key, ast.Constant) or not isinstance(key.value, str):
+                    raise UnfollowableError
+                keywords = [*keywords, ast.keyword(key.value, value)]
+        for keyword in keywords:
+            if keyword.arg is None:
+                raise UnfollowableError
+            try:
+                state.predicates[keyword.arg] = evaluate(keyword.value, state, self)
+            except UntranslatableError:
+                state.predicates[keyword.arg] = Unread(ast.unparse(keyword))
+
+    def _leave(self, statement: ast.stmt, state: State) -> None:
+        """Mark what a statement that can't be read assigns. Raises `UnfollowableError` where that is not known."""
+        python = ast.unparse(statement)
+        for node in ast.walk(statement):
+            match node:
+                case ast.Return() | ast.Delete() | ast.Global() | ast.FunctionDef() | ast.Await() | ast.Yield():
+                    raise UnfollowableError
+                case ast.Name(name, ast.Store()):
+                    state.variables[name] = Unread(python)
+                case ast.Subscript(ast.Name("predicates"), ast.Constant(str() as key), ast.Store()):
+                    state.predicates[key] = Unread(python)
+                case ast.Subscript(ctx=ast.Store()) | ast.Attribute(ctx=ast.Store()):
+                    raise UnfollowableError
+                case ast.Call(ast.Name(name), arguments):
+                    given = any(isinstance(a, ast.Name) and a.id == "predicates" for a in arguments)
+                    if (given and name not in _LOGS) or _changes(self.function(name, state)):
+                        raise UnfollowableError
+                case ast.Call(ast.Attribute(ast.Name("predicates"), name)) if name != "get":
+                    raise UnfollowableError
+                case ast.Call(_, arguments) if any(isinstance(a, ast.Name) and a.id == "predicates" for a in arguments):
+                    raise UnfollowableError
+
+
+def _changes(function: ast.FunctionDef | None) -> bool:
+    """Whether a function assigns to something outside of it."""
+    stores = (ast.Subscript, ast.Attribute)
+    return function is not None and any(
+        isinstance(n, stores) and isinstance(n.ctx, ast.Store) for n in ast.walk(function)
+    )
+
+
+def _root(node: ast.expr) -> str:
+    while isinstance(node, ast.Attribute | ast.Call):
+        node = node.value if isinstance(node, ast.Attribute) else node.func
+    return node.id if isinstance(node, ast.Name) else ""
+
+
+def _merged(test: Value, yes: State, no: State) -> State:
+    found = State(functions=yes.functions)
+    for name in dict.fromkeys((*yes.variables, *no.variables)):
+        a, b = yes.variables.get(name, Raises("UnboundLocalError")), no.variables.get(name, Raises("UnboundLocalError"))
+        found.variables[name] = _chosen(test, a, b)
+    for name in dict.fromkeys((*yes.predicates, *no.predicates)):
+        found.predicates[name] = _chosen(
+            test, yes.predicates.get(name, Kept(name)), no.predicates.get(name, Kept(name))
+        )
+    return found
+
+
+def _chosen(test: Value, yes: Value, no: Value) -> Value:
+    if same(yes, no):
+        return yes
+    try:
+        return collapsed(choice(test, yes, no))
+    except UntranslatableError:
+        return Unread("")

@@ -1,0 +1,155 @@
+"""What a Python expression may be worth: a tree of choices, whose leaves are known or are CEL."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from oracle_server.core.errors import OracleError
+
+MAX_LEAVES = 256
+"""Most leaves of one value: each `if` in the way doubles them."""
+
+
+class UntranslatableError(OracleError):
+    """Python that has no plain counterpart in CEL."""
+
+
+class Name(str):
+    """A topic's or service's name, which equals others with and without the leading slash."""
+
+    __slots__ = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Const:
+    """A value that is known: a constant, or a list, tuple, set or dict of constants."""
+
+    value: object
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """CEL of a known type; `whole` marks numbers that CEL has as whole ones. `tight` ones need no parentheses."""
+
+    text: str
+    kind: Literal["bool", "number", "text"]
+    tight: bool = False
+    whole: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A field of the message, whose type is not known."""
+
+    path: tuple[str | int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Items:
+    """A list, tuple or set with items that are not all constants."""
+
+    values: tuple[Value, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A dict made by the function, with constant keys."""
+
+    values: tuple[tuple[str, Value], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """The function's argument."""
+
+
+@dataclass(frozen=True, slots=True)
+class Predicates:
+    """The module's dictionary `predicates`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """What a predicate was worth before this message."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Raises:
+    """The function fails here."""
+
+    error: str
+
+
+@dataclass(frozen=True, slots=True)
+class Unread:
+    """Python that could not be translated."""
+
+    python: str
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """One value where the Boolean `test` holds, another where not."""
+
+    test: Term
+    yes: Value
+    no: Value
+
+
+Leaf = Const | Term | Field | Items | Table | Message | Predicates | Kept | Raises | Unread
+Value = Leaf | Choice
+
+
+def same(left: object, right: object) -> bool:
+    """Whether two values are one; 1 and True are not."""
+    return repr(left) == repr(right)
+
+
+def choice(test: Value, yes: Value, no: Value) -> Value:
+    """The value by a Boolean tree. Raises `UntranslatableError` where the tree is no test, or it grows too large."""
+    if same(yes, no):
+        return yes
+    match test:
+        case Choice(inner, if_yes, if_no):
+            return checked(choice(inner, choice(if_yes, yes, no), choice(if_no, yes, no)))
+        case Const(value):
+            return yes if value else no
+        case Term(kind="bool"):
+            yes, no = _assuming(yes, test, holds=True), _assuming(no, test, holds=False)
+            return yes if same(yes, no) else checked(Choice(test, yes, no))
+        case Raises():
+            return test
+    raise UntranslatableError
+
+
+def _assuming(value: Value, test: Term, *, holds: bool) -> Value:
+    """A tree below a test, which need not be asked again there."""
+    if not isinstance(value, Choice):
+        return value
+    if value.test.text == test.text:
+        return _assuming(value.yes if holds else value.no, test, holds=holds)
+    yes, no = _assuming(value.yes, test, holds=holds), _assuming(value.no, test, holds=holds)
+    return yes if same(yes, no) else Choice(value.test, yes, no)
+
+
+def each(value: Value, change: Callable[[Leaf], Value]) -> Value:
+    """The tree with each leaf changed."""
+    if isinstance(value, Choice):
+        return choice(value.test, each(value.yes, change), each(value.no, change))
+    return value if isinstance(value, Raises) else change(value)
+
+
+def leaves(value: Value) -> list[Leaf]:
+    """All leaves of a tree."""
+    return [*leaves(value.yes), *leaves(value.no)] if isinstance(value, Choice) else [value]
+
+
+def checked(value: Value) -> Value:
+    """The value. Raises `UntranslatableError` where it has too many leaves."""
+    if len(leaves(value)) > MAX_LEAVES:
+        raise UntranslatableError
+    return value

@@ -1,0 +1,69 @@
+"""Formulas and expressions of a spec whose keys are wrong: they are read all the same, so that all errors are told."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from yaml import events
+
+from oracle_server.core.errors import EngineError, ExpressionError, Finding, FormulaError
+from oracle_server.core.expression import parse_expression
+from oracle_server.engines.table import ENGINES
+from oracle_server.specfiles.document import Document, KeyPath
+
+
+def texts_findings(document: Document) -> Iterator[Finding]:
+    """What is wrong with the formulas and expressions of a document, as far as they are found in it."""
+    value = document.value if isinstance(document.value, dict) else {}
+    for i, prop in enumerate(_list(value.get("properties"))):
+        engine, time = prop.get("engine", "auto"), prop.get("time", "steps")
+        row = ENGINES.get(engine) if isinstance(engine, str) else None
+        if row is None or engine == "external" or not isinstance(prop.get("formula"), str):
+            continue
+        try:
+            row.read(prop["formula"], "seconds" if time == "seconds" else "steps")
+        except FormulaError as error:
+            yield formula_finding(document, i, prop.get("id", i + 1), error)
+        except EngineError:
+            pass  # what is not installed is told once the keys are right
+    for i, stream in enumerate(_list(value.get("streams"))):
+        for half in ((), ("request",), ("response",)):
+            channel = stream.get(half[0]) if half else stream
+            signals = channel.get("signals") if isinstance(channel, dict) else None
+            yield from _expressions(document, ("streams", i, *half, "signals"), signals)
+
+
+def formula_finding(document: Document, index: int, name: object, error: FormulaError) -> Finding:
+    """A formula that can't be read, at its place in the file."""
+    path = ("properties", index, "formula")
+    place = document.place(path, (error.line, error.column))
+    return Finding(document.file, *place, f"formula of '{name}': {error.message}{_comment(document, path)}")
+
+
+def _expressions(document: Document, path: KeyPath, signals: object) -> Iterator[Finding]:
+    for name, text in signals.items() if isinstance(signals, dict) else ():
+        if not isinstance(text, str):
+            continue
+        try:
+            parse_expression(text)
+        except ExpressionError as error:
+            place = document.place((*path, name), (error.line, error.column))
+            yield Finding(document.file, *place, f"signal '{name}': {error.message}")
+
+
+def _comment(document: Document, path: KeyPath) -> str:
+    """A hint where a formula without quotes ends at a `#`, which begins a comment."""
+    event = document.values.get(path)
+    mark: Any = getattr(event, "end_mark", None)
+    if not isinstance(event, events.ScalarEvent) or event.style not in (None, "") or mark is None:
+        return ""
+    if not re.match(r"\s+#", document.lines[mark.line][mark.column :]):
+        return ""
+    return "; ` #` begins a comment: put the formula in quotes"
+
+
+def _list(value: object) -> list[dict[str, Any]]:
+    """The mappings of a list; what is none is left as an empty one."""
+    return [item if isinstance(item, dict) else {} for item in value] if isinstance(value, list) else []

@@ -1,0 +1,285 @@
+"""What is wrong with the keys and values of a spec, and what to write instead: of each key, what it takes."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from oracle_server.core.errors import Finding
+from oracle_server.core.kinds import GROUPS
+from oracle_server.specfiles.document import Document, KeyPath
+from oracle_server.specfiles.model import (
+    HalfModel,
+    OrderingModel,
+    PropertyModel,
+    RetentionModel,
+    ServiceModel,
+    SpecModel,
+    StampModel,
+    TopicModel,
+)
+
+_NAMES = "a list of topics and services, such as [/cmd_vel]"
+_DURATION = "a time such as 20ms, 2s or 1.5s"
+_SWITCH = "true or false, without quotes"
+_TAKES: Mapping[str, str] = {
+    "id": "1 to 64 letters, digits, `_`, `-` and `.`, as in speed_limit",
+    "description": "a text",
+    "topic": "a ROS name such as /cmd_vel",
+    "service": "a ROS name such as /set_mode",
+    "proxy": "a ROS name such as /set_mode_mon",
+    "type": "a type such as std_msgs/msg/Bool, or of a service std_srvs/srv/SetBool",
+    "stamp": "a field of the message, such as header.stamp",
+    "field": "a field of the message, such as header.stamp",
+    "signals": "names, each with an expression, such as {speed: msg.data}",
+    "hold": "a list of signals, such as [speed]",
+    "causes": _NAMES,
+    "guards": _NAMES,
+    "request": "keys of its own, such as {signals: {speed: msg.speed}}",
+    "response": "keys of its own, such as {signals: {ok: msg.success}}",
+    "denied_response": "fields of the response, such as {success: false}",
+    "ordered": _SWITCH,
+    "latch": _SWITCH,
+    "latency": _DURATION,
+    "decide_within": _DURATION,
+    "max_skew": _DURATION,
+    "timeout": f"{_DURATION}, longer than 0s",
+    "age": _DURATION,
+    "max_delay": f"{_DURATION}, or none",
+    "size": "a size such as 500MB or 2GB",
+    "capacity": "a whole number from 1 to 1000000",
+    "events": "a whole number, at least 1",
+    "formula": "a text in quotes, such as '{speed > 1} -> {enabled}'",
+    "url": "an address such as ws://127.0.0.1:8080",
+    "ordering": "keys of its own, such as {max_delay: 500ms}",
+    "retention": "keys of its own, such as {age: 168h}",
+    "properties": "a list of at least one property, each of which begins with `- id:`",
+}
+"""What each key takes, those aside that take one of some words."""
+_STREAMS = "a list of at least one stream, each of which begins with `- topic:` or `- service:`"
+_LEVELS: Mapping[str, Any] = {
+    "the file": SpecModel,
+    "`ordering`": OrderingModel,
+    "`retention`": RetentionModel,
+    "a topic": TopicModel,
+    "a service": ServiceModel,
+    "`request` or `response`": HalfModel,
+    "`stamp`": StampModel,
+    "a property": PropertyModel,
+}
+"""The keys that there are, by where they stand."""
+_MEANT = {
+    "block": "filter", "deny": "filter", "drop": "filter", "guard": "filter", "enforce": "filter", "observe": "log",
+    "monitor": "log", "none": "log", "pub": "publisher", "sub": "subscriber", "step": "steps", "events": "steps",
+    "s": "seconds", "second": "seconds", "sec": "seconds", "ms": "seconds", "time": "seconds", "allow": "pass",
+    "accept": "pass", "block_all": "deny", "drop_late": "skip", "discard": "skip", "stamp": "publication",
+    "receipt": "arrival", "received": "arrival",
+}  # fmt: skip
+"""Words that people write for some that there are."""
+
+
+def model_findings(document: Document, problems: Sequence[Any]) -> list[Finding]:
+    """What is to be said of what the models refuse."""
+    paths = [_without_tags(problem["loc"]) for problem in problems]
+    unknown = {path for path, problem in zip(paths, problems, strict=True) if problem["type"] == "extra_forbidden"}
+    misspelt = {(*path[:-1], near) for path in unknown if (near := _near_key(document, path))}
+    return [
+        _finding(document, path, problem)
+        for path, problem in zip(paths, problems, strict=True)
+        if problem["type"] != "missing" or path not in misspelt
+    ]
+
+
+def place_name(document: Document, path: KeyPath) -> str:
+    """What stands before a message: the stream or property that a path is in, empty elsewhere."""
+    if len(path) > 1 and path[0] in ("ordering", "retention"):
+        return f"{path[0]}: "
+    if len(path) < 2 or path[0] not in ("streams", "properties") or not isinstance(path[1], int):
+        return ""
+    value = _at(document.value, path[:2])
+    names = (*GROUPS, "id") if path[0] == "streams" else ("id",)
+    name = next((value[key] for key in names if isinstance(value.get(key), str)), None) if _is_map(value) else None
+    noun = "stream" if path[0] == "streams" else "property"
+    half = f" {path[2]}" if len(path) > 3 and path[2] in ("request", "response") else ""
+    return f"{noun} '{name}'{half}: " if name is not None else f"{noun} {path[1] + 1}{half}: "
+
+
+def _finding(document: Document, path: KeyPath, problem: Any) -> Finding:
+    where = place_name(document, path)
+    if "[key]" in problem["loc"]:
+        message = f"{where}{_short(path[-1])} can't be a name here; a name has 1 to 128 characters"
+        return Finding(document.file, *document.key_place(path), message)
+    if problem["type"] == "extra_forbidden":
+        return Finding(document.file, *document.key_place(path), f"{where}{_unknown(document, path)}")
+    if problem["type"] == "missing":
+        return Finding(document.file, *document.place(path[:-1]), f"{where}{_missing(path)}")
+    if not path:
+        message = f"a spec is a mapping of keys, the first of which is `id: my_spec`; found {_found(problem['input'])}"
+        return Finding(document.file, *document.place(path), message)
+    return Finding(document.file, *document.place(path), f"{where}{_value(path, problem)}")
+
+
+def _unknown(document: Document, path: KeyPath) -> str:
+    key = str(path[-1])
+    near = _near_key(document, path)
+    if near:
+        return f"unknown key '{key}'; did you mean `{near}`?"
+    level = _level(document, path[:-1])
+    others = [name for name, model in _LEVELS.items() if key in model.model_fields and name != level]
+    if level == "a service" and key in HalfModel.model_fields:
+        return f"unknown key '{key}': of a service it stands under `request` or `response`"
+    if others:
+        return f"unknown key '{key}': it belongs to {' or '.join(others)}, and not to {level}"
+    return f"unknown key '{key}'; {level} has {', '.join(_LEVELS[level].model_fields)}"
+
+
+def _near_key(document: Document, path: KeyPath) -> str | None:
+    """The key that a misspelt one is likely to mean."""
+    model = _LEVELS[_level(document, path[:-1])]
+    near = difflib.get_close_matches(str(path[-1]).lower(), model.model_fields, 1, 0.7)
+    return near[0] if near else None
+
+
+def _level(document: Document, path: KeyPath) -> str:
+    match path:
+        case ("ordering" | "retention" as key, *_):
+            return f"`{key}`"
+        case ("streams", int(), "request" | "response", *_):
+            return "`request` or `response`"
+        case ("streams", int(), "stamp", *_):
+            return "`stamp`"
+        case ("streams", int(), *_):
+            value = _at(document.value, path[:2])
+            return "a service" if _is_map(value) and "service" in value else "a topic"
+        case ("properties", int(), *_):
+            return "a property"
+    return "the file"
+
+
+def _missing(path: KeyPath) -> str:
+    key = path[-1]
+    if key == "topic":
+        return "the key 'topic' is missing, or `service`: write what it observes, as `- topic: /cmd_vel`"
+    if key == "id":
+        return "the key 'id' is missing: write a name, as `id: speed_limit`"
+    if key == "streams":
+        return f"the key 'streams' is missing: write {_STREAMS}"
+    return f"the key '{key}' is missing: write {_TAKES.get(str(key), 'it')}"
+
+
+def _value(path: KeyPath, problem: Any) -> str:
+    """What is wrong with a value."""
+    names = [p for p in path if isinstance(p, str) and p not in ("streams", "properties")] or [str(path[0])]
+    key = names[-1] if not isinstance(path[-1], int) else f"{names[-1]}[{path[-1]}]"
+    value = problem["input"]
+    if problem["type"] == "literal_error":
+        return _word(key, value, problem["ctx"]["expected"])
+    if problem["type"] == "value_error" and isinstance(value, str | int | float) and not isinstance(value, bool):
+        return f"`{key}`: {problem['ctx']['error']}"
+    if len(path) == 2 and path[0] in ("streams", "properties"):
+        first = "topic: /name" if path[0] == "streams" else "id: name"
+        return f"it is a mapping that begins with `- {first}`; found {_found(value)}"
+    return f"`{key}` must be {_takes(path)}; found {_found(value)}{_mend(path, value)}"
+
+
+def _takes(path: KeyPath) -> str:
+    if path == ("streams",):
+        return _STREAMS
+    if path[-1] == "streams" or (isinstance(path[-1], int) and path[-2] in ("guards", "causes", "streams")):
+        return _NAMES if path[-1] == "streams" else "a ROS name such as /cmd_vel"
+    if isinstance(path[-1], int):
+        return "the name of a signal"
+    if len(path) >= 2 and path[-2] == "signals":
+        return "an expression in quotes, such as 'msg.data'"
+    return _TAKES.get(str(path[-1]), "something else")
+
+
+def _word(key: str, value: object, expected: object) -> str:
+    """What is wrong with a value that is none of some words."""
+    words = re.findall(r"'([^']*)'", str(expected))
+    near = difflib.get_close_matches(str(value).lower(), words, 1, 0.7)
+    meant = near[0] if near else _MEANT.get(str(value).lower())
+    hint = f"; did you mean `{meant}`?" if meant in words else ""
+    return f"`{key}` must be {', '.join(words[:-1])} or {words[-1]}; found {_found(value)}{hint}"
+
+
+def _mend(path: KeyPath, value: object) -> str:  # noqa: PLR0911 -- a case a mistake
+    """What to write for a value of another kind."""
+    key = path[-1]
+    if key in ("hold", "guards", "causes", "streams") and isinstance(value, str):
+        return f"; write [{value}]"
+    if key in ("ordered", "latch") and isinstance(value, str):
+        truth = {"yes": "true", "on": "true", "no": "false", "off": "false"}.get(value.lower(), value.lower())
+        return f"; write {truth}" if truth in ("true", "false") else ""
+    if key == "formula" and _is_map(value):
+        return ", since YAML reads `{` itself; put the formula in quotes"
+    if key == "type" and isinstance(value, str):
+        return _type_mend(value)
+    if key in ("streams", "properties") and _is_map(value):
+        return "; put `- ` before each of them"
+    if key in ("topic", "service", "proxy") and isinstance(value, str) and re.search(r"[\s.\-]", value):
+        return "; names have letters, digits, `_` and `/`, and neither spaces nor `-` nor `.`"
+    if key == "id" and isinstance(value, str):
+        if len(value) > 64:
+            return f", which has {len(value)} characters"
+        return _other_id(value)
+    if isinstance(value, bool | int | float) and not isinstance(key, int):
+        quoted = str(value).lower() if isinstance(value, bool) else str(value)
+        return f'; put it in quotes: "{quoted}"' if key in ("id", "description", "formula") else ""
+    return ""
+
+
+def _other_id(value: str) -> str:
+    near = re.sub(r"[\s/]+", "_", value.strip(" /\n"))
+    return f"; write {near}" if re.fullmatch(r"[A-Za-z0-9_-][A-Za-z0-9_.-]*", near) else ""
+
+
+def _type_mend(value: str) -> str:
+    if "/srv/" in value or "/action/" in value or "/msg/" in value:
+        kind = "a service" if "/srv/" in value else "an action" if "/action/" in value else "a topic"
+        return f", which is the type of {kind}"
+    return f"; write it with its package, as std_msgs/msg/{value}" if re.fullmatch(r"\w+", value) else ""
+
+
+def _without_tags(loc: KeyPath) -> KeyPath:
+    """A path in the file of a path in the model, which also names the kind of a stream and calls keys `[key]`."""
+    return tuple(_parts(loc))
+
+
+def _parts(loc: KeyPath) -> Iterator[str | int]:
+    for i, part in enumerate(loc):
+        if part != "[key]" and not (part in GROUPS and i == 2 and loc[0] == "streams"):
+            yield part
+
+
+def _at(value: Any, path: KeyPath) -> Any:
+    for part in path:
+        try:
+            value = value[part]
+        except (KeyError, IndexError, TypeError):
+            return None
+    return value
+
+
+def _is_map(value: object) -> bool:
+    return isinstance(value, dict)
+
+
+def _found(value: object) -> str:
+    """A value as its author knows it."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, dict):
+        return f"a mapping of {', '.join(map(str, value))}"[:60] if value else "an empty mapping"
+    if isinstance(value, list):
+        return f"a list of {len(value)}" if value else "an empty list"
+    return _short(value)
+
+
+def _short(value: object) -> str:
+    text = f"'{value}'" if isinstance(value, str) else str(value)
+    return text if len(text) <= 60 else text[:60] + "…"

@@ -1,0 +1,147 @@
+"""What is said of an expression before any message, where the type of the messages is known, and where it is not."""
+
+from __future__ import annotations
+
+import pytest
+
+from oracle_server.core.expression import Problem, check_shape, parse_expression, result_kind
+from oracle_server.core.shapes import Many, Record, Shape, Value
+
+WHOLE, REAL, BOOL, TEXT = (
+    Value("whole", "int32"),
+    Value("real", "float64"),
+    Value("bool", "bool"),
+    Value("text", "string"),
+)
+VECTOR = Record("geometry_msgs/msg/Vector3", {"x": REAL, "y": REAL, "z": REAL})
+TWIST = Record("geometry_msgs/msg/Twist", {"linear": VECTOR, "angular": VECTOR})
+SHAPE = Record(
+    "my_msgs/msg/All",
+    {
+        "twist": TWIST,
+        "count": WHOLE,
+        "total": WHOLE,
+        "speed": REAL,
+        "on": BOOL,
+        "mode": TEXT,
+        "blob": Value("bytes", "uint8[]"),
+        "ranges": Many(Value("real", "float32")),
+        "three": Many(REAL, 3),
+        "names": Many(TEXT),
+        "points": Many(VECTOR),
+    },
+)
+
+
+def found(text: str, shape: Shape | None = SHAPE) -> list[Problem]:
+    return check_shape(parse_expression(text), shape)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "msg.twist.linear.x * 2 + msg.count",
+        "msg.speed == 'NaN' || 'Infinity' == msg.speed",
+        "msg.ranges.exists(r, r != 'NaN' && double(r) < 0.5)",
+        "msg.speed in ['NaN', 2.5]",
+        "msg.points.map(p, p.x).exists(x, x > msg.speed)",
+        "msg.points[0].z + msg.three[2]",
+        "msg.names.exists(n, n.startsWith('map')) && 'a' in msg.names",
+        "msg.count / 2.0 + double(msg.count) / msg.total",
+        "msg.count % 2 == 0 ? 'even' : msg.mode",
+        "max(msg.ranges) > min(msg.count, msg.speed)",
+        "has(msg.mode) && msg.blob == 'AQID' && msg.mode + msg.mode != ''",
+        "size(msg.names) > 2 && size(msg.mode) < 3",
+        "msg.on == !msg.on",
+    ],
+)
+def test_nothing_is_said_of_what_is_right(text: str) -> None:
+    assert found(text) == []
+    assert found(text, None) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "column", "says"),
+    [
+        ("msg.twist.liner.x", 11, "no field `liner`; nearest is `linear`; it has linear, angular"),
+        ("has(msg.goal)", 9, "my_msgs/msg/All has no field `goal`"),
+        ("msg.count.x", 11, "`msg.count` is int32, and has no field `x`"),
+        ("msg.points.x", 12, "is a list of geometry_msgs/msg/Vector3, and has no field `x`; write `msg.points[0].x`"),
+        ("msg.names.length > 2", 11, "write `size(msg.names)`"),
+        ("msg.points.exists(p, p.w > 1)", 24, "geometry_msgs/msg/Vector3 has no field `w`"),
+        ("msg.ranges.exists(r, r.x > 1)", 24, "`r` is float32, and has no field `x`"),
+        ("msg.speed[0]", 11, "`msg.speed` is float64, and no list"),
+        ("msg.blob[0]", 10, "base64, and no list"),
+        ("msg.three[3]", 11, "`msg.three` has 3 elements, the last one is 2"),
+        ("msg.names[-1]", 11, "elements are counted from 0"),
+        ("msg.mode > 3", 1, "is string and `3`, and `>` takes two numbers or two texts; write '3' in quotes"),
+        ("msg.count == '7'", 1, "`msg.count` is int32 and `'7'`, so that this is always false; write 7 without quotes"),
+        ("msg.speed == 'fast'", 1, "so that this is always false"),
+        ("sqrt(msg.speed) == 'NaN'", 1, "`sqrt(msg.speed)` is computed, and is never the text 'NaN'"),
+        ("msg.on == 1", 1, "write `msg.on`"),
+        ("msg.on == 'False'", 1, "write `!msg.on`"),
+        ("msg.mode in [1, 2]", 1, "so that this is always false"),
+        ("msg.mode * 2", 1, "`msg.mode` is string, and `*` takes numbers; write `double(msg.mode)`"),
+        ("msg.on + 1", 1, "`msg.on` is bool, and `+` takes numbers; write `(msg.on ? 1 : 0)`"),
+        ("'n' + msg.count", 1, "for a text write `string(msg.count)`"),
+        ("msg.names.exists(n, n + 1 > 2)", 21, "`n` is string"),
+        ("msg.count && msg.on", 1, "`&&` takes what is true or false; write a comparison, such as `msg.count != 0`"),
+        ("!msg.mode", 1, "`!` takes what is true or false"),
+        ("msg.mode in msg.mode", 1, "write `msg.mode.contains(msg.mode)`"),
+        ("msg.names.contains('a')", 1, "write `'a' in msg.names`"),
+        ("msg.count.startsWith('a')", 1, "write `string(msg.count)`"),
+        ("msg.speed % 2", 1, "`%` takes whole numbers"),
+        ("msg.twist", 1, "a signal is one text, Boolean or number; write one of its fields, such as `msg.tw"),
+        ("msg.ranges", 1, "`msg.ranges` is a list of float32"),
+        ("msg.on ? msg.ranges : msg.names", 10, "`msg.ranges` is a list of float32"),
+        ("msg.points.filter(p, p.x > 1)", 1, "is a list"),
+        ("msg.twist == 1", 1, "so that this is always false"),
+    ],
+)  # fmt: skip
+def test_what_contradicts_the_type_is_an_error_at_its_place(text: str, column: int, says: str) -> None:
+    assert [(p.within, p.severity) for p in found(text)][:1] == [((1, column), "error")]
+    assert says in found(text)[0].message
+    assert "\n" not in found(text)[0].message
+
+
+@pytest.mark.parametrize(
+    ("text", "shape", "says"),
+    [
+        ("7 / 2", None, "write `7 / 2.0` for the exact one"),
+        ("size(msg.l) / 2 > 1", None, "write `size(msg.l) / 2.0`"),
+        ("msg.count / msg.total", SHAPE, "write `double(msg.count) / msg.total`"),
+        ("msg.speed + msg.count / 2", SHAPE, "write `msg.count / 2.0`"),
+        ("1 / 0 == 1", None, "a division by zero fails at every message"),
+        ("size(msg.blob)", SHAPE, "counts the characters"),
+        ("msg.count // 2", None, "`//` begins a comment"),
+    ],
+)
+def test_what_may_be_meant_otherwise_is_a_warning(text: str, shape: Shape | None, says: str) -> None:
+    (problem,) = found(text, shape)
+    assert problem.severity == "warning"
+    assert says in problem.message
+
+
+@pytest.mark.parametrize(
+    "text", ["'a' < 3", "msg", "msg[0] == 1", "[1, 2]", "msg.l.map(x, x)", "!7", "msg.l[-1]", "true + 1"]
+)
+def test_what_is_wrong_with_any_message_is_said_of_none(text: str) -> None:
+    assert [p.severity for p in found(text, None)] == ["error"]
+
+
+def test_problems_are_in_the_order_of_the_text_with_lines() -> None:
+    assert [p.within for p in found("msg.mode > 1 &&\n  msg.gone == 1 &&\n  7 / 2 == 3")] == [(1, 1), (2, 7), (3, 3)]
+
+
+@pytest.mark.parametrize(
+    ("text", "kind"),
+    [
+        ("msg.count", "whole"), ("msg.speed", "real"), ("msg.count * 2.5", "real"), ("msg.count / 2", "whole"),
+        ("msg.on", "bool"), ("msg.mode", "text"), ("msg.blob", "bytes"), ("msg.count > 1", "bool"),
+        ("msg.on ? 1 : 2", "whole"), ("msg.on ? 1 : 'a'", None), ("string(msg.count)", "text"), ("msg.twist", None),
+        ("msg.gone", None), ("size(msg.names)", "whole"), ("max(msg.ranges)", "real"), ("abs(msg.count)", "whole"),
+        ("msg.points[0].x", "real"),
+    ],
+)  # fmt: skip
+def test_the_kind_of_a_signal(text: str, kind: str | None) -> None:
+    assert result_kind(parse_expression(text), SHAPE) == kind

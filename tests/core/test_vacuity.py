@@ -1,0 +1,324 @@
+"""Warnings of parts that never hold, or never fail: each is so on random traces, and the common mistakes are found."""
+
+from __future__ import annotations
+
+import os
+import random
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from oracle_server.core.errors import Finding
+from oracle_server.core.formula import tree
+from oracle_server.core.formula.parse import Time
+from oracle_server.core.formula.render import render
+from oracle_server.core.formula.tree import Atom, Constraint, Formula, Scalar
+from oracle_server.core.holding import Held
+from oracle_server.core.kinds import RESERVED
+from oracle_server.core.misfits import Doubt
+from oracle_server.core.places import places
+from oracle_server.core.plan import constants, plan
+from oracle_server.core.ranges import Range, range_of
+from oracle_server.core.signals import Projection
+from oracle_server.core.spec import Property, Spec, StreamSpec
+from oracle_server.core.vacuity import doubts
+from oracle_server.specfiles.load import parse_spec
+from tests import generate
+from tests.brute import TimedSignals, truths
+from tests.strategies import SECOND
+
+CASES = int(os.environ.get("CASES", "700"))
+NEVER = tree.Not(Atom(()))
+EXPRESSIONS = ("msg.{0}", "msg.{0}", "string(msg.{0})", "msg.{0} > 1", "msg.{0} == 7 ? 'A' : 'B'", "size(msg.{0})", "7")
+
+
+def rewritten(node: Formula, change: Callable[[Atom], Formula]) -> Formula:
+    """A formula with its atoms changed."""
+
+    def part(inner: Formula) -> Formula:
+        return rewritten(inner, change)
+
+    match node:
+        case Atom():
+            return change(node)
+        case tree.Not(operand) | tree.Pre(operand) | tree.Once(operand) | tree.Historically(operand):
+            return replace(node, operand=part(operand))
+        case tree.And(left, right) | tree.Or(left, right) | tree.Implies(left, right) | tree.Since(left, right):
+            return replace(node, left=part(left), right=part(right))
+        case tree.Exists(_, body) | tree.Forall(_, body):
+            return replace(node, body=part(body))
+
+
+def some_spec(rng: random.Random, time: Time) -> Spec:
+    streams = []
+    free = list(generate.KEYS)
+    for name, kind in rng.sample([("/a", "topic"), ("/b", "topic"), ("/s", "request"), ("/s", "response")], 3):
+        keys = rng.sample(generate.KEYS, rng.randint(0, 2))
+        signals = {key: rng.choice(EXPRESSIONS).format(key) for key in keys} if rng.random() < 0.85 else None
+        hold = frozenset(key for key in keys if key in free and rng.random() < 0.2)
+        free = [key for key in free if key not in hold]
+        streams.append(StreamSpec(name, kind, signals=signals, hold=hold))  # type: ignore[arg-type]
+
+    def change(atom: Atom) -> Atom:
+        of = rng.choice(streams)
+        more = []
+        if rng.random() < 0.5:
+            more.append(Constraint(of.traits.group, "==", of.name))
+        if rng.random() < 0.2:
+            more.append(Constraint("kind", rng.choice(("==", "!=")), of.kind))
+        if rng.random() < 0.2:
+            more.append(Constraint(rng.choice(generate.KEYS), rng.choice(("<", ">=")), rng.choice((1, 7))))
+        if rng.random() < 0.2:
+            more.append(Constraint(rng.choice(generate.KEYS), "==", rng.choice(("A", "B", "C", True, tree.Any.ANY))))
+        return Atom((*more, *atom.constraints) if rng.random() < 0.7 else tuple(more) or atom.constraints)
+
+    formula = rewritten(generate.formula(rng, time, rng.randint(0, 4)), lambda a: a if a.refs else change(a))
+    return Spec("x", tuple(streams), (Property("p", formula, time=time),))
+
+
+def some_trace(rng: random.Random, spec: Spec, size: int) -> tuple[list[TimedSignals], list[str]]:
+    """The steps of random messages, as one monitor reports them, and the stream of each."""
+    ready, held, now = plan(spec), Held(), 0
+    steps: list[TimedSignals] = []
+    names: list[str] = []
+    for _ in range(size):
+        now += rng.choice((0, 1, SECOND, 2 * SECOND))
+        stream = rng.choice(spec.streams)
+        message = {k: rng.choice((1, 2, 7, 7.5, "A", "C", True, None)) for k in generate.KEYS if rng.random() < 0.8}
+        own, _ = ready.streams[stream.key].project(message)
+        signals: dict[str, Scalar] = {**own, **constants(stream), "monitor": "m"}
+        if stream.traits.has_call and rng.random() < 0.5:
+            signals["call"] = 7
+        for name in stream.hold:
+            held.values.pop(name, None)
+            if name in own:
+                held.values[name] = own[name]
+        steps.append((now, {**held.values, **signals}))
+        names.append(str(stream.key))
+    return steps, names
+
+
+def holds(doubt: Doubt, prop: Property, steps: list[TimedSignals], names: list[str]) -> bool:
+    """Whether what a warning claims is so on a trace."""
+
+    def of(formula: Formula) -> list[bool]:
+        return truths(formula, steps, prop.time)
+
+    match doubt.claim:
+        case "never":
+            return not any(of(opened(doubt.part)))
+        case "met":
+            return met(doubt.part, steps)
+        case "idle":
+            return of(rewritten(prop.formula, lambda a: NEVER if a is doubt.part else a)) == of(prop.formula)
+        case "true" | "false":
+            part = of(opened(doubt.part))
+            return all(part[i] is (doubt.claim == "true") for i, name in enumerate(names) if name in doubt.where)
+
+
+def opened(part: Formula) -> Formula:
+    """A part by itself: what its variables may be is left open."""
+    return rewritten(part, lambda atom: Atom(tuple(_any(c) for c in atom.constraints)))
+
+
+def _any(constraint: Constraint) -> Constraint:
+    return replace(constraint, value=tree.Any.ANY) if isinstance(constraint.value, tree.Ref) else constraint
+
+
+def met(part: Formula, steps: list[TimedSignals]) -> bool:
+    """Whether one `!=` of an atom on signals never fails where the atom's signals are there, on its own streams."""
+    assert isinstance(part, Atom)
+    unequal = [c for c in part.constraints if c.op == "!=" and c.key not in RESERVED]
+    present = Atom(tuple(c if c.key in RESERVED else Constraint(c.key, "==", tree.Any.ANY) for c in part.constraints))
+    there = truths(present, steps, "steps")
+    return any(all(truths(Atom((c,)), steps, "steps")[i] for i, here in enumerate(there) if here) for c in unequal)
+
+
+@pytest.mark.parametrize("time", ["steps", "seconds"])
+def test_what_is_warned_of_is_so(time: Time) -> None:
+    told: dict[str, int] = {}
+    for number in range(CASES):
+        rng = random.Random(f"{time} {number}")
+        spec = some_spec(rng, time)
+        (prop,) = spec.properties
+        found = list(doubts(prop, places(spec, prop.time)))
+        for doubt in found:
+            told[doubt.claim] = told.get(doubt.claim, 0) + 1
+        for _ in range(4 if found else 0):
+            steps, names = some_trace(rng, spec, rng.randint(3, 12))
+            for doubt in found:
+                case = f"{number}: {render(prop.formula, time)}\n{doubt.message}\n{steps}"
+                assert holds(doubt, prop, steps, names), case
+    assert {claim for claim, count in told.items() if count > 2} >= {"never", "met", "idle", "false"}
+
+
+def test_values_are_those_that_expressions_give() -> None:
+    inner = ("msg.a", "string(msg.a)", "'A'", "7", "-7", "1.5", "true", "null", "size(msg.a)", "int(msg.a)", "msg.a[0]")
+    rng = random.Random(7)
+    told = 0
+    for _ in range(CASES):
+        text = _expression(rng, 3, inner)
+        found = range_of(text)
+        try:
+            project = Projection({"v": text})
+        except Exception:  # noqa: BLE001 -- not every random text is an expression
+            continue
+        for a in (1, 2.5, "A", "7", True, [1, "A"], {"x": 1}, None):
+            for value in project({"a": a, "b": a})[0].values():
+                told += 1
+                kind = {str: "text", bool: "boolean"}.get(type(value), "number")
+                assert kind in found.kinds or any(value == v and type(value) is type(v) for v in found.values), text
+    assert told > CASES
+
+
+def _expression(rng: random.Random, depth: int, inner: tuple[str, ...]) -> str:
+    def part() -> str:
+        return _expression(rng, depth - 1, inner)
+
+    if depth == 0 or rng.random() < 0.2:
+        return rng.choice(inner)
+    forms = (
+        *("{0} ? {1} : {2}", "({0} == {1}) ? {2} : {3}", "{0} == {1}", "{0} && {1}", "!{0}", "({0})", "{0} + {1}"),
+        *("string({0})", "-{0}", "{0} in [{1}]", "{0} - {1}", "size({0}) * 2", "double({0})", "{0}.size()"),
+        "{0}.contains({1})",
+    )
+    form = rng.choice(forms)
+    return form.format(part(), part(), part(), part())
+
+
+# What is told
+
+HOLD = (
+    "`{stopped}` never holds at an event of /cmd_vel: only /estop has `stopped`; name it under `hold` of /estop, so "
+    "that it keeps its value"
+)
+
+STREAMS = """\
+id: x
+streams:
+  - {topic: /cmd_vel, signals: {cmd: msg.linear.x}}
+  - topic: /estop
+    signals: {stopped: msg.data == true, mode: "msg.m == 1 ? 'IDLE' : 'AUTO'", id: string(msg.id)}
+  - {topic: /battery, signals: {percent: msg.p, level: msg.l}, hold: [level]}
+properties:
+"""
+
+
+def warnings(*formulas: str, **more: Any) -> tuple[Finding, ...]:
+    rows = [{"id": f"p{i}", "formula": text, **more} for i, text in enumerate(formulas)]
+    return parse_spec(STREAMS + "".join(f"  - {row}\n" for row in rows), "x.yaml").warnings
+
+
+@pytest.mark.parametrize(
+    ("formula", "message"),
+    [
+        (
+            '{topic: "/cmd_vel", cmd != 0} -> not {stopped}',
+            HOLD,
+        ),
+        (
+            'forall[i]. {topic: "/cmd_vel", cmd: *i} and not {stopped} -> once{percent: *i}',
+            HOLD,
+        ),
+        (
+            "historically{percent >= 20}",
+            "`{percent >= 20}` is false at every event of /cmd_vel and /estop, which have no `percent`, so that "
+            "`historically {percent >= 20}` is false for ever after the first one; write "
+            "`historically ({percent: *} -> {percent >= 20})`",
+        ),
+        (
+            '{level > 3} since[:4] {stopped} or once historically[:2]{topic: "/battery", percent > 5}',
+            '`{topic: "/battery", percent > 5}` is false at every event of /cmd_vel and /estop, so that '
+            '`historically[:2] {topic: "/battery", percent > 5}` is false while one is within its bound; write '
+            '`historically[:2] ({topic: "/battery"} -> {topic: "/battery", percent > 5})`',
+        ),
+        (
+            "{percent > 5} since {stopped}",
+            "`{percent > 5}` is false at every event of /cmd_vel and /estop, which have no `percent`, so that each of "
+            "them ends the `since`; write `({percent: *} -> {percent > 5}) since {stopped}`",
+        ),
+        (
+            'not ({topic: "/cmd_vel", cmd > 1} and {topic: "/estop"})',
+            '`{topic: "/estop"}` never holds at an event of /cmd_vel, where alone it would matter: a step is one event '
+            'of one stream; write `once {topic: "/estop"}` if it may have held before',
+        ),
+        ("{cmd > 1} or {kind: topic}", "it holds at every event, whatever the messages say; it can never be violated"),
+        (
+            "{mode: idle}",
+            '`mode: "idle"` is never met: `mode` of /estop is always "IDLE" or "AUTO"; write `mode: "IDLE"`',
+        ),
+        ("{id: 3}", '`id: 3` is never met: `id` of /estop is always a text; write `id: "3"`'),
+        (
+            "{id > 3}",
+            "`id > 3` is never met: `id` of /estop is always a text; texts and Booleans are neither smaller nor larger "
+            "than a number",
+        ),
+        (
+            "{stopped: True}",
+            '`stopped: "True"` is never met: `stopped` of /estop is always true or false; write `stopped: true`',
+        ),
+        ("{id != 3}", '`id != 3` is met by every value: `id` of /estop is always a text; write `id != "3"`'),
+        (
+            "{cmd > 3, cmd < 2}",
+            "`{cmd > 3, cmd < 2}` never holds: no value of `cmd` meets `cmd > 3` and `cmd < 2`",
+        ),
+    ],
+)
+def test_common_mistakes_are_told_with_their_mend(formula: str, message: str) -> None:
+    assert [w.message for w in warnings(formula)] == [f"formula of 'p0': {message}"]
+
+
+@pytest.mark.parametrize(
+    "formula",
+    [
+        '{topic: "/cmd_vel", cmd != 0} -> {level > 3}',
+        'historically({topic: "/battery"} -> {percent > 5})',
+        "historically({percent: *} -> {percent >= 20})",
+        'historically not {topic: "/estop", stopped}',
+        'not {topic: "/estop"} since[:10] {topic: "/cmd_vel"}',
+        "{percent > 5} or {stopped}",
+        '{topic: "/cmd_vel", cmd > 1} -> once {mode: AUTO}',
+        '{topic: "/cmd_vel"} -> pre {topic: "/cmd_vel"}',
+        "{cmd > 3, cmd < 4, cmd != 3.5}",
+        "{id != 'a'}",
+    ],
+)
+def test_what_can_be_meant_is_not_warned_of(formula: str) -> None:
+    assert warnings(formula) == ()
+
+
+def test_the_mend_mends() -> None:
+    assert warnings('{topic: "/cmd_vel", cmd != 0} -> not {stopped}')
+    text = STREAMS.replace("id: string(msg.id)}", "id: string(msg.id)}\n    hold: [stopped]")
+    assert (
+        parse_spec(text + """  - {id: p, formula: '{topic: "/cmd_vel", cmd != 0} -> not {stopped}'}\n""", "x").warnings
+        == ()
+    )
+
+
+def test_a_warning_stands_at_its_atom() -> None:
+    (found,) = warnings('{topic: "/cmd_vel", cmd != 0} -> not {stopped}')
+    assert (found.line, found.column, found.severity) == (8, 67, "warning")
+
+
+def test_streams_that_are_alike_are_looked_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    looked: list[Constraint] = []
+    meets = Range.meets
+
+    def counted(self: Range, constraints: Sequence[Constraint]) -> bool:
+        looked.extend(constraints)
+        return meets(self, constraints)
+
+    monkeypatch.setattr(Range, "meets", counted)
+    numbers = []
+    for many in (3, 300):
+        streams = "".join(
+            f"  - {{topic: /a{n}, signals: {{v: msg.v, w{n}: msg.w}}, hold: [w{n}]}}\n" for n in range(many)
+        )
+        properties = "".join(f"  - {{id: p{n}, formula: '{{v: {n}}} -> once {{w0 > 3}}'}}\n" for n in range(5))
+        parse_spec(f"id: x\nstreams:\n{streams}properties:\n{properties}", "x.yaml")
+        numbers.append(len(looked))
+        looked.clear()
+    assert numbers[0] == numbers[1] > 0

@@ -1,0 +1,72 @@
+"""The server's clock, whatever becomes of the machine's."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from oracle_server.process.clock import MAX_AHEAD, Clock
+
+SECOND = 10**9
+YEARS = 40 * 365 * 86_400 * SECOND
+
+
+class Machine:
+    """A machine's clocks, which a test sets."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.wall, self.ticks = 1_700_000_000 * SECOND, 5 * SECOND
+        monkeypatch.setattr(time, "time_ns", lambda: self.wall)
+        monkeypatch.setattr(time, "monotonic_ns", lambda: self.ticks)
+
+    def pass_by(self, seconds: int) -> None:
+        self.wall += seconds * SECOND
+        self.ticks += seconds * SECOND
+
+
+@pytest.fixture
+def machine(monkeypatch: pytest.MonkeyPatch) -> Machine:
+    return Machine(monkeypatch)
+
+
+def test_a_clock_that_is_set_back_goes_on_slowly_until_the_two_agree(machine: Machine) -> None:
+    clock, begin = Clock(), machine.wall
+    machine.pass_by(10)
+    machine.wall -= 20 * SECOND
+    assert clock.now() == begin + 5 * SECOND
+    machine.pass_by(30)
+    assert clock.now() == machine.wall == begin + 20 * SECOND
+
+
+def test_a_server_begins_no_more_than_an_hour_ahead(machine: Machine, capsys: pytest.CaptureFixture[str]) -> None:
+    assert Clock(machine.wall + MAX_AHEAD).now() == machine.wall + MAX_AHEAD
+    assert capsys.readouterr().out == ""
+    assert Clock(machine.wall + YEARS).now() == machine.wall
+    assert f"seconds={YEARS // SECOND}" in capsys.readouterr().out
+
+
+def test_a_clock_that_was_years_ahead_goes_on_at_full_speed_and_says_so_once(
+    machine: Machine, capsys: pytest.CaptureFixture[str]
+) -> None:
+    clock = Clock()
+    machine.wall += YEARS
+    ahead = clock.now()
+    machine.wall -= YEARS
+    clock.now()
+    assert "was set back" in capsys.readouterr().out
+    for passed in (1, 2, 3):
+        machine.pass_by(1)
+        assert clock.now() == ahead + passed * SECOND
+    assert capsys.readouterr().out == ""
+
+
+def test_a_session_that_has_lived_later_keeps_its_time_and_no_other_does(machine: Machine) -> None:
+    clock = Clock()
+    later = machine.wall + YEARS
+    own = clock.since(later)
+    assert clock.since(0) is clock
+    assert clock.since(machine.wall + MAX_AHEAD) is clock
+    machine.pass_by(7)
+    assert own.now() == later + 7 * SECOND
+    assert clock.now() == machine.wall

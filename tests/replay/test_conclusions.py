@@ -1,0 +1,163 @@
+"""How a replay ends: 0 means judged and nothing violated, and whatever was not judged is said."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+from rosbags.rosbag2 import StoragePlugin
+
+from oracle_server.core.errors import SpecError
+from oracle_server.core.expression import WANTED
+from oracle_server.replay.command import run_replay
+from oracle_server.replay.conclusion import gravest
+from tests.replay.judging import exit_of, judge, write_numbers, write_spec
+
+SPEC = """
+id: two
+ordering: {by: arrival}
+streams:
+  - {topic: /battery, signals: {level: msg.level}}
+  - {topic: /mode, signals: {mode: msg.mode, extra: msg.extra}}
+properties:
+  - {id: charged, formula: '{topic: "/battery"} -> {level >= 20}'}
+  - {id: known, formula: '{topic: "/mode"} -> {mode: *}'}
+"""
+
+
+def trace(folder: Path, *events: tuple[str, dict[str, Any]]) -> Path:
+    path = folder / "trace.jsonl"
+    lines = [{"stream": name, "stamp": n, "arrived": n, "data": data} for n, (name, data) in enumerate(events, 1)]
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    return path
+
+
+FULL: dict[str, Any] = {"mode": "auto", "extra": 1}
+CASES: dict[str, tuple[list[tuple[str, dict[str, Any]]], int, int, str]] = {
+    "all is judged": ([("/battery", {"level": 50}), ("/mode", FULL)], 0, 0, ""),
+    "something is violated": ([("/battery", {"level": 5}), ("/mode", FULL)], 1, 1, ""),
+    "a stream is silent": ([("/battery", {"level": 50})], 0, 3, "/mode: no event in the recording"),
+    "a name is nearly there": (
+        [("/battery", {"level": 50}), ("/mod", {})],
+        0,
+        3,
+        "/mode: no event in the recording; it has /mod",
+    ),
+    "a signal is never there": (
+        [("/battery", {"level": 50}), ("/mode", {"mode": "auto"})],
+        0,
+        3,
+        "/mode: the signal extra was absent at its only event",
+    ),
+    "a step is unknown": (
+        [("/battery", {"level": 50}), ("/mode", FULL), ("/battery", {"level": "NaN"})],
+        0,
+        3,
+        "charged: unknown at 1 step",
+    ),
+    "violated and unknown": ([("/battery", {"level": 5}), ("/battery", {"level": "NaN"})], 1, 1, "unknown at 1 step"),
+    "nothing is observed": (
+        [("/batery", {"level": 50}), ("/batery", {"level": 50}), ("/x", {})],
+        2,
+        2,
+        "which observes /battery, /mode; it has /batery (2 events), /x (1 event)",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_exit_status_says_whether_it_was_judged(case: str, tmp_path: Path) -> None:
+    events, plain, strict, said = CASES[case]
+    found = judge(write_spec(tmp_path, SPEC), trace(tmp_path, *events))
+    assert (found.exit, found.strict) == (plain, strict)
+    assert said in found.said
+    if case == "all is judged":
+        assert found.said == ""
+
+
+def test_a_property_that_was_always_unknown_is_no_success(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    spec = write_spec(tmp_path, SPEC)
+    events = trace(tmp_path, *[("/battery", {"level": "NaN"})] * 3)
+    found = judge(spec, events)
+    reason = f"the signal level of /battery failed at 3 of 3 events: msg.level is 'NaN', {WANTED}"
+    assert (found.exit, found.strict) == (3, 3)
+    assert found.summary["unjudged"] == [{"property": "charged", "reason": reason}]
+    assert exit_of(spec, events) == 3
+    assert f"charged was not judged: {reason}" in capsys.readouterr().out
+    run_replay([spec], events, None, "junit")
+    suite = ElementTree.fromstring(capsys.readouterr().out).find("testsuite")
+    assert suite is not None
+    error = suite.find("testcase[@name='charged']/error")
+    assert error is not None
+    assert error.get("message") == f"3 steps could not be judged: {reason}"
+    assert "/mode: no event in the recording" in (suite.findtext("system-out") or "")
+
+
+def test_junit_errs_where_nothing_was_observed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_replay([write_spec(tmp_path, SPEC)], trace(tmp_path, ("/x", {})), None, "junit") == 2
+    report = capsys.readouterr()
+    suite = ElementTree.fromstring(report.out).find("testsuite")
+    assert suite is not None
+    assert (suite.get("tests"), suite.get("errors")) == ("2", "2")
+    assert "has no event of two" in report.err
+
+
+def test_signals_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    spec = write_spec(tmp_path, SPEC)
+    levels: list[Any] = [50, "NaN", None, 40]
+    events = trace(tmp_path, *[("/battery", {"level": level}) for level in levels], ("/mode", FULL))
+    summary = judge(spec, events).summary
+    assert summary["streams"]["/battery"] == {
+        "events": 4,
+        "signals": {"level": {"present": 2, "absent": 1, "failed": 1, "reason": f"msg.level is 'NaN', {WANTED}"}},
+    }
+    run_replay([spec], events, None, "text")
+    short = capsys.readouterr().out
+    assert f"/battery: the signal level failed at 1 of 4 events: msg.level is 'NaN', {WANTED}" in short
+    assert "present" not in short
+    run_replay([spec], events, None, "text", signals=True)
+    assert "present" in capsys.readouterr().out
+
+
+def test_the_first_reason_of_a_failed_signal_is_told(tmp_path: Path) -> None:
+    spec = write_spec(tmp_path, SPEC.replace("extra: msg.extra", "extra: 1 / msg.extra"))
+    events = trace(tmp_path, *[("/mode", {"mode": "a", "extra": extra}) for extra in (2, 0, "x")])
+    found = judge(spec, events)
+    assert found.summary["streams"]["/mode"]["signals"]["extra"]["reason"] == "msg.extra is 0: division by zero"
+
+
+def test_types_of_the_folders_hold_for_the_spec(tmp_path: Path) -> None:
+    (tmp_path / "pkg" / "msg").mkdir(parents=True)
+    (tmp_path / "pkg" / "msg" / "Mode.msg").write_text("string mood\n")
+    spec = write_spec(tmp_path, SPEC.replace("topic: /mode,", "topic: /mode, type: pkg/msg/Mode,"))
+    with pytest.raises(SpecError, match="pkg/msg/Mode has no field `mode`"):
+        run_replay([spec], trace(tmp_path, ("/mode", FULL)), None, "text", [tmp_path / "pkg"])
+
+
+def test_the_gravest_status_stands_for_several() -> None:
+    assert [gravest(list(s)) for s in ((), (0, 3), (3, 1), (1, 2, 0), (0, 0))] == [0, 3, 1, 2, 0]
+
+
+def test_csv_has_the_reasons_on_standard_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    spec, events = write_spec(tmp_path, SPEC), trace(tmp_path, ("/battery", {"level": 50}))
+    assert run_replay([spec], events, None, "csv", strict=True) == 3
+    assert "oracle-server: two: /mode: no event in the recording" in capsys.readouterr().err
+
+
+def test_what_a_recording_is_shows_in_its_content(tmp_path: Path) -> None:
+    spec = write_spec(tmp_path, SPEC)
+    log = tmp_path / "log.txt"  # as ROSMonitoring names it
+    log.write_text(
+        '{"topic": "battery", "time": 1.5, "level": 50}\n{"topic": "mode", "time": 2, "mode": "a", "extra": 1}\n'
+    )
+    assert judge(spec, log).summary["events"] == 2
+    text = SPEC.replace("{level: msg.level}", "{level: msg.data}").replace("topic: /battery", "topic: /level")
+    bag = write_numbers(tmp_path / "bag", {"/level": [(1, 50.0)]}, StoragePlugin.SQLITE3)
+    (file,) = bag.glob("*.db3")
+    named = file.rename(tmp_path / "flight.backup")
+    assert (
+        judge(write_spec(tmp_path, text.replace('topic: "/battery"', 'topic: "/level"')), named).summary["events"] == 1
+    )

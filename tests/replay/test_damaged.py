@@ -1,0 +1,167 @@
+"""Damaged recordings: judged as far as they go, or refused in one line; what was lost is said either way."""
+
+from __future__ import annotations
+
+import random
+from collections import Counter
+from pathlib import Path
+
+import pytest
+from mcap.writer import CompressionType
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import StoragePlugin
+
+from oracle_server.core.errors import TraceError
+from oracle_server.core.spec import Spec
+from oracle_server.replay.conclusion import UNUSABLE
+from oracle_server.replay.opening import open_recording
+from oracle_server.specfiles.load import load_spec
+from tests.replay.fuzzing import DAMAGES, damage, judge, rewrite, whole_files
+from tests.replay.judging import write_numbers, write_spec
+from tests.replay.writing import SPEC
+
+NUMBERS = """
+id: numbers
+streams: [{topic: /x, type: std_msgs/msg/Float64, signals: {x: msg.data}}]
+properties: [{id: low, formula: '{topic: "/x"} -> {x <= 1000}'}]
+"""
+MANY = [(at, float(at)) for at in range(200)]
+
+
+@pytest.fixture
+def numbers(tmp_path: Path) -> Spec:
+    return load_spec(write_spec(tmp_path, NUMBERS)).spec
+
+
+def events(spec: Spec, path: Path) -> int:
+    return sum(1 for _ in open_recording(path, spec))
+
+
+def test_nothing_that_is_damaged_is_judged_without_a_word(tmp_path: Path) -> None:
+    """No damage raises anything, and where events are missing it is said."""
+    (tmp_path / "pump.yaml").write_text(SPEC)
+    spec = load_spec(tmp_path / "pump.yaml").spec
+    sources = whole_files(tmp_path)
+    files = [path.read_bytes() for path in sources if path.is_file()]
+    wholes = {path: events(spec, path) for path in sources}
+    tried: Counter[str] = Counter()
+    for number in range(300):
+        chance = random.Random(number)
+        source = chance.choice(sources)
+        found = judge(spec, damage(source, tmp_path / "damaged", chance, chance.choice(files)))
+        tried[source.name] += 1
+        if isinstance(found, str):
+            assert "\n" not in found
+            continue
+        judged = sum(counts["events"] for counts in found.coverage.values())
+        lost = judged < wholes[source]
+        assert not lost or found.status == UNUSABLE or found.doubts, (number, source)
+    assert len(tried) == len(sources)
+    assert len(DAMAGES) == 4
+
+
+@pytest.mark.parametrize("form", [CompressionType.NONE, CompressionType.LZ4, CompressionType.ZSTD])
+def test_an_mcap_of_a_robot_that_lost_its_power_is_judged_as_far_as_it_goes(
+    form: CompressionType, numbers: Spec, tmp_path: Path
+) -> None:
+    bag = write_numbers(tmp_path / "bag", {"/x": MANY, "/y": MANY}, StoragePlugin.MCAP)
+    path = rewrite(next(bag.glob("*.mcap")), tmp_path / "cut.mcap", form)
+    whole = path.read_bytes()
+    assert events(numbers, path) == len(MANY)
+    before = len(MANY)
+    for part in (9, 6, 3):
+        path.write_bytes(whole[: len(whole) * part // 10])
+        found = judge(numbers, path)
+        assert not isinstance(found, str)
+        (counts,) = found.coverage.values()
+        assert 0 < counts["events"] <= before
+        before = counts["events"]
+        assert any("ends early" in doubt for doubt in found.doubts)
+    assert before < len(MANY)
+
+
+def test_a_chunk_that_differs_from_its_checksum_is_left_out_and_said(numbers: Spec, tmp_path: Path) -> None:
+    bag = write_numbers(tmp_path / "bag", {"/x": MANY}, StoragePlugin.MCAP)
+    path = rewrite(next(bag.glob("*.mcap")), tmp_path / "flipped.mcap", CompressionType.NONE)
+    data = bytearray(path.read_bytes())
+    at = data.index(b"\x00\x01\x00\x00", len(data) // 4)  # the heading of a message
+    data[at + 5] ^= 0xFF
+    path.write_bytes(data)
+    found = judge(numbers, path)
+    assert not isinstance(found, str)
+    (counts,) = found.coverage.values()
+    assert 0 < counts["events"] < len(MANY)
+    assert any("differs from its checksum" in doubt for doubt in found.doubts)
+    assert any(f"{counts['events']} of the {len(MANY)} messages" in doubt for doubt in found.doubts)
+
+
+def test_a_ros1_bag_that_was_not_closed_is_judged_as_far_as_it_goes(tmp_path: Path) -> None:
+    (tmp_path / "pump.yaml").write_text(SPEC)
+    spec = load_spec(tmp_path / "pump.yaml").spec
+    (bag,) = (path for path in whole_files(tmp_path) if path.suffix == ".bag")
+    whole = events(spec, bag)
+    data = bag.read_bytes()
+    bag.write_bytes(data[: len(data) // 2])
+    found = judge(spec, bag)
+    assert not isinstance(found, str)
+    assert 0 < sum(counts["events"] for counts in found.coverage.values()) < whole
+    assert any("was not closed" in doubt for doubt in found.doubts)
+
+
+def test_a_log_that_ends_within_a_line_is_judged_as_far_as_it_goes(numbers: Spec, tmp_path: Path) -> None:
+    log = tmp_path / "log.jsonl"
+    line = '{"stream": "/x", "stamp": 1, "arrived": 1, "data": {"data": 1}}\n'
+    log.write_text(line * 3 + line[:30])
+    found = judge(numbers, log)
+    assert not isinstance(found, str)
+    assert sum(counts["events"] for counts in found.coverage.values()) == 3
+    assert any("log.jsonl:4: ends early" in doubt for doubt in found.doubts)
+    log.write_text(line + line[:30] + "\n" + line)
+    assert isinstance(judge(numbers, log), str)
+
+
+def test_verdicts_after_a_loss_are_degraded(numbers: Spec, tmp_path: Path) -> None:
+    bag = write_numbers(tmp_path / "bag", {"/x": MANY[:20]}, StoragePlugin.MCAP)
+    (path,) = bag.glob("*.mcap")
+    data = bytearray(path.read_bytes())
+    with AnyReader([path]) as reader:
+        payloads = [bytes(raw) for _, _, raw in reader.messages()]
+    second = data.index(payloads[1])
+    data[second : second + 2] = b"\x77\x77"
+    path.write_bytes(data)
+    lost = [recorded.event.lost for recorded in open_recording(path, numbers)]
+    assert lost == [0, 1] + [0] * 17
+
+
+def test_a_topic_of_which_nothing_can_be_read_is_no_success(numbers: Spec, tmp_path: Path) -> None:
+    bag = write_numbers(tmp_path / "bag", {"/x": MANY[:20]}, StoragePlugin.MCAP)
+    (path,) = bag.glob("*.mcap")
+    data = path.read_bytes()
+    with AnyReader([path]) as reader:
+        for _, _, raw in reader.messages():
+            data = data.replace(bytes(raw), b"\x77\x77" + bytes(raw)[2:])
+    path.write_bytes(data)
+    found = judge(numbers, path)
+    assert not isinstance(found, str)
+    assert found.status == UNUSABLE
+    assert any("none of its 20 messages could be read as std_msgs/msg/Float64" in text for text in found.unusable)
+
+
+def test_whole_bags_are_read_as_another_reader_reads_them(tmp_path: Path) -> None:
+    (tmp_path / "pump.yaml").write_text(SPEC)
+    spec = load_spec(tmp_path / "pump.yaml").spec
+    for path in whole_files(tmp_path):
+        if path.suffix == ".jsonl":
+            continue
+        with AnyReader([path]) as reader:
+            wanted = [c for c in reader.connections if c.topic in ("/pump", "/limit")]
+            expected = [(c.topic, at) for c, at, _ in reader.messages(wanted)]
+        found = [(r.event.stream.name, r.event.arrived) for r in open_recording(path, spec)]
+        assert found == expected, path
+
+
+def test_an_empty_file_is_none(numbers: Spec, tmp_path: Path) -> None:
+    for name in ("x.bag", "x.mcap", "x.db3", "x"):
+        (tmp_path / name).write_bytes(b"")
+        with pytest.raises(TraceError, match="is empty"):
+            open_recording(tmp_path / name, numbers)

@@ -1,0 +1,69 @@
+"""What is imported judges as the original oracle, or is unknown: never another verdict."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from oracle_server.specfiles.load import parse_spec
+from oracle_server.specfiles.rosmonitoring.config import read_config
+from oracle_server.specfiles.rosmonitoring.formulas import UnreadableFormulaError, read_formula
+from tests.specfiles.against_original import Compared, compare, random_traces
+
+SHAPES = yaml.safe_load((Path(__file__).parents[1] / "corpus" / "rosmonitoring" / "shapes.yaml").read_text())
+TRACES = 8
+
+
+@pytest.mark.parametrize("name", SHAPES["shapes"])
+def test_a_shape_is_judged_as_by_its_oracle_or_unknown(tmp_path: Path, name: str) -> None:
+    shape = SHAPES["shapes"][name]
+    found = compared(tmp_path, name, shape, seed=1, traces=TRACES)
+    assert found.different is None, found.text
+    assert {"todo": found.todos > 0, "external": found.external, "same": not found.todos and not found.external}[
+        shape["expect"]
+    ], found.text
+    if shape["expect"] == "same":
+        assert found.values == {True, False}, (found.values, found.text)
+        assert found.same > found.unknown
+    if shape["expect"] == "todo":
+        assert (found.same, found.unknown > 0) == (0, True)
+        assert any("still to be written" in str(w) for w in parse_spec(found.text, "x").warnings)
+    if shape["expect"] == "external":
+        assert parse_spec(found.text, "x").spec.properties[0].external is not None
+
+
+def compared(folder: Path, name: str, shape: dict[str, Any], *, seed: int, traces: int) -> Compared:
+    """A shape's module written, imported, and compared with the original."""
+    module = folder / f"{name}.py"
+    module.write_text(SHAPES["start"] + shape["module"] + shape.get("end", SHAPES["end"]))
+    monitor = {"id": "monitor"} | {
+        key: [{"name": n, "action": "log"} for n in shape.get(key, ["chatter"] if key == "topics" else [])]
+        for key in ("topics", "services")
+    }
+    config = read_config({"monitors": [{"monitor": monitor}]}, "made")
+    fields = shape.get("fields", {"data": "number"})
+    made = random_traces(module, config, seed, traces, fields=fields, optional=shape.get("optional", False))
+    return compare(config, module, list(made))
+
+
+@pytest.mark.parametrize("text", ["{a} -> {b} -> {c}", "not not {p}", "{a} and not once{b}", "{a} since {b} since {c}"])
+def test_what_reelay_reads_only_in_part_is_not_taken_for_what_it_judged(text: str) -> None:
+    with pytest.raises(UnreadableFormulaError, match="only in part"):
+        read_formula(text)
+
+
+def test_a_todo_is_unknown_at_every_event(tmp_path: Path) -> None:
+    """Also at streams whose messages do not set the predicate, and before those that do."""
+    shape = {
+        "module": "PROPERTY = 'not {far} and once{near}'\npredicates = {'far': False, 'near': True}\n"
+        "def abstract_message(message):\n    if message.get('topic') == 'a':\n"
+        "        predicates['far'] = hash(message.get('data')) > 3\n    return predicates\n",
+        "end": "",
+        "topics": ["a", "b"],
+        "services": ["s"],
+    }
+    found = compared(tmp_path, "far", shape, seed=2, traces=4)
+    assert (found.same, found.unknown) == (0, 48)

@@ -1,0 +1,125 @@
+"""What `check` says of a spec by the types of its messages."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from oracle_server.core.errors import SpecError
+from oracle_server.core.ros import Ros
+from oracle_server.rostypes.known import Types
+from oracle_server.specfiles.library import Library
+from oracle_server.specfiles.load import SpecFile, parse_spec
+from tests.rostypes.making import package
+
+STANDARD = Types(environment={})
+
+
+def spec(streams: str, formula: str = "{d}") -> str:
+    return f"id: x\nstreams:\n{streams}\nproperties:\n  - id: p\n    formula: '{formula}'\n"
+
+
+def read(text: str, types: Types = STANDARD, ros: Ros | None = None) -> SpecFile:
+    return parse_spec(text, "x.yaml", ros, types=types)
+
+
+def warnings(text: str, types: Types = STANDARD, ros: Ros | None = None) -> list[str]:
+    return [str(w).removeprefix("x.yaml:") for w in read(text, types, ros).warnings]
+
+
+ONLY_ROS_1 = spec("  - topic: /a\n    type: std_msgs/Header\n    signals: {d: msg.seq}")
+
+
+def test_a_field_of_ros_1_alone_is_warned_of_unless_the_version_is_told() -> None:
+    (warning,) = warnings(ONLY_ROS_1)
+    assert "another version of ROS has it" in warning
+    assert warnings(ONLY_ROS_1, ros=1) == []
+    with pytest.raises(SpecError, match="has no field `seq`"):
+        read(ONLY_ROS_1, ros=2)
+
+
+def test_an_unknown_package_is_told_of_once_and_made_known_by_its_folder(tmp_path: Path) -> None:
+    text = spec(
+        "  - {topic: /a, type: arm_msgs/msg/State, signals: {d: msg.x}}\n"
+        "  - {topic: /b, type: arm_msgs/msg/Joint, signals: {e: msg.x}}"
+    )
+    (warning,) = warnings(text)
+    assert warning.startswith("3:23: warning: the package arm_msgs is not known here")
+    assert "--types" in warning
+    package(tmp_path / "arm_msgs", {"msg/State.msg": "float64 y\n", "msg/Joint.msg": "float64 x\n"})
+    with pytest.raises(SpecError, match="arm_msgs/msg/State has no field `x`"):
+        read(text, Types([tmp_path], {}))
+
+
+@pytest.mark.parametrize(
+    ("streams", "told"),
+    [
+        (
+            "  - topic: /a",
+            "'d' is declared by no stream; it would be read from a field of /a, whose `type` is not given",
+        ),
+        (
+            "  - service: /a\n    request: {signals: {e: msg.e}}",
+            "'d' is declared by no stream; it would be read from a field of /a responses, whose `type` is not given",
+        ),
+    ],
+)
+def test_a_signal_that_only_an_unknown_message_could_have_is_warned_of(streams: str, told: str) -> None:
+    assert warnings(spec(streams)) == [
+        f"{spec(streams).count(chr(10), 0, spec(streams).index('{d}')) + 1}:15: warning: formula of 'p': {told}"
+    ]
+
+
+def test_a_signal_of_one_half_is_no_error_where_the_other_has_it() -> None:
+    half = "  - service: /a\n    type: std_srvs/srv/SetBool\n    request: {signals: {e: msg.data}}"
+    assert warnings(spec(half, "{success}")) == []
+    with pytest.raises(SpecError, match=r"unknown signal 'sucess'.*did you mean 'success'"):
+        read(spec(half, "{sucess}"))
+
+
+def test_signals_of_two_streams_are_not_met_at_once() -> None:
+    streams = "  - {topic: /a, type: std_msgs/msg/Float64}\n  - {topic: /b, type: turtlesim/msg/Pose}"
+    assert warnings(spec(streams, "{data > 1} or {theta > 1}")) == []
+    with pytest.raises(SpecError, match="no event of this spec has all the signals"):
+        read(spec(streams, "{data > 1, theta > 1}"))
+
+
+def test_stored_specs_are_not_held_to_types() -> None:
+    assert parse_spec(spec("  - {topic: /a, type: std_msgs/msg/Nothing, signals: {d: msg.d}}"), "x").warnings == ()
+
+
+def test_a_put_is_checked_as_check_does(tmp_path: Path) -> None:
+    library = Library(None, tmp_path, STANDARD)
+    with pytest.raises(SpecError, match="no msg 'Floot64'"):
+        library.put("x", spec("  - {topic: /a, type: std_msgs/msg/Floot64, signals: {d: msg.data}}"))
+    assert library.listed() == []
+    entry, _ = library.put("x", spec("  - {topic: /a, type: arm_msgs/msg/A, signals: {d: msg.data}}"))
+    assert "arm_msgs" in str(entry.file.warnings[0])
+
+
+def test_a_whole_number_as_stamp_without_a_unit_is_warned_of(tmp_path: Path) -> None:
+    package(tmp_path / "px4_msgs", {"msg/Status.msg": "uint64 timestamp # us\nfloat64 t\nbool d\n"})
+    types, text = Types([tmp_path], {}), "  - {topic: /a, type: px4_msgs/msg/Status, stamp: %s}"
+    (warning,) = warnings(spec(text % "timestamp"), types)
+    assert "uint64 `timestamp` is read as seconds; say its unit" in warning
+    for sound in ("t", "{field: timestamp, unit: us}", "{field: timestamp, unit: s, epoch: boot}"):
+        assert warnings(spec(text % sound), types) == []
+
+
+def test_a_stamps_unit_is_part_of_what_a_spec_means() -> None:
+    def digest(stamp: str) -> str:
+        return read(spec(f"  - {{topic: /a, stamp: {stamp}}}")).spec.digest
+
+    assert digest("t") == digest("{field: t}")
+    assert len({digest(s) for s in ("t", "{field: t, unit: us}", "{field: t, unit: us, epoch: boot}")}) == 3
+
+
+def test_an_upload_that_was_accepted_when_its_types_were_unknown_is_kept(tmp_path: Path) -> None:
+    text = spec("  - {topic: /a, type: arm_msgs/msg/A, signals: {d: msg.data}}")
+    Library(None, tmp_path / "put", STANDARD).put("x", text)
+    package(tmp_path / "arm_msgs", {"msg/A.msg": "float64 x\n"})
+    again = Library(None, tmp_path / "put", Types([tmp_path / "arm_msgs"], {}))
+    assert "has no field `data`" in str(again.get("x").file.warnings[0])
+    with pytest.raises(SpecError):
+        again.put("x", text)
