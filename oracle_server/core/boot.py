@@ -6,6 +6,8 @@ from bisect import bisect_right
 from collections.abc import Hashable
 
 _MOST_KNOTS = 16
+_MOST_PUBLISHERS = 1_000
+"""Whose newest times are kept; of more, the first heard are forgotten."""
 
 
 class BootClock:
@@ -39,6 +41,8 @@ class BootClock:
             del self._knots[:-_MOST_KNOTS]
         self._highest = max(self._highest, since)
         self._newest[source] = max(self._newest.get(source, since), since)
+        if len(self._newest) > _MOST_PUBLISHERS:
+            del self._newest[next(iter(self._newest))]
         return max(1, self._at(since))
 
     def _at(self, since: int) -> int:

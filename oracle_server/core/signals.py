@@ -15,7 +15,6 @@ from oracle_server.core.expression import (
     MAX_STEPS,
     WANTED,
     Absent,
-    Failed,
     parse_expression,
     reason,
     told,
@@ -61,7 +60,7 @@ class Projection:
                 value = run(fields, frame)
             except Absent:
                 continue
-            except Failed:
+            except Exception:  # noqa: BLE001 no fault of an expression's evaluation ends a session
                 failed.append(name)
             else:
                 if is_signal(value):

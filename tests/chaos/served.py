@@ -143,9 +143,14 @@ class Served:
     def complaints(self) -> list[dict[str, Any]]:
         """What the log holds besides what is usual: errors, warnings, tracebacks.
 
-        A server that gets no processor for a while stands still.
+        A server that gets no processor for a while stands still, and violations are what it is there to log.
         """
-        return [line for line in self.log if line.get("level") != "info" and "the event loop st" not in line["event"]]
+        usual = ("the event loop st", "violation: ", "more violations are in the history")
+        return [
+            line
+            for line in self.log
+            if line.get("level") != "info" and not any(text in line["event"] for text in usual)
+        ]
 
     def _http(self) -> httpx.AsyncClient:
         return httpx.AsyncClient(base_url=f"{self.url}/api/v1/", timeout=PATIENCE, trust_env=False, verify=False)

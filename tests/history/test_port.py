@@ -345,9 +345,10 @@ def test_no_statement_stands_outside_a_backend() -> None:
     package = Path(oracle_server.__file__).parent
     statement = re.compile(r"\b(SELECT .* FROM|INSERT INTO|UPDATE \w+ SET|DELETE FROM|CREATE TABLE|PRAGMA)\b")
     backends = package / "history" / "sqlite"
+    bags = package / "replay" / "sqlitefile.py"  # a recording of rosbag2 is such a database
     assert [
         path
         for path in package.rglob("*.py")
-        if backends not in path.parents and statement.search(path.read_text(encoding="utf-8"))
+        if backends not in path.parents and path != bags and statement.search(path.read_text(encoding="utf-8"))
     ] == []
     assert statement.search((backends / "history.py").read_text(encoding="utf-8"))

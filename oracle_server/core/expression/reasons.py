@@ -26,6 +26,8 @@ def reason(expression: Expression, message: Mapping[str, Any], steps: int) -> st
     except Failed as failed:
         node = failed.node or expression.tree
         return f"{_found(expression.text, node, failed)}: {failed.why}"
+    except Exception:  # noqa: BLE001 as where the signal is computed
+        return "can't be computed, by a fault of the server's"
     return f"{_short(expression.text)} is {told(value)}, {WANTED}"
 
 
