@@ -152,14 +152,15 @@ class Judge:
     def tick(self, time: int, now: int) -> Judged | None:
         """Judge a step at `time` with held signals only, and take it back; None where it changes no outcome.
 
-        Before the first step it is judged by the properties that have a grace only: nothing else is known then.
+        It is judged by the properties of which a deadline has run out since the last step: another one's deadline is no
+        step of theirs. Before the first step only those with a grace are judged: nothing else is known then.
         """
         self._ticked, self._outdated = time, False
         signals, failed = together(self._held.values())
         views = self._plan.silent
         self._tick = time, signals, failed
         found = [
-            s.tick(view, time, signals, failed) if self.counters.steps or s.grace else s.outcome
+            s.tick(view, time, signals, failed) if self._due(s, time) else s.outcome
             for s, view in zip(self.properties, views, strict=True)
         ]
         self._tick = None
@@ -170,6 +171,10 @@ class Judge:
         verdicts = tuple([self._verdict(s, outcome, signals, time) for s, outcome in known])
         event = Event(TICKS, "", self.counters.ticks, time, now, None)
         return self._conclude(Step(event, signals, frozenset(failed), time), None, verdicts, now)
+
+    def _due(self, state: PropertyState, time: int) -> bool:
+        deadline = state.next_deadline(self.present) if self.counters.steps or state.grace else None
+        return deadline is not None and deadline <= time
 
     def _count(self, step: Step) -> None:
         self.counters.late += step.late

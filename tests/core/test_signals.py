@@ -155,7 +155,7 @@ class Broken(dict[str, object]):
     def __getitem__(self, key: str) -> object:
         raise RuntimeError(key)
 
-    def get(self, key: str, default: object = None) -> object:  # type: ignore[override]
+    def get(self, key: str, default: object = None) -> object:
         raise RuntimeError(key)
 
 

@@ -245,6 +245,40 @@ def test_ticks_tell_what_the_table_says_whenever_time_changes_it() -> None:
             now += gap
 
 
+def changes(session: Session, script: list[tuple[int, dict[str, Any]]]) -> list[tuple[str, int, str]]:
+    """How the first property's outcome changes, at which steps and ticks, while time passes."""
+    feed, judged, now = Feed(session), list[Judged](), 0
+    for gap, signals in script:
+        for _ in range(gap):
+            now += 1
+            judged += session.advance(now)
+        judged += feed(STREAMS[0].key, now, signals)
+    known = told(judged)
+    return [each for before, each in zip([("", 0, "unknown"), *known], known, strict=False) if before[2] != each[2]]
+
+
+def test_anothers_deadline_is_no_step() -> None:
+    alarm = timed("{a: 1} -> {b: 1}")
+    script: list[tuple[int, dict[str, Any]]] = [(10, {"a": 1}), (20, {"a": 1})]
+    for others in ([], [timed("once[:5ns] {c: 1}")]):
+        assert changes(session_of(alarm, *others), script) == [("topic", 10, "currently_false")]
+
+
+def test_properties_are_judged_as_if_each_were_alone() -> None:
+    for number in range(SEED, SEED + 200):
+        rng = random.Random(f"beside {number}")
+        mine, other = (
+            Property(name, in_nanoseconds(generate.formula(rng, "seconds", rng.randint(2, 4), 1)), time="seconds")
+            for name in "pq"
+        )
+        script = [
+            (rng.choice((1, 1, 3, 7)), {key: rng.choice((1, 2)) for key in "abc" if rng.random() < 0.5})
+            for _ in range(6)
+        ]
+        alone, beside = changes(session_of(mine), script), changes(session_of(mine, other), script)
+        assert alone == beside, f"{number}: {render(mine.formula, 'seconds')} {render(other.formula, 'seconds')}"
+
+
 def in_nanoseconds(formula: Formula) -> Formula:
     """The formula with its bounds of seconds taken as nanoseconds."""
     parts: dict[str, Any] = {
