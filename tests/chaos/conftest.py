@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import os
 import random
-import time
-from typing import Any
 
 import pytest
 
-from examples.battery_uav.simulator import MS, arrivals, simulate
 from tests.chaos.link import Frame
-from tests.chaos.runs import COUNTDOWNS
+from tests.chaos.runs import observed
 
 
 @pytest.fixture
@@ -23,21 +20,7 @@ def chance() -> random.Random:
 
 @pytest.fixture(scope="session")
 def trace() -> list[Frame]:
-    """What is observed, in the order of publication, stamped so that all of it has just happened."""
-    lines: list[dict[str, Any]] = arrivals(
-        simulate(fault="request_without_change", countdowns=COUNTDOWNS), MS, 0, in_order=True
-    )
-    shift = time.time_ns() - lines[-1]["stamp"]
-    chance = random.Random(0)
-    return [
-        {
-            "type": "event",
-            **{key: line[key] for key in ("stream", "kind", "source", "call", "data") if key in line},
-            "stamp": line["stamp"] + shift,
-            "ask": line["kind"] == "request" or chance.random() < 0.05,
-        }
-        for line in lines
-    ]
+    return observed()
 
 
 @pytest.fixture(scope="session")

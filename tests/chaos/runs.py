@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import random
+import time
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 
+from examples.battery_uav.simulator import MS, arrivals, simulate
 from tests.chaos.link import Frame, Link
 from tests.chaos.served import PATIENCE, Served
 from tests.chaos.tunnel import Tunnel
@@ -40,7 +42,30 @@ PAIR = Layout(
     # what comes in over two connections is only in order if events wait for each other, however slow all is
     (("max_delay: 200ms", "max_delay: 600s"), ("action: filter\n", "action: filter\n    decide_within: 700s\n")),
 )
+TRIO = Layout(
+    "three monitors",
+    {"sensors": SENSORS, "lights": PANEL - {"/SetLED"}, "service": frozenset({"/SetLED"})},
+    PAIR.changes,
+)
 each_layout = pytest.mark.parametrize("layout", [ALONE, PAIR], ids=lambda layout: layout.name)
+
+
+def observed() -> list[Frame]:
+    """What is observed, in the order of publication, stamped so that all of it has just happened."""
+    lines: list[dict[str, Any]] = arrivals(
+        simulate(fault="request_without_change", countdowns=COUNTDOWNS), MS, 0, in_order=True
+    )
+    shift = time.time_ns() - lines[-1]["stamp"]
+    chance = random.Random(0)
+    return [
+        {
+            "type": "event",
+            **{key: line[key] for key in ("stream", "kind", "source", "call", "data") if key in line},
+            "stamp": line["stamp"] + shift,
+            "ask": line["kind"] == "request" or chance.random() < 0.05,
+        }
+        for line in lines
+    ]
 
 
 async def uninterrupted(layout: Layout, trace: list[Frame], folder: Path, known: dict[str, list[Frame]]) -> list[Frame]:

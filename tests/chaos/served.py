@@ -16,11 +16,15 @@ import httpx
 
 from tests.processes import PATIENCE, reserved_port
 
-__all__ = ["PATIENCE", "Served", "reviving"]
+__all__ = ["PATIENCE", "Ended", "Served", "reviving"]
 
 _MAIN = "from oracle_server.cli.commands import main; main()"
 _OFTEN = "from oracle_server.history.sqlite import writer; writer.PERIOD = 0"
 """Commits as they come and not gathered: there are the more moments to strike at."""
+
+
+class Ended(AssertionError):  # noqa: N818
+    """A process ended before it accepted work."""
 
 
 class Served:
@@ -71,10 +75,12 @@ class Served:
         self._died.clear()
         accepts = asyncio.Event()
         self._reading = asyncio.create_task(self._read_log(accepts))
+        self._reading.add_done_callback(lambda _: accepts.set())
         async with asyncio.timeout(PATIENCE):
             await accepts.wait()
-        assert self._process.returncode is None, self.log[-5:]
         self.starts += 1
+        if self._reading.done():
+            raise Ended(f"{self.log[-5:]}")
         self.up.set()
 
     def kill(self) -> None:
@@ -101,10 +107,14 @@ class Served:
         """Let a frozen process go on."""
         self._process.send_signal(signal.SIGCONT)
 
-    async def said(self, event: str) -> None:
-        """Wait until the log has a line of this event."""
+    async def said(self, event: str, times: int = 1) -> None:
+        """Wait until the log has so many lines of this event."""
         async with asyncio.timeout(PATIENCE), self._said:
-            await self._said.wait_for(lambda: any(line["event"] == event for line in self.log))
+            await self._said.wait_for(lambda: self.count(event) >= times)
+
+    def count(self, event: str) -> int:
+        """How many lines of this event the log has."""
+        return sum(line["event"] == event for line in self.log)
 
     async def stop(self) -> int:
         """Stop cleanly, and return the exit status."""
@@ -167,7 +177,6 @@ class Served:
                 self._said.notify_all()
             if line["event"] == "accepting work":
                 accepts.set()
-        accepts.set()
 
     async def __aenter__(self) -> Self:
         """Start it."""

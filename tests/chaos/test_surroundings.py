@@ -15,6 +15,7 @@ import httpx
 import pytest
 
 from tests.chaos.by_hand import attached, event, say, until_acked
+from tests.chaos.disk import Disk, Unmountable, small_disk
 from tests.chaos.link import Frame, Link
 from tests.chaos.runs import (
     ALONE,
@@ -85,35 +86,13 @@ async def test_a_clock_that_jumps(
     assert_same(records, await uninterrupted(PAIR, trace, tmp_path, known))
 
 
-class Disk(NamedTuple):
-    """A small disk of its own, that can be filled and freed."""
-
-    folder: Path
-    fill: Callable[[], None]
-    free: Callable[[], None]
-
-
 @pytest.fixture
 def disk(tmp_path: Path) -> Iterator[Disk]:
-    folder = tmp_path / "disk"
-    folder.mkdir()
-    mounted = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", "size=24m", "tmpfs", folder], capture_output=True, check=False
-    )
-    if mounted.returncode:
-        pytest.skip("a small disk can't be mounted here")
-    ballast = folder / "ballast"
-
-    def fill() -> None:
-        with ballast.open("wb", buffering=0) as file:
-            try:
-                while True:
-                    file.write(bytes(4096))
-            except OSError:
-                pass
-
-    yield Disk(folder, fill, ballast.unlink)
-    subprocess.run(["umount", folder], check=True)
+    try:
+        with small_disk(tmp_path / "disk") as disk:
+            yield disk
+    except Unmountable as error:
+        pytest.skip(str(error))
 
 
 async def test_a_disk_that_is_full_for_a_while(

@@ -332,7 +332,7 @@ def test_check_knows_which_of_ros_own_types_hold_no_time(tmp_path: Path) -> None
     streams = [f"  - {{topic: /a{i}, type: {kind._type}}}" for i, kind in enumerate(kinds)]
     spec = tmp_path / "types.yaml"
     spec.write_text(
-        "\n".join(["id: types", "streams:", *streams, "properties: [{id: p, formula: 'not {v: 7}'}]", ""]),
+        "\n".join(["id: types", "streams:", *streams, "properties: [{id: p, formula: 'not {topic: \"/a0\"}'}]", ""]),
         encoding="utf-8",
     )
     told = subprocess.run([SERVER, "check", "--ros", "1", spec], capture_output=True, text=True, check=True).stderr

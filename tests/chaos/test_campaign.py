@@ -1,0 +1,48 @@
+"""A short campaign; a long one is run by hand."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import pytest
+
+from tests.chaos.campaign import KINDS, Kind, judged, run_round
+from tests.chaos.disk import Unmountable
+from tests.chaos.link import Frame
+from tests.chaos.runs import TRIO, uninterrupted
+
+
+@pytest.mark.parametrize("kind", KINDS[1:], ids=lambda kind: kind.name)
+async def test_nothing_acked_is_lost_or_judged_twice_or_otherwise(
+    kind: Kind, trace: list[Frame], tmp_path: Path, chance: random.Random, known: dict[str, list[Frame]]
+) -> None:
+    expected = await uninterrupted(TRIO, trace, tmp_path, known)
+    folder = tmp_path / "round"
+    folder.mkdir()
+    try:
+        count = await run_round(kind, trace, expected, folder, chance, kills=2)
+    except Unmountable as error:
+        pytest.skip(str(error))
+    assert count.kills >= 1
+    assert count.acked == len(trace)
+    assert (count.lost, count.twice, count.different) == (0, 0, 0)
+
+
+def test_the_campaign_sees_what_is_lost_twice_and_different() -> None:
+    records = [
+        {"n": n, "monitor": "m", "seq": n, "property": "p", "outcome": "true", "decision": "allow", "degraded": False}
+        for n in (1, 2, 3)
+    ]
+    first, second, third = records
+    decided = {("m", 1): "allow"}
+
+    def counted(found: list[Frame]) -> tuple[int, int, int]:
+        count = judged(found, records, decided, spoilt=False)
+        return count.lost, count.twice, count.different
+
+    assert counted(records) == (0, 0, 0)
+    assert counted([first, second]) == (1, 0, 0)
+    assert counted([*records, third | {"n": 4}])[:2] == (0, 1)
+    assert counted([first, second | {"outcome": "false"}, third]) == (0, 0, 1)
+    assert counted([first | {"decision": "deny"}, second, third])[2] == 1
