@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Optional
 
+from oracle_adapter.texts import one_line
+
 ENDING = frozenset(
     {
         "bad_attach",
@@ -36,4 +38,4 @@ class LinkError(Exception):
         self.code, self.message, self.seq, self.fatal = code, message, seq, fatal
 
     def __str__(self) -> str:
-        return f"{self.code}: {self.message}"
+        return one_line(f"{self.code}: {self.message}")

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Callable, Sequence, Tuple
 
 from oracle_adapter import logs
+from oracle_adapter.texts import one_line
 
 if TYPE_CHECKING:
     from typing import Protocol
@@ -43,7 +44,7 @@ class Status:
 
 
 class SafeScreen:
-    """Another screen, whose exceptions are logged and go no further.
+    """Another screen, that gets printable lines, and whose exceptions are logged and go no further.
 
     What is shown is about messages that wait to be passed on: a broken screen must not stop them.
     The same exception in succession is logged once.
@@ -59,15 +60,15 @@ class SafeScreen:
 
     def error(self, text: str) -> None:
         """Show an error."""
-        self._show(self._screen.error, text)
+        self._show(self._screen.error, one_line(text))
 
     def info(self, text: str) -> None:
         """Show a text."""
-        self._show(self._screen.info, text)
+        self._show(self._screen.info, one_line(text))
 
     def diagnostics(self, statuses: Sequence[Status]) -> None:
         """Show the statuses."""
-        self._show(self._screen.diagnostics, statuses)
+        self._show(self._screen.diagnostics, [_printable(status) for status in statuses])
 
     def _show(self, show: Callable[[Any], None], what: Any) -> None:
         try:
@@ -76,3 +77,8 @@ class SafeScreen:
             if repr(error) != self._logged:
                 self._logged = repr(error)
                 logs.failure("the screen failed to show %r", what)
+
+
+def _printable(status: Status) -> Status:
+    values = tuple((name, one_line(value)) for name, value in status.values)
+    return Status(one_line(status.name), status.level, one_line(status.message), values)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 import pytest
-from oracle_adapter import Answer, Board, Stats, Status, graph_name
+from oracle_adapter import Answer, Board, LinkError, Stats, Status, graph_name
 from oracle_adapter.screen import ERROR, OK, STALE, WARN
 
 DENIED = Answer("decision", "deny", ("p", "q"))
@@ -257,3 +257,29 @@ def test_a_violation_is_told_with_its_property_its_event_and_why(
 )
 def test_a_monitors_topics_have_names_that_ros_takes(monitor: str, name: str) -> None:
     assert graph_name(monitor) == name
+
+
+def test_no_robot_writes_to_the_operators_terminal(board: Board, screen: Screen) -> None:
+    forged = "x\x1b[2J\r\nviolation 99: \u202e\u2028\x07\ud800"
+    board.on_violation({"explanation": {"text": forged}, "property": forged, "n": 1})
+    board.on_state("attached", forged)
+    board.error(forged)
+    board.trouble("/a", forged)
+    board.on_verdicts(
+        {
+            "worst": "unknown",
+            "properties": {"p": {"level": "error", "text": forged, "outcome": forged}},
+        }
+    )
+    board.tick(Stats())
+    statuses = screen.shown[-1]
+    values = [value for status in statuses for _, value in status.values]
+    shown = [
+        *screen.errors,
+        *screen.infos,
+        *values,
+        *(s.message for s in statuses),
+        str(LinkError("x", forged)),
+    ]
+    assert len([text for text in shown if "x\\x1b[2J\\r\\nviolation 99" in text]) >= 6
+    assert all(text.isprintable() for text in shown)
