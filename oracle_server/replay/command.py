@@ -16,6 +16,7 @@ from oracle_server.replay.opening import open_recording
 from oracle_server.replay.recording import Recording
 from oracle_server.replay.run import Replay
 from oracle_server.rostypes.known import Types
+from oracle_server.rostypes.streams import stream_types
 from oracle_server.specfiles.load import load_spec
 
 _EVERY = 256
@@ -42,7 +43,8 @@ def run_replay(
     statuses = []
     for spec in loaded:
         recording = open_recording(trace, spec, types)
-        replay = Replay(spec, recording, by, strict=strict)
+        shapes, _ = stream_types(spec, known, None)
+        replay = Replay(spec, recording, by, types=shapes, strict=strict)
         _run(replay, recording, report)
         statuses.append(_tell(replay, form))
     report.finish()

@@ -9,9 +9,10 @@ from typing import Any, Literal
 
 from oracle_server.core.errors import one_line
 from oracle_server.core.events import StreamKey
-from oracle_server.core.spec import Property
+from oracle_server.core.spec import Property, Spec
 from oracle_server.core.units import counted
 from oracle_server.replay.coverage import Coverage, SignalCounts, because, never_there, silent
+from oracle_server.replay.recording import part_of
 from oracle_server.replay.run import Replay
 
 SOUND, VIOLATED, UNUSABLE, UNJUDGED = 0, 1, 2, 3
@@ -59,8 +60,9 @@ def conclude(replay: Replay) -> Conclusion:
     coverage = replay.coverage
     notes = replay.recording.notes
     unusable = [note.text for note in notes if note.unusable]
-    if not replay.events:
-        unusable.insert(0, _nothing_observed(replay))
+    unusable += _misfits(replay.spec, coverage)
+    if not replay.events and not unusable:
+        unusable.append(_nothing_observed(replay))
     unjudged = {prop.id: _reason(replay, prop, coverage) for prop in replay.unjudged}
     doubts = [note.text for note in notes if note.doubt]
     doubts += _open_questions(replay, coverage, unjudged) if replay.events else []
@@ -88,6 +90,14 @@ def _open_questions(replay: Replay, coverage: Coverage, unjudged: dict[str, str]
     for name, state in replay.states().items():
         if state["unknown"] and name not in unjudged:
             yield f"{name}: unknown at {counted(state['unknown'], 'step')}"
+
+
+def _misfits(spec: Spec, coverage: Coverage) -> Iterator[str]:
+    """The streams with messages that can't be of their types."""
+    for key, counts in coverage.items():
+        if "misfits" in counts:
+            which = part_of(counts["misfits"], counts["events"])
+            yield f"{key}: {which} of no {spec.by_key[key].type}: {counts['misfit']}"
 
 
 def _all(events: int) -> str:

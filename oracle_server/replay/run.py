@@ -6,6 +6,7 @@ import heapq
 import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 from oracle_server.core.engine import Answer
@@ -16,6 +17,7 @@ from oracle_server.core.kinds import TICK
 from oracle_server.core.plan import plan
 from oracle_server.core.session import Session, orders
 from oracle_server.core.spec import By, Property, Spec
+from oracle_server.core.typed import StreamTypes
 from oracle_server.core.verdicts import Judged, Outcome
 from oracle_server.engines.table import make_engines
 from oracle_server.remote.offline import OfflineOracles
@@ -34,8 +36,19 @@ class Replay:
     `by` requests another order.
     """
 
-    def __init__(self, spec: Spec, recording: Recording, by: By | None = None, *, strict: bool = False) -> None:
-        """`by` overrides the order that the spec asks for; `strict`: whatever was not judged is no success."""
+    def __init__(
+        self,
+        spec: Spec,
+        recording: Recording,
+        by: By | None = None,
+        *,
+        types: StreamTypes = MappingProxyType({}),
+        strict: bool = False,
+    ) -> None:
+        """`by` overrides the order that the spec asks for; `strict`: whatever was not judged is no success.
+
+        Messages are held against `types`, those of the streams whose types are known.
+        """
         self.strict = strict
         ordering = replace(spec.ordering, by=by) if by else spec.ordering
         self.spec = replace(spec, ordering=ordering)
@@ -46,7 +59,8 @@ class Replay:
         self.recording = recording
         ready = plan(spec)
         self._counting = {
-            key: Counting(stream.project, signal_names(spec, key)) for key, stream in ready.streams.items()
+            key: Counting(stream.project, signal_names(spec, key), types.get(key))
+            for key, stream in ready.streams.items()
         }
         streams = {key: replace(stream, project=self._counting[key]) for key, stream in ready.streams.items()}
         self._plan = replace(ready, streams=streams)
