@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -32,12 +32,13 @@ def gravest(statuses: list[int]) -> int:
 class Conclusion:
     """The exit status of one replay, and its reasons.
 
-    `unusable` says why the recording can't be used, empty where it can; `unjudged` has properties that were unknown
-    at every step, with the reason; `doubts` is whatever else was not judged, and makes a strict replay fail; `remarks`
+    `unusable` says why the recording can't be used, empty where it can; `unjudged` has properties that were
+    not judged, with the reason; `doubts` is whatever else was not judged, and makes a strict replay fail; `remarks`
     is to be known, and changes no status.
     """
 
     status: int
+    strict: bool
     unusable: tuple[str, ...]
     unjudged: dict[str, str]
     doubts: tuple[str, ...]
@@ -63,7 +64,8 @@ def conclude(replay: Replay) -> Conclusion:
     unusable += _misfits(replay.spec, coverage)
     if not replay.events and not unusable:
         unusable.append(_nothing_observed(replay))
-    unjudged = {prop.id: _reason(replay, prop, coverage) for prop in replay.unjudged}
+    by_id = {prop.id: prop for prop in replay.spec.properties}
+    unjudged = {name: _reason(replay, by_id[name], where, coverage) for name, where in replay.unjudged.items()}
     doubts = [note.text for note in notes if note.doubt]
     doubts += _open_questions(replay, coverage, unjudged) if replay.events else []
     status = SOUND
@@ -74,7 +76,7 @@ def conclude(replay: Replay) -> Conclusion:
     elif unjudged or (replay.strict and doubts):
         status = UNJUDGED
     remarks = tuple(note.text for note in notes if not note.unusable and not note.doubt)
-    return Conclusion(status, tuple(unusable), unjudged, tuple(doubts), remarks, coverage)
+    return Conclusion(status, replay.strict, tuple(unusable), unjudged, tuple(doubts), remarks, coverage)
 
 
 def _open_questions(replay: Replay, coverage: Coverage, unjudged: dict[str, str]) -> Iterator[str]:
@@ -122,8 +124,13 @@ def _nearest(name: str, others: list[str]) -> list[str]:
     return difflib.get_close_matches(name, others, n=3, cutoff=0.7)
 
 
-def _reason(replay: Replay, prop: Property, coverage: Coverage) -> str:
-    """Why a property was unknown at every step."""
+def _reason(replay: Replay, prop: Property, where: Sequence[StreamKey], coverage: Coverage) -> str:
+    """Why a property was not judged, at the events of these streams or, without any, at all."""
+    why = _why_unknown(replay, prop, coverage)
+    return f"unknown at every event of {' and '.join(map(str, where))}: {why}" if where else why
+
+
+def _why_unknown(replay: Replay, prop: Property, coverage: Coverage) -> str:
     session = replay.session
     states = [s for j in session.judges.values() for s in j.properties if s.property is prop] if session else []
     for state in states:

@@ -96,6 +96,68 @@ def test_a_property_that_was_always_unknown_is_no_success(tmp_path: Path, capsys
     assert "/mode: no event in the recording" in (suite.findtext("system-out") or "")
 
 
+UNKNOWN = [("/battery", {"level": "NaN"})] * 3
+VACUOUS: dict[str, tuple[list[tuple[str, dict[str, Any]]], int]] = {
+    "an event of another stream": ([*UNKNOWN, ("/mode", FULL)], 3),
+    "an event that lacks its signal": ([*UNKNOWN, ("/battery", {})], 3),
+    "both": ([("/mode", FULL), *UNKNOWN, ("/battery", {"level": None}), ("/mode", FULL)], 3),
+    "one that was judged": ([*UNKNOWN, ("/battery", {"level": 50}), ("/mode", FULL)], 0),
+}
+
+
+@pytest.mark.parametrize("case", VACUOUS)
+def test_what_holds_for_want_of_its_signals_was_not_judged(case: str, tmp_path: Path) -> None:
+    events, status = VACUOUS[case]
+    text = SPEC.replace("-> {level >= 20}'", "and {level < 20} -> {level > 10}'")
+    found = judge(write_spec(tmp_path, text), trace(tmp_path, *events))
+    assert (found.exit, found.strict) == (status, 3)
+    if status:
+        (unjudged,) = found.summary["unjudged"]
+        assert unjudged["property"] == "charged"
+        assert "the signal level of /battery failed at 3 of" in unjudged["reason"]
+
+
+def test_what_reads_a_held_signal_is_judged_at_the_events_where_it_matters(tmp_path: Path) -> None:
+    text = SPEC.replace("topic: /battery,", "topic: /battery, hold: [level],")
+    text = text.replace('{topic: "/battery"} -> {level >= 20}', '{topic: "/mode", level < 20} -> {mode: rest}')
+    found = judge(write_spec(tmp_path, text), trace(tmp_path, *UNKNOWN, ("/mode", FULL), ("/battery", {"level": 5})))
+    assert (found.exit, found.strict) == (3, 3)
+    (unjudged,) = found.summary["unjudged"]
+    assert unjudged["property"] == "charged"
+    assert unjudged["reason"].startswith("unknown at every event of /mode: the signal level of /battery failed at 3 of")
+
+
+JUNIT = {**CASES, "never judged": ([*UNKNOWN, ("/mode", FULL)], 3, 3, "")}
+
+
+@pytest.mark.parametrize("strict", [False, True])
+@pytest.mark.parametrize("case", JUNIT)
+def test_junit_says_what_the_exit_status_says(
+    case: str, strict: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    events, plain, exit_strict, _ = JUNIT[case]
+    status = run_replay([write_spec(tmp_path, SPEC)], trace(tmp_path, *events), None, "junit", strict=strict)
+    assert status == (exit_strict if strict else plain)
+    suite = ElementTree.fromstring(capsys.readouterr().out).find("testsuite")
+    assert suite is not None
+    found = {kind: len(suite.findall(f"testcase/{kind}")) for kind in ("failure", "error")}
+    assert found == {"failure": int(suite.get("failures", "")), "error": int(suite.get("errors", ""))}
+    assert int(suite.get("tests", "")) == len(suite.findall("testcase"))
+    assert bool(found["failure"]) == (status == 1)
+    assert bool(found["failure"] or found["error"]) == (status != 0)
+
+
+def test_junit_names_what_a_strict_replay_lacks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    spec, events = write_spec(tmp_path, SPEC), trace(tmp_path, ("/battery", {"level": 50}))
+    run_replay([spec], events, None, "junit", strict=True)
+    suite = ElementTree.fromstring(capsys.readouterr().out).find("testsuite")
+    assert suite is not None
+    error = suite.find("testcase[@name='(recording)']/error")
+    assert error is not None
+    assert error.get("message") == "1 thing was not judged, and --strict was given"
+    assert error.text == "/mode: no event in the recording"
+
+
 def test_junit_errs_where_nothing_was_observed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run_replay([write_spec(tmp_path, SPEC)], trace(tmp_path, ("/x", {})), None, "junit") == 2
     report = capsys.readouterr()
