@@ -34,7 +34,7 @@ class Conclusion:
 
     `unusable` says why the recording can't be used, empty where it can; `unjudged` has properties that were
     not judged, with the reason; `doubts` is whatever else was not judged, and makes a strict replay fail; `remarks`
-    is to be known, and changes no status.
+    is to be known, and changes no status. `warnings` are those of the spec's formulas, which are doubts, too.
     """
 
     status: int
@@ -42,6 +42,7 @@ class Conclusion:
     unusable: tuple[str, ...]
     unjudged: dict[str, str]
     doubts: tuple[str, ...]
+    warnings: tuple[str, ...]
     remarks: tuple[str, ...]
     coverage: Coverage
 
@@ -53,6 +54,7 @@ class Conclusion:
             "silent": [str(key) for key in silent(self.coverage)],
             "unjudged": [{"property": name, "reason": reason} for name, reason in self.unjudged.items()],
             "notes": [*self.unusable, *self.doubts, *self.remarks],
+            "warnings": list(self.warnings),
         }
 
 
@@ -73,10 +75,12 @@ def conclude(replay: Replay) -> Conclusion:
         status = UNUSABLE
     elif replay.violated:
         status = VIOLATED
-    elif unjudged or (replay.strict and doubts):
+    elif unjudged or (replay.strict and (doubts or replay.warnings)):
         status = UNJUDGED
     remarks = tuple(note.text for note in notes if not note.unusable and not note.doubt)
-    return Conclusion(status, replay.strict, tuple(unusable), unjudged, tuple(doubts), remarks, coverage)
+    return Conclusion(
+        status, replay.strict, tuple(unusable), unjudged, tuple(doubts), replay.warnings, remarks, coverage
+    )
 
 
 def _open_questions(replay: Replay, coverage: Coverage, unjudged: dict[str, str]) -> Iterator[str]:

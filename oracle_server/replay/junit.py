@@ -39,7 +39,7 @@ class JunitReport:
         """Add a suite."""
         end = conclude(replay)
         cases = [self._case(replay, end, name, state) for name, state in replay.states().items()]
-        if end.strict and end.doubts:
+        if end.strict and (end.doubts or end.warnings):
             cases.append(_of_recording(replay, end))
         wrong = {kind: sum(f"<{kind} " in case for case in cases) for kind in ("failure", "error")}
         counts = f'failures="{wrong["failure"]}" errors="{wrong["error"]}" skipped="0"'
@@ -71,19 +71,16 @@ class JunitReport:
 
 def _of_recording(replay: Replay, end: Conclusion) -> str:
     """A case for what a strict replay needs, and is no matter of one property."""
-    message = f"{counted(len(end.doubts), 'thing')} {_was(len(end.doubts))} not judged, and --strict was given"
-    text = "\n".join(escape(one_line(doubt)) for doubt in end.doubts)
+    lines = (*end.doubts, *end.warnings)
+    message = f"not everything was judged, and --strict was given: {lines[0]}"
+    text = "\n".join(escape(one_line(line)) for line in lines)
     head = f'    <testcase classname={_attribute(replay.spec.id)} name="(recording)">\n'
     return f"{head}      <error message={_attribute(message)}>{text}</error>\n    </testcase>\n"
 
 
-def _was(count: int) -> str:
-    return "was" if count == 1 else "were"
-
-
 def _said(end: Conclusion) -> str:
     """What is to be known of the recording."""
-    lines = "\n".join(escape(one_line(text)) for text in (*end.doubts, *end.remarks))
+    lines = "\n".join(escape(one_line(text)) for text in (*end.doubts, *end.warnings, *end.remarks))
     return f"    <system-out>{lines}</system-out>\n" if lines else ""
 
 

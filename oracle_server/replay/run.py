@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
@@ -44,13 +44,14 @@ class Replay:
         by: By | None = None,
         *,
         types: StreamTypes = MappingProxyType({}),
+        warnings: Sequence[str] = (),
         strict: bool = False,
     ) -> None:
         """`by` overrides the order that the spec asks for; `strict`: whatever was not judged is no success.
 
-        Messages are held against `types`, those of the streams whose types are known.
+        Messages are held against `types`, those of the streams whose types are known; `warnings` are of the formulas.
         """
-        self.strict = strict
+        self.strict, self.warnings = strict, tuple(warnings)
         ordering = replace(spec.ordering, by=by) if by else spec.ordering
         self.spec = replace(spec, ordering=ordering)
         self.events = 0

@@ -154,8 +154,9 @@ def test_junit_names_what_a_strict_replay_lacks(tmp_path: Path, capsys: pytest.C
     assert suite is not None
     error = suite.find("testcase[@name='(recording)']/error")
     assert error is not None
-    assert error.get("message") == "1 thing was not judged, and --strict was given"
-    assert error.text == "/mode: no event in the recording"
+    lacking = "/mode: no event in the recording"
+    assert error.get("message") == f"not everything was judged, and --strict was given: {lacking}"
+    assert error.text == lacking
 
 
 def test_junit_errs_where_nothing_was_observed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -223,3 +224,43 @@ def test_what_a_recording_is_shows_in_its_content(tmp_path: Path) -> None:
     assert (
         judge(write_spec(tmp_path, text.replace('topic: "/battery"', 'topic: "/level"')), named).summary["events"] == 1
     )
+
+
+VACUOUS_SPEC = SPEC.replace("'{topic: \"/mode\"} -> {mode: *}'", "'{mode: idle} or {kind: topic}'")
+UNWRITTEN_SPEC = SPEC.replace("extra: msg.extra", "extra: 1 / 0 == 1").replace("{mode: *}", "{extra: *}")
+WARNED = {
+    "vacuous": (VACUOUS_SPEC, "formula of 'known': it holds at every event, whatever the messages say", 0),
+    "unwritten": (UNWRITTEN_SPEC, "'extra' is still to be written", 3),
+}
+
+
+@pytest.mark.parametrize("form", ["text", "jsonl", "csv", "junit"])
+@pytest.mark.parametrize("case", WARNED)
+def test_warnings_of_formulas_are_said_and_are_no_strict_success(
+    case: str, form: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text, warning, plain = WARNED[case]
+    spec, events = write_spec(tmp_path, text), trace(tmp_path, ("/battery", {"level": 50}), ("/mode", FULL))
+    for strict in (False, True):
+        assert run_replay([spec], events, None, form, strict=strict) == (3 if strict else plain)
+        said = capsys.readouterr()
+        line = next(line for line in said.err.splitlines() if warning in line)
+        assert line.startswith(f"oracle-server: {spec}:")
+        assert "warning: " in line
+        assert said.err.count(warning) == 1
+        assert ("because of --strict" in said.err) == (strict and not plain)
+        if form == "jsonl":
+            (found,) = json.loads(said.out.splitlines()[-1])["summary"]["warnings"]
+            assert warning in found
+        if form == "junit":
+            suite = ElementTree.fromstring(said.out).find("testsuite")
+            assert suite is not None
+            assert warning in (suite.findtext("system-out") or "")
+            assert (suite.find("testcase[@name='(recording)']/error") is not None) == strict
+
+
+def test_warnings_of_types_are_for_check_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = SPEC.replace("topic: /mode,", "topic: /mode, type: unknown_msgs/msg/Mode,")
+    events = trace(tmp_path, ("/battery", {"level": 50}), ("/mode", FULL))
+    assert run_replay([write_spec(tmp_path, text)], events, None, "text", strict=True) == 0
+    assert capsys.readouterr().err == ""
