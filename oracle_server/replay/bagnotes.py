@@ -66,6 +66,9 @@ def _of_topic(topic: Topic) -> Iterator[Note]:
         yield Note(
             f"{topic.name}: {counted(topic.seen, 'message')} could be read, where {topic.promised} should be there"
         )
+    if topic.timeless:
+        what = part_of(topic.timeless, topic.seen)
+        yield Note(one_line(f"{topic.name}: {what} ordered by arrival: {topic.why_timeless}"), doubt=True)
     if topic.bare:
         what = "service events" if topic.bare > 1 else "service event"
         yield Note(f"{topic.name}: {topic.bare} {what} without content: only metadata was recorded", doubt=True)
