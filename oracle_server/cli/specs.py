@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Literal
@@ -37,7 +38,8 @@ def check(
     graph = load_graph(ros_graph) if ros_graph else None
     known = Types(types or ())
     ids: dict[str, Path] = {}
-    sound = refused = warnings = 0
+    sound = refused = 0
+    counts = Counter[str]()
     for path in specs:
         findings: tuple[Finding, ...]
         try:
@@ -48,15 +50,19 @@ def check(
             findings = (*loaded.warnings, *_doubled(loaded.spec.id, path, ids))
         for finding in findings:
             typer.echo(_json(finding) if as_json else str(finding), err=not as_json)
-        warnings += sum(finding.severity == "warning" for finding in findings)
-        if any(strict or finding.severity == "error" for finding in findings):
+        counts.update(finding.severity for finding in findings)
+        wrong = any(finding.severity == "error" for finding in findings)
+        if wrong or (strict and findings):
             refused += 1
+            if not wrong and not as_json:
+                typer.echo(f"{path}: refused because of --strict: {_count(len(findings), 'warning')}", err=True)
             continue
         sound += 1
         if not as_json:
             typer.echo(f"{path}: sound")
-    if warnings and not as_json:
-        typer.echo(f"{_count(sound, 'spec')} sound, {_count(warnings, 'warning')}")
+    if counts and not as_json:
+        told = [_count(counts[severity], severity) for severity in ("error", "warning") if counts[severity]]
+        typer.echo(", ".join([f"{_count(sound, 'spec')} sound", *told]))
     if refused:
         raise typer.Exit(1)
 

@@ -65,6 +65,16 @@ def one_line(text: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
+FindingKind = Literal["general", "vacuous", "unjudged", "type"]
+"""What a finding is about.
+
+- `vacuous`: a part of a formula that never holds, or never fails, whatever the messages say
+- `unjudged`: what leaves a property unknown at some events, whatever the messages say
+- `type`: a type, or what is read of its messages
+- `general`: all else
+"""
+
+
 @dataclass(frozen=True, slots=True)
 class SpecProblem:
     """One thing that is wrong with a spec.
@@ -78,6 +88,7 @@ class SpecProblem:
     within: tuple[int, int] | None = None
     severity: Literal["error", "warning"] = "error"
     first: tuple[str | int, ...] | None = None
+    kind: FindingKind = "general"
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +100,7 @@ class Finding:
     column: int
     message: str
     severity: Literal["error", "warning"] = "error"
+    kind: FindingKind = "general"
 
     def __str__(self) -> str:
         mark = "warning: " if self.severity == "warning" else ""

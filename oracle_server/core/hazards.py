@@ -125,7 +125,7 @@ def _unwritten(spec: Spec) -> Iterator[SpecProblem]:
             message = (
                 f"'{name}' is still to be written ({UNWRITTEN} always fails), so that {', '.join(read)} is unknown"
             )
-            yield SpecProblem(("streams", i, "signals", name), message, severity="warning")
+            yield SpecProblem(("streams", i, "signals", name), message, severity="warning", kind="unjudged")
 
 
 def _filters(spec: Spec) -> Iterator[SpecProblem]:
@@ -206,7 +206,7 @@ def _gaps(spec: Spec) -> Iterator[SpecProblem]:
         where = ", ".join(f"{stream} ({', '.join(keys)})" for stream, keys in lacking.items() if keys)
         if where:
             message = f"property '{prop.id}' is unknown where a signal is missing: {where}; `hold` keeps the last value"
-            yield SpecProblem(("properties", i, "formula"), message, severity="warning")
+            yield SpecProblem(("properties", i, "formula"), message, severity="warning", kind="unjudged")
 
 
 def _causes(spec: Spec) -> Iterator[SpecProblem]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from oracle_server.core.expression import read
+from oracle_server.core.expression import read, told
 from oracle_server.core.formula.parse import NANOSECONDS
 
 Unit = Literal["ns", "us", "ms", "s"]
@@ -47,6 +47,22 @@ def stamp_in(message: object, stamp: Stamp | None) -> int | None:
     return None
 
 
+def stamp_fault(message: object, stamp: Stamp | None) -> str:
+    """Why a message has no publication time though something stands in its place; empty where nothing is wrong.
+
+    Zero counts as nothing, and so does what is missing, but for a field that the spec names.
+    """
+    for place in DEFAULT_PATHS if stamp is None else (stamp.field,):
+        value = read(message, tuple(place.split(".")))
+        if value is None and stamp is not None:
+            return f"it has no `{place}`"
+        if nanoseconds(value, stamp.unit if stamp else None) is not None:
+            return ""
+        if value is not None and not _is_zero(value):
+            return f"`{place}` is {_told(value)}, and no time"
+    return ""
+
+
 def since_boot_in(message: object, stamp: Stamp) -> int | None:
     """How long after the robot's start a message was published, in nanoseconds; None where that is not told."""
     return _at(message, stamp.field, stamp.unit)
@@ -72,6 +88,17 @@ def nanoseconds(value: object, unit: Unit | None = None) -> int | None:
 
 def _at(message: object, path: str, unit: Unit | None) -> int | None:
     return nanoseconds(read(message, tuple(path.split("."))), unit)
+
+
+def _is_zero(value: object) -> bool:
+    parts = value.values() if isinstance(value, Mapping) else (value,)
+    return all(type(part) in (int, float) and part == 0 for part in parts)
+
+
+def _told(value: object) -> str:
+    if isinstance(value, Mapping):
+        return " and ".join(f"{key} {told(part)}" for key, part in value.items()) or "empty"
+    return told(value)
 
 
 def _within(stamp: int) -> int | None:

@@ -42,7 +42,7 @@ def vacuous(spec: Spec) -> Iterator[SpecProblem]:
             where[prop.time] = places(spec, prop.time)
         for doubt in dict.fromkeys(doubts(prop, where[prop.time])):
             message = f"formula of '{prop.id}': {doubt.message}"
-            yield SpecProblem(("properties", i, "formula"), message, doubt.at, severity="warning")
+            yield SpecProblem(("properties", i, "formula"), message, doubt.at, severity="warning", kind="vacuous")
 
 
 def doubts(prop: Property, where: Sequence[Place]) -> Iterator[Doubt]:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from oracle_server.core.errors import one_line
 from oracle_server.core.units import counted
 from oracle_server.replay.folder import Files
-from oracle_server.replay.recording import Note
+from oracle_server.replay.recording import Note, part_of
 from oracle_server.replay.sources import Topic
 from oracle_server.replay.storage import Storage
 
@@ -26,8 +26,21 @@ def notes_of(topics: Iterable[Topic], files: Files, storages: Sequence[Storage])
                 Note(f"{path.name}: {counted(len(damages) - _MOST, 'more part')} could not be read", doubt=True)
             )
     for topic in topics:
+        found += _types(topic)
         found += _of_topic(topic)
     return found
+
+
+def _types(topic: Topic) -> Iterator[Note]:
+    """Messages of another type than the spec's; or where it says none, of several."""
+    if not topic.wanted and len(topic.types) > 1:
+        names = ", ".join(sorted(topic.types))
+        yield Note(one_line(f"{topic.name}: has messages of {len(topic.types)} types: {names}"), doubt=True)
+    for name, count in topic.types.items() if topic.wanted else ():
+        if name != topic.wanted:
+            which = part_of(count, sum(topic.types.values())) if count else "some of its messages are"
+            what = f"{topic.name}: {which} of the type {name}, and the spec says {topic.wanted}"
+            yield Note(one_line(f"{what}: such a message was not judged"), unusable=True)
 
 
 def _of_topic(topic: Topic) -> Iterator[Note]:
@@ -53,6 +66,9 @@ def _of_topic(topic: Topic) -> Iterator[Note]:
         yield Note(
             f"{topic.name}: {counted(topic.seen, 'message')} could be read, where {topic.promised} should be there"
         )
+    if topic.timeless:
+        what = part_of(topic.timeless, topic.seen)
+        yield Note(one_line(f"{topic.name}: {what} ordered by arrival: {topic.why_timeless}"), doubt=True)
     if topic.bare:
         what = "service events" if topic.bare > 1 else "service event"
         yield Note(f"{topic.name}: {topic.bare} {what} without content: only metadata was recorded", doubt=True)

@@ -97,6 +97,10 @@ class Bag:
         self.size = sum(there[name] for name, topic in self._topics.items() if topic.role is not None)
         for name, topic in self._topics.items():
             topic.promised = there[name]
+        for name, role in found.by_topic.items():
+            for topic_name in (name, role.forwarded):
+                if topic_name is not None:
+                    self._topics[topic_name].wanted = self._plan.spec.by_key[role.streams[0]].type
         return [
             {c.id: source for c in storage.channels if (source := self._source(c)) is not None} for storage in storages
         ]
@@ -104,8 +108,12 @@ class Bag:
     def _source(self, channel: Channel) -> Source | None:
         if channel.topic not in self._topics:
             return None
+        topic = self._topics[channel.topic]
+        if not topic.takes(channel):
+            topic.promised -= channel.promised or 0
+            return None
         try:
-            return Source(channel, self._topics[channel.topic], self._plan, self._types)
+            return Source(channel, topic, self._plan, self._types)
         except TraceError:
             if channel.promised == 0:
                 return None

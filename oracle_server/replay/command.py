@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from oracle_server.core.errors import one_line
+from oracle_server.core.errors import FindingKind, one_line
 from oracle_server.core.spec import By
 from oracle_server.core.units import counted
 from oracle_server.process.progress import progress
@@ -16,9 +16,12 @@ from oracle_server.replay.opening import open_recording
 from oracle_server.replay.recording import Recording
 from oracle_server.replay.run import Replay
 from oracle_server.rostypes.known import Types
+from oracle_server.rostypes.streams import stream_types
 from oracle_server.specfiles.load import load_spec
 
 _EVERY = 256
+_OF_FORMULAS = frozenset[FindingKind]({"vacuous", "unjudged"})
+"""The warnings of `check` that tell how much a judgement is worth."""
 
 
 def run_replay(
@@ -37,12 +40,16 @@ def run_replay(
     `SpecError` and `TraceError` where an input can't be used.
     """
     known = Types(types)
-    loaded = [load_spec(path, types=known).spec for path in specs]
+    loaded = [load_spec(path, types=known) for path in specs]
     report = make_report(form, sys.stdout, several=len(loaded) > 1, signals=signals)
     statuses = []
-    for spec in loaded:
+    for file in loaded:
+        spec = file.spec
+        warnings = [str(found) for found in file.warnings if found.kind in _OF_FORMULAS]
+        _say(warnings)
         recording = open_recording(trace, spec, types)
-        replay = Replay(spec, recording, by, strict=strict)
+        shapes, _ = stream_types(spec, known, None)
+        replay = Replay(spec, recording, by, types=shapes, warnings=warnings, strict=strict)
         _run(replay, recording, report)
         statuses.append(_tell(replay, form))
     report.finish()
@@ -72,5 +79,11 @@ def _tell(replay: Replay, form: Format) -> int:
             for name, count in sorted(replay.recording.ignored.items())
             if count
         ]
-    sys.stderr.writelines(f"oracle-server: {one_line(line)}\n" for line in lines)
+    if end.status == UNJUDGED and not end.unjudged:
+        lines.append(f"{replay.spec.id}: ends with {UNJUDGED} because of --strict: not everything was judged")
+    _say(lines)
     return end.status
+
+
+def _say(lines: Iterable[str]) -> None:
+    sys.stderr.writelines(f"oracle-server: {one_line(line)}\n" for line in lines)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 from oracle_server.core.errors import one_line
 from oracle_server.core.events import StreamKey
-from oracle_server.core.spec import Property
+from oracle_server.core.spec import Property, Spec
 from oracle_server.core.units import counted
 from oracle_server.replay.coverage import Coverage, SignalCounts, because, never_there, silent
+from oracle_server.replay.recording import part_of
 from oracle_server.replay.run import Replay
 
 SOUND, VIOLATED, UNUSABLE, UNJUDGED = 0, 1, 2, 3
@@ -31,15 +32,17 @@ def gravest(statuses: list[int]) -> int:
 class Conclusion:
     """The exit status of one replay, and its reasons.
 
-    `unusable` says why the recording can't be used, empty where it can; `unjudged` has properties that were unknown
-    at every step, with the reason; `doubts` is whatever else was not judged, and makes a strict replay fail; `remarks`
-    is to be known, and changes no status.
+    `unusable` says why the recording can't be used, empty where it can; `unjudged` has properties that were
+    not judged, with the reason; `doubts` is whatever else was not judged, and makes a strict replay fail; `remarks`
+    is to be known, and changes no status. `warnings` are those of the spec's formulas, which are doubts, too.
     """
 
     status: int
+    strict: bool
     unusable: tuple[str, ...]
     unjudged: dict[str, str]
     doubts: tuple[str, ...]
+    warnings: tuple[str, ...]
     remarks: tuple[str, ...]
     coverage: Coverage
 
@@ -51,6 +54,7 @@ class Conclusion:
             "silent": [str(key) for key in silent(self.coverage)],
             "unjudged": [{"property": name, "reason": reason} for name, reason in self.unjudged.items()],
             "notes": [*self.unusable, *self.doubts, *self.remarks],
+            "warnings": list(self.warnings),
         }
 
 
@@ -59,9 +63,11 @@ def conclude(replay: Replay) -> Conclusion:
     coverage = replay.coverage
     notes = replay.recording.notes
     unusable = [note.text for note in notes if note.unusable]
-    if not replay.events:
-        unusable.insert(0, _nothing_observed(replay))
-    unjudged = {prop.id: _reason(replay, prop, coverage) for prop in replay.unjudged}
+    unusable += _misfits(replay.spec, coverage)
+    if not replay.events and not unusable:
+        unusable.append(_nothing_observed(replay))
+    by_id = {prop.id: prop for prop in replay.spec.properties}
+    unjudged = {name: _reason(replay, by_id[name], where, coverage) for name, where in replay.unjudged.items()}
     doubts = [note.text for note in notes if note.doubt]
     doubts += _open_questions(replay, coverage, unjudged) if replay.events else []
     status = SOUND
@@ -69,10 +75,12 @@ def conclude(replay: Replay) -> Conclusion:
         status = UNUSABLE
     elif replay.violated:
         status = VIOLATED
-    elif unjudged or (replay.strict and doubts):
+    elif unjudged or (replay.strict and (doubts or replay.warnings)):
         status = UNJUDGED
     remarks = tuple(note.text for note in notes if not note.unusable and not note.doubt)
-    return Conclusion(status, tuple(unusable), unjudged, tuple(doubts), remarks, coverage)
+    return Conclusion(
+        status, replay.strict, tuple(unusable), unjudged, tuple(doubts), replay.warnings, remarks, coverage
+    )
 
 
 def _open_questions(replay: Replay, coverage: Coverage, unjudged: dict[str, str]) -> Iterator[str]:
@@ -88,6 +96,14 @@ def _open_questions(replay: Replay, coverage: Coverage, unjudged: dict[str, str]
     for name, state in replay.states().items():
         if state["unknown"] and name not in unjudged:
             yield f"{name}: unknown at {counted(state['unknown'], 'step')}"
+
+
+def _misfits(spec: Spec, coverage: Coverage) -> Iterator[str]:
+    """The streams with messages that can't be of their types."""
+    for key, counts in coverage.items():
+        if "misfits" in counts:
+            which = part_of(counts["misfits"], counts["events"])
+            yield f"{key}: {which} of no {spec.by_key[key].type}: {counts['misfit']}"
 
 
 def _all(events: int) -> str:
@@ -112,8 +128,13 @@ def _nearest(name: str, others: list[str]) -> list[str]:
     return difflib.get_close_matches(name, others, n=3, cutoff=0.7)
 
 
-def _reason(replay: Replay, prop: Property, coverage: Coverage) -> str:
-    """Why a property was unknown at every step."""
+def _reason(replay: Replay, prop: Property, where: Sequence[StreamKey], coverage: Coverage) -> str:
+    """Why a property was not judged, at the events of these streams or, without any, at all."""
+    why = _why_unknown(replay, prop, coverage)
+    return f"unknown at every event of {' and '.join(map(str, where))}: {why}" if where else why
+
+
+def _why_unknown(replay: Replay, prop: Property, coverage: Coverage) -> str:
     session = replay.session
     states = [s for j in session.judges.values() for s in j.properties if s.property is prop] if session else []
     for state in states:

@@ -8,6 +8,8 @@ from typing import Any, NotRequired, TypedDict
 from oracle_server.core.events import StreamKey
 from oracle_server.core.plan import Projects, named_signals
 from oracle_server.core.spec import Spec
+from oracle_server.core.typed import TypedMessage
+from oracle_server.replay.misfit import misfit
 from oracle_server.replay.recording import Projected
 
 
@@ -21,10 +23,15 @@ class SignalCounts(TypedDict):
 
 
 class StreamCounts(TypedDict):
-    """The events of a stream, and what they had of its signals."""
+    """The events of a stream, and what they had of its signals.
+
+    `misfits` are messages that can't be of the stream's type, `misfit` is why the first can't.
+    """
 
     events: int
     signals: dict[str, SignalCounts]
+    misfits: NotRequired[int]
+    misfit: NotRequired[str]
 
 
 def signal_names(spec: Spec, key: StreamKey) -> tuple[str, ...]:
@@ -39,12 +46,14 @@ def signal_names(spec: Spec, key: StreamKey) -> tuple[str, ...]:
 class Counting:
     """Projects the messages of a stream, as recorded or anew, and counts which signals they had."""
 
-    def __init__(self, project: Projects, names: tuple[str, ...]) -> None:
-        """Count the signals of these names."""
+    def __init__(self, project: Projects, names: tuple[str, ...], type_: TypedMessage | None = None) -> None:
+        """Count the signals of these names, and messages that can't be of the type, where that is known."""
         self.fields = project.fields
         self._project, self._names = project, names
         self._shapes: Counter[tuple[tuple[str, ...], frozenset[str]]] = Counter()
         self._reasons: dict[str, str] = {}
+        self._shape = None if type_ is None else type_.widest
+        self._misfits, self._misfit = 0, ""
 
     def __call__(self, message: object) -> tuple[dict[str, Any], frozenset[str]]:
         """The signals of a message by name, and the names of those that failed."""
@@ -52,6 +61,9 @@ class Counting:
             signals, failed = dict(message.signals), message.failed
         else:
             signals, failed = self._project(message)
+            why = "" if self._shape is None else misfit(self._shape, message)
+            if why:
+                self._misfits, self._misfit = self._misfits + 1, self._misfit or why
             if not failed <= self._reasons.keys():
                 self._reasons = self._project.reasons(message) | self._reasons
         self._shapes[tuple(signals), failed] += 1
@@ -71,7 +83,10 @@ class Counting:
             signals[name] = {"present": present, "absent": events - present - failed, "failed": failed}
             if name in self._reasons:
                 signals[name]["reason"] = self._reasons[name]
-        return {"events": events, "signals": signals}
+        counts: StreamCounts = {"events": events, "signals": signals}
+        if self._misfits:
+            counts |= {"misfits": self._misfits, "misfit": self._misfit}
+        return counts
 
 
 Coverage = dict[StreamKey, StreamCounts]

@@ -12,7 +12,8 @@ from rosbags.typesys.store import Typestore
 from oracle_server.core.errors import TraceError, one_line
 from oracle_server.replay.storage import Channel
 
-_EVENT = "_Event"
+EVENT = "_Event"
+"""How the type of a service's events is named, behind the service's."""
 _RULE = "=" * 80 + "\n"
 _INFO = """uint8 event_type
 builtin_interfaces/Time stamp
@@ -30,7 +31,7 @@ def types_of(channel: Channel, known: Typestore) -> Typestore:
     `known` has what the channel does not define itself. Raises `TraceError` where a type is unknown.
     """
     own, name = _defined(channel), type_name(channel.type)
-    if name not in own and channel.type.endswith(_EVENT):
+    if name not in own and channel.type.endswith(EVENT):
         own |= _known_event(channel.type, known)
     elif name not in own and name in known.fielddefs:
         own[name] = known.fielddefs[name]
@@ -49,14 +50,14 @@ def types_of(channel: Channel, known: Typestore) -> Typestore:
 def type_name(name: str) -> str:
     """What a type is called among types of messages, as is that of a service's events."""
     package, _, rest = name.partition("/")
-    if "/" not in rest or (rest.startswith("srv/") and rest.endswith(_EVENT)):
+    if "/" not in rest or (rest.startswith("srv/") and rest.endswith(EVENT)):
         return f"{package}/msg/{rest.removeprefix('srv/')}"
     return name
 
 
 def event_parts(name: str) -> tuple[str, str]:
     """What the requests and the responses in a service's events are named, by the type of the events."""
-    package, _, service = name.removesuffix(_EVENT).rpartition("/")
+    package, _, service = name.removesuffix(EVENT).rpartition("/")
     package = package.split("/")[0]
     return f"{package}/msg/{service}_Request", f"{package}/msg/{service}_Response"
 
@@ -69,7 +70,7 @@ def _defined(channel: Channel) -> _Types:
         if not channel.definition.strip() and channel.encoding != "ros1msg":
             return {}
         head, *parts = channel.definition.split(_RULE)
-        if channel.type.endswith(_EVENT) and "/srv/" in channel.type:
+        if channel.type.endswith(EVENT) and "/srv/" in channel.type:
             lines = head.splitlines()
             if "---" not in lines:
                 return {}
@@ -117,7 +118,7 @@ def _event_type(name: str) -> _Types:
 
 
 def _known_event(name: str, known: Typestore) -> _Types:
-    service = name.removesuffix(_EVENT)
+    service = name.removesuffix(EVENT)
     wanted = f"{service}_Request", f"{service}_Response"
     if not all(part in known.fielddefs for part in wanted):
         return {}

@@ -6,59 +6,19 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
-
-import msgspec
-from msgspec import Meta, Struct
 
 from oracle_server.core.errors import TraceError
 from oracle_server.core.events import TICKS, Event
-from oracle_server.core.kinds import TICK, StepKind
+from oracle_server.core.kinds import TICK
 from oracle_server.core.spec import Spec
-from oracle_server.core.stamps import stamp_in
-from oracle_server.replay.recording import Note, Place, Projected, Recorded
-from oracle_server.wire.flat import decode_object, find_stream, flat_event
+from oracle_server.core.stamps import Stamp, stamp_fault, stamp_in
+from oracle_server.replay.line import Found, Line, read_line
+from oracle_server.replay.recording import Note, Recorded
+from oracle_server.replay.times import Times
+from oracle_server.wire.flat import find_stream
 
-Natural = Annotated[int, Meta(ge=0, le=2**63 - 1)]
 MAX_LINE = 64 * 2**20
 """The most bytes of one line."""
-
-
-class Line(Struct):
-    """A line in the project's own format; times in nanoseconds since the epoch.
-
-    It has the message as `data`, or its signals as `signals` and `failed`. `otherwise` is the publication time of a
-    message that has none itself. `places`, `passed`, `why` and `verdict` are what was recorded about the event live;
-    the first line of a session's trace has `begun`, when the session began.
-    """
-
-    stream: str
-    data: dict[str, Any] | None = None
-    signals: dict[str, str | bool | int | float] | None = None
-    failed: list[str] = []
-    kind: StepKind = "topic"
-    stamp: Natural | None = None
-    arrived: Natural | None = None
-    monitor: str = "replay"
-    seq: Natural | None = None
-    source: str = ""
-    call: Natural | None = None
-    lost: Natural = 0
-    ask: bool = False
-    otherwise: Natural | None = None
-    places: list[Place] = []
-    passed: bool | None = None
-    why: str | None = None
-    verdict: str | None = None
-    begun: Natural | None = None
-
-    def message(self) -> dict[str, Any] | Projected:
-        """The message, or its signals, to ingest. Raises ValueError where the line has neither."""
-        if self.data is not None:
-            return self.data
-        if self.signals is None:
-            raise ValueError("the field `data` is missing")
-        return Projected(self.signals, frozenset(self.failed))
 
 
 Lines = Callable[[], Iterable[tuple[str, bytes]]]
@@ -84,6 +44,10 @@ class Trace:
     read: int = 0
     _now: int = 0
     _seq: Counter[str] = field(default_factory=Counter)
+    _times: Times = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._times = Times(self.spec.ordering.max_skew)
 
     def __iter__(self) -> Iterator[Recorded]:
         """The events. Raises `TraceError` with file and line at the first line that is not an event."""
@@ -96,25 +60,24 @@ class Trace:
                 if not first and _is_cut(text, self.read, self.size):
                     self.notes.append(Note(f"{place}: ends early, within a line", doubt=True))
                     break
-                line = self._line(text, place)
+                line, fault = self._line(text, place)
                 if first:
                     self.clocked, first, begun = line.arrived is not None, False, line.begun
-                event = self._event(line)
+                    self._times.clocked = self.clocked
+                event = self._event(line, place, fault)
                 if event is not None:
                     yield Recorded(event, tuple(line.places), line.passed, line.why, line.verdict, begun)
         except OSError as error:
             raise TraceError(f"{self.path}: can't be read: {error.strerror}") from None
+        self.notes += self._times.notes(timed=any(prop.time == "seconds" for prop in self.spec.properties))
 
-    def _line(self, text: bytes, place: str) -> Line:
+    def _line(self, text: bytes, place: str) -> Found:
         try:
-            line = msgspec.convert(_line_of(decode_object(text)), Line)
-            line.message()
-        except (msgspec.MsgspecError, ValueError, TypeError, RecursionError) as error:
-            reason = "nested too deep" if isinstance(error, RecursionError) else error
-            raise TraceError(f"{place}: not an event: {reason}") from None
-        return line
+            return read_line(text)
+        except ValueError as error:
+            raise TraceError(f"{place}: not an event: {error}") from None
 
-    def _event(self, line: Line) -> Event | None:
+    def _event(self, line: Line, place: str, fault: str) -> Event | None:
         if line.kind == TICK:
             return Event(TICKS, "", line.seq or 0, line.stamp, line.arrived or 0, line.message())
         key = find_stream(line.stream, line.kind, self.spec.by_key)
@@ -122,12 +85,24 @@ class Trace:
             self.ignored[line.stream] += 1
             return None
         message = line.message()
+        if not line.places:
+            self._look(line, place, fault, self.spec.by_key[key].stamp)
         stamp = line.stamp or stamp_in(message, self.spec.by_key[key].stamp) or line.otherwise
         arrived = line.arrived if self.clocked else stamp
         self._now = max(self._now, arrived or 0)
         self._seq[line.monitor] += 1
         seq = self._seq[line.monitor] = line.seq or self._seq[line.monitor]
         return Event(key, line.monitor, seq, stamp, self._now, message, line.source, line.call, line.lost, line.ask)
+
+    def _look(self, line: Line, place: str, fault: str, where: Stamp | None) -> None:
+        """Look at the times of a line that no session has recorded."""
+        own = line.stamp or line.otherwise
+        self._times.look(place, line.arrived, own, fault)
+        if line.data is not None and (line.stamp is None or (where is not None and not where.plain)):
+            unread = stamp_fault(line.data, where)
+            if unread:
+                then = "it is ordered by the time of its line" if own or line.arrived else "it has no time"
+                self._times.note(place, f"{line.stream}: {unread}", then)
 
 
 def read_lines(path: Path, spec: Spec) -> Trace:
@@ -147,13 +122,3 @@ def read_lines(path: Path, spec: Spec) -> Trace:
 def _is_cut(text: bytes, read: int, size: int) -> bool:
     """Whether a line is the last of its file, and lacks its end."""
     return read >= size and not text.endswith(b"\n") and not text.rstrip().endswith(b"}")
-
-
-def _line_of(value: dict[str, Any]) -> Any:
-    """The fields of a `Line` from a JSON object, which is one already or a flat event of ROSMonitoring's."""
-    if "stream" in value:
-        return value
-    flat = flat_event(value)
-    verdict = value.get("verdict")
-    line = {"stream": flat.stream, "kind": flat.kind, "data": flat.data, "arrived": flat.time}
-    return line | {"otherwise": flat.stamp or flat.time, "verdict": verdict if isinstance(verdict, str) else None}

@@ -18,7 +18,7 @@ _MOST_SHOWN = 20
 
 
 class JunitReport:
-    """A test suite for each spec, a test case for each property: a failure if violated, an error if unknown."""
+    """A test suite for each spec, a test case for each property: a failure if violated, an error if not judged."""
 
     def __init__(self, out: IO[str], several: bool) -> None:  # noqa: ARG002 -- a suite always has its name
         self._out = out
@@ -39,6 +39,8 @@ class JunitReport:
         """Add a suite."""
         end = conclude(replay)
         cases = [self._case(replay, end, name, state) for name, state in replay.states().items()]
+        if end.strict and (end.doubts or end.warnings):
+            cases.append(_of_recording(replay, end))
         wrong = {kind: sum(f"<{kind} " in case for case in cases) for kind in ("failure", "error")}
         counts = f'failures="{wrong["failure"]}" errors="{wrong["error"]}" skipped="0"'
         head = f'  <testsuite name={_attribute(replay.spec.id)} tests="{len(cases)}" {counts}>\n'
@@ -61,17 +63,24 @@ class JunitReport:
             inside = f"      <failure message={_attribute(message)}>{texts}</failure>\n"
         elif end.unusable:
             inside = f"      <error message={_attribute(end.unusable[0])}/>\n"
-        elif state["unknown"]:
-            message = f"{counted(state['unknown'], 'step')} could not be judged"
-            reason = end.unjudged.get(name.removesuffix(" (arrival)"))
-            message += f": {reason}" if reason else ""
+        elif reason := end.unjudged.get(name.removesuffix(" (arrival)")):
+            message = f"{counted(state['unknown'], 'step')} could not be judged: {reason}"
             inside = f"      <error message={_attribute(message)}/>\n"
         return f"{head}>\n{inside}    </testcase>\n" if inside else f"{head}/>\n"
 
 
+def _of_recording(replay: Replay, end: Conclusion) -> str:
+    """A case for what a strict replay needs, and is no matter of one property."""
+    lines = (*end.doubts, *end.warnings)
+    message = f"not everything was judged, and --strict was given: {lines[0]}"
+    text = "\n".join(escape(one_line(line)) for line in lines)
+    head = f'    <testcase classname={_attribute(replay.spec.id)} name="(recording)">\n'
+    return f"{head}      <error message={_attribute(message)}>{text}</error>\n    </testcase>\n"
+
+
 def _said(end: Conclusion) -> str:
     """What is to be known of the recording."""
-    lines = "\n".join(escape(one_line(text)) for text in (*end.doubts, *end.remarks))
+    lines = "\n".join(escape(one_line(text)) for text in (*end.doubts, *end.warnings, *end.remarks))
     return f"    <system-out>{lines}</system-out>\n" if lines else ""
 
 

@@ -66,6 +66,13 @@ class Note(NamedTuple):
     unusable: bool = False
 
 
+def part_of(some: int, messages: int) -> str:
+    """Some of a topic's messages, as the subject of a sentence with its verb."""
+    if some < messages:
+        return f"{some} of its {messages} messages {'is' if some == 1 else 'are'}"
+    return "its only message is" if messages == 1 else f"its {messages} messages are"
+
+
 class Recording(Protocol):
     """A recording for one spec, in the order of arrival; `read` of `size` units are read.
 

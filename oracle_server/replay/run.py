@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import heapq
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 from oracle_server.core.engine import Answer
 from oracle_server.core.errors import TraceError
-from oracle_server.core.events import Event, Step
+from oracle_server.core.events import Event, Step, StreamKey
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.kinds import TICK
 from oracle_server.core.plan import plan
 from oracle_server.core.session import Session, orders
-from oracle_server.core.spec import By, Property, Spec
+from oracle_server.core.spec import By, Spec
+from oracle_server.core.typed import StreamTypes
 from oracle_server.core.verdicts import Judged, Outcome
 from oracle_server.engines.table import make_engines
 from oracle_server.remote.offline import OfflineOracles
 from oracle_server.replay.comparison import Comparison
 from oracle_server.replay.coverage import Counting, Coverage, signal_names
 from oracle_server.replay.recording import Place, Recorded, Recording
+from oracle_server.replay.unjudged import Unjudged
 
 _FOR_EVER = 2**63
 _NOT_KEPT = Answer(Outcome.UNKNOWN, "was not asked: a session's trace has no messages, only their signals")
@@ -34,9 +37,21 @@ class Replay:
     `by` requests another order.
     """
 
-    def __init__(self, spec: Spec, recording: Recording, by: By | None = None, *, strict: bool = False) -> None:
-        """`by` overrides the order that the spec asks for; `strict`: whatever was not judged is no success."""
-        self.strict = strict
+    def __init__(
+        self,
+        spec: Spec,
+        recording: Recording,
+        by: By | None = None,
+        *,
+        types: StreamTypes = MappingProxyType({}),
+        warnings: Sequence[str] = (),
+        strict: bool = False,
+    ) -> None:
+        """`by` overrides the order that the spec asks for; `strict`: whatever was not judged is no success.
+
+        Messages are held against `types`, those of the streams whose types are known; `warnings` are of the formulas.
+        """
+        self.strict, self.warnings = strict, tuple(warnings)
         ordering = replace(spec.ordering, by=by) if by else spec.ordering
         self.spec = replace(spec, ordering=ordering)
         self.events = 0
@@ -46,11 +61,12 @@ class Replay:
         self.recording = recording
         ready = plan(spec)
         self._counting = {
-            key: Counting(stream.project, signal_names(spec, key)) for key, stream in ready.streams.items()
+            key: Counting(stream.project, signal_names(spec, key), types.get(key))
+            for key, stream in ready.streams.items()
         }
         streams = {key: replace(stream, project=self._counting[key]) for key, stream in ready.streams.items()}
         self._plan = replace(ready, streams=streams)
-        self._unjudged = {p.id for p in spec.properties}
+        self._unjudged = Unjudged(ready)
         self._reorder = by is not None
         self._session: Session | None = None
         self._oracles: OfflineOracles | None = None
@@ -66,8 +82,7 @@ class Replay:
             for item in judge(first, recorded):
                 if self.comparison.is_waiting:
                     self.comparison.compare(item)
-                if self._unjudged:
-                    self._note_judged(item)
+                self._unjudged.note(item)
                 yield item
         finally:
             if self._oracles is not None:
@@ -131,20 +146,18 @@ class Replay:
         ready = replace(self._plan, spec=spec)
         return Session(ready, make_engines(ready), ticking=self.recording.clocked, begun=begun)
 
-    def _note_judged(self, item: Judged) -> None:
-        for verdict in item.verdicts:
-            if verdict.outcome is not Outcome.UNKNOWN:
-                self._unjudged.discard(verdict.property)
-
     @property
     def session(self) -> Session | None:
         """The session in which the recording was judged, None before its first event."""
         return self._session
 
     @property
-    def unjudged(self) -> list[Property]:
-        """The properties that were unknown at every step; none where there was no step."""
-        return [p for p in self.spec.properties if p.id in self._unjudged] if self.events else []
+    def unjudged(self) -> dict[str, tuple[StreamKey, ...]]:
+        """The properties that were not judged, with the streams where they were not; none where there was no step.
+
+        No streams: they were unknown at every step.
+        """
+        return self._unjudged.found() if self.events else {}
 
     @property
     def coverage(self) -> Coverage:

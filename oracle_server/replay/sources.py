@@ -13,10 +13,10 @@ from oracle_server.core.errors import TraceError
 from oracle_server.core.events import StreamKey
 from oracle_server.core.kinds import Kind
 from oracle_server.core.plan import Plan
-from oracle_server.core.stamps import DEFAULT_PATHS, stamp_in
+from oracle_server.core.stamps import DEFAULT_PATHS, stamp_fault, stamp_in
 from oracle_server.replay.bagmessages import message_reader
 from oracle_server.replay.coverage import signal_names
-from oracle_server.replay.definitions import event_parts, type_name, types_of
+from oracle_server.replay.definitions import EVENT, event_parts, type_name, types_of
 from oracle_server.replay.passing import Filter
 from oracle_server.replay.recording import Projected
 from oracle_server.replay.roles import EVENTS, Role
@@ -43,7 +43,10 @@ class Topic:
     """What is known of a topic over all files of a bag.
 
     `role` is None for a topic on which only what passed `gives` is. Of the `promised` messages `seen` ones were
-    read, of which `unreadable` could not be decoded, the first for the reason `why`; `bare` ones had no content.
+    read, of which `unreadable` could not be decoded, the first for the reason `why`; `bare` ones had no content, and
+    `timeless` ones no publication time where it should be, the first for the reason `why_timeless`. Its messages
+    should be of the type that is `wanted`, empty for any; `types` are those that they have, with how many as far as
+    that is known.
     """
 
     name: str
@@ -57,7 +60,11 @@ class Topic:
     unreadable: int = 0
     why: str = ""
     type: str = ""
+    wanted: str = ""
+    types: dict[str, int] = field(default_factory=dict)
     bare: int = 0
+    timeless: int = 0
+    why_timeless: str = ""
     denied: set[int] = field(default_factory=set)
 
     @property
@@ -69,6 +76,18 @@ class Topic:
     def surveyed(self) -> bool:
         """Whether all messages must be seen before the first one is judged."""
         return self.is_service or self.asked is not None or self.gives is not None
+
+    def note_timeless(self, why: str) -> None:
+        """Note why a message has no publication time, empty where nothing is wrong with it."""
+        self.timeless += bool(why)
+        self.why_timeless = self.why_timeless or why
+
+    def takes(self, channel: Channel) -> bool:
+        """Whether the messages of a channel are of the type that the spec says; which are there is noted."""
+        name = channel.type.removesuffix(EVENT) if self.is_service else type_name(channel.type)
+        if channel.promised != 0:
+            self.types[name] = self.types.get(name, 0) + (channel.promised or 0)
+        return not self.wanted or name == self.wanted
 
     def note_unreadable(self, why: str) -> None:
         """Note that a message could not be decoded."""
@@ -120,7 +139,11 @@ class Source:
             return None if half is None else self._of_service(half)
         key = self._streams["topic"]
         data = self._read["topic"](self._decode(raw, self._type))
-        return self._asking(Item(key, stamp_in(data, self._plan.spec.by_key[key].stamp), data))
+        where = self._plan.spec.by_key[key].stamp
+        stamp = stamp_in(data, where)
+        if stamp is None:
+            self.topic.note_timeless(stamp_fault(data, where))
+        return self._asking(Item(key, stamp, data))
 
     def _half(self, raw: bytes) -> Half | None:
         if self.topic.calls is None:

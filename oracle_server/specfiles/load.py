@@ -6,7 +6,7 @@ import hashlib
 import json
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import accumulate
 from pathlib import Path
 from typing import Any
@@ -98,8 +98,8 @@ def parse_spec(
             f"stream and an operator or comparison, not {pairs:,}; write several specs"
         )
         raise SpecError(_sorted([*findings, Finding(file, *document.place(("properties",)), message)]))
-    problems = [*inspect(spec, graph), *_engines(spec), *(ros_hazards(spec, ros) if ros else ())]
-    problems += _typed(spec, types, ros) if types is not None else ()
+    typed = _typed(spec, types, ros) if types is not None else []
+    problems = [*inspect(spec, graph), *_engines(spec), *(_on_ros(spec, ros, typed) if ros else ()), *typed]
     if findings:  # what is doubtful may be so because of them
         problems = [p for p in problems if p.severity == "error"]
     places = [number - 1 for number in accumulate(stream.traits.leads for stream in spec.streams)]
@@ -266,7 +266,14 @@ def _engines(spec: Spec) -> Iterator[SpecProblem]:
 
 def _typed(spec: Spec, types: Types, ros: Ros | None) -> list[SpecProblem]:
     known, problems = stream_types(spec, types, ros)
-    return problems + inspect_fields(spec, known)
+    found = problems + inspect_fields(spec, known)
+    return [replace(p, kind="type") if p.kind == "general" else p for p in found]
+
+
+def _on_ros(spec: Spec, ros: Ros, typed: Iterable[SpecProblem]) -> Iterator[SpecProblem]:
+    """What would not work on a version of ROS; nothing is said of streams whose types are not there at all."""
+    mistaken = {problem.path[:2] for problem in typed if problem.severity == "error" and problem.path[2:] == ("type",)}
+    return (problem for problem in ros_hazards(spec, ros) if problem.path[:2] not in mistaken)
 
 
 def _finding(document: Document, problem: SpecProblem, spec: Spec, places: Sequence[int]) -> Finding:
@@ -275,7 +282,7 @@ def _finding(document: Document, problem: SpecProblem, spec: Spec, places: Seque
     if problem.first is not None:
         line, _ = document.place(_in_file(problem.first, spec, places))
         first = f"; the first is at {document.file}:{line}"
-    return Finding(document.file, *place, problem.message + first, problem.severity)
+    return Finding(document.file, *place, problem.message + first, problem.severity, problem.kind)
 
 
 def _in_file(path: tuple[str | int, ...], spec: Spec, places: Sequence[int]) -> tuple[str | int, ...]:

@@ -147,7 +147,7 @@ def test_check_tells_each_finding_with_its_place(tmp_path: Path) -> None:
     assert "'/b' is no stream of this spec" in said[1]
     assert "action is `log`" in said[2]
     assert "can't be read: No such file or directory" in said[3]
-    assert ended.stdout == f"{good}: sound\n"
+    assert ended.stdout == f"{good}: sound\n1 spec sound, 4 errors\n"
 
 
 def test_check_tells_warnings_of_a_sound_spec() -> None:
@@ -164,6 +164,7 @@ def test_check_refuses_warnings_where_it_is_strict(tmp_path: Path) -> None:
     ended = run("check", "--strict", lamp, SPEC, "--types", TYPES)
     assert (ended.returncode, ended.stdout) == (1, f"{SPEC}: sound\n1 spec sound, 2 warnings\n")
     assert f"{lamp}:18:20: warning: " in ended.stderr
+    assert ended.stderr.splitlines()[-1] == f"{lamp}: refused because of --strict: 2 warnings"
     assert run("check", "--strict", SPEC, "--types", TYPES).returncode == 0
 
 
@@ -176,6 +177,29 @@ def test_check_prints_what_it_finds_as_json(tmp_path: Path) -> None:
     assert (warning["file"], warning["line"], warning["column"], warning["severity"]) == (str(lamp), 18, 20, "warning")
     assert (error["file"], error["line"], error["column"], error["severity"]) == (str(bad), 8, 1, "error")
     assert "colour" in error["message"]
+    assert (warning["kind"], error["kind"]) == ("general", "general")
+
+
+KINDS = {
+    "vacuous": SOUND.replace('not {topic: "/a", v: 7}', "{kind: topic} or {v: 7}"),
+    "unjudged": SOUND.replace("msg.v", "1 / 0 == 1").replace("v: 7", "v: true"),
+    "type": SOUND.replace("topic: /a", "topic: /a\n    type: unknown_msgs/msg/Unknown"),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_check_says_of_what_kind_a_finding_is(kind: str, tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text(KINDS[kind])
+    ended = run("check", "--json", tmp_path / "a.yaml")
+    assert [json.loads(line)["kind"] for line in ended.stdout.splitlines()] == [kind]
+
+
+def test_check_counts_errors_and_warnings(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text(KINDS["vacuous"])
+    (tmp_path / "b.yaml").write_text(KINDS["type"].replace("unknown_msgs", "std_msgs").replace("id: p", "id: q"))
+    ended = run("check", "--ros", "1", tmp_path / "a.yaml", tmp_path / "b.yaml")
+    assert ended.stdout.splitlines()[-1] == "1 spec sound, 1 error, 1 warning"
+    assert "which carries no publication time" not in ended.stderr, "nothing is known of a type that is not there"
 
 
 def test_check_warns_of_two_specs_with_one_id(tmp_path: Path) -> None:

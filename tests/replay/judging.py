@@ -15,6 +15,8 @@ from oracle_server.replay.conclusion import conclude
 from oracle_server.replay.lines import records
 from oracle_server.replay.opening import open_recording
 from oracle_server.replay.run import Replay
+from oracle_server.rostypes.known import Types
+from oracle_server.rostypes.streams import stream_types
 from oracle_server.specfiles.load import load_spec
 
 BASE = 1_732_147_200 * 10**9
@@ -45,9 +47,10 @@ def write_spec(folder: Path, text: str) -> Path:
 def judge(spec: Path, bag: Path) -> Judgement:
     """Judge a recording."""
     loaded = load_spec(spec).spec
+    types, _ = stream_types(loaded, Types((), {}), None)
     ends, rows = [], []
     for strict in (False, True):
-        replay = Replay(loaded, open_recording(bag, loaded), strict=strict)
+        replay = Replay(loaded, open_recording(bag, loaded), types=types, strict=strict)
         rows = [row for judged in replay for row in records(replay, judged)]
         ends.append(replay.summary() | conclude(replay).as_data())
     return Judgement(rows, ends[0], ends[0]["exit"], ends[1]["exit"])

@@ -96,6 +96,69 @@ def test_a_property_that_was_always_unknown_is_no_success(tmp_path: Path, capsys
     assert "/mode: no event in the recording" in (suite.findtext("system-out") or "")
 
 
+UNKNOWN = [("/battery", {"level": "NaN"})] * 3
+VACUOUS: dict[str, tuple[list[tuple[str, dict[str, Any]]], int]] = {
+    "an event of another stream": ([*UNKNOWN, ("/mode", FULL)], 3),
+    "an event that lacks its signal": ([*UNKNOWN, ("/battery", {})], 3),
+    "both": ([("/mode", FULL), *UNKNOWN, ("/battery", {"level": None}), ("/mode", FULL)], 3),
+    "one that was judged": ([*UNKNOWN, ("/battery", {"level": 50}), ("/mode", FULL)], 0),
+}
+
+
+@pytest.mark.parametrize("case", VACUOUS)
+def test_what_holds_for_want_of_its_signals_was_not_judged(case: str, tmp_path: Path) -> None:
+    events, status = VACUOUS[case]
+    text = SPEC.replace("-> {level >= 20}'", "and {level < 20} -> {level > 10}'")
+    found = judge(write_spec(tmp_path, text), trace(tmp_path, *events))
+    assert (found.exit, found.strict) == (status, 3)
+    if status:
+        (unjudged,) = found.summary["unjudged"]
+        assert unjudged["property"] == "charged"
+        assert "the signal level of /battery failed at 3 of" in unjudged["reason"]
+
+
+def test_what_reads_a_held_signal_is_judged_at_the_events_where_it_matters(tmp_path: Path) -> None:
+    text = SPEC.replace("topic: /battery,", "topic: /battery, hold: [level],")
+    text = text.replace('{topic: "/battery"} -> {level >= 20}', '{topic: "/mode", level < 20} -> {mode: rest}')
+    found = judge(write_spec(tmp_path, text), trace(tmp_path, *UNKNOWN, ("/mode", FULL), ("/battery", {"level": 5})))
+    assert (found.exit, found.strict) == (3, 3)
+    (unjudged,) = found.summary["unjudged"]
+    assert unjudged["property"] == "charged"
+    assert unjudged["reason"].startswith("unknown at every event of /mode: the signal level of /battery failed at 3 of")
+
+
+JUNIT = {**CASES, "never judged": ([*UNKNOWN, ("/mode", FULL)], 3, 3, "")}
+
+
+@pytest.mark.parametrize("strict", [False, True])
+@pytest.mark.parametrize("case", JUNIT)
+def test_junit_says_what_the_exit_status_says(
+    case: str, strict: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    events, plain, exit_strict, _ = JUNIT[case]
+    status = run_replay([write_spec(tmp_path, SPEC)], trace(tmp_path, *events), None, "junit", strict=strict)
+    assert status == (exit_strict if strict else plain)
+    suite = ElementTree.fromstring(capsys.readouterr().out).find("testsuite")
+    assert suite is not None
+    found = {kind: len(suite.findall(f"testcase/{kind}")) for kind in ("failure", "error")}
+    assert found == {"failure": int(suite.get("failures", "")), "error": int(suite.get("errors", ""))}
+    assert int(suite.get("tests", "")) == len(suite.findall("testcase"))
+    assert bool(found["failure"]) == (status == 1)
+    assert bool(found["failure"] or found["error"]) == (status != 0)
+
+
+def test_junit_names_what_a_strict_replay_lacks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    spec, events = write_spec(tmp_path, SPEC), trace(tmp_path, ("/battery", {"level": 50}))
+    run_replay([spec], events, None, "junit", strict=True)
+    suite = ElementTree.fromstring(capsys.readouterr().out).find("testsuite")
+    assert suite is not None
+    error = suite.find("testcase[@name='(recording)']/error")
+    assert error is not None
+    lacking = "/mode: no event in the recording"
+    assert error.get("message") == f"not everything was judged, and --strict was given: {lacking}"
+    assert error.text == lacking
+
+
 def test_junit_errs_where_nothing_was_observed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run_replay([write_spec(tmp_path, SPEC)], trace(tmp_path, ("/x", {})), None, "junit") == 2
     report = capsys.readouterr()
@@ -161,3 +224,43 @@ def test_what_a_recording_is_shows_in_its_content(tmp_path: Path) -> None:
     assert (
         judge(write_spec(tmp_path, text.replace('topic: "/battery"', 'topic: "/level"')), named).summary["events"] == 1
     )
+
+
+VACUOUS_SPEC = SPEC.replace("'{topic: \"/mode\"} -> {mode: *}'", "'{mode: idle} or {kind: topic}'")
+UNWRITTEN_SPEC = SPEC.replace("extra: msg.extra", "extra: 1 / 0 == 1").replace("{mode: *}", "{extra: *}")
+WARNED = {
+    "vacuous": (VACUOUS_SPEC, "formula of 'known': it holds at every event, whatever the messages say", 0),
+    "unwritten": (UNWRITTEN_SPEC, "'extra' is still to be written", 3),
+}
+
+
+@pytest.mark.parametrize("form", ["text", "jsonl", "csv", "junit"])
+@pytest.mark.parametrize("case", WARNED)
+def test_warnings_of_formulas_are_said_and_are_no_strict_success(
+    case: str, form: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text, warning, plain = WARNED[case]
+    spec, events = write_spec(tmp_path, text), trace(tmp_path, ("/battery", {"level": 50}), ("/mode", FULL))
+    for strict in (False, True):
+        assert run_replay([spec], events, None, form, strict=strict) == (3 if strict else plain)
+        said = capsys.readouterr()
+        line = next(line for line in said.err.splitlines() if warning in line)
+        assert line.startswith(f"oracle-server: {spec}:")
+        assert "warning: " in line
+        assert said.err.count(warning) == 1
+        assert ("because of --strict" in said.err) == (strict and not plain)
+        if form == "jsonl":
+            (found,) = json.loads(said.out.splitlines()[-1])["summary"]["warnings"]
+            assert warning in found
+        if form == "junit":
+            suite = ElementTree.fromstring(said.out).find("testsuite")
+            assert suite is not None
+            assert warning in (suite.findtext("system-out") or "")
+            assert (suite.find("testcase[@name='(recording)']/error") is not None) == strict
+
+
+def test_warnings_of_types_are_for_check_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = SPEC.replace("topic: /mode,", "topic: /mode, type: unknown_msgs/msg/Mode,")
+    events = trace(tmp_path, ("/battery", {"level": 50}), ("/mode", FULL))
+    assert run_replay([write_spec(tmp_path, text)], events, None, "text", strict=True) == 0
+    assert capsys.readouterr().err == ""

@@ -1,0 +1,139 @@
+"""One line of a trace: the project's own, or a flat event of ROSMonitoring's; what is wrong with it, in plain words."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import Annotated, Any, NamedTuple
+
+import msgspec
+from msgspec import Meta, Struct
+
+from oracle_server.core.errors import one_line
+from oracle_server.core.expression import told
+from oracle_server.core.kinds import StepKind
+from oracle_server.replay.recording import Place, Projected
+from oracle_server.wire.flat import decode_object, flat_event
+
+Natural = Annotated[int, Meta(ge=0, le=2**63 - 1)]
+_SNIPPET = 20
+_TIME = "a time in whole nanoseconds since 1970"
+_NUMBER = "a whole number"
+_WANTED = {
+    "stream": "the name of a topic or service",
+    "kind": "`topic`, `request` or `response`",
+    "data": "the message's fields, as an object",
+    **dict.fromkeys(("stamp", "arrived", "otherwise", "begun"), _TIME),
+    **dict.fromkeys(("seq", "call", "lost"), _NUMBER),
+    **dict.fromkeys(("monitor", "source"), "a text"),
+}
+
+
+class Line(Struct):
+    """A line in the project's own format; times in nanoseconds since the epoch.
+
+    It has the message as `data`, or its signals as `signals` and `failed`. `otherwise` is the publication time of a
+    message that has none itself. `places`, `passed`, `why` and `verdict` are what was recorded about the event live;
+    the first line of a session's trace has `begun`, when the session began.
+    """
+
+    stream: str
+    data: dict[str, Any] | None = None
+    signals: dict[str, str | bool | int | float] | None = None
+    failed: list[str] = []
+    kind: StepKind = "topic"
+    stamp: Natural | None = None
+    arrived: Natural | None = None
+    monitor: str = "replay"
+    seq: Natural | None = None
+    source: str = ""
+    call: Natural | None = None
+    lost: Natural = 0
+    ask: bool = False
+    otherwise: Natural | None = None
+    places: list[Place] = []
+    passed: bool | None = None
+    why: str | None = None
+    verdict: str | None = None
+    begun: Natural | None = None
+
+    def message(self) -> dict[str, Any] | Projected:
+        """The message, or its signals, to ingest. Raises ValueError where the line has neither."""
+        if self.data is not None:
+            return self.data
+        if self.signals is None:
+            raise ValueError("the field `data` is missing")
+        return Projected(self.signals, frozenset(self.failed))
+
+
+class Found(NamedTuple):
+    """A line, and what is wrong with a time in it that could not be read, empty for nothing."""
+
+    line: Line
+    fault: str = ""
+
+
+def read_line(text: bytes) -> Found:
+    """The line in a text. Raises ValueError where it has no event, whose text says why."""
+    try:
+        value = decode_object(text)
+    except RecursionError:
+        raise ValueError("nested too deep") from None
+    except json.JSONDecodeError as error:
+        raise ValueError(_no_json(error)) from None
+    except UnicodeDecodeError:
+        raise ValueError("it is not UTF-8 text") from None
+    except TypeError:
+        raise ValueError("it is no JSON object; write one a line, as {…}") from None
+    except ValueError:
+        raise ValueError("it has half a surrogate pair, which is no text") from None
+    own = "stream" in value
+    fields, fault = (value, "") if own else _of_flat(value)
+    try:
+        line = msgspec.convert(fields, Line)
+    except msgspec.ValidationError as error:
+        raise ValueError(_unfit(fields, str(error))) from None
+    line.message()
+    return Found(line, fault)
+
+
+def _of_flat(value: dict[str, Any]) -> tuple[dict[str, Any], str]:
+    """The fields of a `Line` from a flat event, and what is wrong with its times."""
+    flat = flat_event(value)
+    verdict = value.get("verdict")
+    line = {"stream": flat.stream, "kind": flat.kind, "data": flat.data, "arrived": flat.time}
+    line |= {"otherwise": flat.stamp or flat.time, "verdict": verdict if isinstance(verdict, str) else None}
+    times = {"time" if "time" in value else "t": flat.time}
+    if "service" in value:
+        times["stamp"] = flat.stamp
+    faults = (f"`{key}` is {told(value[key])}" for key, read in times.items() if read is None and value.get(key))
+    return line, next((f"{fault}, and no time in seconds since 1970" for fault in faults), "")
+
+
+def _no_json(error: json.JSONDecodeError) -> str:
+    text = error.doc.rstrip()
+    if error.pos >= len(text):
+        return f"not JSON: it ends early, at column {len(text)}"
+    snippet = one_line(text[error.pos : error.pos + _SNIPPET])
+    if error.msg == "Extra data":
+        return (
+            f"at column {error.pos + 1} something follows its JSON object: {snippet}; write each on a line of its own"
+        )
+    return f"not JSON, from column {error.pos + 1} on: {snippet}"
+
+
+def _unfit(fields: dict[str, Any], reason: str) -> str:
+    """Which field is not what it should be."""
+    match = re.search(r"`\$\.(\w+)", reason)
+    name = match[1] if match else ""
+    if name not in fields:
+        return reason
+    wanted = f"; write {_WANTED[name]}" if name in _WANTED else ", which it can't be"
+    return one_line(f"`{name}` is {told(fields[name])}{wanted}{_whole(name, fields[name])}")
+
+
+def _whole(name: str, value: Any) -> str:
+    """The same time in nanoseconds, where it was written in seconds with a fraction."""
+    if _WANTED.get(name) != _TIME or not isinstance(value, float) or not 0 <= value < 2**33:
+        return ""
+    return f", as {round(value * 10**9)} for {value} s"

@@ -1,0 +1,74 @@
+"""Whether a recorded message can be of the type that the spec says: logs in JSON do not say what type they have."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from oracle_server.core.expression import told
+from oracle_server.core.shapes import Many, Record, Shape, Value
+
+_TIMES = frozenset({"builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration"})
+_NOT_FINITE = frozenset({"NaN", "Infinity", "-Infinity"})
+_STAND_INS = frozenset({"structure_needs_at_least_one_member"})
+"""The field of a type without fields, as ROS 2 has it."""
+_MOST = 6
+"""Fields of a message that are named."""
+
+
+def misfit(shape: Shape, value: object, path: str = "") -> str:
+    """Why a value can't be of a shape, in a few words; empty where it can.
+
+    A missing field is none, nor is one that the type does not have beside others that it has: logs keep what is
+    read, and may add to it. Of a list the first item is looked at.
+    """
+    if value is None or (isinstance(shape, Record) and shape.name in _TIMES and _is_number(value)):
+        return ""
+    match shape:
+        case Record() if isinstance(value, Mapping):
+            return _in_record(shape, value, path)
+        case Many() if isinstance(value, list):
+            return misfit(shape.of, value[0], f"{path}[0]") if value else ""
+        case Value() if _fits(shape, value):
+            return ""
+    return f"`{path}` is {told(value)}, and is {_described(shape)} there"
+
+
+def _in_record(shape: Record, value: Mapping[str, object], path: str) -> str:
+    known = [name for name in value if name in shape.fields]
+    if value and not known and shape.fields.keys() - _STAND_INS:
+        subject = f"`{path}`" if path else "it"
+        return f"{subject} has {_listed(value)}, and {shape.name} has {_listed(shape.fields)}"
+    inner = (misfit(shape.fields[name], value[name], f"{path}.{name}" if path else name) for name in known)
+    return next(filter(None, inner), "")
+
+
+def _fits(shape: Value, value: object) -> bool:
+    match shape.kind:
+        case "bool":
+            return isinstance(value, bool)
+        case "text":
+            return isinstance(value, str)
+        case "bytes":
+            return isinstance(value, str | list)
+        case "whole":
+            return _is_number(value) and not (isinstance(value, float) and not value.is_integer())
+        case "real":
+            return value in _NOT_FINITE if isinstance(value, str) else _is_number(value)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _described(shape: Shape) -> str:
+    if isinstance(shape, Many):
+        return "a list"
+    name = shape.type if isinstance(shape, Value) else shape.name
+    return f"{'an' if name.startswith('int') else 'a'} {name}"
+
+
+def _listed(names: Iterable[str]) -> str:
+    found = sorted(names)
+    if len(found) > _MOST:
+        return f"{', '.join(found[:_MOST])} and {len(found) - _MOST} more"
+    return " and ".join(filter(None, (", ".join(found[:-1]), found[-1])))

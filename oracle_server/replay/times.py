@@ -1,0 +1,70 @@
+"""Times of a trace that could not be read, or can't be meant: they are said, each with its first line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from oracle_server.core.spec import SECOND
+from oracle_server.core.units import counted
+from oracle_server.replay.recording import Note
+
+_HOUR = 3600 * SECOND
+_YEARS = range(10**9, 42 * 10**8)
+"""The seconds since 1970 of this century."""
+_BRIEF = SECOND // 1000
+"""The longest (ns) that a trace takes whose times are suspected to be in another unit."""
+_AS_BEFORE = "it counts as arrived with the line before"
+_UNITS = (("seconds", 1), ("milliseconds", 10**3))
+
+
+@dataclass(slots=True)
+class Times:
+    """What is wrong with the times of a trace; `slack` is how much earlier (ns) than the line before one may arrive."""
+
+    slack: int
+    clocked: bool = True
+    _faults: dict[str, tuple[str, int]] = field(default_factory=dict)
+    _events: int = 0
+    _timeless: int = 0
+    _now: int = 0
+    _first: int = 0
+    _last: int = 0
+
+    def note(self, place: str, reason: str, then: str) -> None:
+        """Note a fault of one line, and `then`, what comes of it; where the same comes of several they are counted."""
+        first, count = self._faults.get(then, (f"{place}: {reason}", 0))
+        self._faults[then] = first, count + 1
+
+    def look(self, place: str, arrived: int | None, stamp: int | None, fault: str) -> None:
+        """Look at a line's time of arrival and its own stamp (ns); `fault`: one of them could not be read."""
+        self._events += 1
+        self._timeless += arrived is None and stamp is None
+        time = arrived if self.clocked else stamp
+        if time:
+            self._first, self._last = min(self._first or time, time), max(self._last, time)
+        if self.clocked and arrived is None:
+            self.note(place, fault or "it has no time of arrival", _AS_BEFORE)
+        elif fault:
+            self.note(place, fault, "the line has no time")
+        elif not self.clocked and arrived is not None:
+            self.note(place, "the first line has no time of arrival", "that of the line does not count")
+        elif self.clocked and arrived is not None and arrived < self._now - self.slack:
+            self.note(place, "it arrived before the line above it", _AS_BEFORE)
+        if arrived and stamp and abs(stamp * SECOND - arrived) < _HOUR < abs(stamp - arrived):
+            self.note(place, f"`stamp` is {stamp}, which are seconds", "it is taken for nanoseconds")
+        self._now = max(self._now, arrived or 0)
+
+    def notes(self, *, timed: bool) -> list[Note]:
+        """All that is to be said; `timed`: some formula counts seconds."""
+        found = [f"{first}: {then}{_such(count)}" for then, (first, count) in self._faults.items()]
+        if not self.clocked and self._timeless and (timed or self._timeless < self._events):
+            found.append(f"no time passes where none is said: {counted(self._timeless, 'line')} of {self._events}")
+        took = self._last - self._first
+        unit = next((name for name, size in _UNITS if self._first // size in _YEARS), "")
+        if unit and 0 < took < _BRIEF:
+            found.append(f"its times look like {unit}, and are taken for nanoseconds: all lie within {took} ns")
+        return [Note(text, doubt=True) for text in found]
+
+
+def _such(count: int) -> str:
+    return f" ({count} such lines)" if count > 1 else ""

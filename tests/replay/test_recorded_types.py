@@ -1,0 +1,155 @@
+"""A recording whose messages are of other types than the spec's is no recording of the spec."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_typestore
+
+from oracle_server.replay.command import run_replay
+from tests.replay.judging import BASE, MS, judge, write_spec
+
+SPEC = """
+id: lamp
+ordering: {{by: arrival}}
+streams:
+  - {{topic: /armed, {type}signals: {{armed: msg.data}}}}
+properties:
+  - {{id: never_armed, formula: 'not {{armed: true}}'}}
+"""
+
+
+def spec(folder: Path, name: str = "std_msgs/msg/Bool") -> Path:
+    return write_spec(folder, SPEC.format(type=f"type: {name}, " if name else ""))
+
+
+def bag(path: Path, messages: list[tuple[str, Any]]) -> Path:
+    """A bag of /armed with messages of these types."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with Writer2(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        ids = {
+            name: writer.add_connection("/armed", name, typestore=store)
+            for name in dict.fromkeys(name for name, _ in messages)
+        }
+        for n, (name, value) in enumerate(messages, 1):
+            raw = store.serialize_cdr(store.types[name](data=value), name)
+            writer.write(ids[name], BASE + n * MS, raw)
+    return path
+
+
+def log(folder: Path, *messages: dict[str, Any], topic: str = "/armed") -> Path:
+    path = folder / "trace.jsonl"
+    lines = [{"stream": topic, "stamp": n, "arrived": n, "data": data} for n, data in enumerate(messages, 1)]
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    return path
+
+
+def test_a_topic_of_another_type_is_not_judged(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    recording = bag(tmp_path / "bag", [("std_msgs/msg/String", "true")] * 3)
+    found = judge(spec(tmp_path), recording)
+    said = "/armed: its 3 messages are of the type std_msgs/msg/String, and the spec says std_msgs/msg/Bool"
+    assert (found.exit, found.strict, found.rows) == (2, 2, [])
+    assert said in found.said
+    assert "no event" not in found.said
+    assert run_replay([spec(tmp_path)], recording, None, "text") == 2
+    assert said in capsys.readouterr().err
+
+
+def test_of_two_types_the_spec_says_which_is_judged(tmp_path: Path) -> None:
+    recording = bag(tmp_path / "bag", [("std_msgs/msg/Bool", False), ("std_msgs/msg/String", "true")])
+    found = judge(spec(tmp_path), recording)
+    assert (found.exit, found.strict, len(found.rows)) == (2, 2, 1)
+    assert "its only message of the type std_msgs/msg/String" not in found.said
+    assert "/armed: 1 of its 2 messages is of the type std_msgs/msg/String, and the spec says" in found.said
+    assert "could be read" not in found.said
+    found = judge(spec(tmp_path, ""), recording)
+    assert (found.exit, found.strict) == (0, 3)
+    assert "/armed: has messages of 2 types: std_msgs/msg/Bool, std_msgs/msg/String" in found.said
+
+
+@pytest.mark.parametrize("name", ["std_msgs/Bool", "std_msgs.msg.Bool", "std_msgs/msg/Bool", ""])
+def test_a_type_has_the_same_name_in_both_versions_of_ros(name: str, tmp_path: Path) -> None:
+    store = get_typestore(Stores.ROS1_NOETIC)
+    with Writer1(tmp_path / "one.bag") as writer:
+        connection = writer.add_connection("/armed", "std_msgs/msg/Bool", typestore=store)
+        raw = store.serialize_ros1(store.types["std_msgs/msg/Bool"](data=False), "std_msgs/msg/Bool")
+        writer.write(connection, BASE, raw)
+    for recording in (tmp_path / "one.bag", bag(tmp_path / "two", [("std_msgs/msg/Bool", False)])):
+        found = judge(spec(tmp_path, name), recording)
+        assert (found.exit, found.strict, found.said) == (0, 0, "")
+
+
+TWIST = {"linear": {"x": 9.0, "y": 0.0, "z": 0.0}, "angular": {"x": 0.0, "y": 0.0, "z": 0.0}}
+CONTRADICTING: dict[str, tuple[str, dict[str, Any], str]] = {
+    "a text for a boolean": ("std_msgs/msg/Bool", {"data": "true"}, "`data` is 'true', and is a bool there"),
+    "a number for a boolean": ("std_msgs/msg/Bool", {"data": 1}, "`data` is 1, and is a bool there"),
+    "a text for a number": ("std_msgs/msg/Float64", {"data": "1.5"}, "`data` is '1.5', and is a float64 there"),
+    "a boolean for a number": ("std_msgs/msg/Float64", {"data": True}, "`data` is true, and is a float64 there"),
+    "a part of a number": ("std_msgs/msg/Int32", {"data": 1.5}, "`data` is 1.5, and is an int32 there"),
+    "a number for a text": ("std_msgs/msg/String", {"data": 5}, "`data` is 5, and is a string there"),
+    "another message": (
+        "geometry_msgs/msg/TwistStamped",
+        TWIST,
+        "it has angular and linear, and geometry_msgs/msg/TwistStamped has header and twist",
+    ),
+    "another message inside": (
+        "geometry_msgs/msg/TwistStamped",
+        {"twist": {"x": 1.0}},
+        "`twist` has x, and geometry_msgs/msg/Twist has angular and linear",
+    ),
+    "a message for a value": ("std_msgs/msg/Bool", {"data": {"data": True}}, "`data` is a message, and is a bool"),
+    "a value for a message": (
+        "geometry_msgs/msg/TwistStamped",
+        {"twist": 5.0},
+        "`twist` is 5.0, and is a geometry_msgs/msg/Twist there",
+    ),
+    "a value for a list": ("sensor_msgs/msg/LaserScan", {"ranges": 5.0}, "`ranges` is 5.0, and is a list there"),
+    "texts in a list": ("sensor_msgs/msg/LaserScan", {"ranges": ["a"]}, "`ranges[0]` is 'a', and is a float32 there"),
+}
+
+
+@pytest.mark.parametrize("case", CONTRADICTING)
+def test_a_message_that_contradicts_its_type_is_told(case: str, tmp_path: Path) -> None:
+    name, data, reason = CONTRADICTING[case]
+    text = SPEC.format(type=f"type: {name}, ").replace("armed: msg.data", "armed: 1 == 1")
+    found = judge(write_spec(tmp_path, text), log(tmp_path, data, data))
+    assert (found.exit, found.strict) == (2, 2)
+    assert f"/armed: its 2 messages are of no {name}: {reason}" in found.said
+
+
+FITTING: list[tuple[str, dict[str, Any]]] = [
+    ("std_msgs/msg/Float64", {"data": 1}),
+    ("std_msgs/msg/Float64", {"data": "NaN"}),
+    ("std_msgs/msg/Float64", {"data": None}),
+    ("std_msgs/msg/Int32", {"data": 2.0}),
+    ("std_msgs/msg/Bool", {"data": True, "verdict": "currently_true"}),
+    ("std_msgs/msg/Bool", {}),
+    ("std_msgs/msg/Empty", {"verdict": "true"}),
+    ("std_msgs/msg/UInt8MultiArray", {"data": "AQI="}),
+    ("std_msgs/msg/UInt8MultiArray", {"data": [1, 2]}),
+    ("geometry_msgs/msg/TwistStamped", {"twist": TWIST}),
+    ("std_msgs/msg/Header", {"seq": 4, "stamp": {"secs": 1, "nsecs": 2}}),
+    ("std_msgs/msg/Header", {"stamp": {"sec": 1, "nanosec": 2}}),
+    ("std_msgs/msg/Header", {"stamp": 12.5}),
+    ("other_msgs/msg/Unknown", {"data": 5}),
+    ("sensor_msgs/msg/LaserScan", {"ranges": [1, "Infinity"]}),
+]
+
+
+@pytest.mark.parametrize(("name", "data"), FITTING)
+def test_what_a_type_allows_is_no_contradiction(name: str, data: dict[str, Any], tmp_path: Path) -> None:
+    text = SPEC.format(type=f"type: {name}, ").replace("armed: msg.data", "armed: 1 == 2")
+    found = judge(write_spec(tmp_path, text), log(tmp_path, data))
+    assert (found.exit, found.strict, found.said) == (0, 0, "")
+
+
+def test_one_message_of_many_is_enough(tmp_path: Path) -> None:
+    found = judge(spec(tmp_path), log(tmp_path, {"data": False}, {"data": "x"}, {"data": False}))
+    assert found.exit == 2
+    assert "/armed: 1 of its 3 messages is of no std_msgs/msg/Bool: `data` is 'x'" in found.said
