@@ -101,10 +101,10 @@ class Served:
         """Let a frozen process go on."""
         self._process.send_signal(signal.SIGCONT)
 
-    async def said(self, event: str) -> None:
-        """Wait until the log has a line of this event."""
+    async def said(self, event: str, count: int = 1) -> None:
+        """Wait until the log has so many lines of this event."""
         async with asyncio.timeout(PATIENCE), self._said:
-            await self._said.wait_for(lambda: any(line["event"] == event for line in self.log))
+            await self._said.wait_for(lambda: sum(line["event"] == event for line in self.log) >= count)
 
     async def stop(self) -> int:
         """Stop cleanly, and return the exit status."""
