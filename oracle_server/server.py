@@ -239,6 +239,7 @@ class _Server(uvicorn.Server):
             url = f"{scheme}://{_bracketed(host)}:{port}"
             self._pid_file.publish(url)
             log.info("accepting work", url=url, data=str(self._settings.data_dir))
+        self._registry.accept_work()
         notify("READY=1")
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:

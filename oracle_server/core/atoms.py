@@ -7,7 +7,7 @@ texts of the values that its variables must have. Types, absence and numbers' sp
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from json.encoder import encode_basestring_ascii
@@ -91,8 +91,15 @@ def specialise(atoms: Sequence[Atom], known: Signals, possible: Callable[[str], 
     `known` are the signals that every event of the stream has with the same value; `possible` returns whether
     an event of the stream can have a signal of that name at all.
     """
+    return specialise_some(enumerate(atoms), known, possible)
+
+
+def specialise_some(
+    atoms: Iterable[tuple[int, Atom]], known: Signals, possible: Callable[[str], bool]
+) -> tuple[AtomTest, ...]:
+    """The same of some of the atoms, each with its place among all."""
     tests = []
-    for index, atom in enumerate(atoms):
+    for index, atom in atoms:
         if all(meets(c, known[c.key]) if c.key in known else possible(c.key) for c in atom.constraints):
             checks = tuple((c.key, _check(c)) for c in atom.constraints if c.key not in known)
             tests.append(AtomTest(index, checks, tuple(key for key, _ in atom.refs)))

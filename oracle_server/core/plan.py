@@ -5,16 +5,20 @@ A plan is shared by all sessions of its spec; it holds no state.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
-from oracle_server.core.atoms import AtomTest, Match, specialise
+from oracle_server.core.atoms import AtomTest, Match, specialise, specialise_some
 from oracle_server.core.events import StreamKey
 from oracle_server.core.formula.tree import Atom, Scalar
-from oracle_server.core.kinds import RESERVED
+from oracle_server.core.kinds import RESERVED, Kind
+from oracle_server.core.reach import Reach
 from oracle_server.core.signals import DefaultProjection, Projection
-from oracle_server.core.spec import By, Property, Spec, StreamSpec
+from oracle_server.core.spec import By, Spec, StreamSpec
+
+_Keys = frozenset[str]
 
 
 class Projects(Protocol):
@@ -107,13 +111,12 @@ class Plan:
 
 def plan(spec: Spec) -> Plan:
     """Make a spec ready. Raises `ExpressionError` where an expression of its signals can't be read."""
-    formulas = tuple(p.atoms for p in spec.properties)
-    held = frozenset[str]().union(*(s.hold for s in spec.streams))
-    silent = tuple(_view(formula, {}, held.__contains__) for formula in formulas)
+    making = _Making(spec)
+    silent = tuple(_view(len(atoms), specialise(atoms, {}, making.held.__contains__)) for atoms in making.formulas)
     timed = any(p.time == "seconds" for p in spec.properties)
     external = tuple(i for i, p in enumerate(spec.properties) if p.external is not None)
-    streams = {s.key: _plan_stream(spec, s, formulas, held) for s in spec.streams}
-    return Plan(spec, streams, silent, timed, external, _readers(spec, held))
+    streams = {s.key: making.stream(s) for s in spec.streams}
+    return Plan(spec, streams, silent, timed, external, making.readers())
 
 
 def judged_by(ready: Plan, by: By | None) -> Plan:
@@ -149,51 +152,111 @@ def named_signals(stream: StreamSpec, formulas: tuple[tuple[Atom, ...], ...], he
     return named - ((named & held) - stream.hold)
 
 
-def _readers(spec: Spec, held: frozenset[str]) -> dict[str, frozenset[int]]:
-    readers: dict[str, frozenset[int]] = {}
-    for stream in spec.streams:
-        found = frozenset(i for i, p in enumerate(spec.properties) if _concerns(stream, p, held))
-        readers[stream.name] = readers.get(stream.name, frozenset()) | found
-    return readers
+class _Making:
+    """A plan in the making: what is the same for many streams is computed once."""
+
+    def __init__(self, spec: Spec) -> None:
+        self.formulas = tuple(p.atoms for p in spec.properties)
+        self.held = frozenset[str]().union(*(s.hold for s in spec.streams))
+        self._spec, self._reach = spec, Reach(self.formulas)
+        self._views: dict[object, list[View]] = {}
+        self._keys: dict[Kind, list[frozenset[_Keys]]] = {}
+        self._reading: dict[object, frozenset[int]] = {}
+
+    def stream(self, stream: StreamSpec) -> StreamPlan:
+        """One stream made ready."""
+        project: Projects
+        if stream.signals is None:
+            names = self._names(stream)
+            project = DefaultProjection(sorted(names))
+        else:
+            names = frozenset(stream.signals)
+            project = Projection(stream.signals)
+        views = self._views_of(stream, names | {key for key in RESERVED if has_reserved(stream, key)})
+        asked, properties = [], self._spec.properties
+        for i, prop in enumerate(properties):
+            if prop.external is not None and prop.external.receives(stream):
+                asked.append(i)
+            elif prop.external is not None:
+                views[i] = replace(views[i], observed=False)
+        guards = tuple(i for i, p in enumerate(properties) if stream.name in p.guards)
+        blames = tuple(i for i in guards if properties[i].blame == "caused")
+        undoes = stream.on_deny == "undo" and stream.traits.undoable
+        return StreamPlan(stream, project, constants(stream), tuple(views), guards, blames, undoes, tuple(asked))
+
+    def readers(self) -> dict[str, frozenset[int]]:
+        """The properties that guard or read each topic or service, by its name."""
+        readers: dict[str, frozenset[int]] = {}
+        for stream in self._spec.streams:
+            readers[stream.name] = readers.get(stream.name, frozenset()) | self._concerned(stream)
+        return readers
+
+    def _views_of(self, stream: StreamSpec, own: frozenset[str]) -> list[View]:
+        """The properties' views of a stream with these signals."""
+        known = constants(stream)
+
+        def possible(key: str) -> bool:
+            return key in own or key in self.held
+
+        alike = stream.kind, own
+        if alike not in self._views:
+            tests = [specialise_some(atoms, known, possible) for atoms in self._reach.free]
+            self._views[alike] = [_view(len(atoms), found) for atoms, found in zip(self.formulas, tests, strict=True)]
+        views = self._views[alike].copy()
+        more: defaultdict[int, list[AtomTest]] = defaultdict(list)
+        for i, atom in self._reach.naming(stream):
+            more[i] += specialise_some([atom], known, possible)
+        for i, tests_here in more.items():
+            views[i] = _view(views[i].size, (*views[i].tests, *tests_here))
+        return views
+
+    def _names(self, stream: StreamSpec) -> _Keys:
+        """The signals of a stream that declares none."""
+        named = frozenset[str]().union(*(keys for found in self._met(stream.kind) for keys in found))
+        named |= {key for _, keys in self._met_by_name(stream) for key in keys}
+        return named - RESERVED - ((named & self.held) - stream.hold)
+
+    def _met(self, kind: Kind) -> list[frozenset[_Keys]]:
+        """For each property, the signals of each atom that names nothing and that events of a kind can meet."""
+        if kind not in self._keys:
+            nameless = StreamSpec("", kind)
+            free = self._reach.free
+            self._keys[kind] = [frozenset(_keys(a) for _, a in atoms if can_meet(nameless, a)) for atoms in free]
+        return self._keys[kind]
+
+    def _met_by_name(self, stream: StreamSpec) -> Iterator[tuple[int, _Keys]]:
+        """The signals of the other atoms that a stream's events can meet, each with its property."""
+        return ((i, _keys(atom)) for i, (_, atom) in self._reach.naming(stream) if can_meet(stream, atom))
+
+    def _concerned(self, stream: StreamSpec) -> frozenset[int]:
+        """The properties that guard a stream, or read its events: by name, kind, or signals of their own."""
+        own = None if stream.signals is None else frozenset(stream.signals) | RESERVED
+        others = self.held - stream.hold
+
+        def reads(keys: _Keys) -> bool:
+            if own is not None:
+                return not keys or not keys.isdisjoint(own)
+            return not keys or not keys <= others or not keys.isdisjoint(RESERVED)
+
+        alike = stream.kind, own, stream.hold
+        if alike not in self._reading:
+            found = {i for i, seen in enumerate(self._met(stream.kind)) if any(map(reads, seen))}
+            if stream.hold:
+                found |= {i for i, a in enumerate(self.formulas) if any(_keys(x) & stream.hold for x in a)}
+            self._reading[alike] = frozenset(found)
+        named = {i for i, keys in self._met_by_name(stream) if reads(keys)}
+        given = {
+            i
+            for i, p in enumerate(self._spec.properties)
+            if stream.name in p.guards or (p.external is not None and p.external.receives(stream))
+        }
+        return self._reading[alike] | named | given
 
 
-def _concerns(stream: StreamSpec, prop: Property, held: frozenset[str]) -> bool:
-    """Whether a property guards a stream, or reads its events: by name, kind, or signals of their own."""
-    if stream.name in prop.guards or (prop.external is not None and prop.external.receives(stream)):
-        return True
-    if any(c.key in stream.hold for atom in prop.atoms for c in atom.constraints):
-        return True
-    own = named_signals(stream, (prop.atoms,), held) if stream.signals is None else frozenset(stream.signals)
-    read = [{c.key for c in atom.constraints} for atom in prop.atoms if can_meet(stream, atom)]
-    return any(not keys or not keys.isdisjoint(own | RESERVED) for keys in read)
+def _keys(atom: Atom) -> _Keys:
+    return frozenset(c.key for c in atom.constraints)
 
 
-def _plan_stream(
-    spec: Spec, stream: StreamSpec, formulas: tuple[tuple[Atom, ...], ...], held: frozenset[str]
-) -> StreamPlan:
-    project: Projects
-    if stream.signals is None:
-        names = named_signals(stream, formulas, held)
-        project = DefaultProjection(sorted(names))
-    else:
-        names = frozenset(stream.signals)
-        project = Projection(stream.signals)
-    known = constants(stream)
-    own = names | {key for key in RESERVED if has_reserved(stream, key)}
-    views = [_view(formula_atoms, known, lambda key: key in own or key in held) for formula_atoms in formulas]
-    asked = []
-    for i, prop in enumerate(spec.properties):
-        if prop.external is not None and prop.external.receives(stream):
-            asked.append(i)
-        elif prop.external is not None:
-            views[i] = replace(views[i], observed=False)
-    guards = tuple(i for i, p in enumerate(spec.properties) if stream.name in p.guards)
-    blames = tuple(i for i in guards if spec.properties[i].blame == "caused")
-    undoes = stream.on_deny == "undo" and stream.traits.undoable
-    return StreamPlan(stream, project, known, tuple(views), guards, blames, undoes, tuple(asked))
-
-
-def _view(formula_atoms: tuple[Atom, ...], known: Mapping[str, Scalar], possible: Callable[[str], bool]) -> View:
-    tests = specialise(formula_atoms, known, possible)
-    reads = frozenset().union(*(test.reads for test in tests)) - RESERVED
-    return View(len(formula_atoms), tests, reads)
+def _view(size: int, tests: tuple[AtomTest, ...]) -> View:
+    reads = frozenset[str]().union(*(test.reads for test in tests)) - RESERVED
+    return View(size, tests, reads)

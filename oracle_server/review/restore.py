@@ -46,11 +46,13 @@ class KnownMonitor:
 class Restored:
     """A restored session: its core, the position of its last step, its refusals, monitors and held events.
 
-    `held` are the events that were judged by arrival and not yet by publication, with the gaps before them.
+    `saved` is the position of its snapshot, 0 where none could be used. `held` are the events that were judged by
+    arrival and not yet by publication, with the gaps before them.
     """
 
     core: Session
     position: int
+    saved: int
     refused: int
     monitors: dict[str, KnownMonitor]
     held: list[tuple[Step, int]]
@@ -65,7 +67,7 @@ async def restore(history: Reading, session: int, plan: Plan) -> Restored:
     snapshot = await history.snapshot(session)
     begun = await _begun(history, session, snapshot)
     core, position = await _begin(history, session, plan, snapshot, begun)
-    again = _Rejudging(core, plan)
+    again, saved = _Rejudging(core, plan), position
     async for page in history.steps(session, snapshot.settled if snapshot else 0, position):
         again.use(page)
     async for page in history.steps(session, position):
@@ -83,7 +85,7 @@ async def restore(history: Reading, session: int, plan: Plan) -> Restored:
         monitor.name: _known(monitor, Numbering(again.used[monitor.name], numbers.get(monitor.name)))
         for monitor in await history.monitors(session)
     }
-    return Restored(core, position, len(refused), monitors, [*again.waiting.values()])
+    return Restored(core, position, saved, len(refused), monitors, [*again.waiting.values()])
 
 
 async def _begun(history: Reading, session: int, snapshot: SnapshotRecord | None) -> int | None:

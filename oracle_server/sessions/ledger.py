@@ -12,6 +12,8 @@ from oracle_server.core.verdicts import Judged, record
 from oracle_server.history.port import History
 from oracle_server.history.records import MonitorRecord, Refusal, SessionRecord, stored
 from oracle_server.process.clock import Clock
+from oracle_server.review.restore import Restored
+from oracle_server.sessions.backlog import Backlog
 from oracle_server.sessions.commits import Commits
 from oracle_server.sessions.counters import Counters
 from oracle_server.sessions.lookup import DecisionLookup
@@ -35,11 +37,11 @@ class Ledger:
 
     def __init__(
         self, opened: SessionRecord, core: Session, history: History, clock: Clock, counters: Counters,
-        monitors: Mapping[str, Monitor],
+        backlog: Backlog, monitors: Mapping[str, Monitor],
     ) -> None:  # fmt: skip
         """Write for a session; `monitors` is the session's own mapping, to which later monitors are added."""
         self.commits = Commits()
-        self.snapshots = Snapshots(opened.id, opened.number, core, history)
+        self.snapshots = Snapshots(opened.id, opened.number, core, history, backlog, self.save)
         self.lookup = DecisionLookup(history, opened.number, [p.id for p in core.plan.spec.properties])
         self.refused = 0
         """How many events were refused."""
@@ -52,10 +54,10 @@ class Ledger:
         self._position = 0
         self._unwritten: list[Judged] = []
 
-    def resume(self, position: int, refused: int) -> None:
-        """Continue a restored session at a position."""
-        self._position, self.refused = position, refused
-        self.snapshots.resume(position)
+    def resume(self, restored: Restored) -> None:
+        """Continue a restored session where it was."""
+        self._position, self.refused = restored.position, restored.refused
+        self.snapshots.resume(restored.position, restored.saved)
 
     def add(self, judged: list[Judged]) -> None:
         """Queue judged steps; many are written together, within `_WRITE_AFTER`."""

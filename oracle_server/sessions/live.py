@@ -19,6 +19,7 @@ from oracle_server.history.records import MonitorRecord, SessionRecord
 from oracle_server.process.clock import Clock
 from oracle_server.remote.live import Oracles
 from oracle_server.review.restore import Restored
+from oracle_server.sessions.backlog import Backlog
 from oracle_server.sessions.counters import Counters
 from oracle_server.sessions.ledger import Ledger
 from oracle_server.sessions.monitor import Monitor, Outbox, check_time, claimed
@@ -33,7 +34,7 @@ class LiveSession:
 
     def __init__(
         self, record: SessionRecord, core: Session, history: History, clock: Clock, counters: Counters,
-        resume_within: float, request_close: Callable[[LiveSession], None],
+        backlog: Backlog, resume_within: float, request_close: Callable[[LiveSession], None],
     ) -> None:  # fmt: skip
         """Run a session; it calls `request_close` when its last monitor has left or its simulated time went back."""
         self.record = record
@@ -41,7 +42,7 @@ class LiveSession:
         self.core, self.spec = core, core.plan.spec
         self.monitors: dict[str, Monitor] = {}
         self.credit = Credit(self.spec.ordering.capacity)
-        self.ledger = Ledger(record, core, history, clock, counters, self.monitors)
+        self.ledger = Ledger(record, core, history, clock, counters, backlog, self.monitors)
         self.closing = False
         self.clock_went_back = False
         """Whether its simulation was restarted, so that it ignores all further events."""
@@ -198,9 +199,15 @@ class LiveSession:
     def go_on(self) -> None:
         """Take events again after a close that failed; what ends the session is checked again later."""
         self.closing = False
+        self.await_monitors()
+
+    def await_monitors(self) -> None:
+        """From now on, keep the places of monitors without a connection for `resume_within`, and an empty session."""
         loop = asyncio.get_running_loop()
         for monitor in self.monitors.values():
             if monitor.attached and monitor.outbox is None:
+                if monitor.expiry:
+                    monitor.expiry.cancel()
                 monitor.expiry = loop.call_later(self._resume_within, self._expire, monitor)
         loop.call_later(self._resume_within, self._end_if_over)
 
@@ -211,9 +218,8 @@ class LiveSession:
             self.ledger.write()
 
     def resume(self, restored: Restored) -> None:
-        """Continue a restored session: hold its events again, and wait for its monitors to reconnect."""
-        self.ledger.resume(restored.position, restored.refused)
-        loop = asyncio.get_running_loop()
+        """Continue a restored session: hold its events again, and keep its monitors' places until `await_monitors`."""
+        self.ledger.resume(restored)
         if any(known.clock == "sim" for known in restored.monitors.values()):
             self.core.simulated = SimulatedTime(self.spec.by_key)
         if self.core.simulated is None and any(known.attached for known in restored.monitors.values()):
@@ -224,10 +230,7 @@ class LiveSession:
                 monitor.attached, monitor.streams, monitor.clock = True, known.streams, known.clock
                 monitor.bypasses = dict(known.bypasses)
                 self.core.bypass(name, monitor.bypasses)
-                monitor.expiry = loop.call_later(self._resume_within, self._expire, monitor)
                 self._deliver(self.core.attach(name, monitor.streams, self._enter()))
-        if self.private and not any(m.attached for m in self.monitors.values()):
-            loop.call_later(self._resume_within, self._leave_empty)
         for step, gap in restored.held:
             monitor = self.monitors[step.event.monitor]
             monitor.numbering.hold(step.event.seq)

@@ -13,7 +13,7 @@ from typing import Any
 import structlog
 
 from oracle_server.core.errors import HistoryError, OracleError, SpecError
-from oracle_server.core.plan import judged_by, plan
+from oracle_server.core.plan import Plan, judged_by, plan
 from oracle_server.core.session import Session
 from oracle_server.core.spec import By
 from oracle_server.engines.table import make_engines
@@ -21,6 +21,7 @@ from oracle_server.history.port import History
 from oracle_server.history.records import Document, SessionRecord
 from oracle_server.process.clock import Clock
 from oracle_server.review.restore import restore
+from oracle_server.sessions.backlog import Backlog
 from oracle_server.sessions.counters import Counters
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.monitor import Monitor, Outbox, claimed
@@ -56,6 +57,7 @@ class Registry:
     def __init__(self, history: History, library: Library, clock: Clock, resume_within: float) -> None:
         """Begin without sessions; `resume_within` is how long (s) a monitor stays attached without a connection."""
         self.open: dict[str, LiveSession] = {}
+        self.backlog = Backlog()
         self.counters = Counters()
         self._history, self._library, self._clock, self._resume_within = history, library, clock, resume_within
         self._opening = asyncio.Lock()
@@ -64,13 +66,25 @@ class Registry:
         self._last = 0
 
     async def restore_all(self) -> None:
-        """Restore the open sessions from the history. One that can't be restored is logged and left out."""
+        """Restore the open sessions from the history. One that can't be restored is logged and left out.
+
+        The places of their monitors are kept until `accept_work`, however long this takes.
+        """
         self._last = await self._history.last_number()
+        plans = _Plans(self._library)
         for opened in await self._history.open_sessions():
             try:
-                await self._restore(opened)
-            except OracleError as error:
-                log.error("a session can't be restored", session=opened.id, reason=str(error))
+                await self._restore(opened, await asyncio.to_thread(plans.of, opened))
+            except Exception as error:  # whatever is wrong with it, the others go on
+                self.open.pop(opened.id, None)
+                known = isinstance(error, OracleError)
+                reason = str(error) if known else f"{type(error).__name__}: {error}"
+                log.error("a session can't be restored", session=opened.id, reason=reason, exc_info=not known)
+
+    def accept_work(self) -> None:
+        """Begin to count how long the monitors of restored sessions stay away: from now on they can come back."""
+        for session in self.open.values():
+            session.await_monitors()
 
     async def attach(self, wanted: Attach, outbox: Outbox) -> tuple[LiveSession, Monitor]:
         """Attach a monitor to the session that it names, or to a new one. Raises a fatal `WireError`."""
@@ -134,6 +148,7 @@ class Registry:
         self._history.close_session(session.number, now, state)
         await self._history.flush()
         self.open.pop(session.id, None)
+        session.ledger.snapshots.end()
         self.counters.add_closed(session.counts(), session.core.holds)
         session.ledger.commits.end()
         if session.clock_went_back:
@@ -235,8 +250,7 @@ class Registry:
         log.info("session opened", session=session_id, spec=spec.id)
         return live
 
-    async def _restore(self, opened: SessionRecord) -> None:
-        ready = judged_by(plan(parse_spec(opened.text, opened.id, bounded=False).spec), opened.by)
+    async def _restore(self, opened: SessionRecord, ready: Plan) -> None:
         restored = await restore(self._history, opened.number, ready)
         live = self._live(opened, restored.core)
         live.resume(restored)
@@ -249,7 +263,9 @@ class Registry:
         clock = self._clock.since(core.now)
         if clock is not self._clock:
             log.warning("a session goes on by a time that is ahead of the wall clock; close it", session=record.id)
-        live = LiveSession(record, core, self._history, clock, self.counters, self._resume_within, self._request_close)
+        live = LiveSession(
+            record, core, self._history, clock, self.counters, self.backlog, self._resume_within, self._request_close
+        )
         self.open[live.id] = live
         return live
 
@@ -287,6 +303,30 @@ class Registry:
             if not self._stopping:
                 session.go_on()
             log.error("a session can't be closed", session=session.id, exc_info=error)
+
+
+class _Plans:
+    """The plans of sessions that are restored: most have a spec of the library, or the same as another one."""
+
+    def __init__(self, library: Library) -> None:
+        known = [entry for entry in library.listed() if isinstance(entry, Entry)]
+        self._made: dict[str, Plan | OracleError] = {entry.file.text: entry.plan for entry in known}
+
+    def of(self, opened: SessionRecord) -> Plan:
+        """The plan of a session's spec, as it was opened. Raises `OracleError` where this version refuses it."""
+        made = self._made.get(opened.text)
+        if made is None:
+            made = self._made[opened.text] = _planned(opened)
+        if isinstance(made, OracleError):
+            raise made
+        return judged_by(made, opened.by)
+
+
+def _planned(opened: SessionRecord) -> Plan | OracleError:
+    try:
+        return plan(parse_spec(opened.text, opened.id, bounded=False).spec)
+    except OracleError as error:
+        return error
 
 
 def _stops() -> WireError:

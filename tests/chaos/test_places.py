@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack
 from pathlib import Path
 
 import pytest
@@ -78,6 +79,25 @@ async def test_who_had_detached_is_not_waited_for(served: Served) -> None:
             await say(a, [event(2, OK)])
             await until_read(a)
             assert await steps_and_held(served) == (3, 0)
+
+
+async def test_nobody_is_expelled_before_the_server_accepts_work(tmp_path: Path) -> None:
+    """A restart takes longer than a place is kept here: nobody could have come back in time."""
+    folder = tmp_path / "specs"
+    folder.mkdir()
+    (folder / "patient.yaml").write_text(SPEC)
+    gone = "monitor did not reconnect"
+    async with asyncio.timeout(PATIENCE), Served(folder, tmp_path / "data", resume_within="0.0001") as server:
+        names = [f"s{i}" for i in range(5)]
+        async with AsyncExitStack() as stack:
+            for name in names:
+                a = await stack.enter_async_context(attached(server, "patient", name, "a"))
+                await say(a, [event(1, OK)])
+                await until_acked(a, 1)
+            await restart(server)
+        await server.said(gone, len(names))
+        told = [line["event"] for line in server.log]
+        assert "accepting work" not in told[told.index(gone) :]
 
 
 async def restart(served: Served) -> None:

@@ -171,3 +171,36 @@ async def test_a_snapshot_that_can_not_be_decoded_has_no_data(tmp_path: Path) ->
         database.execute("UPDATE snapshots SET data = substr(data, 2)")
     assert await history.snapshot(1) == SnapshotRecord(3, None, 2, {"m": [1, 0, []]})
     await asyncio.to_thread(history.close)
+
+
+async def test_the_ends_of_sessions_are_found_without_a_look_at_what_is_between(tmp_path: Path) -> None:
+    """Else the start of a server takes minutes where much is kept, and each page of a reader a second."""
+    history, looks = SqliteHistory(tmp_path), 0
+
+    class Counted(Reader):
+        def _connect(self) -> sqlite3.Connection:
+            def looked() -> None:
+                nonlocal looks
+                looks += 1
+
+            connection = super()._connect()
+            connection.set_progress_handler(looked, 10)
+            return connection
+
+    async def asked() -> tuple[int, Any]:
+        nonlocal looks
+        looks = 0
+        answers = [await history.last_time(), await history.extent(1), *await history.extents()]
+        return looks, answers
+
+    history._reader = Counted(history.path)
+    history.start(asyncio.get_running_loop())
+    history.open_session(opened())
+    await add(history, *(step(i) for i in range(1, 11)))
+    few, answers = await asked()
+    assert answers[:2] == [1000, (1, 10)]
+    await add(history, *(step(i) for i in range(11, 2001)))
+    many, answers = await asked()
+    assert answers[:2] == [200_000, (1, 2000)]
+    assert many <= few + 2
+    await asyncio.to_thread(history.close)

@@ -47,7 +47,15 @@ _LOOKUPS = 4
 _STEPS = f"SELECT {','.join(STEP_COLUMNS)} FROM steps"  # noqa: S608 -- no value is written into a statement
 _SESSIONS = f"SELECT {','.join(SESSION_COLUMNS)} FROM sessions"  # noqa: S608
 _UPTO = "session = ? AND position <= ? AND ord = ?"
-_EXTENT = "SELECT coalesce(min(position), 1), coalesce(max(position), 0) FROM steps WHERE session = ?"
+_EXTENT = (  # each end by itself: one query for both would read all that is between
+    "SELECT coalesce((SELECT min(position) FROM steps WHERE session = ?1), 1), "
+    "coalesce((SELECT max(position) FROM steps WHERE session = ?1), 0)"
+)
+_LAST_TIME = (
+    "SELECT coalesce(max((SELECT judged FROM steps WHERE session = s.number ORDER BY position DESC LIMIT 1)), 0) "
+    "FROM sessions s"
+)
+"""A session's last step was judged last; all of them would be looked at otherwise."""
 _KEPT = (
     "SELECT s.number, s.spec, s.closed, coalesce(saved.settled, 0) "
     "FROM sessions s LEFT JOIN snapshots saved ON saved.session = s.number ORDER BY s.number"
@@ -179,7 +187,7 @@ class SqliteHistory:
 
     async def last_time(self) -> int:
         """The latest time at which something was judged."""
-        (time,) = await self._reader.row("SELECT coalesce(max(judged), 0) FROM steps")
+        (time,) = await self._reader.row(_LAST_TIME)
         return int(time)
 
     async def open_sessions(self) -> list[SessionRecord]:

@@ -1,0 +1,137 @@
+"""A restart expels nobody, whatever it takes, and one session that can't be restored stops no other."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import structlog
+
+from oracle_server.history.memory import MemoryHistory
+from oracle_server.history.records import SessionRecord
+from oracle_server.process.clock import Clock
+from oracle_server.review.restore import restore
+from oracle_server.sessions import registry as registry_module
+from oracle_server.sessions.registry import Registry
+from oracle_server.specfiles.library import Library
+from oracle_server.wire.incoming import Attach
+from tests.processes import PATIENCE
+from tests.sessions.making import GUARD, Kept, attach, event, registry
+
+
+@pytest.fixture
+async def within() -> AsyncIterator[None]:
+    async with asyncio.timeout(PATIENCE):
+        yield
+
+
+async def left(folder: Path) -> tuple[MemoryHistory, str]:
+    """The history of a server that ended with three sessions, each with a monitor, and the name of a private one."""
+    history = MemoryHistory()
+    first = registry(history, folder, GUARD)
+    for name in ("one", "two"):
+        live, monitor = await first.attach(attach(name, "guard"), Kept())
+        live.ingest(monitor, event(1, speed=1))
+        live.ledger.write()
+    private, _ = await first.attach(Attach(type="attach", monitor="m", instance="i", spec="guard"), Kept())
+    await first.flush()
+    return history, private.id
+
+
+def impatient(history: MemoryHistory, folder: Path) -> Registry:
+    """The next server, which keeps no place for any time at all."""
+    return Registry(history, Library(None, folder), Clock(), resume_within=0.0)
+
+
+async def present(history: MemoryHistory, number: int) -> list[bool]:
+    return [monitor.attached for monitor in await history.monitors(number)]
+
+
+@pytest.mark.usefixtures("within")
+async def test_places_are_kept_until_work_is_accepted_however_long_that_takes(tmp_path: Path) -> None:
+    history, private = await left(tmp_path)
+    second = impatient(history, tmp_path)
+    await second.restore_all()
+    for _ in range(50):
+        await asyncio.sleep(0)  # each turn is longer than a place would be kept
+    await second.flush()
+    assert set(second.open) == {"one", "two", private}
+    assert [m.attached for live in second.open.values() for m in live.monitors.values()] == [True] * 3
+    second.accept_work()
+    one = second.open["one"]
+    while one.monitors["m"].attached or private in second.open:
+        await asyncio.sleep(0)
+    await second.flush()
+    assert await present(history, one.number) == [False]
+    assert set(second.open) == {"one", "two"}
+
+
+@pytest.mark.usefixtures("within")
+async def test_who_is_back_before_work_is_accepted_keeps_its_place(tmp_path: Path) -> None:
+    history, private = await left(tmp_path)
+    second = impatient(history, tmp_path)
+    await second.restore_all()
+    live, monitor = await second.attach(attach("one", "guard"), Kept())
+    second.accept_work()
+    while private in second.open:
+        await asyncio.sleep(0)
+    assert live.monitors == {"m": monitor}
+    assert monitor.attached
+
+
+@pytest.mark.usefixtures("within")
+@pytest.mark.parametrize("text", ["id: guard\nstreams: 3\n", "", GUARD.replace("speed > 3", "speed >")])
+async def test_a_session_whose_spec_is_refused_now_stops_no_other(tmp_path: Path, text: str) -> None:
+    history, private = await left(tmp_path)
+    kept = history._kept[1]
+    kept.record = kept.record._replace(text=text)
+    second = impatient(history, tmp_path)
+    with structlog.testing.capture_logs() as logs:
+        await second.restore_all()
+    assert set(second.open) == {"two", private}
+    (told,) = [line for line in logs if line["event"] == "a session can't be restored"]
+    assert told["session"] == "one"
+    assert told["reason"]
+
+
+@pytest.mark.usefixtures("within")
+async def test_whatever_goes_wrong_with_one_session_the_others_go_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    history, private = await left(tmp_path)
+
+    async def fails(reading: Any, number: int, ready: Any) -> Any:
+        if number == 2:
+            raise RecursionError("too deep")
+        return await restore(reading, number, ready)
+
+    monkeypatch.setattr("oracle_server.sessions.registry.restore", fails)
+    second = impatient(history, tmp_path)
+    with structlog.testing.capture_logs() as logs:
+        await second.restore_all()
+    assert set(second.open) == {"one", private}
+    assert [(line["session"], line["reason"]) for line in logs if line["log_level"] == "error"] == [
+        ("two", "RecursionError: too deep")
+    ]
+
+
+@pytest.mark.usefixtures("within")
+async def test_a_spec_is_read_once_for_all_its_sessions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    history, _ = await left(tmp_path)
+    for kept in history._kept.values():
+        kept.record = kept.record._replace(text=kept.record.text + "\n# as of some time ago\n")
+    read: list[str] = []
+    planned = registry_module._planned
+
+    def counted(opened: SessionRecord) -> Any:
+        read.append(opened.text)
+        return planned(opened)
+
+    monkeypatch.setattr(registry_module, "_planned", counted)
+    second = impatient(history, tmp_path)
+    await second.restore_all()
+    assert len(second.open) == 3
+    assert len(read) == 1
