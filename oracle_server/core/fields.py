@@ -6,13 +6,13 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 from oracle_server.core.errors import ExpressionError, SpecProblem
-from oracle_server.core.expression import Problem, check_shape, parse_expression
+from oracle_server.core.expression import Problem, check_shape, no_field, parse_expression
 from oracle_server.core.formula.render import render_atom
 from oracle_server.core.formula.tree import Atom
 from oracle_server.core.kinds import RESERVED
 from oracle_server.core.nearest import either, listed, nearest
 from oracle_server.core.plan import can_meet, has_reserved
-from oracle_server.core.readings import at, lacking, no_field
+from oracle_server.core.readings import at, lacking
 from oracle_server.core.shapes import Many, Record, Shape, Value
 from oracle_server.core.spec import Spec, StreamSpec
 from oracle_server.core.stamps import Stamp
@@ -70,8 +70,13 @@ def _stamps(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
         if reason:
             yield SpecProblem(("streams", i, "stamp"), f"stamp of {stream.key}: {reason}")
             continue
-        found = at(known.widest, tuple(field.split(".")))
-        if isinstance(found, Value) and found.kind == "whole" and stream.stamp.unit is None:
+        path = tuple(field.split("."))
+        found, around = at(known.widest, path), at(known.widest, path[:-1])
+        if isinstance(around, Record) and around.name.startswith("geometry_msgs/"):
+            why = f"`{field}` is a number of a {around.name}, which is no time"
+            message = f"stamp of {stream.key}: {why}; name a field that is one, or leave `stamp` out"
+            yield SpecProblem(("streams", i, "stamp"), message, severity="warning")
+        elif isinstance(found, Value) and found.kind == "whole" and stream.stamp.unit is None:
             message = (
                 f"{found.type} `{field}` is read as seconds; say its unit, as in `stamp: {{field: {field}, unit: us}}`"
             )

@@ -10,8 +10,10 @@ from oracle_server.core.errors import ExpressionError, SpecProblem
 from oracle_server.core.events import StreamKey
 from oracle_server.core.expression import MAX_PATTERNS, Expression, check_shape, parse_expression, too_dear
 from oracle_server.core.kinds import RESERVED
+from oracle_server.core.nearest import either, listed, near, nearest
 from oracle_server.core.signals import UNWRITTEN
-from oracle_server.core.spec import Spec
+from oracle_server.core.spec import Spec, StreamSpec
+from oracle_server.core.units import span
 from oracle_server.core.unmet import has_signal, unmet
 from oracle_server.core.vacuity import vacuous
 from oracle_server.core.withholding import mendable
@@ -67,12 +69,27 @@ def _signals(spec: Spec) -> Iterator[SpecProblem]:
                 path = ("streams", i, "signals", name)
                 yield SpecProblem(path, f"the signal '{name}' is reserved; give yours another name")
         for name in sorted(stream.hold):
-            if stream.signals is not None and name not in stream.signals:
-                yield SpecProblem(("streams", i, "hold"), f"'{name}' is held, but is no signal of {stream.key}")
+            if not _declares(stream, name):
+                message = f"'{name}' is held, but is no signal of {stream.key}; {_instead_of_held(spec, stream, name)}"
+                yield SpecProblem(("streams", i, "hold"), message)
             if name in RESERVED:
                 yield SpecProblem(("streams", i, "hold"), f"the signal '{name}' is reserved and can't be held")
             if holders.setdefault(name, str(stream.key)) != str(stream.key):
                 yield SpecProblem(("streams", i, "hold"), f"'{name}' is held by {holders[name]} already")
+
+
+def _declares(stream: StreamSpec, name: str) -> bool:
+    return stream.signals is None or name in stream.signals
+
+
+def _instead_of_held(spec: Spec, stream: StreamSpec, name: str) -> str:
+    """What to write for a name under `hold` that is no signal of its stream."""
+    owners = [str(other.key) for other in spec.streams if name in (other.signals or {})]
+    if owners:
+        return f"{either(owners)} has it: name it under `hold` there"
+    known = sorted(stream.signals or ())
+    hint = nearest(name, known)
+    return f"{f'{hint} ' if hint else ''}it has {listed(known) or 'none'}"
 
 
 def _expressions(spec: Spec) -> Iterator[SpecProblem]:
@@ -98,7 +115,7 @@ def _expressions(spec: Spec) -> Iterator[SpecProblem]:
 
 def _held_elsewhere(spec: Spec) -> Iterator[SpecProblem]:
     """Signals that another stream holds: a warning, since histories may have sessions with such specs."""
-    holders = {name: stream.key for stream in spec.streams for name in stream.hold}
+    holders = {name: stream.key for stream in spec.streams for name in stream.hold if _declares(stream, name)}
     for i, stream in enumerate(spec.streams):
         for name in sorted(n for n in stream.signals or () if n in holders and n not in stream.hold):
             message = (
@@ -130,21 +147,26 @@ def _unwritten(spec: Spec) -> Iterator[SpecProblem]:
 
 def _filters(spec: Spec) -> Iterator[SpecProblem]:
     guarded = frozenset[str]().union(*(p.guards for p in spec.properties))
+    meant = {_stream_meant(name, spec) for name in guarded - spec.names}
+    """Streams whose guards are misspelt: of those that is told."""
     max_delay = spec.ordering.max_delay
     for i, stream in enumerate(spec.streams):
         if stream.action != "filter" or not stream.traits.leads:
             continue
-        if stream.name not in guarded:
-            yield SpecProblem(
-                ("streams", i, "action"),
-                f"{stream.name} is filtered, but no property guards it; name it under `guards`",
+        if stream.name not in guarded | meant:
+            message = (
+                f"{stream.name} is filtered, but no property guards it, so that it could deny nothing; name it in a "
+                f"property, as `guards: [{stream.name}]`"
             )
+            yield SpecProblem(("streams", i, "action"), message)
         if stream.ordered and spec.ordering.by != "arrival":
             if max_delay is not None and stream.decide_within <= max_delay:
-                yield SpecProblem(
-                    ("streams", i, "decide_within"),
-                    f"decide_within of {stream.name} must exceed max_delay, for which an event may wait for older ones",
+                message = (
+                    f"decide_within of {stream.name} is {span(stream.decide_within)}, and must exceed max_delay, "
+                    f"{span(max_delay)}, for which an event may wait for older ones; "
+                    f"write `decide_within: {span(max_delay + 10**9)}`, or less for `max_delay` under `ordering`"
                 )
+                yield SpecProblem(("streams", i, "decide_within"), message)
             if max_delay is None:
                 message = f"with `max_delay: none` a decision on {stream.name} can take longer than decide_within"
                 yield SpecProblem(("streams", i, "decide_within"), message, severity="warning")
@@ -157,10 +179,12 @@ def _guards(spec: Spec) -> Iterator[SpecProblem]:
         for name in sorted(prop.guards):
             stream = by_name.get(name)
             if stream is None:
-                yield SpecProblem(path, f"property '{prop.id}' guards '{name}', which is no stream of this spec")
+                yield SpecProblem(path, f"property '{prop.id}' guards '{name}', {_no_stream(name, spec)}")
             elif stream.action != "filter":
                 yield SpecProblem(
-                    path, f"property '{prop.id}' guards {name}, whose action is `log`: it could deny nothing"
+                    path,
+                    f"property '{prop.id}' guards {name}, whose action is `log`, so that nothing of it can be denied; "
+                    f"write `action: filter` at {name}, or leave the guard out",
                 )
             elif prop.blame == "any" and not (prop.numeric or prop.external) and not mendable(spec, prop, name):
                 yield SpecProblem(
@@ -171,6 +195,22 @@ def _guards(spec: Spec) -> Iterator[SpecProblem]:
                 )
 
 
+def _no_stream(name: str, spec: Spec) -> str:
+    """What to say of a name that should be that of a stream."""
+    names = sorted(spec.names)
+    meant = _stream_meant(name, spec)
+    if meant and name.removesuffix("_mon") == meant:
+        return f"which is no stream of this spec, but a name on the far side of its monitor; write `{meant}`"
+    hint = nearest(name, names)
+    return f"which is no stream of this spec; {f'{hint} ' if hint else ''}the streams are {listed(names)}"
+
+
+def _stream_meant(name: str, spec: Spec) -> str | None:
+    """The stream that a name is most likely to mean."""
+    plain = name.removesuffix("_mon")
+    return plain if plain in spec.names else next(iter(near(name, spec.names)), None)
+
+
 def _external(spec: Spec) -> Iterator[SpecProblem]:
     for i, prop in enumerate(spec.properties):
         if prop.external is None:
@@ -178,7 +218,9 @@ def _external(spec: Spec) -> Iterator[SpecProblem]:
         received = prop.external.streams
         for name in sorted(received or ()):
             if name not in spec.names:
-                yield SpecProblem(("properties", i, "streams"), f"'{name}' is no stream of this spec")
+                yield SpecProblem(
+                    ("properties", i, "streams"), f"the oracle is told of '{name}', {_no_stream(name, spec)}"
+                )
         for name in sorted(prop.guards & spec.names):
             if received is not None and name not in received:
                 message = f"'{prop.id}' guards {name}, which its oracle does not receive; name it under `streams`"
@@ -188,8 +230,10 @@ def _external(spec: Spec) -> Iterator[SpecProblem]:
             waits = prop.external.timeout + ((spec.ordering.max_delay or 0) if ordered else 0)
             if stream.action == "filter" and stream.traits.leads and stream.decide_within <= waits:
                 message = (
-                    f"decide_within of {stream.name} must exceed {'max_delay and ' if ordered else ''}the timeout of "
-                    f"'{prop.id}', since every decision after an event that its oracle receives waits for the oracle"
+                    f"decide_within of {stream.name} is {span(stream.decide_within)}, and must exceed "
+                    f"{'max_delay and ' if ordered else ''}the timeout of '{prop.id}', {span(waits)}"
+                    f"{' together' if ordered else ''}, since every decision after an event that its oracle receives "
+                    f"waits for the oracle; write `decide_within: {span(waits + 10**9)}`"
                 )
                 yield SpecProblem(("streams", j, "decide_within"), message)
 
@@ -210,11 +254,10 @@ def _gaps(spec: Spec) -> Iterator[SpecProblem]:
 
 
 def _causes(spec: Spec) -> Iterator[SpecProblem]:
-    names = {s.name for s in spec.streams}
     for i, stream in enumerate(spec.streams):
         for name in stream.causes:
-            if name not in names and stream.traits.leads:
-                message = f"{stream.name} causes '{name}', which is no stream of this spec"
+            if name not in spec.names and stream.traits.leads:
+                message = f"{stream.name} causes '{name}', {_no_stream(name, spec)}"
                 yield SpecProblem(("streams", i, "causes"), message)
 
 

@@ -6,16 +6,27 @@ import difflib
 from collections.abc import Iterable
 
 _MOST = 12
+_RENAMED = {"nsec": "nanosec", "nsecs": "nanosec", "secs": "sec"}
+"""What fields of ROS 1 are called on ROS 2: other names are written more like them."""
 
 
-def nearest(name: str, known: Iterable[str], alike: float = 0.7) -> str:
-    """What to say of the known names that are most like one: `did you mean 'a' or 'b'?`, empty where none is.
+def near(name: str, known: Iterable[str], alike: float = 0.65) -> list[str]:
+    """The known names that are most like one, two at the most, the likeliest first.
 
     `alike` is how much so: 1 for the same.
     """
     by_lower = {other.lower(): other for other in sorted(known)}
-    found = difflib.get_close_matches(name.lower(), by_lower, n=2, cutoff=alike)
-    return f"did you mean {' or '.join(repr(by_lower[lower]) for lower in found)}?" if found else ""
+    lower = name.lower()
+    if _RENAMED.get(lower) in by_lower:
+        return [by_lower[_RENAMED[lower]]]
+    found = difflib.get_close_matches(lower, by_lower, n=2, cutoff=alike)
+    return [by_lower[match] for match in found]
+
+
+def nearest(name: str, known: Iterable[str], alike: float = 0.65) -> str:
+    """What to say of those names: ``did you mean `a` or `b`?``, empty where none is alike."""
+    found = near(name, known, alike)
+    return f"did you mean {' or '.join(f'`{other}`' for other in found)}?" if found else ""
 
 
 def either(names: Iterable[str]) -> str:

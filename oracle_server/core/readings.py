@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from oracle_server.core.expression import FieldPath
-from oracle_server.core.nearest import listed, nearest
+from oracle_server.core.expression import FieldPath, no_field
 from oracle_server.core.shapes import Many, Record, Shape
 
 
@@ -22,12 +21,6 @@ def lacking(shape: Shape | None, path: FieldPath) -> str:
         elif shape is not None:
             return f"{before} is of the type {shape.type}, and has no field '{name}'"
     return ""
-
-
-def no_field(record: Record, name: str) -> str:
-    """What to say of a field that a message does not have."""
-    hint = nearest(name, record.fields) or f"it has {listed(record.fields) or 'none'}"
-    return f"{record.name} has no field '{name}'; {hint}"
 
 
 def at(shape: Shape, path: FieldPath) -> Shape | None:

@@ -26,6 +26,14 @@ def duration(value: object) -> int:
     return int(exact)
 
 
+def span(nanoseconds: int) -> str:
+    """A duration as it is written, in the largest unit up to seconds that has no fraction."""
+    for unit in ("s", "ms", "us"):
+        if nanoseconds % NANOSECONDS[unit] == 0:
+            return f"{nanoseconds // NANOSECONDS[unit]}{unit}"
+    return f"{nanoseconds}ns"
+
+
 def counted(number: int, noun: str) -> str:
     """A number with its noun, which takes an `s` for any number but 1."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 from oracle_server.core.errors import SpecProblem
 from oracle_server.core.formula.render import render_atom
 from oracle_server.core.formula.tree import Atom, Constraint
 from oracle_server.core.kinds import GROUPS, KINDS, RESERVED, TICK
-from oracle_server.core.nearest import listed
+from oracle_server.core.nearest import listed, nearest
 from oracle_server.core.plan import can_meet, has_reserved
 from oracle_server.core.spec import Spec, StreamSpec
 
@@ -53,8 +52,10 @@ def _why_never(atom: Atom, spec: Spec, held: frozenset[str]) -> str | None:
 def _no_stream(group: str, name: str, names: Sequence[str], spec: Spec) -> str:
     known = listed(names) or "none"
     other = next((s.traits.group for s in spec.streams if s.name == name), None)
-    hint = f'; it is a {other}: write `{other}: "{name}"`' if other else _did_you_mean(name, names)
-    return f"{group} '{name}' is no stream of this spec; it has {known}{hint}"
+    if other:
+        return f"{group} '{name}' is no stream of this spec; it is a {other}: write `{other}: \"{name}\"`"
+    hint = nearest(name, names)
+    return f"{group} '{name}' is no stream of this spec; {f'{hint} ' if hint else ''}it has {known}"
 
 
 def _no_signal(key: str, streams: Sequence[StreamSpec], held: frozenset[str], spec: Spec) -> str:
@@ -62,10 +63,11 @@ def _no_signal(key: str, streams: Sequence[StreamSpec], held: frozenset[str], sp
     declared = sorted({name for s in streams for name in s.signals or ()} | held)
     owners = [str(s.key) for s in spec.streams if key in (s.signals or {})]
     if owners:
-        hint = f"; {' and '.join(owners)} has it: name it under `hold` there, so that it keeps its value"
-    else:
-        hint = _did_you_mean(key, declared)
-    return f"unknown signal '{key}'; {where} declares {listed(declared) or 'none'}{hint}"
+        verb = "has" if len(owners) == 1 else "have"
+        mend = f"{' and '.join(owners)} {verb} it: name it under `hold` there, so that it keeps its value"
+        return f"unknown signal '{key}'; {where} declares {listed(declared) or 'none'}; {mend}"
+    hint = nearest(key, declared)
+    return f"unknown signal '{key}'; {f'{hint} ' if hint else ''}{where} declares {listed(declared) or 'none'}"
 
 
 def _contradiction(constraints: Sequence[Constraint]) -> str:
@@ -73,7 +75,9 @@ def _contradiction(constraints: Sequence[Constraint]) -> str:
     wanted = {c.key: c.value for c in constraints if c.key in RESERVED}
     kinds = [kind for kind in KINDS if kind != TICK]
     if isinstance(wanted.get("kind"), str) and wanted["kind"] not in kinds:
-        return f": there is no kind '{wanted['kind']}'; the kinds are {', '.join(kinds)}"
+        hint = nearest(str(wanted["kind"]), kinds)
+        told = f"{hint} the" if hint else "the"
+        return f": there is no kind '{wanted['kind']}'; {told} kinds are {', '.join(kinds)}"
     if {"topic", "service"} <= wanted.keys():
         return ": an event is of a topic or of a service, and never of both"
     if "topic" in wanted and "kind" in wanted:
@@ -81,8 +85,3 @@ def _contradiction(constraints: Sequence[Constraint]) -> str:
     if "service" in wanted and "kind" in wanted:
         return ": events of a service are of kind `request` or `response`"
     return ": only events of services have a `call`" if "call" in wanted else ""
-
-
-def _did_you_mean(word: str, words: Iterable[str]) -> str:
-    near = difflib.get_close_matches(word, list(words), 1)
-    return f"; did you mean {near[0]}?" if near else ""

@@ -75,9 +75,10 @@ class _Seen:
             yield from found
             foreign.update((instant, doubt) for doubt in self._foreign(occurrence))
         yield from (doubt for instant, doubt in foreign.items() if instant not in told)
+        lacking = frozenset(told)
         told |= foreign.keys()
         for node in walk(self.prop.formula):
-            if isinstance(node, Historically | Since):
+            if isinstance(node, Historically | Since) and not lacking & {id(part) for part in walk(_kept(node))}:
                 yield from self._ended(node)
         yield from self._settled(told)
 
@@ -122,7 +123,7 @@ class _Seen:
 
     def _ended(self, node: Historically | Since) -> Iterator[Doubt]:
         """An operand that must hold at every step, and fails at every event of some stream for want of a signal."""
-        operand = node.operand if isinstance(node, Historically) else node.left
+        operand = _kept(node)
         mendable = zip(self.places, self.known.row(operand), self.lenient.row(operand), strict=True)
         failing = [p for p, value, other in mendable if p.stream and value is False and other is not False]
         streams = [p for p in self.places if p.stream]
@@ -185,6 +186,11 @@ def _lack(operand: Formula, failing: Sequence[Place]) -> str:
     keys = sorted({key for a in atoms(operand) for p in failing if p.allows(a) for key in p.lacks(a)})
     verb = "has" if len(failing) == 1 else "have"
     return f", which {verb} no {_quoted(keys, 'or')}" if keys else ""
+
+
+def _kept(node: Historically | Since) -> Formula:
+    """The operand that must hold at every step."""
+    return node.operand if isinstance(node, Historically) else node.left
 
 
 def _place(node: Formula) -> Position:

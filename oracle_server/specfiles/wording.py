@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from oracle_server.core.errors import Finding
 from oracle_server.core.kinds import GROUPS
+from oracle_server.core.nearest import near, nearest
 from oracle_server.specfiles.document import Document, KeyPath
 from oracle_server.specfiles.model import (
     HalfModel,
@@ -84,11 +84,12 @@ def model_findings(document: Document, problems: Sequence[Any]) -> list[Finding]
     """What is to be said of what the models refuse."""
     paths = [_without_tags(problem["loc"]) for problem in problems]
     unknown = {path for path, problem in zip(paths, problems, strict=True) if problem["type"] == "extra_forbidden"}
-    misspelt = {(*path[:-1], near) for path in unknown if (near := _near_key(document, path))}
+    explained = {(*path[:-1], key) for path in unknown if (key := _near_key(document, path))}
+    explained |= {(*path[:-1], "topic") for path in unknown if _is_signal(document, path)}
     return [
         _finding(document, path, problem)
         for path, problem in zip(paths, problems, strict=True)
-        if problem["type"] != "missing" or path not in misspelt
+        if problem["type"] != "missing" or path not in explained
     ]
 
 
@@ -118,14 +119,19 @@ def _finding(document: Document, path: KeyPath, problem: Any) -> Finding:
     if not path:
         message = f"a spec is a mapping of keys, the first of which is `id: my_spec`; found {_found(problem['input'])}"
         return Finding(document.file, *document.place(path), message)
-    return Finding(document.file, *document.place(path), f"{where}{_value(path, problem)}")
+    return Finding(document.file, *document.place(path), f"{where}{_value(document, path, problem)}")
 
 
 def _unknown(document: Document, path: KeyPath) -> str:
     key = str(path[-1])
-    near = _near_key(document, path)
-    if near:
-        return f"unknown key '{key}'; did you mean `{near}`?"
+    if _is_signal(document, path):
+        text = _at(document.value, path)
+        half = "" if _level(document, path[:-1]) != "a service" else "`request` or `response`, and there "
+        mend = f"deeper than it, as `signals: {{{key}: {text}}}`"
+        return f"unknown key '{key}': a signal stands below {half}`signals:`, {mend}"
+    meant = _near_key(document, path)
+    if meant:
+        return f"unknown key '{key}'; did you mean `{meant}`?"
     level = _level(document, path[:-1])
     others = [name for name, model in _LEVELS.items() if key in model.model_fields and name != level]
     if level == "a service" and key in HalfModel.model_fields:
@@ -135,11 +141,16 @@ def _unknown(document: Document, path: KeyPath) -> str:
     return f"unknown key '{key}'; {level} has {', '.join(_LEVELS[level].model_fields)}"
 
 
+def _is_signal(document: Document, path: KeyPath) -> bool:
+    """Whether an unknown key of a stream has an expression, as a signal that is not indented enough has."""
+    text = _at(document.value, path)
+    return path[0] == "streams" and isinstance(text, str) and re.search(r"\bmsg\b", text) is not None
+
+
 def _near_key(document: Document, path: KeyPath) -> str | None:
     """The key that a misspelt one is likely to mean."""
     model = _LEVELS[_level(document, path[:-1])]
-    near = difflib.get_close_matches(str(path[-1]).lower(), model.model_fields, 1, 0.7)
-    return near[0] if near else None
+    return next(iter(near(str(path[-1]), model.model_fields, 0.7)), None)
 
 
 def _level(document: Document, path: KeyPath) -> str:
@@ -169,7 +180,7 @@ def _missing(path: KeyPath) -> str:
     return f"the key '{key}' is missing: write {_TAKES.get(str(key), 'it')}"
 
 
-def _value(path: KeyPath, problem: Any) -> str:
+def _value(document: Document, path: KeyPath, problem: Any) -> str:
     """What is wrong with a value."""
     names = [p for p in path if isinstance(p, str) and p not in ("streams", "properties")] or [str(path[0])]
     key = names[-1] if not isinstance(path[-1], int) else f"{names[-1]}[{path[-1]}]"
@@ -181,7 +192,7 @@ def _value(path: KeyPath, problem: Any) -> str:
     if len(path) == 2 and path[0] in ("streams", "properties"):
         first = "topic: /name" if path[0] == "streams" else "id: name"
         return f"it is a mapping that begins with `- {first}`; found {_found(value)}"
-    return f"`{key}` must be {_takes(path)}; found {_found(value)}{_mend(path, value)}"
+    return f"`{key}` must be {_takes(path)}; found {_found(value)}{_mend(document, path, value)}"
 
 
 def _takes(path: KeyPath) -> str:
@@ -199,17 +210,17 @@ def _takes(path: KeyPath) -> str:
 def _word(key: str, value: object, expected: object) -> str:
     """What is wrong with a value that is none of some words."""
     words = re.findall(r"'([^']*)'", str(expected))
-    near = difflib.get_close_matches(str(value).lower(), words, 1, 0.7)
-    meant = near[0] if near else _MEANT.get(str(value).lower())
-    hint = f"; did you mean `{meant}`?" if meant in words else ""
-    return f"`{key}` must be {', '.join(words[:-1])} or {words[-1]}; found {_found(value)}{hint}"
+    meant = _MEANT.get(str(value).lower())
+    hint = nearest(str(value), words, 0.7) or (f"did you mean `{meant}`?" if meant in words else "")
+    found = f"`{key}` must be {', '.join(words[:-1])} or {words[-1]}; found {_found(value)}"
+    return f"{found}; {hint}" if hint else found
 
 
-def _mend(path: KeyPath, value: object) -> str:  # noqa: PLR0911 -- a case a mistake
+def _mend(document: Document, path: KeyPath, value: object) -> str:  # noqa: PLR0911 -- a case a mistake
     """What to write for a value of another kind."""
     key = path[-1]
     if key in ("hold", "guards", "causes", "streams") and isinstance(value, str):
-        return f"; write [{value}]"
+        return f"; write [{_meant(document, path, value)}]"
     if key in ("ordered", "latch") and isinstance(value, str):
         truth = {"yes": "true", "on": "true", "no": "false", "off": "false"}.get(value.lower(), value.lower())
         return f"; write {truth}" if truth in ("true", "false") else ""
@@ -231,9 +242,21 @@ def _mend(path: KeyPath, value: object) -> str:  # noqa: PLR0911 -- a case a mis
     return ""
 
 
+def _meant(document: Document, path: KeyPath, name: str) -> str:
+    """The stream, or under `hold` the signal, that a name means; the name where it is one, or like none."""
+    known = _at(document.value, (*path[:-1], "signals")) if path[-1] == "hold" else _stream_names(document)
+    return name if not known or name in known else next(iter(near(name, map(str, known))), name)
+
+
+def _stream_names(document: Document) -> list[str]:
+    streams = _at(document.value, ("streams",))
+    found = [s.get(group) for s in streams if _is_map(s) for group in GROUPS] if isinstance(streams, list) else []
+    return [name for name in found if isinstance(name, str)]
+
+
 def _other_id(value: str) -> str:
-    near = re.sub(r"[\s/]+", "_", value.strip(" /\n"))
-    return f"; write {near}" if re.fullmatch(r"[A-Za-z0-9_-][A-Za-z0-9_.-]*", near) else ""
+    other = re.sub(r"[\s/]+", "_", value.strip(" /\n"))
+    return f"; write {other}" if re.fullmatch(r"[A-Za-z0-9_-][A-Za-z0-9_.-]*", other) else ""
 
 
 def _type_mend(value: str) -> str:

@@ -67,11 +67,11 @@ def test_what_only_another_version_of_ros_has_is_told_apart() -> None:
 @pytest.mark.parametrize(
     ("name", "severity", "words"),
     [
-        ("sensor_msgs/msg/LasrScan", "error", "did you mean 'LaserScan'?"),
+        ("sensor_msgs/msg/LasrScan", "error", "did you mean `LaserScan`?"),
         ("std_msgs/msg/SetBool", "error", "no msg 'SetBool'"),
         ("std_srvs/msg/SetBool", "error", "std_srvs/srv/SetBool is a service"),
         ("sensor_msgs/srv/LaserScan_Request", "error", "sensor_msgs/msg/LaserScan is a message"),
-        ("sensor_msg/msg/LaserScan", "warning", "did you mean 'sensor_msgs'?"),
+        ("sensor_msg/msg/LaserScan", "warning", "did you mean `sensor_msgs`?"),
         ("nav2_msgs/msg/Costmap", "warning", "--types"),
         ("my_robot/msg/Arm", "warning", "the package my_robot is not known here"),
     ],
@@ -103,7 +103,7 @@ def test_a_folder_defines_messages_services_and_actions(tmp_path: Path) -> None:
     assert at(joints.of, ("since", "sec")) == Value("whole", "int32")
     assert shape("arm_msgs/srv/Move_Request", types).fields == {"to": Value("real", "float64")}
     assert at(shape("arm_msgs/msg/GripActionFeedback", types), ("feedback", "gap")) == Value("real", "float64")
-    assert "did you mean 'State'?" in missing("arm_msgs/msg/Stat", types).message
+    assert "did you mean `State`?" in missing("arm_msgs/msg/Stat", types).message
 
 
 def test_a_folders_definition_is_what_the_robot_has(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from oracle_server.specfiles.load import MOST, load_spec, parse_spec
 ROOT = Path(__file__).parents[2]
 STANDARD = Types(environment={})
 WARNED = sorted((Path(__file__).parents[1] / "corpus" / "warned").glob("*.yaml"))
+MISTAKEN = sorted((Path(__file__).parents[1] / "corpus" / "mistaken").glob("*.yaml"))
 CORPUS = sorted((Path(__file__).parents[1] / "corpus" / "specs").glob("*.yaml"))
 SOUND = [
     *sorted((ROOT / "specs").glob("*.yaml")),
@@ -55,6 +56,19 @@ def test_a_doubtful_spec_is_warned_of_at_its_place(path: Path) -> None:
     expected = re.match(r"# expect: (.*)", path.read_text().splitlines()[0])
     assert expected
     assert [str(warning) for warning in load_spec(path).warnings] == [f"{path}:{expected[1]}"]
+
+
+@pytest.mark.parametrize("path", MISTAKEN, ids=lambda path: path.stem)
+def test_a_mistake_is_told_in_these_words_and_nothing_beside_it(path: Path) -> None:
+    expected = re.findall(r"^# expect: (.*)", path.read_text(), re.MULTILINE)
+    assert expected
+    found: tuple[Finding, ...] = ()
+    try:
+        found = load_spec(path, types=STANDARD).warnings
+    except SpecError as refused:
+        found = refused.findings
+    assert [str(finding) for finding in found] == [f"{path}:{text}" for text in expected]
+    assert not any(FORBIDDEN.search(text) for text in expected)
 
 
 FORBIDDEN = re.compile(

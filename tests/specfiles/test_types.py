@@ -74,7 +74,7 @@ def test_a_signal_that_only_an_unknown_message_could_have_is_warned_of(streams: 
 def test_a_signal_of_one_half_is_no_error_where_the_other_has_it() -> None:
     half = "  - service: /a\n    type: std_srvs/srv/SetBool\n    request: {signals: {e: msg.data}}"
     assert warnings(spec(half, "{success}")) == []
-    with pytest.raises(SpecError, match=r"unknown signal 'sucess'.*did you mean 'success'"):
+    with pytest.raises(SpecError, match=r"unknown signal 'sucess'.*did you mean `success`"):
         read(spec(half, "{sucess}"))
 
 

@@ -10,6 +10,7 @@ from oracle_server.core.expression.cost import MAX_STEPS
 from oracle_server.core.expression.expression import Expression, FieldPath, parse_expression, read, too_dear
 from oracle_server.core.expression.patterns import MAX_PATTERNS
 from oracle_server.core.expression.reasons import WANTED, reason, told
+from oracle_server.core.expression.static import no_field
 from oracle_server.core.expression.stops import Absent, Failed
 
 __all__ = [
@@ -22,6 +23,7 @@ __all__ = [
     "FieldPath",
     "Problem",
     "check_shape",
+    "no_field",
     "parse_expression",
     "read",
     "reason",

@@ -10,7 +10,6 @@ from typing import Any, Literal
 from oracle_server.core.expression import operands, tree
 from oracle_server.core.expression.checkcalls import called
 from oracle_server.core.expression.expression import Expression
-from oracle_server.core.expression.functions import nearest
 from oracle_server.core.expression.operands import Operand
 from oracle_server.core.expression.static import (
     BOOL,
@@ -22,9 +21,9 @@ from oracle_server.core.expression.static import (
     common,
     described,
     element,
-    fields_of,
     is_number,
     kind,
+    no_field,
 )
 from oracle_server.core.expression.tokens import comments, place
 from oracle_server.core.expression.tree import Node
@@ -123,9 +122,7 @@ class _Checker:
             case Record(fields=fields):
                 if name in fields:
                     return fields[name]
-                near = nearest(name, list(fields))
-                told = f"nearest is `{near}`; " if near else ""
-                self._error(at, f"{described(static)} has no field `{name}`; {told}{fields_of(static)}")
+                self._error(at, no_field(static, name))
             case Many() | Elements():
                 mend = f"write `{text}[0].{name}` or `{text}.exists(x, x.{name} == 1)`"
                 if name in ("size", "length", "len"):

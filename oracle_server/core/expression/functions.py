@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from difflib import get_close_matches
 
 from oracle_server.core.expression.values import (
     absolute,
@@ -16,6 +16,7 @@ from oracle_server.core.expression.values import (
     to_unsigned,
     to_whole,
 )
+from oracle_server.core.nearest import nearest
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +47,8 @@ FUNCTIONS = {
 NUMBERS = frozenset({"abs", "double", "int", "max", "min", "size", "sqrt", "uint"})
 """The functions that give numbers."""
 LOOPS = frozenset({"all", "exists", "exists_one", "filter", "map"})
+MODULES = frozenset({"math", "Math", "np", "numpy", "std", "cmath"})
+"""Where other languages have their functions."""
 KNOWN = frozenset({*FUNCTIONS, *LOOPS, "has"})
 
 ONE = {
@@ -64,7 +67,17 @@ OF_NUMBERS = {"max": largest, "min": smallest}
 _LIST = "write `msg.list.{}(x, x > 0)`"
 _NO_TIMES = "expressions have no times and durations; compare the numbers, as in msg.header.stamp.sec"
 _NO_BYTES = "expressions have no bytes; in a message they are a text in base64"
+_NO_SUCH = "there is none in expressions: let a node compute it, and observe the topic that has the result"
+_AS_IT_IS = "a text is compared as it is; `matches` finds patterns, as in msg.text.matches('(?i)^idle$')"
 _ELSEWHERE = {
+    **dict.fromkeys(
+        ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "log10", "ln", "cbrt", "sum", "mean"),
+        _NO_SUCH,
+    ),
+    **dict.fromkeys(("lower", "upper", "strip", "lowercase", "lowerAscii", "upperAscii", "trim"), _AS_IT_IS),
+    **dict.fromkeys(
+        ("now", "time"), "an expression reads the message alone; a formula's bounds count time, as `once[:2s]`"
+    ),
     "all": _LIST.format("all"),
     "any": _LIST.format("exists"),
     "bool": "write a comparison, as in msg.count != 0",
@@ -76,14 +89,15 @@ _ELSEWHERE = {
     "every": _LIST.format("all"),
     "fabs": "write `abs(msg.x)`",
     "float": "write `double(msg.count)`",
-    "floor": "write `int(msg.x)`, which leaves out what is behind the point",
+    **dict.fromkeys(("floor", "ceil", "round"), "write `int(msg.x)`, which leaves out what is behind the point"),
     "hypot": "write `sqrt(msg.x * msg.x + msg.y * msg.y)`",
     "includes": "write `msg.text.contains('part')`",
     "isinf": "infinities arrive as texts: write `msg.x == 'Infinity' || msg.x == '-Infinity'`",
+    "mod": "write `msg.count % 2`",
     "isnan": "NaN arrives as a text: write `msg.x == 'NaN'`",
     "len": "write `size(msg.list)`",
     "length": "write `size(msg.list)`",
-    "pow": "write `msg.x * msg.x`",
+    **dict.fromkeys(("pow", "square"), "write `msg.x * msg.x`"),
     "some": _LIST.format("exists"),
     "startswith": "write `msg.text.startsWith('start')`",
     "endswith": "write `msg.text.endsWith('end')`",
@@ -93,13 +107,6 @@ _ELSEWHERE = {
 }
 
 
-def nearest(name: str, known: frozenset[str] | list[str]) -> str | None:
-    """The known name that a name was most likely meant to be."""
-    lower = {k.lower(): k for k in sorted(known)}
-    found = get_close_matches(name.lower(), lower, 1, 0.6)
-    return lower[found[0]] if found else None
-
-
 def unknown_function(name: str) -> str:
     """What is said of a function that there is not."""
     told = f"unknown function '{name}'"
@@ -107,5 +114,17 @@ def unknown_function(name: str) -> str:
         return f"{told}; {_ELSEWHERE[name]}"
     if name.startswith("get") and name[3:4].isupper():
         return f"{told}; {_NO_TIMES}"
-    near = nearest(name, KNOWN)
-    return f"{told}; {f'nearest is `{near}`; ' if near else ''}known are {', '.join(sorted(KNOWN))}"
+    hint = nearest(name, KNOWN)
+    return f"{told}; {f'{hint} ' if hint else ''}known are {', '.join(sorted(KNOWN))}"
+
+
+def of_module(module: str, member: str) -> str:
+    """What is said of a name in a library of another language, as `math.sqrt`."""
+    if member in ("pi", "tau", "e"):
+        number = {"pi": math.pi, "tau": math.tau, "e": math.e}[member]
+        return f"there is no `{module}`: write the number, {number}"
+    if member in FUNCTIONS:
+        return f"there is no `{module}`: write `{FUNCTIONS[member].usage}`"
+    if member in ("inf", "nan"):
+        return f"there is no `{module}`: what is not finite arrives as a text, 'NaN', 'Infinity' or '-Infinity'"
+    return f"there is no `{module}`: {unknown_function(member)}"

@@ -7,9 +7,9 @@ from dataclasses import replace
 from oracle_server.core.errors import ExpressionError
 from oracle_server.core.expression import tree
 from oracle_server.core.expression.cost import MAX_NAMES, MAX_NESTING
-from oracle_server.core.expression.functions import FUNCTIONS, LOOPS, unknown_function
+from oracle_server.core.expression.functions import FUNCTIONS, LOOPS, MODULES, of_module, unknown_function
 from oracle_server.core.expression.patterns import unreadable
-from oracle_server.core.expression.slips import missing, unexpected, unknown_name
+from oracle_server.core.expression.slips import compared, missing, no_power, unexpected, unknown_name
 from oracle_server.core.expression.tokens import Token, number_value, refusal, text_value, tokens
 from oracle_server.core.expression.tree import Node
 
@@ -72,6 +72,7 @@ class _Parser:
 
     def _comparison(self) -> Node:
         left = self._sum()
+        self._check_words(left)
         if not self._compares():
             return left
         mark = self._pop().text
@@ -93,6 +94,21 @@ class _Parser:
             rest.append((self._pop().text, self._unary()))
         return tree.Chain(first, tuple(rest), first.start, rest[-1][1].end) if rest else first
 
+    def _check_words(self, left: Node) -> None:
+        """Refuse a comparison of another language behind an operand."""
+        texts = [token.text for token in self._tokens[self._at : self._at + 3]]
+        words = 2 if texts[:2] in (["is", "not"], ["not", "in"]) else 1
+        message = compared(
+            " ".join(texts[:words]), self._text[left.start : left.end], "".join(texts[words : words + 1])
+        )
+        if message is not None:
+            raise self._refused(self._next, message)
+
+    def _check_power(self, base: Node) -> None:
+        if self._next.text in ("**", "^"):
+            exponent = self._tokens[self._at + 1].text
+            raise self._refused(self._next, no_power(self._text[base.start : base.end], exponent))
+
     def _unary(self) -> Node:
         token = self._next
         if token.kind != "mark" or token.text not in ("!", "-"):
@@ -113,6 +129,7 @@ class _Parser:
             elif self._next.text == "[" and self._next.kind == "mark":
                 node = self._index(node)
             else:
+                self._check_power(node)
                 return node
 
     def _member(self, node: Node) -> Node:
@@ -224,8 +241,11 @@ class _Parser:
         if name.text in ("b", "B", "rb", "br") and self._next.kind == "text" and self._next.start == name.end:
             hint = "expressions have no bytes; in a message they are a text in base64, as in 'AQID'"
             raise self._refused(name, hint)
-        compared = before is not None and before.text in ("==", "!=", "=", "is")
-        raise self._refused(name, unknown_name(name.text, self._variables, compared=compared))
+        if name.text in MODULES and self._next.text in (".", ":"):
+            behind = (t for t in self._tokens[self._at :] if t.text not in (".", ":"))
+            raise self._refused(name, of_module(name.text, next(behind).text))
+        is_compared = before is not None and before.text in ("==", "!=", "=", "is")
+        raise self._refused(name, unknown_name(name.text, self._variables, compared=is_compared))
 
     def _call(self, name: Token) -> Node:
         function = FUNCTIONS.get(name.text)

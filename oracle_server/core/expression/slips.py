@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from oracle_server.core.expression.functions import nearest
 from oracle_server.core.expression.tokens import Token
+from oracle_server.core.nearest import near, nearest
 
 _CLOSES = {"(": ")", "[": "]", "{": "}"}
 _INSTEAD = {
@@ -17,8 +17,6 @@ _INSTEAD = {
     "<>": "write `!=` for `<>`",
     "&": "write `&&` for 'and'",
     "|": "write `||` for 'or'",
-    "^": "there is no power; write `msg.x * msg.x`",
-    "**": "there is no power; write `msg.x * msg.x`",
     "~": "write `!` for 'not'",
     "->": "a field stands behind a dot, as in msg.field; for 'implies' write `!a || b`",
     ";": "an expression is one value; leave `;` out",
@@ -84,12 +82,32 @@ def unknown_name(name: str, variables: Iterable[str], *, compared: bool) -> str:
     if name in _INSTEAD:
         return _INSTEAD[name]
     told = f"unknown name '{name}'"
-    near = nearest(name, ["msg", *variables])
-    if name in ("message", "m", "event", "self", "this") or (near == "msg" and len(name) <= 4):
+    if name in ("message", "m", "event", "self", "this"):
         return f"{told}; did you mean `msg`?"
-    if near is not None and abs(len(near) - len(name)) <= 1:
-        return f"{told}; did you mean `{near}`?"
+    if any(abs(len(other) - len(name)) <= 1 for other in near(name, ["msg", *variables])):
+        return f"{told}; {nearest(name, ['msg', *variables])}"
     if name in ("time", "now"):
         return f"{told}; an expression reads the message alone, as in msg.field"
     text = f", or '{name}' for the text" if compared else ""
     return f"{told}; an expression reads `msg`: write `msg.{name}` for the field{text}"
+
+
+def no_power(base: str, exponent: str) -> str:
+    """What to write for a power; `exponent` is the token behind its sign."""
+    if exponent == "0.5":
+        return f"there is no power; write `sqrt({base})`"
+    product = " * ".join([base] * (3 if exponent == "3" else 2))
+    return f"there is no power; write `{product}`" + ("" if exponent in ("2", "3") else " and so on")
+
+
+def compared(mark: str, left: str, right: str) -> str | None:
+    """What to write for a comparison that there is not, of an operand with the token `right`; None for any other."""
+    if mark not in ("is", "is not", "not in", "==", "!=", "===", "!=="):
+        return None
+    if right in ("None", "nil", "undefined"):
+        if mark in ("is not", "!=", "!=="):
+            return f"write `has({left})` to ask whether a field is there"
+        return f"write `!has({left})` to ask whether a field is missing"
+    if mark == "not in":
+        return f"write `!({left} in [1, 2])` for `not in`"
+    return "write `!=` for `is not`" if mark == "is not" else None

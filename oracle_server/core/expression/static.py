@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from oracle_server.core.nearest import nearest
 from oracle_server.core.shapes import Many, Record, Value, ValueKind
 
 
@@ -72,6 +73,12 @@ def described(static: Static) -> str:
             return name or "a message"
         case _:
             return "not known"
+
+
+def no_field(record: Record, name: str) -> str:
+    """What to say of a field that a message does not have."""
+    hint = nearest(name, record.fields)
+    return f"{described(record)} has no field `{name}`; {f'{hint} ' if hint else ''}{fields_of(record)}"
 
 
 def fields_of(record: Record) -> str:

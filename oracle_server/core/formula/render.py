@@ -22,6 +22,7 @@ from oracle_server.core.formula.tree import (
     Scalar,
     Since,
 )
+from oracle_server.core.units import span
 
 _LOOSEST, _IMPLIES, _OR, _AND, _SINCE, _UNARY = range(6)
 
@@ -78,12 +79,7 @@ def _bound(bound: Bound, time: Time) -> str:
 
 
 def _distance(distance: int, time: Time) -> str:
-    if time == "steps":
-        return str(distance)
-    for unit, size in (("s", 10**9), ("ms", 10**6), ("us", 10**3)):
-        if distance % size == 0:
-            return f"{distance // size}{unit}"
-    return f"{distance}ns"
+    return str(distance) if time == "steps" else span(distance)
 
 
 def _constraint(constraint: Constraint) -> str:

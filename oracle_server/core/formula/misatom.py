@@ -1,0 +1,111 @@
+"""What is wrong inside of an atom's braces, and what to write instead."""
+
+from __future__ import annotations
+
+import re
+
+from oracle_server.core.formula.around import Around
+
+_TURNED = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
+
+
+def of_atom(found: Around) -> str:
+    """Of a text in braces; empty for any other place, and where nothing more is known of it."""
+    if found.inside != "{":
+        return ""
+    for cause in (_of_word, _of_number, _of_comparison, _of_call, _of_path, _of_arithmetic, _of_beginning, _of_mark):
+        message = cause(found)
+        if message:
+            return message
+    return ""
+
+
+def _of_word(found: Around) -> str:
+    mark, before = found.next(), found.last()
+    if mark in ("and", "&&", "or", "||"):
+        word = {"&&": "and", "||": "or"}.get(mark, mark)
+        comma = "; `,` between constraints means `and`" if word == "and" else ""
+        return f"`{mark}` stands between atoms, not inside of one: write `{{…}} {word} {{…}}`{comma}"
+    if mark in ("not", "!") or before == "not" or (mark == "!=" and before in ("{", ",")):
+        return "`not` stands before an atom, not inside of one: write `not {…}`, or `{flag: false}`"
+    if mark == "in":
+        return f"there is no `in`: write `{{{before}: A}} or {{{before}: B}}`"
+    return ""
+
+
+def _of_number(found: Around) -> str:
+    """What stands behind a number, or is no number as it is written here."""
+    mark, before = found.next(), found.last()
+    if found.kind() == "number" and before == "," and found.before[-2].kind == "number":
+        return f"a number is written with a point, as `{found.last(2)}.{mark}`: behind `,` begins the next constraint"
+    if found.before[-1].kind != "number":
+        return ""
+    key = found.last(3) if found.last(2) in ("<", "<=", ">", ">=", ":", "=", "==", "!=") else ""
+    if found.kind() == "word" or mark in ("%", "°"):
+        alone = f"{key} {found.last(2)} {before}".replace(" :", ":") if key else before
+        return f"a number has no unit: write it alone, in the unit of the signal, as `{alone}`"
+    if mark in ("<", "<=", ">", ">="):
+        return f"a range is two constraints: write `{{speed > {before}, speed < 5}}`"
+    if mark in ("+", "-", "*", "/"):
+        return ""
+    return f"`{before}` and {found.shown} do not stand side by side: a number is followed by `,` or `}}`"
+
+
+def _of_comparison(found: Around) -> str:
+    mark, before = found.next(), found.last()
+    if before in ("<", "<=", ">", ">=", "!=") and mark == "*" and found.kind(1) == "word":
+        key, name = found.last(2), found.next(1)
+        equal = f"{{{key}: *{name}}}"
+        mend = f"write `{{{key}: *}} and not {equal}`"
+        if before != "!=":
+            mend = f"to compare two fields declare a signal, as `faster: msg.{key} {before} msg.limit`"
+        return f"`{before}` takes no variable; one stands for equal values only, as in `{equal}`; {mend}"
+    if before in ("<", "<=", ">", ">="):
+        mend = "of two fields declare one signal: `faster: msg.speed > msg.limit`"
+        return f"`{before}` compares with a number, and {found.shown} is none; {mend}"
+    if before == "!=":
+        return f"`!=` compares with a text, a number, true or false, and {found.shown} is none of these"
+    return ""
+
+
+def _of_call(found: Around) -> str:
+    if found.next() != "(":
+        return ""
+    return f"there are no functions in atoms: declare a signal that is computed, as `v: {found.last()}(msg.x)`"
+
+
+def _of_path(found: Around) -> str:
+    """A field of a message where a signal should stand."""
+    if found.next() not in (".", "[") or found.before[-1].kind != "word":
+        return ""
+    start = found.before[-1]
+    match = re.match(r"[\w.\[\]]+", found.text[start.at :])
+    path = match[0] if match else start.text
+    name = re.findall(r"[^\W\d]\w*", path)[-1]
+    field = path.removeprefix("msg.")
+    return f"`{path}` is no name of a signal: declare `{name}: msg.{field}` under `signals`, and write `{name}`"
+
+
+def _of_arithmetic(found: Around) -> str:
+    mark = found.next()
+    if mark not in ("+", "-", "*", "/", "%"):
+        return ""
+    return f"there is no arithmetic in atoms: declare a signal that is computed, as `x: msg.a {mark} msg.b`"
+
+
+def _of_beginning(found: Around) -> str:
+    mark = found.next()
+    if found.last() not in ("{", ",") or found.kind() != "number":
+        return ""
+    turned = _TURNED.get(found.next(1), found.next(1))
+    mend = f"{found.next(2)} {turned} {mark}" if found.next(2).isidentifier() else f"speed > {mark}"
+    return f"a constraint begins with the signal: write `{{{mend}}}`"
+
+
+def _of_mark(found: Around) -> str:
+    mark, before = found.next(), found.last()
+    if mark in ("=>", "=<"):
+        return f"write `{'>=' if mark == '=>' else '<='}`"
+    if found.kind() in ("word", "string", "number") and before not in ("{", ",", ":", "="):
+        return f"a `,` or a comparison is missing between `{before}` and {found.shown}"
+    return ""
