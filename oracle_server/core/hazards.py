@@ -3,24 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from oracle_server.core.deadlocks import deadlocks, starvation
 from oracle_server.core.dependencies import GraphNode
 from oracle_server.core.errors import ExpressionError, SpecProblem
 from oracle_server.core.events import StreamKey
 from oracle_server.core.expression import MAX_PATTERNS, Expression, check_shape, parse_expression, too_dear
+from oracle_server.core.fields import inspect_fields
 from oracle_server.core.kinds import RESERVED
 from oracle_server.core.nearest import either, listed, near, nearest
 from oracle_server.core.signals import UNWRITTEN
 from oracle_server.core.spec import Spec, StreamSpec
+from oracle_server.core.typed import StreamTypes
 from oracle_server.core.units import span
 from oracle_server.core.unmet import has_signal, unmet
 from oracle_server.core.vacuity import vacuous
 from oracle_server.core.withholding import mendable
 
 
-def inspect(spec: Spec, graph: Sequence[GraphNode] | None = None) -> list[SpecProblem]:
-    """Everything that is wrong or doubtful in a spec that could be read, on a robot of this graph."""
+def inspect(
+    spec: Spec, graph: Sequence[GraphNode] | None = None, types: StreamTypes | None = None
+) -> list[SpecProblem]:
+    """Everything that is wrong or doubtful in a spec that could be read, on a robot of this graph and these types.
+
+    Without `types` nothing is said of fields; a stream whose type is not known has none in them.
+    """
     found = [
         *_duplicates(spec),
         *_signals(spec),
@@ -36,10 +44,11 @@ def inspect(spec: Spec, graph: Sequence[GraphNode] | None = None) -> list[SpecPr
         *deadlocks(spec, graph),
         *(starvation(spec, graph) if graph is not None else ()),
         *_undoing(spec),
+        *(replace(p, kind="type") for p in (inspect_fields(spec, types) if types is not None else ())),
     ]
     if any(problem.severity == "error" for problem in found):
         return found
-    return [*found, *vacuous(spec)]
+    return [*found, *vacuous(spec, types or {})]
 
 
 def _duplicates(spec: Spec) -> Iterator[SpecProblem]:

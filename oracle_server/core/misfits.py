@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -12,16 +13,25 @@ from oracle_server.core.formula.tree import Any, Atom, Constraint, Formula, Posi
 from oracle_server.core.kinds import RESERVED
 from oracle_server.core.places import Place, likened, names_of
 from oracle_server.core.ranges import ANYTHING, Range
+from oracle_server.core.signals import is_signal
 
-Claim = Literal["never", "met", "idle", "true", "false"]
+Claim = Literal["never", "met", "apart", "idle", "true", "false"]
+_FINITE = (
+    "a signal is never NaN or infinite, since it then fails, and what reads it is unknown; to see it, declare a signal "
+    "such as `odd: msg.x == 'NaN' || msg.x == 'Infinity'`"
+)
+
+
+_NUMBER = re.compile(r"-?[0-9]{1,15}(\.[0-9]{1,15})?", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True)
 class Doubt:
     """A part of a formula that hardly means what its author meant, and a claim that holds whatever comes.
 
-    `never`: the atom holds nowhere. `met`: its constraint is met wherever the signal is there. `idle`: the
-    atom might as well be false. `true`, `false`: the part does so at every event of the places that `where` names.
+    `never`: the atom holds nowhere. `met`: its constraint is met wherever the signal is there. `apart`: it holds for
+    no value for which another atom does that uses the variable. `idle`: the atom might as well be false. `true`,
+    `false`: the part does so at every event of the places that `where` names.
     """
 
     claim: Claim
@@ -43,44 +53,75 @@ def misfits(atom: Atom, places: Sequence[Place]) -> Iterator[Doubt]:
         yield Doubt("never", atom, _never(atom, could), atom.at)
         return
     for constraint in atom.constraints:
-        if constraint.op != "!=" or constraint.key in RESERVED:
-            continue
-        if all(p.range(constraint.key).always_meets(constraint) for p in possible.values()):
+        if _asks_nothing(constraint, atom, list(possible.values())):
             yield Doubt("met", atom, _always(constraint, could), atom.at)
+
+
+def _asks_nothing(constraint: Constraint, atom: Atom, possible: Sequence[Place]) -> bool:
+    """Whether a constraint is met by every value, though it says more than that there is one.
+
+    The ends of an interval are well written out, even where one of them is that of the type.
+    """
+    key, op = constraint.key, constraint.op
+    if key in RESERVED or op == "==":
+        return False
+    interval = op != "!=" and any(c.key == key and c is not constraint for c in atom.constraints)
+    return not interval and all(p.range(key).always_meets(constraint) for p in possible)
 
 
 def _never(atom: Atom, could: Sequence[Place]) -> str:
     own = could[0].misfit(atom)
     shown = [f"`{constraint_text(c)}`" for c in own]
+    unreal = next((c for c in own if c.op == "==" and _is_not_finite(c, range_at(c.key, could))), None)
+    if unreal is not None:
+        return f"`{constraint_text(unreal)}` is never met: {_FINITE}"
     if not ANYTHING.meets(own):
         if len(own) == 1:  # an order is asked of what has none
             return f"{shown[0]} is never met: only numbers are smaller or larger"
         listed = f"{', '.join(shown[:-1])} and {shown[-1]}"
         return f"`{render_atom(atom)}` never holds: no value of `{own[0].key}` meets {listed}"
     key = own[0].key
-    found = _range(key, could)
+    found = range_at(key, could)
     culprit = next((c for c in own if not found.meets([c])), own[0])
     text = constraint_text(culprit)
-    return f"`{text}` is never met: `{key}` of {names_of(could)} is always {_described(found)}{_mend(culprit, found)}"
+    return f"`{text}` is never met: `{key}` of {names_of(could)} is always {described(found)}{_mend(culprit, found)}"
+
+
+def _is_not_finite(constraint: Constraint, found: Range) -> bool:
+    """Whether a constraint asks for NaN or an infinity, of a signal that may be a number."""
+    wanted = constraint.value
+    if not isinstance(wanted, str) or not is_signal(wanted):
+        return isinstance(wanted, str)
+    named = wanted.lstrip("+-").lower() in ("nan", "inf", "infinity")
+    return named and found.kinds == {"number"}
 
 
 def _always(constraint: Constraint, could: Sequence[Place]) -> str:
-    found = _range(constraint.key, could)
+    found = range_at(constraint.key, could)
     text = constraint_text(constraint)
-    known = f"`{constraint.key}` of {names_of(could)} is always {_described(found)}{_mend(constraint, found)}"
+    if _is_not_finite(constraint, found):
+        return f"`{text}` is met by every value: {_FINITE}"
+    known = f"`{constraint.key}` of {names_of(could)} is always {described(found)}{_mend(constraint, found)}"
     return f"`{text}` is met by every value: {known}"
 
 
-def _range(key: str, could: Sequence[Place]) -> Range:
+def range_at(key: str, could: Sequence[Place]) -> Range:
+    """The values that a signal can have at some places."""
     found = Range()
     for place in could:
         found |= place.range(key)
     return found
 
 
-def _described(found: Range) -> str:
+def described(found: Range) -> str:
+    """The values in words, as in "it is always …"."""
     words = {"text": "a text", "number": "a number", "boolean": "true or false"}
     parts = [*(_literal(v) for v in found.values[:8]), *(words[kind] for kind in sorted(found.kinds))]
+    if found.whole is not None:
+        least, most = found.whole
+        short = least >= -(2**31) and most < 2**32
+        ends = f" from {least} to {most}" if short else "" if least < 0 else " that is not negative"
+        parts.append(f"a whole number{ends}")
     return " or ".join(parts) or "absent"
 
 
@@ -90,10 +131,15 @@ def _mend(constraint: Constraint, found: Range) -> str:
     if isinstance(wanted, Any | Ref):
         return ""
     key, op = constraint.key, ":" if constraint.op == "==" else f" {constraint.op}"
+    numbers = found.whole is not None or "number" in found.kinds
     if constraint.op not in ("==", "!="):
-        return "; texts and Booleans are neither smaller nor larger than a number"
+        return "" if numbers else "; texts and Booleans are neither smaller nor larger than a number"
     near = _near(wanted, found)
-    return "" if near is None else f"; write `{key}{op} {_literal(near)}`"
+    if near is not None:
+        return f"; write `{key}{op} {_literal(near)}`"
+    if numbers and isinstance(wanted, str):
+        return f"; {_literal(wanted)} is a text: write the number that it stands for"
+    return ""
 
 
 def _near(wanted: Scalar, found: Range) -> Scalar | None:
@@ -101,9 +147,11 @@ def _near(wanted: Scalar, found: Range) -> Scalar | None:
     text = _plain(wanted)
     alike = {_plain(v): v for v in found.values}
     if "boolean" in found.kinds:
-        alike |= {"true": True, "false": False}
-    if "number" in found.kinds and text.lstrip("-").isdecimal():
-        return int(text)
+        alike |= {"true": True, "false": False, "1": True, "0": False}
+    if isinstance(wanted, str) and _NUMBER.fullmatch(text):
+        number = float(text) if "." in text else int(text)
+        if found.meets([Constraint("", "==", number)]):
+            return number
     folded = {name.lower(): v for name, v in alike.items()}
     close = difflib.get_close_matches(text.lower(), folded, 1)
     if close:

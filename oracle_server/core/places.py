@@ -6,24 +6,29 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from oracle_server.core.atoms import meets
+from oracle_server.core.expression import is_always_there, parse_expression
 from oracle_server.core.formula.parse import Time
-from oracle_server.core.formula.tree import Any, Atom, Constraint, Scalar
+from oracle_server.core.formula.tree import Any, Atom, Constraint, Ref, Scalar
 from oracle_server.core.kinds import RESERVED
 from oracle_server.core.plan import constants, has_reserved
-from oracle_server.core.ranges import ANYTHING, Range, range_of
+from oracle_server.core.ranges import ANYTHING, NUMBER, TEXT, Range, range_of, range_of_field
+from oracle_server.core.shapes import Record, Value
 from oracle_server.core.spec import Spec, StreamSpec
+from oracle_server.core.typed import StreamTypes, TypedMessage
 
 _LISTED = 3
 """Places that a message names."""
+_RESERVED: Mapping[str, Range] = {"monitor": TEXT, "call": NUMBER}
+_NOTHING = Record("", {})
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
     """The events of a stream, None for ticks: what signals they can have.
 
-    `constants` are those that every event has with the same value, `always` those that it has with some value;
-    `own` has the values that the stream's other signals can have, and `held`, which all places share, those of signals
-    that keep their values; `open`: a signal of any name may be there.
+    `constants` are those that every event has with the same value, `always` those that it has with some value, unless
+    they failed; `own` has the values that the stream's other signals can have, and `held`, which all places share,
+    those of signals that keep their values; `open`: a signal of any name may be there.
     """
 
     stream: StreamSpec | None
@@ -65,19 +70,29 @@ class Place:
 
     def range(self, key: str) -> Range:
         """The values that a signal can have."""
-        return self.own.get(key) or self.held.get(key) or ANYTHING
+        if key in self.constants:
+            return Range(values=(self.constants[key],))
+        return _RESERVED.get(key) or self.own.get(key) or self.held.get(key) or ANYTHING
 
     def value(self, atom: Atom) -> bool | None:
         """Whether an atom holds at every event (true), at none (false), or that is not known."""
         if not self.allows(atom) or self.lacks(atom) or self.misfit(atom):
             return False
-        sure = all(c.key in self.constants or (c.key in self.always and c.value is Any.ANY) for c in atom.constraints)
-        return True if sure else None
+        return True if all(self.sure(c) for c in atom.constraints) else None
+
+    def sure(self, constraint: Constraint) -> bool:
+        """Whether every event meets a constraint, on a signal that it allows."""
+        key, wanted = constraint.key, constraint.value
+        if key in self.constants or (key in self.always and wanted is Any.ANY):
+            return True
+        return key in self.always and not isinstance(wanted, Ref) and self.range(key).always_meets(constraint)
 
     def looks(self, keys: Sequence[str]) -> tuple[object, ...]:
         """All that decides what is known here of an atom with these keys: equal for places that are alike to it."""
         return tuple(
-            (self.constants.get(key), self.has(key)) if key in RESERVED else self.has(key) and id(self.range(key))
+            (self.constants.get(key), self.has(key))
+            if key in RESERVED
+            else self.has(key) and (id(self.range(key)), key in self.always)
             for key in keys
         )
 
@@ -85,14 +100,18 @@ class Place:
         return meets(constraint, self.constants[constraint.key])
 
 
-def places(spec: Spec, time: Time) -> list[Place]:
+def places(spec: Spec, time: Time, types: StreamTypes | None = None) -> list[Place]:
     """Where the properties of a time are judged. The expressions of the spec's signals must be sound."""
     ranges = _Ranges()
-    owns = [{name: ranges[text] for name, text in (stream.signals or {}).items()} for stream in spec.streams]
-    held = {
-        name: own.get(name, ANYTHING) for stream, own in zip(spec.streams, owns, strict=True) for name in stream.hold
-    }
-    found = [_place(stream, own, held) for stream, own in zip(spec.streams, owns, strict=True)]
+    holding = frozenset[str]().union(*(s.hold for s in spec.streams))
+    owns = [_own(stream, (types or {}).get(stream.key), holding, ranges) for stream in spec.streams]
+    streams = list(zip(spec.streams, owns, strict=True))
+    held = {name: own.get(name, ANYTHING) for stream, (own, _) in streams for name in stream.hold}
+    found = []
+    for stream, (own, always) in streams:
+        either = {key: ranges.same(one | held[key]) if key in held else one for key, one in own.items()}
+        known = stream.signals is not None or stream.key in (types or {})
+        found.append(Place(stream, constants(stream), always | {"monitor"}, either, held, open=not known))
     if time == "seconds":
         found.append(Place(None, {}, frozenset(), {}, held, open=False))
     return found
@@ -105,17 +124,44 @@ def likened(atom: Atom, found: Sequence[Place]) -> list[Place]:
     return [first.setdefault(place.looks(keys), place) for place in found]
 
 
-class _Ranges(dict[str, Range]):
-    """The range of each expression: one object for all streams that have it."""
+class _Ranges:
+    """The ranges of expressions, and one object for all ranges that are equal."""
 
-    def __missing__(self, text: str) -> Range:
-        self[text] = found = range_of(text)
-        return found
+    def __init__(self) -> None:
+        self._texts: dict[tuple[str, str], tuple[Range, bool]] = {}
+        self._same: dict[object, Range] = {}
+
+    def same(self, found: Range) -> Range:
+        """The object for this range."""
+        return self._same.setdefault(found.identity, found)
+
+    def of(self, text: str, stream: StreamSpec, shape: Record | None) -> tuple[Range, bool]:
+        """The range of a signal's expression, and whether each event has the signal; once a type."""
+        key = (text, "" if shape is None else f"{stream.type} {stream.kind}")
+        if key not in self._texts:
+            always = shape is not None and is_always_there(parse_expression(text), shape)
+            self._texts[key] = (self.same(range_of(text, shape)), always)
+        return self._texts[key]
 
 
-def _place(stream: StreamSpec, own: Mapping[str, Range], held: Mapping[str, Range]) -> Place:
-    ranges = {key: found | held[key] if key in held else found for key, found in own.items()}
-    return Place(stream, constants(stream), frozenset({"monitor"}), ranges, held, open=stream.signals is None)
+def _own(
+    stream: StreamSpec, known: TypedMessage | None, holding: frozenset[str], ranges: _Ranges
+) -> tuple[dict[str, Range], frozenset[str]]:
+    """The signals that are computed from a stream's messages, with their values, and which of them all events have."""
+    if stream.signals is not None:
+        shape = known.surest if known else None
+        found = {name: ranges.of(text, stream, shape) for name, text in stream.signals.items()}
+        return {name: own for name, (own, _) in found.items()}, frozenset(n for n, (_, there) in found.items() if there)
+    fields = known.widest.fields if known else {}
+    sure = known.surest if known else _NOTHING
+    own, always = {}, set()
+    for name, shape_there in fields.items():
+        if isinstance(shape_there, Value) and name not in RESERVED and (name in stream.hold or name not in holding):
+            value = sure.fields.get(name)
+            own[name] = ranges.same(range_of_field(value if isinstance(value, Value) else None))
+            if isinstance(value, Value) and value.kind != "bytes":
+                always.add(name)
+    return own, frozenset(always)
 
 
 def names_of(found: Sequence[Place], last: str = "and") -> str:

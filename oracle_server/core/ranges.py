@@ -1,8 +1,8 @@
-"""What values a signal can have, as far as its expression tells, and whether one of them can meet a constraint."""
+"""What values a signal can have, as far as its expression and its message's type tell, and what they can meet."""
 
 from __future__ import annotations
 
-import re
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -10,147 +10,113 @@ from itertools import pairwise
 from typing import Literal
 
 from oracle_server.core.atoms import canonical, meets
+from oracle_server.core.errors import ExpressionError
+from oracle_server.core.expression import Literal as Written
+from oracle_server.core.expression import parse_expression, results
 from oracle_server.core.formula.tree import Constraint, Scalar
+from oracle_server.core.shapes import Record, Value
+from oracle_server.core.signals import is_signal
 
 ValueKind = Literal["text", "number", "boolean"]
+_INTEGERS = (-(2**63), 2**64 - 1)
+_BYTE = (-128, 255)  # signed on ROS 1, unsigned on ROS 2
+_WHOLE = {
+    "byte": _BYTE, "char": _BYTE,
+    **{f"int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
+    **{f"uint{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """The values that a signal can have: all of these kinds, and these ones besides, as canonical texts."""
+    """The values that a signal can have: all of these kinds, and these ones besides, as canonical texts.
+
+    `whole` are the least and the largest of whole numbers, all of which it can have, too.
+    """
 
     kinds: frozenset[ValueKind] = frozenset()
     values: tuple[Scalar, ...] = ()
+    whole: tuple[int, int] | None = None
 
     def __or__(self, other: Range) -> Range:
-        """What either can have."""
+        """What either can have, and no whole number beyond both."""
         values = {canonical(v): v for v in (*self.values, *other.values)}
-        return Range(self.kinds | other.kinds, tuple(values.values()))
+        ends = [end for found in (self.whole, other.whole) if found for end in found]
+        whole = (min(ends), max(ends)) if ends else None
+        return Range(self.kinds | other.kinds, tuple(values.values()), whole)
+
+    @property
+    def identity(self) -> tuple[object, ...]:
+        """Equal for equal ranges alone: Python takes 1 and True for the same."""
+        return self.kinds, tuple(canonical(v) for v in self.values), self.whole
 
     def meets(self, constraints: Sequence[Constraint]) -> bool:
         """Whether some value meets all constraints, which are on one signal."""
-        return any(all(meets(c, v) for c in constraints) for v in self._telling(constraints))
+        return any(all(meets(c, v) for c in constraints) for v in self.telling(constraints))
 
     def always_meets(self, constraint: Constraint) -> bool:
         """Whether every value meets a constraint."""
-        return all(meets(constraint, v) for v in self._telling([constraint]))
+        return all(meets(constraint, v) for v in self.telling([constraint]))
 
-    def _telling(self, constraints: Sequence[Constraint]) -> Iterator[Scalar]:
-        """Values of which one meets the constraints if any value does, and one fails them if any does."""
-        yield from self.values
+    def overlaps(self, other: Range) -> bool:
+        """Whether some value is in both."""
+        one, two = ([Constraint("", "==", v) for v in found.values] for found in (self, other))
+        if self.kinds & other.kinds or any(self.meets([c]) for c in two) or any(other.meets([c]) for c in one):
+            return True
+        if self.whole is None or other.whole is None:
+            return bool((self.whole and "number" in other.kinds) or (other.whole and "number" in self.kinds))
+        return self.whole[0] <= other.whole[1] and other.whole[0] <= self.whole[1]
+
+    def telling(self, constraints: Sequence[Constraint]) -> Iterator[Scalar]:
+        """Values among which there is one for each way in which any value meets some constraints, and fails others."""
+        yield from filter(is_signal, self.values)
         wanted = [c.value for c in constraints if isinstance(c.value, str | bool | int | float)]
         if "boolean" in self.kinds:
             yield from (True, False)
         if "text" in self.kinds:
             texts = [w for w in wanted if isinstance(w, str)]
-            yield from (*texts, "".join(texts) + "…")
+            yield from (*filter(is_signal, texts), "".join(texts) + "…")
+        numbers = [w for w in wanted if not isinstance(w, str | bool)]
         if "number" in self.kinds:
-            yield from _numbers(w for w in wanted if not isinstance(w, str | bool))
+            yield from _numbers(numbers)
+        if self.whole is not None:
+            least, most = self.whole
+            near = {whole + more for w in numbers for whole in (math.floor(w), math.ceil(w)) for more in (-1, 0, 1)}
+            yield from sorted({least, most, *(n for n in near if least <= n <= most)})
 
 
 ANYTHING = Range(frozenset({"text", "number", "boolean"}))
-_TEXT, _NUMBER, _BOOLEAN = (Range(frozenset({kind})) for kind in ("text", "number", "boolean"))
-
-_OF_FUNCTIONS = {
-    "string": _TEXT, "double": _NUMBER, "int": _NUMBER, "uint": _NUMBER, "size": _NUMBER, "has": _BOOLEAN,
-}  # fmt: skip
-_OF_METHODS = dict.fromkeys(("contains", "startsWith", "endsWith", "matches", "exists", "all"), _BOOLEAN)
-_RELATIONS = frozenset({"||", "&&", "==", "!=", "<", "<=", ">", ">=", "in"})
-_TOKEN = re.compile(
-    r"""(?P<text>"[^"\\\n]*"|'[^'\\\n]*')
-    |(?P<number>\d+(?:\.\d+)?)(?![\w.])
-    |(?P<name>[A-Za-z_]\w*)
-    |(?P<mark>\|\||&&|[<>=!]=|[^\s"'])""",
-    re.VERBOSE,
-)
-_Tokens = Sequence[tuple[str, str]]
+TEXT, NUMBER, BOOLEAN = (Range(frozenset({kind})) for kind in ("text", "number", "boolean"))
 
 
-def range_of(expression: str) -> Range:
-    """The values that an expression can give where it gives one; anything where that takes more than a look."""
-    tokens, at = [], 0
-    text = expression.strip()
-    while at < len(text):
-        match = _TOKEN.match(text, at)
-        if match is None:
-            return ANYTHING
-        tokens.append((str(match.lastgroup), match[0]))
-        at = match.end()
-        at += len(text[at:]) - len(text[at:].lstrip())
-    return _range(tokens)
-
-
-def _range(tokens: _Tokens) -> Range:
-    """The range of an expression by its loosest operator; each choice is taken apart without recursion."""
+def range_of(text: str, shape: Record | None = None) -> Range:
+    """The values that an expression can give where it gives one, over messages of a shape or of any."""
+    try:
+        expression = parse_expression(text)
+    except ExpressionError:  # found elsewhere
+        return ANYTHING
     found = Range()
-    while True:
-        top = list(_outside_brackets(tokens))
-        question = next((i for i in top if tokens[i] == ("mark", "?")), None)
-        if question is None:
-            return found | _simple(tokens, top)
-        colon = _otherwise(tokens, top, question)
-        if colon is None:
-            return ANYTHING
-        then = tokens[question + 1 : colon]
-        found |= _simple(then, list(_outside_brackets(then)))
-        tokens = tokens[colon + 1 :]
+    for result in results(expression, shape):
+        if isinstance(result, Written):
+            found |= Range() if result.value is None else Range(values=(result.value,))
+        else:
+            found |= range_of_field(result)
+    return found
 
 
-def _otherwise(tokens: _Tokens, top: list[int], question: int) -> int | None:
-    """Where the colon of a choice is; None where the choice has another one before it."""
-    for i in top:
-        if i > question and tokens[i] == ("mark", "?"):
-            return None
-        if i > question and tokens[i] == ("mark", ":"):
-            return i
-    return None
-
-
-def _simple(tokens: _Tokens, top: list[int]) -> Range:  # noqa: PLR0911 -- a case a form
-    """The range of an expression that makes no choice at its outermost."""
-    words = [tokens[i][1] for i in top]
-    if any(tokens[i][0] != "text" and tokens[i][1] in _RELATIONS for i in top):
-        return _BOOLEAN
-    if len(tokens) == 1:
-        return _literal(*tokens[0])
-    if [kind for kind, _ in tokens] == ["mark", "number"] and tokens[0][1] == "-":
-        return Range(values=(-_value(tokens[1][1]),))
-    if words[:1] == ["!"]:
-        return _BOOLEAN if words[1:2] != ["!"] else ANYTHING
-    if len(words) >= 2 and words[-2:] == ["(", ")"]:
-        before = words[:-2]
-        if not before:
-            return _range(tokens[1:-1])
-        if len(before) == 1:
-            return _OF_FUNCTIONS.get(before[0], ANYTHING)
-        if before[-2] == "." and not set(before) & set("+-*/%"):
-            return _OF_METHODS.get(before[-1], ANYTHING)
-    return ANYTHING
-
-
-def _outside_brackets(tokens: _Tokens) -> Iterator[int]:
-    """Where the tokens stand that are in no brackets, outermost brackets included."""
-    depth = 0
-    for i, (kind, word) in enumerate(tokens):
-        closes = kind == "mark" and word in ")]}"
-        depth -= closes
-        if depth == 0:
-            yield i
-        depth += kind == "mark" and word in "([{"
-
-
-def _literal(kind: str, word: str) -> Range:
-    if kind == "text":
-        return Range(values=(word[1:-1],))
-    if kind == "number":
-        return Range(values=(_value(word),))
-    if word == "null":
-        return Range()  # the signal is absent
-    return Range(values=(word == "true",)) if word in ("true", "false") else ANYTHING
-
-
-def _value(word: str) -> int | float:
-    return float(word) if "." in word else int(word)
+def range_of_field(value: Value | None) -> Range:
+    """The values of a field, or those that an expression computes; anything where nothing is known of it."""
+    if value is None:
+        return ANYTHING
+    match value.kind:
+        case "bool":
+            return BOOLEAN
+        case "real":
+            return NUMBER
+        case "whole":
+            return Range(whole=_WHOLE.get(value.type, _INTEGERS))
+        case _:
+            return TEXT
 
 
 def _numbers(wanted: Iterable[float]) -> Iterator[Scalar]:

@@ -12,15 +12,24 @@ from oracle_server.core.shapes import Record
 
 @dataclass(frozen=True, slots=True)
 class TypedMessage:
-    """The messages of a stream: their shape, and with it what other distributions of ROS have, None for no more."""
+    """The messages of a stream: their shape, and with it what other distributions of ROS have, None for no more.
+
+    `everywhere` are the fields that all distributions have, and of one type; None for all of the shape.
+    """
 
     shape: Record
     anywhere: Record | None = None
+    everywhere: Record | None = None
 
     @property
     def widest(self) -> Record:
         """Every field that some distribution has."""
         return self.anywhere or self.shape
+
+    @property
+    def surest(self) -> Record:
+        """The fields that each message has, whatever the distribution."""
+        return self.everywhere or self.shape
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,18 +28,20 @@ from oracle_server.core.formula.tree import (
     walk,
 )
 from oracle_server.core.instants import Instants, Occurrence, Truth
+from oracle_server.core.joins import unjoined
 from oracle_server.core.kinds import RESERVED
 from oracle_server.core.misfits import Doubt, misfits
 from oracle_server.core.places import Place, names_of, places
 from oracle_server.core.spec import Property, Spec
+from oracle_server.core.typed import StreamTypes
 
 
-def vacuous(spec: Spec) -> Iterator[SpecProblem]:
-    """Warnings about formulas of a spec without errors."""
+def vacuous(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
+    """Warnings about formulas of a spec without errors, whose messages have these types."""
     where: dict[Time, list[Place]] = {}
     for i, prop in enumerate(spec.properties):
         if prop.time not in where:
-            where[prop.time] = places(spec, prop.time)
+            where[prop.time] = places(spec, prop.time, types)
         for doubt in dict.fromkeys(doubts(prop, where[prop.time])):
             message = f"formula of '{prop.id}': {doubt.message}"
             yield SpecProblem(("properties", i, "formula"), message, doubt.at, severity="warning", kind="vacuous")
@@ -80,6 +82,7 @@ class _Seen:
         for node in walk(self.prop.formula):
             if isinstance(node, Historically | Since) and not lacking & {id(part) for part in walk(_kept(node))}:
                 yield from self._ended(node)
+        yield from unjoined(self.prop.formula, self.places)
         yield from self._settled(told)
 
     def _idle(self, occurrence: Occurrence) -> list[Place]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
+from typing import Literal
 
 from oracle_server.core.errors import OracleError
 from oracle_server.core.nearest import nearest
@@ -21,6 +22,8 @@ _KINDS: Mapping[str, ValueKind] = {
 _BYTES = frozenset({"uint8", "char", "byte"})
 _TIMES = frozenset({"builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration"})
 _DEEPEST = 64
+_Of = Literal["newest", "any", "every"]
+"""Which fields: those of the newest definition, those that some definition has, or those that every one has alike."""
 
 
 class NestedTypeError(OracleError):
@@ -48,13 +51,13 @@ class Types:
         if not found:
             return self._missing(name)
         try:
-            shape = self._record(name, ros, newest=True)
-            if name in self._own:
-                return TypedMessage(shape)
-            anywhere = self._record(name, ros, newest=False)
+            shape = self._record(name, ros, "newest")
+            everywhere = self._record(name, ros, "every")
+            # what a folder defines is what the robot has
+            anywhere = shape if name in self._own else self._record(name, ros, "any")
         except NestedTypeError as error:
             return Missing(f"{error}, so the fields of {_written(name)} are not checked; {_HOW}", "warning")
-        return TypedMessage(shape, None if anywhere == shape else anywhere)
+        return TypedMessage(shape, None if anywhere == shape else anywhere, None if everywhere == shape else everywhere)
 
     def _variants(self, name: str, ros: Ros | None) -> list[Fields]:
         if name in self._own:
@@ -64,27 +67,26 @@ class Types:
         known = list(standard.variants(name, ros))
         return given + known if ros is None else known + given
 
-    def _record(self, name: str, ros: Ros | None, *, newest: bool, depth: int = 0) -> Record:
+    def _record(self, name: str, ros: Ros | None, which: _Of, depth: int = 0) -> Record:
         found = self._variants(name, ros)
         if not found or depth > _DEEPEST:
             raise NestedTypeError(f"the type {name} of a field is not known here")
         fields: dict[str, str] = {}
-        for variant in found[:1] if newest else found:
+        for variant in found if which == "any" else found[:1]:
             fields = {**variant, **fields}
-        shapes = {field: self._shape(kind, ros, newest, depth + 1) for field, kind in fields.items()}
-        if name in _TIMES and not (ros == 2 or (ros is None and newest)):
+        if which == "every":
+            fields = {f: kind for f, kind in fields.items() if all(v.get(f) == kind for v in found)}
+        shapes = {field: self._shape(kind, ros, which, depth + 1) for field, kind in fields.items()}
+        if name in _TIMES and (ros == 1 or (ros is None and which == "any")):
             shapes |= {"secs": Value("whole", "int32"), "nsecs": Value("whole", "int32")}
         return Record(_written(name), shapes)
 
-    def _shape(self, kind: str, ros: Ros | None, newest: bool, depth: int) -> Shape:
+    def _shape(self, kind: str, ros: Ros | None, which: _Of, depth: int) -> Shape:
         of, is_list, size = kind.partition("[")
         if is_list and of in _BYTES and not (of == "byte" and ros == 1):
             return Value("bytes", kind)
-        single: Shape
-        if of in PRIMITIVES:
-            single = Value(_KINDS.get(of, "whole"), of)
-        else:
-            single = self._record(of, ros, newest=newest, depth=depth)
+        primitive = of in PRIMITIVES
+        single = Value(_KINDS.get(of, "whole"), of) if primitive else self._record(of, ros, which, depth)
         if not is_list:
             return single
         return Many(single, int(size[:-1]) if size[:-1] else None)

@@ -16,7 +16,6 @@ from pydantic import ValidationError
 
 from oracle_server.core.dependencies import GraphNode
 from oracle_server.core.errors import EngineError, Finding, FormulaError, SpecError, SpecProblem
-from oracle_server.core.fields import inspect_fields
 from oracle_server.core.formula.tree import Atom, Formula, walk
 from oracle_server.core.hazards import inspect
 from oracle_server.core.ros import Ros, ros_hazards
@@ -98,8 +97,9 @@ def parse_spec(
             f"stream and an operator or comparison, not {pairs:,}; write several specs"
         )
         raise SpecError(_sorted([*findings, Finding(file, *document.place(("properties",)), message)]))
-    typed = _typed(spec, types, ros) if types is not None else []
-    problems = [*inspect(spec, graph), *_engines(spec), *(_on_ros(spec, ros, typed) if ros else ()), *typed]
+    known, typed = stream_types(spec, types, ros) if types is not None else (None, [])
+    typed = [replace(problem, kind="type") for problem in typed]
+    problems = [*typed, *inspect(spec, graph, known), *_engines(spec), *(_on_ros(spec, ros, typed) if ros else ())]
     if findings:  # what is doubtful may be so because of them
         problems = [p for p in problems if p.severity == "error"]
     places = [number - 1 for number in accumulate(stream.traits.leads for stream in spec.streams)]
@@ -262,12 +262,6 @@ def _engines(spec: Spec) -> Iterator[SpecProblem]:
         for j, stream in enumerate(spec.streams):
             if stream.on_deny == "undo" and stream.traits.leads:
                 yield SpecProblem(("streams", j, "on_deny"), f"`on_deny: undo` {native} (property '{prop.id}')")
-
-
-def _typed(spec: Spec, types: Types, ros: Ros | None) -> list[SpecProblem]:
-    known, problems = stream_types(spec, types, ros)
-    found = problems + inspect_fields(spec, known)
-    return [replace(p, kind="type") if p.kind == "general" else p for p in found]
 
 
 def _on_ros(spec: Spec, ros: Ros, typed: Iterable[SpecProblem]) -> Iterator[SpecProblem]:

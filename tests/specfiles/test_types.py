@@ -28,7 +28,7 @@ def warnings(text: str, types: Types = STANDARD, ros: Ros | None = None) -> list
     return [str(w).removeprefix("x.yaml:") for w in read(text, types, ros).warnings]
 
 
-ONLY_ROS_1 = spec("  - topic: /a\n    type: std_msgs/Header\n    signals: {d: msg.seq}")
+ONLY_ROS_1 = spec("  - topic: /a\n    type: std_msgs/Header\n    signals: {d: msg.seq}", "{d: 7}")
 
 
 def test_a_field_of_ros_1_alone_is_warned_of_unless_the_version_is_told() -> None:

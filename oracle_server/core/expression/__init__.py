@@ -3,6 +3,8 @@
 parse_expression(text) -> Expression            raises `ExpressionError`, with line and column
 check_shape(expression, shape) -> [Problem]     what is wrong with it, for messages of a shape, or of any (None)
 result_kind(expression, shape) -> kind or None  what its signal is
+results(expression, shape) -> each choice's     what is written out, or what is known of it
+is_always_there(expression, shape) -> bool      whether its signal is never absent
 """
 
 from oracle_server.core.expression.check import Problem, check_shape, result_kind
@@ -10,8 +12,10 @@ from oracle_server.core.expression.cost import MAX_STEPS
 from oracle_server.core.expression.expression import Expression, FieldPath, parse_expression, read, too_dear
 from oracle_server.core.expression.patterns import MAX_PATTERNS
 from oracle_server.core.expression.reasons import WANTED, reason, told
+from oracle_server.core.expression.results import is_always_there, results
 from oracle_server.core.expression.static import no_field
 from oracle_server.core.expression.stops import Absent, Failed
+from oracle_server.core.expression.tree import Literal
 
 __all__ = [
     "MAX_PATTERNS",
@@ -21,13 +25,16 @@ __all__ = [
     "Expression",
     "Failed",
     "FieldPath",
+    "Literal",
     "Problem",
     "check_shape",
+    "is_always_there",
     "no_field",
     "parse_expression",
     "read",
     "reason",
     "result_kind",
+    "results",
     "told",
     "too_dear",
 ]

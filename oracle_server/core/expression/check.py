@@ -58,6 +58,11 @@ def result_kind(expression: Expression, shape: Shape | None) -> ValueKind | None
     return kind(_Checker(expression.text, shape).of(expression.tree))
 
 
+def known_value(expression: Expression, node: Node, shape: Shape | None) -> Static:
+    """What is known of the value of a part that stands in no comprehension, over messages of a shape."""
+    return _Checker(expression.text, shape).of(node)
+
+
 class _Checker:
     def __init__(self, text: str, shape: Shape | None) -> None:
         self.problems: list[Problem] = []

@@ -1,0 +1,55 @@
+"""What an expression gives where it gives a value: its choices one by one; and whether it may be absent."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from oracle_server.core.expression import tree
+from oracle_server.core.expression.check import known_value
+from oracle_server.core.expression.expression import Expression
+from oracle_server.core.expression.tree import Literal, Node
+from oracle_server.core.shapes import Many, Record, Shape, Value
+
+_NEVER_ABSENT = (
+    tree.Variable | tree.Unary | tree.Chain | tree.Compare | tree.Joined | tree.Choice | tree.Call | tree.Loop
+    | tree.ListOf
+)  # fmt: skip
+"""The parts that have a value, or fail, where all parts under them do."""
+
+
+def results(expression: Expression, shape: Shape | None) -> Iterator[Literal | Value | None]:
+    """What each choice gives over messages of a shape: what is written out, a value of a kind, or None for anything."""
+    waiting = [expression.tree]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, tree.Choice):
+            waiting += [node.otherwise, *(value for _, value in reversed(node.cases))]
+        elif isinstance(node, Literal):
+            yield node
+        else:
+            static = known_value(expression, node, shape)
+            yield static if isinstance(static, Value) else None
+
+
+def is_always_there(expression: Expression, shape: Shape) -> bool:
+    """Whether an expression has a value, or fails, at every message that has all fields of a shape."""
+    return all(_is_there(node, shape) for node in tree.walk(expression.tree))
+
+
+def _is_there(node: Node, shape: Shape) -> bool:
+    match node:
+        case Literal(value=value):
+            return value is not None
+        case tree.Path(names=names):
+            return _at(shape, names) is not None
+        case tree.Index(of=tree.Path(names=names)):
+            return isinstance(_at(shape, names), Many)
+        case _:
+            return isinstance(node, _NEVER_ABSENT)
+
+
+def _at(shape: Shape, names: tuple[str, ...]) -> Shape | None:
+    found: Shape | None = shape
+    for name in names:
+        found = found.fields.get(name) if isinstance(found, Record) else None
+    return found
