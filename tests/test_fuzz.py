@@ -16,10 +16,11 @@ from hypothesis import strategies as st
 from oracle_server.core.errors import FormulaError, SpecError
 from oracle_server.core.formula.parse import parse_formula
 from oracle_server.specfiles.load import parse_spec
+from oracle_server.wire.data import whole
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.flat import decode_object, flat_event
-from oracle_server.wire.incoming import MAX_DEPTH, Events
-from oracle_server.wire.reading import decode, event_of
+from oracle_server.wire.incoming import MAX_DEPTH, RawEvents
+from oracle_server.wire.reading import decode, event_in
 
 VECTORS = Path(__file__).parent / "vectors"
 FRAMES = [
@@ -90,9 +91,9 @@ def test_frames(text: str) -> None:
         refused = None
         try:
             frame = decode(text)
-            if isinstance(frame.message, Events):
-                for value in frame.message.events:
-                    event_of(value, suspicious=frame.suspicious)
+            if isinstance(frame.message, RawEvents):
+                for raw in frame.message.events:
+                    event_in(raw, whole, suspicious=frame.suspicious)
         except WireError as error:
             refused = error
     if refused is not None:

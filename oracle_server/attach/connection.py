@@ -230,6 +230,7 @@ class Connection:
             raise WireError("history_unavailable", f"{error}; attach again later", fatal=True) from None
         if self._conversation.ended:
             return
+        self._conversation.decoders = session.decoder
         self._conversation.greet(attached_frame(session, monitor), monitor.numbering.upto)
         session.send_verdicts(monitor)
         self._ready.set()

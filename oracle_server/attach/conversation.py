@@ -12,6 +12,9 @@ from collections.abc import Iterator, Mapping
 from enum import Enum
 from typing import Any, Final, NamedTuple, get_args
 
+from msgspec import Raw
+
+from oracle_server.wire.data import Decoders, nothing
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.frames import AttachedFrame, Outgoing
 from oracle_server.wire.incoming import (
@@ -19,17 +22,16 @@ from oracle_server.wire.incoming import (
     AnyEvent,
     Attach,
     Detach,
-    Events,
     HandlingMessage,
     HandlingsMessage,
     Message,
     Quick,
     QuickEvent,
-    QuickEvents,
     QuickHandlings,
+    RawEvents,
     ReportMessage,
 )
-from oracle_server.wire.reading import decode, event_of
+from oracle_server.wire.reading import decode, event_in
 
 
 class State(Enum):
@@ -128,7 +130,6 @@ MAX_BURST: Final = 50_000
 _CLOSE_CODES: Final = {"shutting_down": 1012, "history_unavailable": 1013}
 """The close codes after fatal errors; `_REFUSED` after all others."""
 _REFUSED: Final = 1008
-_BATCHES: Final = (Events, QuickEvents)
 _UNGREETED: Final = (State.WAITING, State.ATTACHING)
 
 
@@ -147,6 +148,8 @@ class Conversation:
         """The frames that wait, in their order; before the greeting they must not be written."""
         self._steps = TABLE[self.state]
         self._messages: Iterator[Any] = iter(())
+        self.decoders: Decoders = nothing
+        """What is decoded of the events of each stream: until the session is known, nothing."""
         self._suspicious = self._throttled = False
 
     # From the monitor
@@ -157,9 +160,9 @@ class Conversation:
         Returns False where it must be received again later: while the session is being opened, or a batch where
         `batches` is False.
         """
-        message, suspicious = _read(data)
+        message, suspicious = _read(data, self.decoders)
         step = self._steps[type(message)]
-        batch = message.events if isinstance(message, _BATCHES) else None
+        batch = message.events if type(message) is RawEvents else None
         if step is Otherwise.LATER or (batch is not None and not batches):
             return False
         if isinstance(step, State):
@@ -173,9 +176,7 @@ class Conversation:
     def next_message(self) -> Received | None:
         """The next message of the received frame, None at its end; parts that can't be read are refused."""
         for value in self._messages:
-            if type(value) is QuickEvent:  # as most are
-                return value
-            message: Received = _checked(value, self._suspicious) if self.in_batch else value
+            message: Received = self._event_in(value) if self.in_batch else value
             if isinstance(message, WireError):
                 self.refuse(message)
                 if message.code != "bad_event":
@@ -252,6 +253,13 @@ class Conversation:
 
     # Inside
 
+    def _event_in(self, raw: Raw) -> QuickEvent | WireError:
+        """An event of a batch, or the error where it can't be read."""
+        try:
+            return event_in(raw, self.decoders, suspicious=self._suspicious)
+        except WireError as error:
+            return error
+
     def _cut_off(self) -> None:
         self.queue.clear()
         self.drop(WireError("too_slow", f"more than {MAX_QUEUE} frames were not read; attach again", fatal=True))
@@ -270,19 +278,11 @@ class Conversation:
         return True
 
 
-def _read(data: str | bytes) -> tuple[Message | Quick | WireError | bytes, bool]:
+def _read(data: str | bytes, decoders: Decoders) -> tuple[Message | Quick | WireError | bytes, bool]:
     """A frame as one of the types in `FRAMES`, and whether the events of a batch may have too many keys."""
     if isinstance(data, bytes):
         return data, False
     try:
-        return decode(data)
+        return decode(data, decoders)
     except WireError as error:
         return error, False
-
-
-def _checked(value: Any, suspicious: bool) -> AnyEvent | WireError:
-    """An event of a batch, or the error where it can't be read."""
-    try:
-        return event_of(value, suspicious=suspicious)
-    except WireError as error:
-        return error

@@ -17,6 +17,7 @@ from oracle_server.core.kinds import RESERVED, Kind
 from oracle_server.core.reach import Reach
 from oracle_server.core.signals import DefaultProjection, Projection
 from oracle_server.core.spec import By, Spec, StreamSpec
+from oracle_server.core.stamps import DEFAULT_PATHS
 
 _Keys = frozenset[str]
 
@@ -83,6 +84,12 @@ class StreamPlan:
         if self.asked or read is None:
             return None
         return read if stamp is None or stamp.plain else read | {stamp.field}
+
+    @property
+    def decoded(self) -> frozenset[str] | None:
+        """The same with the fields of a publication time, which is read where the monitor tells none."""
+        stamp, needed = self.spec.stamp, self.fields
+        return None if needed is None else needed.union(DEFAULT_PATHS if stamp is None else [stamp.field])
 
     @property
     def named(self) -> frozenset[str]:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import asyncio
 from collections import Counter
 from collections.abc import Callable
+from typing import cast
 
 import structlog
 
 from oracle_server.core.credit import Credit
 from oracle_server.core.events import Event, StreamKey
+from oracle_server.core.kinds import StepKind
 from oracle_server.core.numbering import Numbering
 from oracle_server.core.session import Session
 from oracle_server.core.simulated import ClockReading, SimulatedTime
@@ -23,6 +25,7 @@ from oracle_server.sessions.backlog import Backlog
 from oracle_server.sessions.counters import Counters
 from oracle_server.sessions.ledger import Ledger
 from oracle_server.sessions.monitor import Monitor, Outbox, check_time, claimed
+from oracle_server.wire.data import DataDecoder, data_decoder, nothing
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import AnyClock, AnyEvent, Attach, Handling, QuickHandling, ReportMessage
 
@@ -51,6 +54,7 @@ class LiveSession:
         self.oracles = None if core.asking is None else Oracles(core, self._enter, self._deliver)
         self._begun = core.begun is not None
         """Whether the history has when the session began."""
+        self._decoders: dict[tuple[str, str], DataDecoder] = {}
         self._timer: asyncio.TimerHandle | None = None
         self._armed: int | None = None
 
@@ -82,6 +86,16 @@ class LiveSession:
         self.credit.open(monitor.name)
         self._deliver(self.core.attach(monitor.name, streams, self._enter()))
         return monitor
+
+    def decoder(self, stream: str, kind: str) -> DataDecoder:
+        """The decoder of a stream's data, which keeps what the session reads of it."""
+        found = self._decoders.get((stream, kind))
+        if found is None:
+            known = self.core.plan.streams.get(StreamKey(stream, cast("StepKind", kind)))
+            if known is None:
+                return nothing(stream, kind)  # its events are refused
+            found = self._decoders[stream, kind] = data_decoder(known.decoded)
+        return found
 
     @property
     def has_room(self) -> bool:

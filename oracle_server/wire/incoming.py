@@ -61,12 +61,26 @@ class EventMessage(_Message):
     lost: Count = 0
 
 
-class QuickEvent(msgspec.Struct, frozen=True, gc=False, tag_field="type", tag="event"):
-    """The same as `EventMessage`, read in a third of the time; what is refused here is refused there, with a reason."""
+class QuickEvent(msgspec.Struct, frozen=True, gc=False):
+    """The same as `EventMessage`; of its data may be kept what somebody reads."""
+
+    seq: int
+    stream: str
+    data: dict[str, Any]
+    kind: Kind = "topic"
+    stamp: int | None = None
+    ask: bool = False
+    source: str = ""
+    call: int | None = None
+    lost: int = 0
+
+
+class RawEvent(msgspec.Struct, frozen=True, gc=False, tag_field="type", tag="event"):
+    """An `EventMessage` with its data undecoded; what is refused here is refused there, with a reason."""
 
     seq: Annotated[int, msgspec.Meta(ge=1, lt=2**53)]
     stream: Annotated[str, msgspec.Meta(max_length=255)]
-    data: dict[str, Any]
+    data: msgspec.Raw
     kind: Kind = "topic"
     stamp: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] | None = None
     ask: bool = False
@@ -82,10 +96,10 @@ class Events(_Message):
     events: Annotated[list[Any], Field(max_length=MAX_BATCH)]
 
 
-class QuickEvents(msgspec.Struct, frozen=True, gc=False, tag_field="type", tag="events"):
-    """The same as `Events` where all are as they should be, as mostly."""
+class RawEvents(msgspec.Struct, frozen=True, gc=False, tag_field="type", tag="events"):
+    """The same as `Events`, with its events undecoded."""
 
-    events: Annotated[list[QuickEvent], msgspec.Meta(max_length=MAX_BATCH)]
+    events: Annotated[list[msgspec.Raw], msgspec.Meta(max_length=MAX_BATCH)]
 
 
 Why = Literal["decision", "timeout", "unavailable"]
@@ -191,4 +205,5 @@ Incoming = Annotated[Message, Field(discriminator="type")]
 
 AnyEvent = EventMessage | QuickEvent
 AnyClock = ClockMessage | QuickClock
-Quick = QuickEvent | QuickEvents | QuickHandlings | QuickClock
+Quick = QuickEvent | RawEvents | QuickHandlings | QuickClock
+Raw = RawEvent | RawEvents | QuickHandlings | QuickClock

@@ -2,31 +2,38 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import msgspec
 from pydantic import TypeAdapter, ValidationError
 
+from oracle_server.wire.data import DataDecoder, Decoders, decoded, whole
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import (
     MAX_DEPTH,
     MAX_KEYS,
-    AnyEvent,
     EventMessage,
+    Events,
     Incoming,
     Message,
     Quick,
     QuickEvent,
-    QuickEvents,
+    Raw,
+    RawEvent,
+    RawEvents,
 )
+from oracle_server.wire.json import encode_bytes
 
-_quick: msgspec.json.Decoder[Quick] = msgspec.json.Decoder(Quick)
+_quick: msgspec.json.Decoder[Raw] = msgspec.json.Decoder(Raw)
+_quick_event = msgspec.json.Decoder(RawEvent)
+_parts = msgspec.json.Decoder(dict[str, msgspec.Raw])
 _incoming: TypeAdapter[Message] = TypeAdapter(Incoming)
 _event = TypeAdapter(EventMessage)
-_OFTEN = ('{"type":"event",', '{"type":"events",', '{"type":"outcomes",', '{"type":"clock",')
-"""How these begin where their writer puts the type first and no blanks, as most do; others are read all the same."""
+_anything: msgspec.json.Decoder[Any] = msgspec.json.Decoder()
+_HEAD = EventMessage.model_fields.keys() - {"data"}
+_NO_DATA = msgspec.Raw()
+_UNREADABLE = (msgspec.MsgspecError, ValueError, RecursionError)
 _LOWEST, _HIGHEST = -(2**63), 2**64 - 1
 _INTEGERS = range(_LOWEST, _HIGHEST + 1)
 _TAGS = frozenset({"attach", "events", "outcome", "outcomes", "clock", "report", "detach"})
@@ -39,31 +46,16 @@ class Frame(NamedTuple):
     suspicious: bool
 
 
-def decode(text: str) -> Frame:
-    """A frame as a message; the events of a batch are left unchecked where one may be bad. Raises `WireError`."""
+def decode(text: str, decoders: Decoders = whole) -> Frame:
+    """A frame as a message; the events of a batch are left undecoded. Raises `WireError`."""
     odd = suspicious(text)
-    if not odd and text.startswith(_OFTEN):
-        try:
-            message = _quick.decode(text)
-        except (msgspec.MsgspecError, ValueError, RecursionError):
-            pass  # the models below word the error
-        else:
-            if _holds_no_misfit(message):
-                return Frame(message, odd)
     try:
-        value = msgspec.json.decode(text)
-    except (msgspec.DecodeError, ValueError) as error:
-        raise WireError("malformed", f"not JSON: {error}") from None
-    except RecursionError:
-        raise WireError("malformed", f"nested more than {MAX_DEPTH} deep") from None
-    if not isinstance(value, dict):
-        raise WireError("malformed", "expected a JSON object")
-    if value.get("type") == "event":
-        return Frame(event_of(value, suspicious=odd), odd)
-    try:
-        return Frame(_incoming.validate_python(value), odd)
-    except ValidationError as error:
-        raise WireError("malformed", _reason(error), seq=_seq(value)) from None
+        message = _quick.decode(text)
+    except _UNREADABLE:
+        return _decode_slowly(text, decoders, odd=odd)
+    if isinstance(message, RawEvent):
+        return Frame(_with_data(message, decoders, odd=odd), odd)
+    return Frame(message, odd)
 
 
 def suspicious(text: str) -> bool:
@@ -71,27 +63,113 @@ def suspicious(text: str) -> bool:
     return text.count(":") > MAX_KEYS
 
 
-def event_of(value: Any, *, suspicious: bool) -> AnyEvent:
-    """An event of a batch, checked. Raises `WireError`."""
-    if not suspicious:
-        with contextlib.suppress(msgspec.ValidationError):  # the model below words the error
-            quick = msgspec.convert(value, QuickEvent)
-            if _fits(quick.data, MAX_DEPTH):
-                return quick
+def event_in(raw: msgspec.Raw, decoders: Decoders, *, suspicious: bool) -> QuickEvent:
+    """An undecoded event of a batch, checked. Raises `WireError`."""
+    try:
+        event = _quick_event.decode(raw)
+    except _UNREADABLE:
+        return _event_slowly(raw, decoders, odd=suspicious)
+    return _with_data(event, decoders, odd=suspicious)
+
+
+def event_of(value: Any, *, suspicious: bool) -> QuickEvent:
+    """An event that is decoded already, checked. Raises `WireError`."""
+    event = _checked(value)
+    _require_fit(event.data, event.seq, odd=suspicious)
+    return event
+
+
+def _with_data(event: RawEvent, decoders: Decoders, *, odd: bool) -> QuickEvent:
+    data = _data(event.data, decoders(event.stream, event.kind), event.seq, odd=odd)
+    return QuickEvent(
+        event.seq, event.stream, data, event.kind, event.stamp, event.ask, event.source, event.call, event.lost
+    )
+
+
+def _data(raw: msgspec.Raw, decoder: DataDecoder, seq: int, *, odd: bool) -> dict[str, Any]:
+    try:
+        data = decoded(decoder, raw)
+    except _UNREADABLE as error:
+        if not _is_object(raw):
+            raise WireError("bad_event", "data: Input should be a valid dictionary", seq=seq) from None
+        raise _malformed(error) from None
+    _require_fit(data, seq, odd=odd)
+    return data
+
+
+def _require_fit(data: dict[str, Any], seq: int, *, odd: bool) -> None:
+    """Raise a `WireError` where an event's data can't be judged."""
+    reason = _unfit(data) if odd or not _fits(data, MAX_DEPTH) else None
+    if reason:
+        raise WireError("bad_event", reason, seq=seq)
+
+
+def _decode_slowly(text: str, decoders: Decoders, *, odd: bool) -> Frame:
+    parts = _parts_of(text)
+    if parts is None:
+        raise WireError("malformed", "expected a JSON object")
+    if "type" in parts and _plain(parts["type"]) == "event":
+        return Frame(_event_slowly(text, decoders, odd=odd), odd)
+    value = _plain(text)
+    try:
+        message = _incoming.validate_python(value)
+    except ValidationError as error:
+        raise WireError("malformed", _reason(error), seq=_seq(value)) from None
+    if isinstance(message, Events):
+        return Frame(RawEvents([msgspec.Raw(encode_bytes(event)) for event in message.events]), odd)
+    return Frame(message, odd)
+
+
+def _event_slowly(text: str | msgspec.Raw, decoders: Decoders, *, odd: bool) -> QuickEvent:
+    """An event whose head is checked before its data is decoded, for words about what is wrong."""
+    parts = _parts_of(text)
+    if parts is None:
+        return _checked(None)
+    value = {name: _plain(part) for name, part in parts.items() if name in _HEAD}
+    raw = parts.get("data", _NO_DATA)
+    if raw is not _NO_DATA:
+        value["data"] = {} if _is_object(raw) else None
+    event = _checked(value)
+    data = _data(raw, decoders(event.stream, event.kind), event.seq, odd=odd)
+    return msgspec.structs.replace(event, data=data)
+
+
+def _checked(value: Any) -> QuickEvent:
     try:
         event = _event.validate_python(value)
     except ValidationError as error:
         raise WireError("bad_event", _reason(error), seq=_seq(value)) from None
-    reason = _unfit(event.data)
-    if reason:
-        raise WireError("bad_event", reason, seq=event.seq)
-    return event
+    return QuickEvent(
+        event.seq, event.stream, event.data, event.kind, event.stamp, event.ask, event.source, event.call, event.lost
+    )
 
 
-def _holds_no_misfit(message: Quick) -> bool:
-    if type(message) is QuickEvent:
-        return _fits(message.data, MAX_DEPTH)
-    return type(message) is not QuickEvents or all(_fits(event.data, MAX_DEPTH) for event in message.events)
+def _parts_of(text: str | msgspec.Raw) -> dict[str, msgspec.Raw] | None:
+    """The values of an object, undecoded; None for anything else. Raises `WireError` where it is no JSON."""
+    try:
+        return _parts.decode(text)
+    except msgspec.ValidationError:
+        _plain(text)  # what begins otherwise may be no JSON at all
+        return None
+    except _UNREADABLE as error:
+        raise _malformed(error) from None
+
+
+def _plain(text: str | msgspec.Raw) -> Any:
+    try:
+        return decoded(_anything, text)
+    except _UNREADABLE as error:
+        raise _malformed(error) from None
+
+
+def _malformed(error: Exception) -> WireError:
+    if isinstance(error, RecursionError):
+        return WireError("malformed", f"nested more than {MAX_DEPTH} deep")
+    return WireError("malformed", f"not JSON: {error}")
+
+
+def _is_object(raw: msgspec.Raw) -> bool:
+    return bytes(memoryview(raw)[:1]) == b"{"
 
 
 def _fits(data: dict[str, Any] | list[Any], depth: int) -> bool:

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from oracle_server.wire.data import whole
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import (
     MAX_BATCH,
@@ -20,7 +21,7 @@ from oracle_server.wire.incoming import (
     QuickEvent,
     QuickHandlings,
 )
-from oracle_server.wire.reading import decode, event_of
+from oracle_server.wire.reading import decode, event_in, event_of
 
 PLAIN = {"type": "event", "seq": 1, "stream": "/a", "data": {}}
 FIELDS: dict[str, list[Any]] = {
@@ -53,16 +54,20 @@ def both(frame: dict[str, Any]) -> None:
         slow: Any = told(EventMessage.model_validate(frame))
     except ValueError:
         slow = None
-    try:
-        quick: Any = told(msgspec.json.decode(msgspec.json.encode(frame), type=QuickEvent))
-    except msgspec.MsgspecError:
-        quick = None
-    assert quick == slow or (quick is None and slow is not None), frame
-    try:
-        found: Any = told(event_of(frame, suspicious=False))
-    except WireError:
-        found = None
-    assert found == slow, frame
+    raw = msgspec.Raw(msgspec.json.encode(frame))
+    for batched in (True, False):
+        try:
+            read = event_in(raw, whole, suspicious=False) if batched else event_of(frame, suspicious=False)
+            found: Any = told(read)
+        except WireError:
+            found = None
+        assert found == slow, frame
+    if frame.get("type", "event") == "event":
+        try:
+            alone: Any = decode(json.dumps({"type": "event"} | frame)).message
+        except WireError:
+            alone = None
+        assert (told(alone) if alone else None) == slow, frame
 
 
 @pytest.mark.parametrize(("name", "value"), [(n, v) for n, values in FIELDS.items() for v in values])

@@ -1,0 +1,63 @@
+"""An event's data, decoded as far as somebody reads it: what is skipped takes a tenth of the time or less."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any, TypedDict, TypeVar
+
+import msgspec
+
+_LARGE = 2**16
+"""Bytes from which on the garbage collector would look through what is decoded several times over."""
+
+Decoded = TypeVar("Decoded")
+DataDecoder = msgspec.json.Decoder[dict[str, Any]]
+Decoders = Callable[[str, str], DataDecoder]
+"""Finds the decoder of a stream's data, by the stream's name and kind."""
+
+_whole: DataDecoder = msgspec.json.Decoder(dict[str, Any])
+
+
+def nothing(_stream: str, _kind: str) -> DataDecoder:
+    """The decoder of data that nobody reads."""
+    return data_decoder(frozenset())
+
+
+def whole(_stream: str, _kind: str) -> DataDecoder:
+    """The decoder of any data, for streams of which nothing is known."""
+    return _whole
+
+
+@lru_cache(maxsize=4096)
+def data_decoder(fields: frozenset[str] | None) -> DataDecoder:
+    """A decoder of data that keeps the fields at some dotted paths, and no others; None for all.
+
+    It checks the syntax of the rest, and nothing more. A value that is no object, on the way to a field, is kept.
+    """
+    if fields is None:
+        return _whole
+    paths = sorted(tuple(field.split(".")) for field in fields)
+    return msgspec.json.Decoder(_picked(paths))
+
+
+def decoded(decoder: msgspec.json.Decoder[Decoded], text: str | msgspec.Raw) -> Decoded:
+    """Decode with the garbage collector resting where there is much. Raises what the decoder raises."""
+    size = len(text) if isinstance(text, str) else memoryview(text).nbytes
+    if size < _LARGE or not gc.isenabled():
+        return decoder.decode(text)
+    gc.disable()
+    try:
+        return decoder.decode(text)
+    finally:
+        gc.enable()
+
+
+def _picked(paths: list[tuple[str, ...]]) -> Any:
+    """The type of an object with only these fields; each has its own path before those of its parts."""
+    fields: dict[str, Any] = {}
+    for name in dict.fromkeys(path[0] for path in paths):
+        below = [path[1:] for path in paths if path[0] == name]
+        fields[name] = Any if () in below else _picked(below) | list[Any] | str | float | int | bool | None
+    return TypedDict("Picked", fields, total=False)  # type: ignore[operator]

@@ -1,0 +1,117 @@
+"""What is skipped of an event's data changes nothing of what a session makes of it."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from oracle_server.core.events import StreamKey
+from oracle_server.core.plan import Plan, StreamPlan, plan
+from oracle_server.core.stamps import since_boot_in, stamp_in
+from oracle_server.specfiles.load import parse_spec
+from oracle_server.wire.data import data_decoder, whole
+from oracle_server.wire.errors import WireError
+from oracle_server.wire.incoming import QuickEvent
+from oracle_server.wire.reading import decode
+
+SPEC = """
+id: odd
+streams:
+  - topic: /a
+    signals:
+      plain: msg.a
+      deep: msg.b.c.a
+      deeper: msg.b.c.a.b + 1.0
+      whole: size(msg.c)
+      both: "has(msg.a.b) ? msg.a.b : 'none'"
+      quoted: msg['a b'].a
+      indexed: msg.list[1].a
+      some: msg.list.exists(x, x.a == 1)
+      same: msg.b == msg.c
+      sum: msg.list.map(x, x.b).size()
+  - topic: /named
+  - {topic: /stamped, stamp: b.c, signals: {v: msg.v}}
+  - {topic: /boot, stamp: {field: b.c, unit: us, epoch: boot}, signals: {v: msg.v}}
+  - topic: /none
+    signals: {}
+properties:
+  - {id: p, formula: '{a: 1} and {b} and not {c: "x"}'}
+"""
+NAMES = ["a", "b", "c", "list", "a b", "v", "stamp", "header", "sec", "nanosec", "", "a.b"]
+scalars = st.none() | st.booleans() | st.sampled_from([0, 1, 2**40, 1.5, "x", "NaN"]) | st.text(max_size=3)
+values = st.recursive(
+    scalars,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from(NAMES), inner, max_size=5),
+)
+messages = st.dictionaries(st.sampled_from(NAMES), values, min_size=2, max_size=8)
+
+
+@pytest.fixture(scope="module")
+def odd() -> Plan:
+    return plan(parse_spec(SPEC, "odd.yaml").spec)
+
+
+def made(stream: StreamPlan, data: object) -> Any:
+    """All that a session computes from a message."""
+    where = stream.spec.stamp
+    boot = None if where is None else since_boot_in(data, where)
+    return stream.project(data), stream.project.reasons(data), stamp_in(data, where), boot
+
+
+@settings(max_examples=300, deadline=None)
+@given(data=messages, stream=st.sampled_from(["/a", "/named", "/stamped", "/boot", "/none"]))
+def test_what_is_skipped_changes_nothing(odd: Plan, data: dict[str, Any], stream: str) -> None:
+    ready = odd.streams[StreamKey(stream, "topic")]
+    text = json.dumps({"type": "event", "seq": 1, "stream": stream, "data": data})
+    full = decode(text, whole).message
+    part = decode(text, lambda _stream, _kind: data_decoder(ready.decoded)).message
+    assert isinstance(full, QuickEvent)
+    assert isinstance(part, QuickEvent)
+    assert made(ready, part.data) == made(ready, full.data)
+
+
+def read(fields: frozenset[str] | None, text: str) -> dict[str, Any]:
+    found = decode(f'{{"type":"event","seq":1,"stream":"/a","data":{text}}}', lambda *_: data_decoder(fields)).message
+    assert isinstance(found, QuickEvent)
+    return found.data
+
+
+@pytest.mark.parametrize(
+    ("fields", "text", "kept"),
+    [
+        (["a"], '{"a":{"b":1,"c":2},"b":3}', {"a": {"b": 1, "c": 2}}),
+        (["a.b"], '{"a":{"b":1,"c":2},"b":3}', {"a": {"b": 1}}),
+        (["a.b", "a"], '{"a":{"b":1,"c":2}}', {"a": {"b": 1, "c": 2}}),
+        (["a.b"], '{"a":[1]}', {"a": [1]}),
+        (["a.b"], '{"a":1,"a":{"c":1}}', {"a": {}}),
+        (["a.b"], '{"a":{"c":1},"a":"x"}', {"a": "x"}),
+        (["a"], '{"\\u0061":1}', {"a": 1}),
+        ([], '{"a":1}', {}),
+        (None, '{"a":{"b":1}}', {"a": {"b": 1}}),
+    ],
+)
+def test_the_fields_that_are_read_are_kept(fields: list[str] | None, text: str, kept: object) -> None:
+    assert read(None if fields is None else frozenset(fields), text) == kept
+
+
+@pytest.mark.parametrize("value", ["[" * 100 + "]" * 100, str(2**70), "1e999"])
+def test_what_nobody_reads_is_not_refused(value: str) -> None:
+    assert read(frozenset({"v"}), f'{{"v":1,"x":{value}}}') == {"v": 1}
+    with pytest.raises(WireError):
+        read(frozenset({"x"}), f'{{"v":1,"x":{value}}}')
+
+
+@pytest.mark.parametrize("text", ['{"v":1,"x":}', '{"v":1,"x":"\\ud800"}', '{"v":1,"x":NaN}', '{"v":1,"x":01}'])
+def test_what_is_no_json_is_refused_wherever_it_is(text: str) -> None:
+    with pytest.raises(WireError, match="not JSON"):
+        read(frozenset({"v"}), text)
+
+
+@pytest.mark.parametrize("text", ["[]", "1", "null", '"v"'])
+def test_data_is_an_object_whatever_is_read(text: str) -> None:
+    with pytest.raises(WireError, match="valid dictionary"):
+        read(frozenset(), text)
