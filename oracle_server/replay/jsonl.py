@@ -7,11 +7,14 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import msgspec
+
 from oracle_server.core.errors import TraceError
 from oracle_server.core.events import TICKS, Event
 from oracle_server.core.kinds import TICK
 from oracle_server.core.spec import Spec
 from oracle_server.core.stamps import Stamp, stamp_fault, stamp_in
+from oracle_server.replay.attempts import Attempts
 from oracle_server.replay.line import Found, Line, read_line
 from oracle_server.replay.recording import Note, Recorded
 from oracle_server.replay.times import Times
@@ -45,14 +48,17 @@ class Trace:
     _now: int = 0
     _seq: Counter[str] = field(default_factory=Counter)
     _times: Times = field(init=False)
+    _attempts: Attempts = field(init=False)
 
     def __post_init__(self) -> None:
-        self._times = Times(self.spec.ordering.max_skew)
+        self._times, self._attempts = Times(self.spec.ordering.max_skew), Attempts(self.spec)
 
     def __iter__(self) -> Iterator[Recorded]:
         """The events. Raises `TraceError` with file and line at the first line that is not an event."""
         first, begun = True, None
         try:
+            if self._attempts.possible:
+                self._attempts.survey(self._readable)
             for place, text in self.lines():
                 self.read += len(text)
                 if not text.strip():
@@ -64,11 +70,15 @@ class Trace:
                 if first:
                     self.clocked, first, begun = line.arrived is not None, False, line.begun
                     self._times.clocked = self.clocked
-                event = self._event(line, place, fault)
+                taken = self._attempts.take(line)
+                event = None if taken.name is None else self._event(line, taken.name, place, fault)
                 if event is not None:
-                    yield Recorded(event, tuple(line.places), line.passed, line.why, line.verdict, begun)
+                    event = msgspec.structs.replace(event, ask=True) if taken.asks and not event.ask else event
+                    yield Recorded(event, tuple(line.places), taken.passed, line.why, line.verdict, begun)
         except OSError as error:
             raise TraceError(f"{self.path}: can't be read: {error.strerror}") from None
+        self._attempts.end()
+        self.notes += self._attempts.notes
         self.notes += self._times.notes(timed=any(prop.time == "seconds" for prop in self.spec.properties))
 
     def _line(self, text: bytes, place: str) -> Found:
@@ -77,10 +87,23 @@ class Trace:
         except ValueError as error:
             raise TraceError(f"{place}: not an event: {error}") from None
 
-    def _event(self, line: Line, place: str, fault: str) -> Event | None:
+    def _readable(self) -> Iterator[Line]:
+        """The lines of a log that is no session's trace, as far as they can be read."""
+        for _, text in self.lines():
+            try:
+                line = read_line(text).line if text.strip() else None
+            except ValueError:
+                return  # it is told of when it is read
+            if line is not None and line.places:
+                return
+            if line is not None:
+                yield line
+
+    def _event(self, line: Line, name: str, place: str, fault: str) -> Event | None:
+        """The event of a line on a stream of this name, None where the spec has none."""
         if line.kind == TICK:
             return Event(TICKS, "", line.seq or 0, line.stamp, line.arrived or 0, line.message())
-        key = find_stream(line.stream, line.kind, self.spec.by_key)
+        key = find_stream(name, line.kind, self.spec.by_key)
         if key is None:
             self.ignored[line.stream] += 1
             return None
