@@ -15,14 +15,10 @@ from oracle_server.core.kinds import TICK
 from oracle_server.core.spec import Spec
 from oracle_server.core.stamps import Stamp, stamp_fault, stamp_in
 from oracle_server.replay.attempts import Attempts
-from oracle_server.replay.line import Found, Line, read_line
+from oracle_server.replay.line import MAX_LINE, Found, Line, read_line
 from oracle_server.replay.recording import Note, Recorded
 from oracle_server.replay.times import Times
 from oracle_server.wire.flat import find_stream
-
-MAX_LINE = 64 * 2**20
-"""The most bytes of one line."""
-
 
 Lines = Callable[[], Iterable[tuple[str, bytes]]]
 """Reads all lines from the start, each with its place for error messages."""
