@@ -56,13 +56,10 @@ class Attempts:
         self._filters: list[tuple[str, Filter]] = []
         self.notes: list[Note] = []
 
-    @property
-    def possible(self) -> bool:
-        """Whether a log for the spec can have names of both sides."""
-        return bool(self._streams)
-
     def survey(self, read: Callable[[], Iterable[Line]]) -> None:
         """Look at all lines of a log, which `read` reads from the start: whose side is recorded, and what passed."""
+        if not self._streams:
+            return
         others = {_name(stream.traits.group, _other(stream)) for stream in self._streams} - self._own
         wanted = others | {_name(stream.traits.group, stream.name) for stream in self._streams}
         counts = Counter(name for line in read() if (name := _name_of(line)) in wanted)
