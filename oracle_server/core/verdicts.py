@@ -160,6 +160,7 @@ def explain(judged: Judged, verdict: Verdict) -> ExplanationRecord | None:
         if judged.number is None:
             at = f"an attempt that was taken back ({at})"
         where = f"at {at}, {event_name(event.stream.name, event.stream.kind, event.seq, event.monitor)}"
+        where += ", which came late" if judged.step.late else ""
     how = "does not hold" if verdict.outcome in NEGATIVE else "holds"
     if verdict.outcome is Outcome.UNKNOWN:
         how = "is not known to hold"

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from oracle_server.core.errors import one_line
 from oracle_server.core.units import counted
 from oracle_server.replay.folder import Files
-from oracle_server.replay.recording import Note, part_of
+from oracle_server.replay.recording import Note, part_of, passed_beside
 from oracle_server.replay.sources import Topic
 from oracle_server.replay.storage import Storage
 
@@ -45,10 +45,8 @@ def _types(topic: Topic) -> Iterator[Note]:
 
 def _of_topic(topic: Topic) -> Iterator[Note]:
     if topic.role is None:
-        others = topic.gives.others if topic.gives else 0
-        if others:
-            what = counted(others, "message")
-            yield Note(f"{topic.name}: {what} passed that nobody asked for, and {_was(others)} not judged", doubt=True)
+        if topic.gives is not None and topic.gives.others:
+            yield passed_beside(topic.name, topic.gives.others)
         return
     if topic.unreadable:
         what, type_ = counted(topic.seen, "message"), f"could be read as {topic.type}: {topic.why}"
@@ -72,7 +70,3 @@ def _of_topic(topic: Topic) -> Iterator[Note]:
     if topic.bare:
         what = "service events" if topic.bare > 1 else "service event"
         yield Note(f"{topic.name}: {topic.bare} {what} without content: only metadata was recorded", doubt=True)
-
-
-def _was(count: int) -> str:
-    return "was" if count == 1 else "were"

@@ -12,7 +12,7 @@ from oracle_server.core.units import counted
 from oracle_server.process.progress import progress
 from oracle_server.replay.conclusion import UNJUDGED, conclude, gravest
 from oracle_server.replay.formats import Format, Report, make_report
-from oracle_server.replay.opening import open_recording
+from oracle_server.replay.opening import open_recording, refuse_swapped
 from oracle_server.replay.recording import Recording
 from oracle_server.replay.run import Replay
 from oracle_server.rostypes.known import Types
@@ -39,6 +39,7 @@ def run_replay(
     With `strict` whatever was not judged is no success; with `signals` a text report counts all signals. Raises
     `SpecError` and `TraceError` where an input can't be used.
     """
+    refuse_swapped(specs, trace)
     known = Types(types)
     loaded = [load_spec(path, types=known) for path in specs]
     report = make_report(form, sys.stdout, several=len(loaded) > 1, signals=signals)

@@ -9,9 +9,11 @@ from typing import Any, Literal
 
 from oracle_server.core.errors import one_line
 from oracle_server.core.events import StreamKey
+from oracle_server.core.plan import can_meet
+from oracle_server.core.ranges import ValueKind
 from oracle_server.core.spec import Property, Spec
 from oracle_server.core.units import counted
-from oracle_server.replay.coverage import Coverage, SignalCounts, because, never_there, silent
+from oracle_server.replay.coverage import Coverage, SignalCounts, because, kind_of, never_there, silent
 from oracle_server.replay.recording import part_of
 from oracle_server.replay.run import Replay
 
@@ -93,9 +95,37 @@ def _open_questions(replay: Replay, coverage: Coverage, unjudged: dict[str, str]
         how = "failed" if counts["failed"] > counts["absent"] else "was absent"
         why = because(counts) if how == "failed" else ""
         yield f"{key}: the signal {name} {how} at {_all(coverage[key]['events'])}{why}"
+    yield from _incomparable(replay, coverage)
+    if replay.skipped:
+        yield f"{counted(replay.skipped, 'late event')} {_was(replay.skipped)} skipped, and not judged"
+    if replay.forced:
+        what = counted(replay.forced, "event")
+        yield f"{what} {_was(replay.forced)} judged before older ones may have come: `capacity` was reached"
+    timed = [prop.id for prop in replay.spec.properties if prop.time == "seconds"]
+    if timed and not replay.recording.clocked:
+        yield f"no deadline of {', '.join(timed)} was judged by itself: the recording has no times of arrival"
     for name, state in replay.states().items():
         if state["unknown"] and name not in unjudged:
             yield f"{name}: unknown at {counted(state['unknown'], 'step')}"
+
+
+def _incomparable(replay: Replay, coverage: Coverage) -> Iterator[str]:
+    """The signals that a property compares with values of a kind which they never had, and with no others."""
+    for prop in replay.spec.properties:
+        for stream in replay.spec.streams:
+            compared: dict[str, set[ValueKind | None]] = {}
+            for atom in prop.atoms:
+                for constraint in atom.constraints if can_meet(stream, atom) else ():
+                    compared.setdefault(constraint.key, set()).add(kind_of(constraint.value))
+            for name in coverage[stream.key]["signals"]:
+                had, wanted = replay.kinds(stream.key, name), compared.get(name, {None})
+                if had and None not in wanted and not had & wanted:
+                    was, other = (" or a ".join(sorted(map(str, kinds))) for kinds in (had, wanted))
+                    yield f"{stream.key}: the signal {name} was always a {was}, and {prop.id} compares it with a {other}"
+
+
+def _was(count: int) -> str:
+    return "was" if count == 1 else "were"
 
 
 def _misfits(spec: Spec, coverage: Coverage) -> Iterator[str]:

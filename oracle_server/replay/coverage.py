@@ -7,6 +7,7 @@ from typing import Any, NotRequired, TypedDict
 
 from oracle_server.core.events import StreamKey
 from oracle_server.core.plan import Projects, named_signals
+from oracle_server.core.ranges import ValueKind
 from oracle_server.core.spec import Spec
 from oracle_server.core.typed import TypedMessage
 from oracle_server.replay.misfit import misfit
@@ -54,6 +55,7 @@ class Counting:
         self._reasons: dict[str, str] = {}
         self._shape = None if type_ is None else type_.widest
         self._misfits, self._misfit = 0, ""
+        self._types: set[tuple[str, type]] = set()
 
     def __call__(self, message: object) -> tuple[dict[str, Any], frozenset[str]]:
         """The signals of a message by name, and the names of those that failed."""
@@ -67,11 +69,16 @@ class Counting:
             if not failed <= self._reasons.keys():
                 self._reasons = self._project.reasons(message) | self._reasons
         self._shapes[tuple(signals), failed] += 1
+        self._types.update((name, type(value)) for name, value in signals.items())
         return signals, failed
 
     def reasons(self, message: object) -> dict[str, str]:
         """Why each signal of a message failed that did; that is not recorded."""
         return {} if isinstance(message, Projected) else self._project.reasons(message)
+
+    def kinds(self, name: str) -> frozenset[ValueKind]:
+        """What kinds of values a signal had."""
+        return frozenset(_KINDS[type_] for own, type_ in self._types if own == name)
 
     def counts(self) -> StreamCounts:
         """What was counted so far."""
@@ -87,6 +94,14 @@ class Counting:
         if self._misfits:
             counts |= {"misfits": self._misfits, "misfit": self._misfit}
         return counts
+
+
+_KINDS: dict[type, ValueKind] = {str: "text", bool: "boolean", int: "number", float: "number"}
+
+
+def kind_of(value: object) -> ValueKind | None:
+    """The kind of a signal's value, None for what stands for any."""
+    return _KINDS.get(type(value))
 
 
 Coverage = dict[StreamKey, StreamCounts]

@@ -27,7 +27,8 @@ ZSTD = b"\x28\xb5\x2f\xfd"
 _KINDS: dict[bytes, Callable[[Path], Storage]] = {MCAP: McapFile, SQLITE: SqliteFile, ROS1: Ros1File}
 MAGICS = (*_KINDS, ZSTD)
 """How the files of bags begin."""
-_METADATA = "metadata.yaml"
+METADATA = "metadata.yaml"
+"""The file that makes a folder a bag of ROS 2."""
 _LARGEST = 2**26
 """The most bytes of metadata."""
 
@@ -50,12 +51,12 @@ def files_of(path: Path) -> Files:
     """The files of a bag, which is a file or a folder. Raises `TraceError` where there are none."""
     if not path.is_dir():
         return Files([path])
-    metadata = path / _METADATA
+    metadata = path / METADATA
     if not metadata.exists():
         found = sorted(p for p in path.iterdir() if p.is_file() and begins_as(p) in MAGICS)
         if not found:
-            raise TraceError(f"{path}: can't be read as a bag: it has no {_METADATA}, and no files of messages")
-        return Files(found, notes=[f"has no {_METADATA}: its recording was not closed"])
+            raise TraceError(f"{path}: can't be read as a bag: it has no {METADATA}, and no files of messages")
+        return Files(found, notes=[f"has no {METADATA}: its recording was not closed"])
     return _listed(path, _information(metadata))
 
 
@@ -99,12 +100,12 @@ def _information(path: Path) -> dict[str, Any]:
 def _listed(folder: Path, information: dict[str, Any]) -> Files:
     names = information.get("relative_file_paths")
     if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
-        raise TraceError(f"{folder / _METADATA}: names no files")
+        raise TraceError(f"{folder / METADATA}: names no files")
     paths = [folder / PurePosixPath(name).name for name in names]
     there = [path for path in paths if path.is_file()]
     if not there:
-        raise TraceError(f"{folder}: none of the files that {_METADATA} names is there: {', '.join(map(str, names))}")
-    notes = [f"{path.name} is missing, which {_METADATA} names" for path in paths if path not in there]
+        raise TraceError(f"{folder}: none of the files that {METADATA} names is there: {', '.join(map(str, names))}")
+    notes = [f"{path.name} is missing, which {METADATA} names" for path in paths if path not in there]
     compressed = str(information.get("compression_mode", "")).lower() == "message"
     return Files(there, Counter(dict(_promised(information))), notes, compressed)
 

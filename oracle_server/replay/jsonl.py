@@ -7,19 +7,19 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import msgspec
+
 from oracle_server.core.errors import TraceError
-from oracle_server.core.events import TICKS, Event
-from oracle_server.core.kinds import TICK
+from oracle_server.core.events import TICKS, Event, StreamKey
+from oracle_server.core.kinds import TICK, StepKind
 from oracle_server.core.spec import Spec
 from oracle_server.core.stamps import Stamp, stamp_fault, stamp_in
-from oracle_server.replay.line import Found, Line, read_line
+from oracle_server.core.units import counted
+from oracle_server.replay.attempts import Attempts
+from oracle_server.replay.line import MAX_LINE, Found, Line, read_line
 from oracle_server.replay.recording import Note, Recorded
 from oracle_server.replay.times import Times
 from oracle_server.wire.flat import find_stream
-
-MAX_LINE = 64 * 2**20
-"""The most bytes of one line."""
-
 
 Lines = Callable[[], Iterable[tuple[str, bytes]]]
 """Reads all lines from the start, each with its place for error messages."""
@@ -44,15 +44,22 @@ class Trace:
     read: int = 0
     _now: int = 0
     _seq: Counter[str] = field(default_factory=Counter)
+    _odd: Counter[tuple[str, StepKind]] = field(default_factory=Counter)
+    """Events of the spec's names, which has them of another kind."""
+    _lost: int = 0
+    _names: frozenset[str] = field(init=False)
     _times: Times = field(init=False)
+    _attempts: Attempts = field(init=False)
 
     def __post_init__(self) -> None:
-        self._times = Times(self.spec.ordering.max_skew)
+        self._names = frozenset(f"/{name.strip('/')}" for name in self.spec.names)
+        self._times, self._attempts = Times(self.spec.ordering.max_skew), Attempts(self.spec)
 
     def __iter__(self) -> Iterator[Recorded]:
         """The events. Raises `TraceError` with file and line at the first line that is not an event."""
         first, begun = True, None
         try:
+            self._attempts.survey(self._readable)
             for place, text in self.lines():
                 self.read += len(text)
                 if not text.strip():
@@ -64,12 +71,14 @@ class Trace:
                 if first:
                     self.clocked, first, begun = line.arrived is not None, False, line.begun
                     self._times.clocked = self.clocked
-                event = self._event(line, place, fault)
+                taken = self._attempts.take(line)
+                event = None if taken.name is None else self._event(line, taken.name, place, fault)
                 if event is not None:
-                    yield Recorded(event, tuple(line.places), line.passed, line.why, line.verdict, begun)
+                    event = msgspec.structs.replace(event, ask=True) if taken.asks and not event.ask else event
+                    yield Recorded(event, tuple(line.places), taken.passed, line.why, line.verdict, begun)
         except OSError as error:
             raise TraceError(f"{self.path}: can't be read: {error.strerror}") from None
-        self.notes += self._times.notes(timed=any(prop.time == "seconds" for prop in self.spec.properties))
+        self.notes += self._ending()
 
     def _line(self, text: bytes, place: str) -> Found:
         try:
@@ -77,12 +86,26 @@ class Trace:
         except ValueError as error:
             raise TraceError(f"{place}: not an event: {error}") from None
 
-    def _event(self, line: Line, place: str, fault: str) -> Event | None:
+    def _readable(self) -> Iterator[Line]:
+        """The lines of a log that is no session's trace, as far as they can be read."""
+        for _, text in self.lines():
+            try:
+                line = read_line(text).line if text.strip() else None
+            except ValueError:
+                return  # it is told of when it is read
+            if line is not None and line.places:
+                return
+            if line is not None:
+                yield line
+
+    def _event(self, line: Line, name: str, place: str, fault: str) -> Event | None:
+        """The event of a line on a stream of this name, None where the spec has none."""
         if line.kind == TICK:
             return Event(TICKS, "", line.seq or 0, line.stamp, line.arrived or 0, line.message())
-        key = find_stream(line.stream, line.kind, self.spec.by_key)
+        key = find_stream(name, line.kind, self.spec.by_key)
         if key is None:
-            self.ignored[line.stream] += 1
+            self.ignored[str(StreamKey(line.stream, line.kind))] += 1
+            self._odd[name, line.kind] += f"/{name.strip('/')}" in self._names
             return None
         message = line.message()
         if not line.places:
@@ -90,9 +113,22 @@ class Trace:
         stamp = line.stamp or stamp_in(message, self.spec.by_key[key].stamp) or line.otherwise
         arrived = line.arrived if self.clocked else stamp
         self._now = max(self._now, arrived or 0)
+        self._lost += line.lost
         self._seq[line.monitor] += 1
         seq = self._seq[line.monitor] = line.seq or self._seq[line.monitor]
         return Event(key, line.monitor, seq, stamp, self._now, message, line.source, line.call, line.lost, line.ask)
+
+    def _ending(self) -> Iterator[Note]:
+        """What is to be said of the trace as a whole."""
+        self._attempts.end()
+        yield from self._attempts.notes
+        yield from self._times.notes(timed=any(prop.time == "seconds" for prop in self.spec.properties))
+        for (name, kind), count in self._odd.items():
+            if count:
+                what = f"{name}: {counted(count, 'event')} of the kind `{kind}`"
+                yield Note(f"{what}, and the spec has another one there", doubt=True)
+        if self._lost:
+            yield Note(f"{counted(self._lost, 'event')} lost while it was recorded", doubt=True)
 
     def _look(self, line: Line, place: str, fault: str, where: Stamp | None) -> None:
         """Look at the times of a line that no session has recorded."""

@@ -16,6 +16,8 @@ from oracle_server.replay.recording import Place, Projected
 from oracle_server.wire.flat import decode_object, flat_event
 
 Natural = Annotated[int, Meta(ge=0, le=2**63 - 1)]
+MAX_LINE = 64 * 2**20
+"""The most bytes of one line."""
 _SNIPPET = 20
 _TIME = "a time in whole nanoseconds since 1970"
 _NUMBER = "a whole number"

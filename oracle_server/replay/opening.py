@@ -7,9 +7,11 @@ from pathlib import Path
 
 from oracle_server.core.errors import TraceError
 from oracle_server.core.spec import Spec
+from oracle_server.replay.line import MAX_LINE, read_line
 from oracle_server.replay.recording import Recording
 
 _HEAD = 4096
+_OF_SPECS = frozenset({".yaml", ".yml"})
 _MARK = b"\xef\xbb\xbf"
 """How some editors begin a file of UTF-8."""
 
@@ -26,6 +28,38 @@ def open_recording(path: Path, spec: Spec, types: Sequence[Path] = ()) -> Record
         return _by_content(path, head, spec, types)
     except OSError as error:
         raise TraceError(f"{path}: can't be read: {error.strerror}") from None
+
+
+def refuse_swapped(specs: Sequence[Path], recording: Path) -> None:
+    """Raise `TraceError` where a recording stands among the specs, or a spec in the place of the recording."""
+    among = next((path for path in specs if _is_recording(path)), None)
+    if among is not None:
+        what = f"{among}: is a recording, and stands where a spec is expected"
+        others = [path for path in (*specs, recording) if path != among]
+        if len(others) == len(specs) and not _is_recording(recording):
+            raise TraceError(f"{what}; write `replay {' '.join(map(str, others))} {among}`")
+        raise TraceError(f"{what}; one recording is judged at a time: `replay SPEC… RECORDING`")
+    if recording.suffix in _OF_SPECS and recording.is_file() and not _is_recording(recording):
+        raise TraceError(
+            f"{recording}: is a spec, and stands where the recording is expected: `replay SPEC… RECORDING`"
+        )
+
+
+def _is_recording(path: Path) -> bool:
+    """Whether something is certainly a recording, by what it begins with."""
+    from oracle_server.replay.folder import MAGICS, METADATA
+
+    try:
+        if path.is_dir():
+            return (path / METADATA).exists()
+        with path.open("rb") as file:
+            head = file.readline(MAX_LINE)
+    except OSError:
+        return False
+    try:
+        return any(head.startswith(magic) for magic in MAGICS) or bool(read_line(head))
+    except ValueError:
+        return False
 
 
 def _by_content(path: Path, head: bytes, spec: Spec, types: Sequence[Path]) -> Recording:

@@ -12,6 +12,7 @@ from msgspec import Struct
 from oracle_server.core.engine import Answer
 from oracle_server.core.events import Event
 from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.units import counted
 
 
 class Projected(NamedTuple):
@@ -71,6 +72,13 @@ def part_of(some: int, messages: int) -> str:
     if some < messages:
         return f"{some} of its {messages} messages {'is' if some == 1 else 'are'}"
     return "its only message is" if messages == 1 else f"its {messages} messages are"
+
+
+def passed_beside(name: str, messages: int) -> Note:
+    """Says that messages passed beside a filter."""
+    was = "was" if messages == 1 else "were"
+    what = counted(messages, "message")
+    return Note(f"{name}: {what} passed that nobody asked for, and {was} not judged", doubt=True)
 
 
 class Recording(Protocol):

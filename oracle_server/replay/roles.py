@@ -88,5 +88,10 @@ def _filtered(
     elif passed is not None:
         found.by_topic[passed] = Role(keys)
         has = "no message on" if asked is not None else "no"
-        text = f"{keys[0].name}: what passed was judged; the recording has {has} {missing}, so denied attempts are not"
-        found.notes.append(Note(f"{text} in it"))
+        found.notes.append(only_passed(keys[0].name, f"{has} {missing}"))
+
+
+def only_passed(stream: str, has: str) -> Note:
+    """Says that denied attempts on a stream were not judged, and which topic the recording has not."""
+    text = f"{stream}: what passed was judged; the recording has {has}, so denied attempts are not in it"
+    return Note(text, doubt=True)

@@ -15,6 +15,7 @@ from oracle_server.core.events import Event, Step, StreamKey
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.kinds import TICK
 from oracle_server.core.plan import plan
+from oracle_server.core.ranges import ValueKind
 from oracle_server.core.session import Session, orders
 from oracle_server.core.spec import By, Spec
 from oracle_server.core.typed import StreamTypes
@@ -55,6 +56,8 @@ class Replay:
         ordering = replace(spec.ordering, by=by) if by else spec.ordering
         self.spec = replace(spec, ordering=ordering)
         self.events = 0
+        self.forced = 0
+        """Steps that were judged before their time, since too many were held."""
         self.comparison = Comparison(orders(self.spec)[0])
         self.passed: dict[tuple[str, int], tuple[bool, str | None]] = {}
         """What an adapter did with the events that are not judged yet: whether they passed, and why."""
@@ -83,6 +86,7 @@ class Replay:
                 if self.comparison.is_waiting:
                     self.comparison.compare(item)
                 self._unjudged.note(item)
+                self.forced += item.step.forced
                 yield item
         finally:
             if self._oracles is not None:
@@ -163,6 +167,16 @@ class Replay:
     def coverage(self) -> Coverage:
         """The events and signals of each stream."""
         return {key: counting.counts() for key, counting in self._counting.items()}
+
+    def kinds(self, stream: StreamKey, signal: str) -> frozenset[ValueKind]:
+        """What kinds of values a signal of a stream had."""
+        return self._counting[stream].kinds(signal)
+
+    @property
+    def skipped(self) -> int:
+        """The events that were late and not judged, in the order that had most of them."""
+        counters = [judge.counters for judge in self._session.judges.values()] if self._session else []
+        return max((c.skipped for c in counters), default=0)
 
     @property
     def violated(self) -> bool:

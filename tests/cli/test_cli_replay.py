@@ -204,6 +204,27 @@ def test_the_corpus_of_traces_is_all_expected() -> None:
     assert {path.name for path in (CORPUS / "traces").glob("*.jsonl")} == set(EXPECTED)
 
 
+def test_arguments_in_the_wrong_order_are_told(tmp_path: Path) -> None:
+    trace, other = TRACES / "in_order.jsonl", TRACES / "shuffled.jsonl"
+    line = failed("replay", trace, SPEC)
+    stands = f"{trace}: is a recording, and stands where a spec is expected; "
+    assert line == f"oracle-server: {stands}write `replay {SPEC} {trace}`"
+    assert failed("replay", trace, SPEC, SPEC).endswith(f"write `replay {SPEC} {SPEC} {trace}`")
+    assert failed("replay", SPEC, trace, SPEC).endswith(f"write `replay {SPEC} {SPEC} {trace}`")
+    assert failed("replay", SPEC, trace, other) == (
+        f"oracle-server: {stands}one recording is judged at a time: `replay SPEC… RECORDING`"
+    )
+    assert failed("replay", tmp_path, SPEC) == f"oracle-server: {tmp_path}:1:1: can't be read: Is a directory"
+    (tmp_path / "metadata.yaml").touch()
+    assert failed("replay", tmp_path, SPEC).startswith(f"oracle-server: {tmp_path}: is a recording, and stands")
+    assert failed("replay", SPEC, SPEC) == (
+        f"oracle-server: {SPEC}: is a spec, and stands where the recording is expected: `replay SPEC… RECORDING`"
+    )
+    as_json = tmp_path / "spec.yaml"  # which YAML contains
+    as_json.write_text('{"id": "a", "streams": [{"topic": "/a"}], "properties": [{"id": "p", "formula": "{v: 1}"}]}')
+    assert "has no event of a" in run("replay", as_json, trace).stderr
+
+
 def test_replay_of_what_can_not_be_used(tmp_path: Path) -> None:
     assert "nowhere.jsonl" in failed("replay", SPEC, "nowhere.jsonl")
     assert "nowhere.yaml:1:1" in failed("replay", "nowhere.yaml", TRACES / "in_order.jsonl")

@@ -264,3 +264,70 @@ def test_warnings_of_types_are_for_check_alone(tmp_path: Path, capsys: pytest.Ca
     events = trace(tmp_path, ("/battery", {"level": 50}), ("/mode", FULL))
     assert run_replay([write_spec(tmp_path, text)], events, None, "text", strict=True) == 0
     assert capsys.readouterr().err == ""
+
+
+STRANGE: dict[str, tuple[str, list[dict[str, Any]], str]] = {
+    "numbers as texts": (
+        "not {level < 20}",
+        [{"data": {"level": "9"}}],
+        "/battery: the signal level was always a text, and p compares it with a number",
+    ),
+    "a request on a topic": (
+        "{topic: /battery} -> {level >= 20}",
+        [{"data": {"level": 50}}, {"kind": "request", "data": {"level": 9}}],
+        "/battery: 1 event of the kind `request`, and the spec has another one there",
+    ),
+    "events that were lost": (
+        "{topic: /battery} -> {level >= 20}",
+        [{"data": {"level": 50}, "lost": 3}],
+        "3 events lost while it was recorded",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", STRANGE)
+def test_what_else_was_not_judged_is_no_strict_success(case: str, tmp_path: Path) -> None:
+    formula, events, said = STRANGE[case]
+    text = "id: a\nstreams: [{topic: /battery, signals: {level: msg.level}}]\nproperties:\n"
+    spec = write_spec(tmp_path, f"{text}  - {{id: p, formula: '{formula}'}}\n")
+    path = tmp_path / "trace.jsonl"
+    lines = [{"stream": "/battery", "arrived": n, **event} for n, event in enumerate(events, 1)]
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    found = judge(spec, path)
+    assert (found.exit, found.strict) == (0, 3)
+    assert said in found.said
+
+
+@pytest.mark.parametrize(
+    "formula", ["not ({v: 3} or {v: '3'})", "{v: *} -> not {v: '3'}", "not exists[x]. {v: *x, v: a}"]
+)
+def test_a_signal_may_be_compared_with_several_kinds(formula: str, tmp_path: Path) -> None:
+    quoted = formula.replace("'", '"')
+    text = f"id: a\nstreams: [{{topic: /a, signals: {{v: msg.v}}}}]\nproperties: [{{id: p, formula: '{quoted}'}}]\n"
+    found = judge(write_spec(tmp_path, text), trace(tmp_path, ("/a", {"v": 4})))
+    assert (found.exit, found.strict, found.said) == (0, 0, "")
+
+
+def test_events_that_are_skipped_are_no_strict_success(tmp_path: Path) -> None:
+    text = SPEC.replace("ordering: {by: arrival}", "ordering: {late: skip}")
+    second = 10**9
+    lines = [
+        {"stream": "/battery", "arrived": (100 + n) * second, "stamp": (100 - n) * second, "data": {"level": level}}
+        for n, level in enumerate((50, 5))
+    ]
+    path = tmp_path / "trace.jsonl"
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    found = judge(write_spec(tmp_path, text), path)
+    assert (found.exit, found.strict) == (0, 3)
+    assert "1 late event was skipped, and not judged" in found.said
+
+
+def test_deadlines_that_no_time_reaches_are_no_strict_success(tmp_path: Path) -> None:
+    text = SPEC.replace("{id: known,", "{id: known, time: seconds,")
+    path = tmp_path / "trace.jsonl"
+    events = [("/battery", {"level": 50}), ("/mode", FULL)]
+    lines = [{"stream": name, "stamp": n, "data": data} for n, (name, data) in enumerate(events, 1)]
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    found = judge(write_spec(tmp_path, text), path)
+    assert (found.exit, found.strict) == (0, 3)
+    assert "no deadline of known was judged by itself: the recording has no times of arrival" in found.said

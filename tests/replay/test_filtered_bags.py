@@ -1,7 +1,8 @@
-"""A bag of a filtered robot: what nodes asked for is judged, and what passed is told."""
+"""A recording of a filtered robot: what nodes asked for is judged, and what passed is told."""
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from rosbags.rosbag2 import StoragePlugin
 
 from oracle_server.core.spec import SECOND
 from oracle_server.replay.passing import Filter
-from tests.replay.judging import exit_of, judge, write_numbers, write_spec
+from tests.replay.judging import BASE, MS, exit_of, judge, write_numbers, write_spec
 
 BOTH = (StoragePlugin.MCAP, StoragePlugin.SQLITE3)
 SPEC = """
@@ -57,6 +58,7 @@ def test_where_only_what_passed_is_there_that_is_said(tmp_path: Path, capsys: py
     assert exit_of(spec(tmp_path), bag) == 0
     said = "/cmd_vel: what passed was judged; the recording has no /cmd_vel_mon, so denied attempts are not in it"
     assert said in capsys.readouterr().out
+    assert exit_of(spec(tmp_path), bag, strict=True) == 3
 
 
 def test_what_passed_beside_the_filter_is_said(tmp_path: Path) -> None:
@@ -105,3 +107,106 @@ def test_what_is_recorded_a_little_early_is_still_that_of_its_attempt() -> None:
     link.settle()
     taken: list[Any] = [link.take(), link.take()]
     assert (taken, link.others) == ([True, False], 0)
+
+
+def lines(folder: Path, *events: tuple[str, int, float], form: str = "jsonl") -> Path:
+    """A log with messages of these names, times in ms and speeds."""
+    path = folder / f"log.{form}"
+    found = []
+    for name, at, speed in sorted(events, key=lambda event: event[1]):
+        if form == "jsonl":
+            found.append({"stream": name, "arrived": BASE + at * MS, "data": {"data": speed}})
+        else:
+            found.append({"topic": name.strip("/"), "time": (BASE + at * MS) / 1e9, "data": speed, "verdict": "true"})
+    path.write_text("".join(json.dumps(line) + "\n" for line in found))
+    return path
+
+
+def of(name: str, events: list[tuple[int, float]]) -> list[tuple[str, int, float]]:
+    return [(name, at, speed) for at, speed in events]
+
+
+@pytest.mark.parametrize("form", ["jsonl", "txt"])
+@pytest.mark.parametrize("intercept", ["publisher", "subscriber"])
+def test_a_log_of_both_sides_is_read_as_a_bag_of_both(intercept: str, form: str, tmp_path: Path) -> None:
+    asked, passed = ("/cmd_vel_mon", "/cmd_vel") if intercept == "publisher" else ("/cmd_vel", "/cmd_vel_mon")
+    on_deny = "undo" if intercept == "publisher" else "keep"
+    log = lines(tmp_path, *of(asked, ASKED), *of(passed, PASSED), form=form)
+    found = judge(spec(tmp_path, intercept, on_deny), log)
+    assert (found.summary["events"], found.summary["ignored"]) == (len(ASKED), 0)
+    assert {row["stream"] for row in found.rows} == {"/cmd_vel"}
+    assert [row["passed"] for row in found.rows] == [True, False, True, False, True]
+    denied = [False, True, False, True, False] if on_deny == "undo" else [False, True, True, True, True]
+    assert [row["decision"] == "deny" for row in found.rows] == denied
+    assert found.exit == 1
+
+
+def test_a_log_of_attempts_alone_is_judged(tmp_path: Path) -> None:
+    found = judge(spec(tmp_path), lines(tmp_path, *of("/cmd_vel_mon", ASKED)))
+    assert (found.summary["events"], found.exit) == (len(ASKED), 1)
+    assert {row["passed"] for row in found.rows} == {None}
+    found = judge(spec(tmp_path), lines(tmp_path, *of("/cmd_vel", ASKED)))
+    assert (found.summary["events"], found.exit, found.said) == (len(ASKED), 1, "")
+
+
+def test_a_log_of_what_passed_alone_is_no_strict_success(tmp_path: Path) -> None:
+    found = judge(spec(tmp_path, "subscriber", "keep"), lines(tmp_path, *of("/cmd_vel_mon", PASSED)))
+    assert (found.summary["events"], found.exit, found.strict) == (len(PASSED), 0, 3)
+    assert "/cmd_vel: what passed was judged; the recording has no /cmd_vel, so denied attempts are not" in found.said
+
+
+def test_what_passed_beside_the_filter_is_said_of_a_log(tmp_path: Path) -> None:
+    past = [*PASSED, (60, 9.0)]
+    asked = [ASKED[0], ASKED[2], ASKED[4]]
+    found = judge(spec(tmp_path), lines(tmp_path, *of("/cmd_vel_mon", asked), *of("/cmd_vel", past)))
+    assert (found.exit, found.strict) == (0, 3)
+    assert "/cmd_vel: 1 message passed that nobody asked for, and was not judged" in found.said
+
+
+def test_a_spec_that_observes_the_other_name_keeps_both(tmp_path: Path) -> None:
+    text = SPEC.format(intercept="publisher", on_deny="keep").replace(
+        "properties:", "  - {topic: /cmd_vel_mon, type: std_msgs/msg/Float64, signals: {wish: msg.data}}\nproperties:"
+    )
+    log = lines(tmp_path, *of("/cmd_vel_mon", ASKED), *of("/cmd_vel", PASSED))
+    found = judge(write_spec(tmp_path, text), log)
+    assert found.summary["streams"]["/cmd_vel_mon"]["events"] == len(ASKED)
+    assert found.summary["streams"]["/cmd_vel"]["events"] == len(PASSED)
+
+
+SERVICE = """
+id: led
+ordering: {by: arrival}
+streams:
+  - service: /set
+    type: std_srvs/srv/SetBool
+    action: filter
+    denied_response: {success: false}
+    request: {signals: {on: msg.data}}
+    response: {signals: {success: msg.success}}
+properties:
+  - {id: off, formula: '{service: /set, kind: request} -> {on: false}', guards: [/set]}
+  - {id: done, formula: '{service: /set, kind: response} -> {success: true}'}
+"""
+
+
+@pytest.mark.parametrize("numbered", [True, False])
+def test_requests_to_a_proxy_are_attempts(numbered: bool, tmp_path: Path) -> None:
+    def half(name: str, kind: str, at: int, call: int, data: dict[str, Any]) -> dict[str, Any]:
+        line = {"stream": name, "kind": kind, "arrived": BASE + at * MS, "data": data}
+        return {**line, "call": call} if numbered else line
+
+    calls = [
+        half("/set_mon", "request", 0, 1, {"data": False}),
+        half("/set", "request", 1, 7, {"data": False}),
+        half("/set", "response", 2, 7, {"success": True, "message": ""}),
+        half("/set_mon", "response", 3, 1, {"success": True, "message": ""}),
+        half("/set_mon", "request", 10, 2, {"data": True}),
+        half("/set_mon", "response", 11, 2, {"success": False, "message": "denied"}),
+    ]
+    path = tmp_path / "log.jsonl"
+    path.write_text("".join(json.dumps(line) + "\n" for line in calls))
+    found = judge(write_spec(tmp_path, SERVICE), path)
+    seen = {(row["kind"], row["seq"]): (row["decision"], row["passed"]) for row in found.rows}
+    assert list(seen.values()) == [("allow", True), (None, None), ("deny", False)]
+    assert {row["stream"] for row in found.rows} == {"/set"}
+    assert {name: state["violations"] for name, state in found.summary["properties"].items()} == {"off": 1, "done": 0}

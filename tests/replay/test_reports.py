@@ -114,3 +114,16 @@ def test_bare_old_events_have_nothing_to_compare(odd: Path, tmp_path: Path) -> N
     trace.write_text("".join(json.dumps({k: v for k, v in e.items() if k != "verdict"}) + "\n" for e, _ in OLD))
     ended = run("replay", odd, trace, "--json")
     assert "compared" not in json.loads(ended.stdout.splitlines()[-1])["summary"]
+
+
+def test_a_violation_by_a_late_event_says_so(odd: Path, tmp_path: Path) -> None:
+    trace = tmp_path / "trace.jsonl"
+    second = 10**9
+    lines = [
+        {"stream": "/a", "arrived": arrived * second, "stamp": stamp * second, "data": {"v": v}}
+        for arrived, stamp, v in ((100, 100, 1), (105, 105, 1), (106, 101, 9))
+    ]
+    trace.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    said = run("replay", odd, trace, "--by", "publication").stdout
+    assert "low does not hold at step 3 (101.000 s), /a (topic 3 of replay), which came late: " in said
+    assert "late: " not in run("replay", odd, trace, "--by", "arrival").stdout
