@@ -35,7 +35,7 @@ from oracle_server.history.port import History
 from oracle_server.history.retention import Pruner
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.process.clock import Clock
-from oracle_server.process.garbage import collect_rarely
+from oracle_server.process.garbage import collect_rarely, uncollected
 from oracle_server.process.logs import set_up_logs
 from oracle_server.process.notify import notify
 from oracle_server.process.pidfile import PidFile
@@ -126,7 +126,8 @@ async def _serve(settings: Settings, library: Library, history: History, door: _
     bounds = Retention(settings.retain_age, settings.retain_events, settings.retain_size)
     pruner = Pruner(history, bounds, library.retention, clock.now, registry.save)
     with Watchdog() as watchdog:
-        await registry.restore_all()
+        with uncollected():
+            await registry.restore_all()
         collect_rarely()
         app = build_app(
             registry,

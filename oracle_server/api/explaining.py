@@ -6,14 +6,13 @@ import asyncio
 
 from fastapi import HTTPException, Request
 
+from oracle_server.api.leaving import unless_left
 from oracle_server.core.records import VerdictRecord
 from oracle_server.history.port import Reading
 from oracle_server.review.explanation import explained
 
 MOST = 16
 """Requests that may be open at a time, including the one that is computed."""
-_CHECK_EVERY = 0.25
-"""Seconds between two checks whether the client is still connected."""
 _RETRY_AFTER = 5
 """Seconds after which a client that was refused should try again."""
 
@@ -36,22 +35,12 @@ class Explainer:
         if self._open >= MOST:
             detail = f"{MOST} explanations are being computed or waited for already; ask again later"
             raise HTTPException(503, detail, {"Retry-After": str(_RETRY_AFTER)})
-        explanation = asyncio.create_task(self._explained(session, n))
         self._open += 1
-        explanation.add_done_callback(self._done)
         try:
-            while not (await asyncio.wait((explanation,), timeout=_CHECK_EVERY))[0]:
-                if await request.is_disconnected():
-                    raise HTTPException(400, "the client disconnected before the answer")
-            return explanation.result()
+            return await unless_left(request, self._explained(session, n))
         finally:
-            explanation.cancel()
+            self._open -= 1
 
     async def _explained(self, session: int, n: int) -> _Record:
         async with self._computing:
             return await explained(self._history, session, n)
-
-    def _done(self, explanation: asyncio.Task[_Record]) -> None:
-        self._open -= 1
-        if not explanation.cancelled():
-            explanation.exception()  # marks it as retrieved, where the client has disconnected

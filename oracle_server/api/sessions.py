@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from functools import partial
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Body, HTTPException, Request, Response
@@ -46,7 +47,7 @@ def router(registry: Registry, history: History) -> APIRouter:
         """List all sessions, open ones first."""
         grant, states = grant_of(request), await registry.states()
         document = {"items": [s for s in states if grant.covers(spec=s["spec"], session=s["id"])]}
-        return Response(await asyncio.to_thread(encode_bytes, document), media_type="application/json")
+        return Response(await history.in_thread(partial(encode_bytes, document)), media_type="application/json")
 
     @routes.post("/sessions", status_code=201)
     @needs("submit")

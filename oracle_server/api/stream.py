@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator
 from dataclasses import replace
+from functools import partial
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Header, HTTPException, Query, Request
@@ -95,7 +96,7 @@ async def _page(history: Reading, known: SessionRecord, wanted: Question) -> tup
         seen = more
     elif items:
         seen = max(seen, items[-1]["n"])
-    return await asyncio.to_thread(_text, items), seen, more is not None
+    return await history.in_thread(partial(_text, items)), seen, more is not None
 
 
 def _text(records: list[VerdictRecord]) -> bytes:

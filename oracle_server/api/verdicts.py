@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import AsyncGenerator, AsyncIterator, Sequence
 from contextlib import aclosing
 from dataclasses import replace
+from functools import partial
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, HTTPException, Request, Response
@@ -15,6 +15,7 @@ from starlette.responses import StreamingResponse
 
 from oracle_server.api.explaining import Explainer
 from oracle_server.api.known import demand_session
+from oracle_server.api.leaving import unless_left
 from oracle_server.api.questions import Outcomes, paged
 from oracle_server.edge.scopes import needs
 from oracle_server.history.pages import find
@@ -45,9 +46,12 @@ def router(registry: Registry, history: History) -> APIRouter:
 
     async def page(request: Request, session_id: str, question: Question) -> Response:
         known = await demand_session(request, registry, session_id)
-        items, after = await find(history, known, question)
-        body = await asyncio.to_thread(encode_bytes, {"items": items, "next": after})  # 1,000 records take long
-        return Response(body, media_type="application/json")
+
+        async def read() -> bytes:
+            items, after = await find(history, known, question)
+            return await history.in_thread(partial(encode_bytes, {"items": items, "next": after}))
+
+        return Response(await unless_left(request, read()), media_type="application/json")
 
     @routes.get("/sessions/{session_id}/verdicts", response_model=RecordPage)
     @needs("read")
@@ -92,17 +96,19 @@ def router(registry: Registry, history: History) -> APIRouter:
     async def get_trace(request: Request, session_id: str) -> StreamingResponse:
         """Get the session's trace as JSON Lines, in the order of arrival; `replay` reads it."""
         known = await demand_session(request, registry, session_id)
-        return StreamingResponse(_json_lines(trace_lines(history, known.number)), media_type="application/jsonl")
+        return StreamingResponse(
+            _json_lines(history, trace_lines(history, known.number)), media_type="application/jsonl"
+        )
 
     return routes
 
 
-async def _json_lines(pages: AsyncGenerator[list[Document], None]) -> AsyncIterator[bytes]:
+async def _json_lines(history: History, pages: AsyncGenerator[list[Document], None]) -> AsyncIterator[bytes]:
     """The lines as text, in chunks of `_CHUNK`; the next one is made when the client has read the last one."""
     async with aclosing(pages):
         async for lines in pages:
             for start in range(0, len(lines), _CHUNK):
-                yield await asyncio.to_thread(_joined, lines[start : start + _CHUNK])
+                yield await history.in_thread(partial(_joined, lines[start : start + _CHUNK]))
 
 
 def _joined(lines: Sequence[Document]) -> bytes:

@@ -21,6 +21,7 @@ from oracle_server.edge.scopes import RouteScopes
 from oracle_server.edge.tokens import Grant, Tokens, hash_of
 from oracle_server.edge.transport import VISITOR
 from oracle_server.edge.visitors import Visitor
+from oracle_server.history.readers import reading_for
 
 _RECHECK = 0.5
 """Seconds between two looks at whether tokens were removed."""
@@ -67,11 +68,20 @@ class Access:
                 await refuse(scope, receive, send, 503, detail, {"Connection": "close"})
                 return
         state["grant"] = grant
-        if needed is None or grant is None or visitor is None:
-            await self._app(scope, receive, send)
-            return
-        with self._kept(_Admitted(hash_of(token or ""), grant, visitor.end)):
-            await self._app(scope, receive, send)
+        with reading_for(self._client(scope, token)):
+            if needed is None or grant is None or visitor is None:
+                await self._app(scope, receive, send)
+                return
+            with self._kept(_Admitted(hash_of(token or ""), grant, visitor.end)):
+                await self._app(scope, receive, send)
+
+    def _client(self, scope: ConnectionScope, token: str | None) -> str:
+        """For whom the history is read: by token, or by address where none is needed; monitors wait for no reader."""
+        if scope["type"] == "websocket":
+            return ""
+        visitor: Visitor | None = scope["state"].get(VISITOR)
+        address = visitor.address if visitor is not None else (scope.get("client") or ("unknown",))[0]
+        return hash_of(token) if token and self._tokens.required else f"at {address}"
 
     @contextmanager
     def _kept(self, admitted: _Admitted) -> Iterator[None]:

@@ -7,7 +7,7 @@ from bisect import bisect_left
 from collections.abc import AsyncGenerator, Callable, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -15,6 +15,7 @@ from oracle_server.core.events import Order, StreamKey
 from oracle_server.core.verdicts import FINAL
 from oracle_server.history.port import Done
 from oracle_server.history.query import Query
+from oracle_server.history.readers import Readers
 from oracle_server.history.records import (
     Document,
     Extent,
@@ -24,6 +25,8 @@ from oracle_server.history.records import (
     SnapshotRecord,
     StoredStep,
 )
+
+T = TypeVar("T")
 
 _PAGE = 1_000
 _STEP = 1_000
@@ -60,6 +63,7 @@ class MemoryHistory:
         self._kept: dict[int, _Kept] = {}
         self._given: list[tuple[Callable[[], object], Done | None]] = []
         self._loop: asyncio.AbstractEventLoop | None = None
+        self._readers = Readers()
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Begin to write; callbacks run on `loop`."""
@@ -67,7 +71,8 @@ class MemoryHistory:
         loop.call_soon(self._commit)
 
     def close(self) -> None:
-        """Nothing is left to do: what is kept ends with the process."""
+        """End the threads; what is kept ends with the process."""
+        self._readers.close()
 
     @property
     def pending(self) -> int:
@@ -172,6 +177,10 @@ class MemoryHistory:
                 done()
 
     # queries
+
+    async def in_thread(self, work: Callable[[], T]) -> T:
+        """Work at what was read, in one of the threads that read."""
+        return await self._readers.start(work)
 
     async def last_number(self) -> int:
         """The largest number of a session."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Sequence
+from functools import partial
 from itertools import islice
 
 from oracle_server.core.records import VerdictRecord
@@ -18,7 +18,9 @@ async def find(history: Reading, session: SessionRecord, query: Query) -> tuple[
     position = query.start(len(session.properties))
     while steps := await history.matching(session.number, query, position):
         # in a thread: a thousand records take their time, and decisions would wait
-        found += await asyncio.to_thread(_matching, steps, session.properties, query, query.limit + 1 - len(found))
+        found += await history.in_thread(
+            partial(_matching, steps, session.properties, query, query.limit + 1 - len(found))
+        )
         if len(found) > query.limit:
             del found[query.limit :]
             return found, found[-1]["n"]

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncGenerator, Callable, Sequence
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from oracle_server.core.events import Order, StreamKey
 from oracle_server.history.query import Query
@@ -26,6 +26,7 @@ from oracle_server.history.records import (
     StoredStep,
 )
 
+T = TypeVar("T")
 Done = Callable[[], None]
 
 
@@ -103,6 +104,10 @@ class Writing(Protocol):
 
 class Reading(Protocol):
     """Queries."""
+
+    async def in_thread(self, work: Callable[[], T]) -> T:
+        """Work at what was read for some milliseconds, in one of the threads that read: clients take turns there."""
+        ...
 
     async def last_number(self) -> int:
         """The largest number of a session, 0 where there is none."""

@@ -3,11 +3,23 @@
 from __future__ import annotations
 
 import gc
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 _YOUNG = 5_000
 """New objects between two collections of the youngest generation; Python's default of 700 is one or two events."""
 _OLDER = 5, 2
 """Collections of one generation before one of the next; a full one frees connections that have ended."""
+
+
+@contextmanager
+def uncollected() -> Iterator[None]:
+    """Collect nothing within this: what makes many objects that stay would have all of them looked through often."""
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
 
 
 def collect_rarely() -> None:

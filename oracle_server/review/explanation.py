@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Sequence
+from functools import partial
 
 from oracle_server.core.atoms import Matches
 from oracle_server.core.engine import Engine
@@ -50,7 +51,7 @@ async def explained(history: Reading, session: int, n: int) -> VerdictRecord | N
     if stored is None:
         return None
     record = records(stored, opened.properties)[index]
-    ready = await asyncio.to_thread(_plan, opened)
+    ready = await history.in_thread(partial(_plan, opened))
     prop = ready.spec.properties[index]
     if not ENGINES[prop.engine].explicable and record["explanation"] is not None:
         return record
@@ -101,20 +102,20 @@ async def _explain(history: Reading, session: int, again: _Explaining) -> Explan
     snapshot = await history.snapshot(session) if again.target > _LONG or first > 1 else None
     if snapshot is not None and not first - 1 <= snapshot.position < again.target:
         snapshot = None
-    position = await asyncio.to_thread(again.begin, snapshot)
+    position = await history.in_thread(partial(again.begin, snapshot))
     if position < first - 1:
         raise NoExplanationError(_GONE)
     async for page in history.steps(session, position, again.target):
-        await _judge(again, page, position)
+        await _judge(history, again, page, position)
         position = page[-1].position
     if position != again.target:
         raise NoExplanationError(_GONE)
     return again.explanation
 
 
-async def _judge(again: _Explaining, page: Sequence[StoredStep], position: int) -> None:
+async def _judge(history: Reading, again: _Explaining, page: Sequence[StoredStep], position: int) -> None:
     """Judge a page in a thread; where it is cancelled, wait until the thread has ended its present step."""
-    thread = asyncio.ensure_future(asyncio.to_thread(again.judge, page, position))
+    thread = asyncio.ensure_future(history.in_thread(partial(again.judge, page, position)))
     try:
         await asyncio.shield(thread)
     except asyncio.CancelledError:

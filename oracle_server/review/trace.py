@@ -6,9 +6,9 @@ answers of external oracles.
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import AsyncGenerator, Sequence
 from contextlib import aclosing
+from functools import partial
 
 from oracle_server.history.port import Reading
 from oracle_server.history.records import Document, SessionRecord, StoredStep
@@ -18,7 +18,7 @@ from oracle_server.specfiles.load import parse_spec
 async def trace_lines(history: Reading, session: int) -> AsyncGenerator[list[Document], None]:
     """The lines of a session's committed steps, page by page. Raises `HistoryError`."""
     opened = await history.session(session)
-    external = await _external(opened)
+    external = await _external(history, opened)
     begun = None if opened is None else opened.begun
     line: Document | None = None
     async with aclosing(history.by_arrival(session)) as pages:
@@ -81,11 +81,11 @@ def _place(stored: StoredStep, external: dict[int, str], properties: Sequence[st
     return place | {"said": _answers(stored, external)} if external else place
 
 
-async def _external(opened: SessionRecord | None) -> dict[int, str]:
+async def _external(history: Reading, opened: SessionRecord | None) -> dict[int, str]:
     """The ids of a session's external properties, by their indexes; none while the session is not committed."""
     if opened is None or "external" not in opened.text:
         return {}
-    properties = (await asyncio.to_thread(parse_spec, opened.text, "")).spec.properties
+    properties = (await history.in_thread(partial(parse_spec, opened.text, ""))).spec.properties
     return {i: p.id for i, p in enumerate(properties) if p.external is not None}
 
 

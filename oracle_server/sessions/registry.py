@@ -8,6 +8,7 @@ import itertools
 import secrets
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import structlog
@@ -18,6 +19,7 @@ from oracle_server.core.session import Session
 from oracle_server.core.spec import By
 from oracle_server.engines.table import make_engines
 from oracle_server.history.port import History
+from oracle_server.history.readers import reading_for
 from oracle_server.history.records import Document, SessionRecord
 from oracle_server.process.clock import Clock
 from oracle_server.review.restore import restore
@@ -61,6 +63,7 @@ class Registry:
         self.counters = Counters()
         self._history, self._library, self._clock, self._resume_within = history, library, clock, resume_within
         self._opening = asyncio.Lock()
+        self._builders = ThreadPoolExecutor(1, "session opening")
         self._closing: dict[int, asyncio.Task[None]] = {}
         self._stopping = False
         self._last = 0
@@ -106,9 +109,10 @@ class Registry:
         """
         async with self._opening:
             entry = self._library.get(spec_id)
-            session_id = session_id or await self._new_name(spec_id)
-            if await self.known(session_id) is not None:
-                raise SessionExistsError(f"a session '{session_id}' exists already")
+            with reading_for():  # whoever asks: attaches wait for this, too
+                session_id = session_id or await self._new_name(spec_id)
+                if await self.known(session_id) is not None:
+                    raise SessionExistsError(f"a session '{session_id}' exists already")
             return await self._open(entry, session_id, private=private, by=by)
 
     async def flush(self) -> None:
@@ -234,7 +238,7 @@ class Registry:
     async def _open(self, entry: Entry, session_id: str, *, private: bool, by: By | None) -> LiveSession:
         spec = entry.plan.spec
         ready = judged_by(entry.plan, by)
-        core = Session(ready, await asyncio.to_thread(make_engines, ready))
+        core = Session(ready, await asyncio.get_running_loop().run_in_executor(self._builders, make_engines, ready))
         if self._stopping:
             raise _stops()
         failure = self._history.failure

@@ -28,6 +28,7 @@ class Asked:
     """An app that anybody may ask all of, and its parts."""
 
     app: FastAPI
+    guarded: Access
     registry: Registry
     http: httpx.AsyncClient
 
@@ -42,4 +43,4 @@ async def asked(tmp_path: Path) -> AsyncIterator[Asked]:
     guarded = Access(app, Tokens(tmp_path / "no tokens"), RouteScopes(app.routes))
     transport = httpx.ASGITransport(guarded, raise_app_exceptions=False)
     async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1") as http:
-        yield Asked(app, registry, http)
+        yield Asked(app, guarded, registry, http)

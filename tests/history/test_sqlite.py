@@ -14,6 +14,7 @@ import pytest
 
 from oracle_server.core.errors import HistoryError
 from oracle_server.core.verdicts import Decision
+from oracle_server.history.readers import Readers
 from oracle_server.history.records import MonitorRecord, SnapshotRecord
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.history.sqlite.reader import Reader
@@ -65,12 +66,14 @@ async def test_what_can_not_be_read_is_an_error_of_the_history(tmp_path: Path) -
     history = SqliteHistory(tmp_path)
     history.start(asyncio.get_running_loop())
     await history.flush()
-    await asyncio.to_thread(history.close)
+    for file in tmp_path.iterdir():
+        file.unlink()
     history.path.write_text("no database, by now")
     with pytest.raises(HistoryError, match="can't be read"):
         await history.last_number()
     with pytest.raises(HistoryError, match="can't be read"):
         await history.by_arrival(1).asend(None)
+    await asyncio.to_thread(history.close)
 
 
 async def test_a_reader_that_stands_still_keeps_the_log_from_nothing(tmp_path: Path) -> None:
@@ -126,7 +129,7 @@ async def test_no_connection_is_closed_that_a_thread_still_reads_with(tmp_path: 
         def _connect(self) -> sqlite3.Connection:
             return watched
 
-    pages = Given(tmp_path / "history.sqlite").pages(
+    pages = Given(tmp_path / "history.sqlite", Readers()).pages(
         tuple, "SELECT pause() AS key", "SELECT key FROM sorted WHERE rowid BETWEEN ? AND ?", (), 10
     )
     reading = asyncio.ensure_future(anext(pages))
@@ -140,14 +143,14 @@ async def test_no_connection_is_closed_that_a_thread_still_reads_with(tmp_path: 
 
 
 async def test_what_a_decision_waits_for_waits_for_no_other_reader(tmp_path: Path) -> None:
-    """Who reads long histories takes all of the loop's own threads, for seconds."""
+    """Who reads long histories takes all of the threads for that, for seconds."""
     history = SqliteHistory(tmp_path)
     history.start(asyncio.get_running_loop())
     history.open_session(opened())
     await add(history, step(1, decision=Decision("deny", ("p",))))
     asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(1))
     going = threading.Event()
-    others = asyncio.ensure_future(asyncio.to_thread(going.wait))
+    others = asyncio.gather(asyncio.to_thread(going.wait), *(history.in_thread(going.wait) for _ in range(20)))
     try:
         async with asyncio.timeout(PATIENCE):
             found = await history.asked_step(1, "m", 1)
@@ -193,7 +196,7 @@ async def test_the_ends_of_sessions_are_found_without_a_look_at_what_is_between(
         answers = [await history.last_time(), await history.extent(1), *await history.extents()]
         return looks, answers
 
-    history._reader = Counted(history.path)
+    history._reader = Counted(history.path, Readers())
     history.start(asyncio.get_running_loop())
     history.open_session(opened())
     await add(history, *(step(i) for i in range(1, 11)))

@@ -6,15 +6,16 @@ import asyncio
 import contextlib
 import sqlite3
 from bisect import bisect_left
-from collections.abc import AsyncGenerator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import AsyncGenerator, Callable, Sequence
 from itertools import chain
 from pathlib import Path
+from typing import TypeVar
 
 from oracle_server.core.events import Order, StreamKey
 from oracle_server.core.verdicts import Outcome
 from oracle_server.history.port import Done
 from oracle_server.history.query import Query
+from oracle_server.history.readers import Readers
 from oracle_server.history.records import (
     Document,
     Extent,
@@ -41,9 +42,11 @@ from oracle_server.history.sqlite.rows import (
 from oracle_server.history.sqlite.schema import MONITOR_COLUMNS, REFUSED_COLUMNS, SESSION_COLUMNS, STEP_COLUMNS
 from oracle_server.history.sqlite.writer import Durability, Writer
 
+T = TypeVar("T")
+
 _PAGE = 1_000
 _LOOKUPS = 4
-"""Threads for what decisions and monitors wait for: long queries of others take all of the event loop's own."""
+"""Threads for what decisions and monitors wait for, one row each: those that read pages are taken by long queries."""
 _STEPS = f"SELECT {','.join(STEP_COLUMNS)} FROM steps"  # noqa: S608 -- no value is written into a statement
 _SESSIONS = f"SELECT {','.join(SESSION_COLUMNS)} FROM sessions"  # noqa: S608
 _UPTO = "session = ? AND position <= ? AND ord = ?"
@@ -81,8 +84,9 @@ class SqliteHistory:
         """Open a folder's database, which must be nobody else's. Raises `HistoryError` where it can't be used."""
         self.path = folder / "history.sqlite"
         self._writer = Writer(self.path, durability)
-        self._reader = Reader(self.path)
-        self._lookup_threads = ThreadPoolExecutor(_LOOKUPS, "history lookup")
+        self._readers = Readers()
+        self._reader = Reader(self.path, self._readers)
+        self._lookup_threads = Readers(_LOOKUPS, _LOOKUPS, "history lookup")
         self._lookups = Reader(self.path, self._lookup_threads)
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
@@ -92,7 +96,8 @@ class SqliteHistory:
     def close(self) -> None:
         """Commit what waits and close the database. Call it off the event loop."""
         self._writer.close()
-        self._lookup_threads.shutdown()
+        self._lookup_threads.close()
+        self._readers.close()
 
     # how the writing goes
 
@@ -179,6 +184,10 @@ class SqliteHistory:
         await done.wait()
 
     # queries
+
+    async def in_thread(self, work: Callable[[], T]) -> T:
+        """Work at what was read, in one of the threads that read."""
+        return await self._readers.start(work)
 
     async def last_number(self) -> int:
         """The largest number of a session."""

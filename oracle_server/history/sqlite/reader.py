@@ -7,12 +7,12 @@ import contextlib
 import sqlite3
 import threading
 from collections.abc import AsyncGenerator, Callable, Sequence
-from concurrent.futures import Executor
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
 from oracle_server.core.errors import HistoryError
+from oracle_server.history.readers import Readers
 from oracle_server.history.sqlite.rows import Row
 
 T = TypeVar("T")
@@ -23,8 +23,8 @@ Values = Sequence[object]
 class Reader:
     """Reads what is committed. Every method raises `HistoryError` where the database can't be read."""
 
-    def __init__(self, path: Path, threads: Executor | None = None) -> None:
-        """Read a database, whose file is there, in some threads, or in the event loop's own."""
+    def __init__(self, path: Path, threads: Readers) -> None:
+        """Read a database, whose file is there, in some threads."""
         self._uri = f"file:{path}?mode=ro"
         self._threads = threads
 
@@ -42,13 +42,21 @@ class Reader:
         return (await self.all(tuple, sql, values))[0]
 
     async def run(self, work: Callable[[sqlite3.Connection], T]) -> T:
-        """Read with a connection that is closed afterwards, in a thread."""
+        """Read with a connection that is closed afterwards, in a thread; cancelled, it ends what it reads."""
+        used: list[sqlite3.Connection] = []
 
         def run() -> T:
             with contextlib.closing(self._connect()) as reader:
+                used.append(reader)
                 return work(reader)
 
-        return await self._in_thread(run)
+        try:
+            return await self._in_thread(run)
+        except asyncio.CancelledError:
+            for reader in used:
+                with contextlib.suppress(sqlite3.ProgrammingError):  # it is closed already
+                    reader.interrupt()
+            raise
 
     async def pages(
         self, make: Callable[[Row], T], order: str, page: str, values: Values, size: int
@@ -73,11 +81,11 @@ class Reader:
                 yield await self._in_thread(partial(read, make, page, (*values, first, first + size - 1)))
         finally:  # where this is cancelled, a thread still reads: SQLite would crash, were it closed meanwhile
             reader.interrupt()
-            asyncio.get_running_loop().run_in_executor(self._threads, _close, reader, in_use)
+            self._threads.start(partial(_close, reader, in_use))
 
     async def _in_thread(self, work: Callable[[], R]) -> R:
         try:
-            return await asyncio.get_running_loop().run_in_executor(self._threads, work)
+            return await self._threads.start(work)
         except sqlite3.Error as error:
             raise HistoryError(f"the history can't be read: {error}") from None
 
