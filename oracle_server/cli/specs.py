@@ -91,21 +91,23 @@ def import_(
     config: Annotated[Path, typer.Argument(metavar="CONFIG", help="A configuration of ROSMonitoring (.yaml).")],
     properties: Annotated[list[Path] | None, typer.Option(help="A property module; repeatable.")] = None,
     out: Annotated[Path | None, typer.Option("--output", "-o", help="The spec to write; default: print it.")] = None,
+    types: TypeFolders = None,
     strict: Annotated[
-        bool, typer.Option("--strict", help="Exit with 1 where something is left to be written.")
+        bool, typer.Option("--strict", help="Exit with 1 where something is left to be written, or warned of.")
     ] = False,
 ) -> None:
     """Write a spec from ROSMonitoring's configuration and property modules, which are read and never run."""
     from oracle_server.process.progress import progress
+    from oracle_server.rostypes.known import Types
     from oracle_server.specfiles.rosmonitoring.write import import_config
 
     with progress(f"reading {config.name}"):
-        imported = import_config(config, properties or [], out)
-    for line in imported.told:
-        typer.echo(line, err=True)
-    if imported.todos or imported.unsound:
-        typer.echo(f"{out or 'the spec'}: is not done: see the lines marked TODO in it", err=True)
-    if imported.unsound or (strict and imported.told):
+        imported = import_config(config, properties or [], out, Types(types or ()))
+    for finding in imported.findings:
+        typer.echo(str(finding), err=True)
+    for line in imported.summary:
+        typer.echo(f"{out or 'the spec'}: {line}", err=True)
+    if imported.refused or (strict and not imported.done):
         raise typer.Exit(1)
 
 

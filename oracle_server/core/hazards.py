@@ -13,7 +13,6 @@ from oracle_server.core.expression import MAX_PATTERNS, Expression, check_shape,
 from oracle_server.core.fields import inspect_fields
 from oracle_server.core.kinds import RESERVED
 from oracle_server.core.nearest import either, listed, near, nearest
-from oracle_server.core.signals import UNWRITTEN
 from oracle_server.core.spec import Spec, StreamSpec
 from oracle_server.core.typed import StreamTypes
 from oracle_server.core.units import span
@@ -112,7 +111,7 @@ def _expressions(spec: Spec) -> Iterator[SpecProblem]:
             except ExpressionError as error:
                 yield SpecProblem(path, f"signal '{name}': {error.message}", (error.line, error.column))
                 continue
-            for problem in check_shape(expressions[name], None) if text != UNWRITTEN else ():
+            for problem in check_shape(expressions[name], None):
                 yield SpecProblem(path, f"signal '{name}': {problem.message}", problem.within, problem.severity)
         dear = too_dear(expressions)
         if dear is not None:
@@ -135,23 +134,30 @@ def _held_elsewhere(spec: Spec) -> Iterator[SpecProblem]:
 
 
 def _unwritten(spec: Spec) -> Iterator[SpecProblem]:
-    """Signals that `import` left to be written: a warning, since what reads them is unknown and nothing worse."""
-    places: dict[str, int] = {}
+    """Signals that are still to be written, each once: warnings, since what reads them is unknown and nothing worse."""
+    places: dict[str, list[int]] = {}
     for i, stream in enumerate(spec.streams):
         for name, text in (stream.signals or {}).items():
-            if text == UNWRITTEN:
-                places.setdefault(name, i)
+            if "todo" in text and _is_unwritten(text):
+                places.setdefault(name, []).append(i)
     readers: dict[str, list[str]] = {}
     for prop in spec.properties if places else ():
         for key in {c.key for atom in prop.atoms for c in atom.constraints} & places.keys():
             readers.setdefault(key, []).append(prop.id)
-    for name, i in places.items():
-        read = readers.get(name)
-        if read:
-            message = (
-                f"'{name}' is still to be written ({UNWRITTEN} always fails), so that {', '.join(read)} is unknown"
-            )
-            yield SpecProblem(("streams", i, "signals", name), message, severity="warning", kind="unjudged")
+    for name, (first, *others) in places.items():
+        told = f"'{name}' is still to be written: `todo()` has no value"
+        if others:
+            told += f", here and at {listed(str(spec.streams[i].key) for i in others)}"
+        if name in readers:
+            told += f", so that {', '.join(readers[name])} is unknown"
+        yield SpecProblem(("streams", first, "signals", name), told, severity="warning", kind="unjudged")
+
+
+def _is_unwritten(text: str) -> bool:
+    try:
+        return parse_expression(text).unwritten
+    except ExpressionError:
+        return False  # found by `_expressions`
 
 
 def _filters(spec: Spec) -> Iterator[SpecProblem]:
@@ -195,11 +201,12 @@ def _guards(spec: Spec) -> Iterator[SpecProblem]:
                     f"property '{prop.id}' guards {name}, whose action is `log`, so that nothing of it can be denied; "
                     f"write `action: filter` at {name}, or leave the guard out",
                 )
-            elif prop.blame == "any" and not (prop.numeric or prop.external) and not mendable(spec, prop, name):
+            elif not prop.blame_given and not (prop.numeric or prop.external) and not mendable(spec, prop, name):
                 yield SpecProblem(
                     path,
                     f"property '{prop.id}' can be negative at an event of {name} that withholding would not mend: "
-                    "it would then deny what is not to blame; `blame: caused` denies only what withholding mends",
+                    "it would then deny what is not to blame; `blame: caused` denies only what withholding mends, "
+                    "and `blame: any` says that it is meant",
                     severity="warning",
                 )
 

@@ -22,8 +22,6 @@ from oracle_server.core.expression import (
 )
 from oracle_server.core.formula.tree import Scalar
 
-UNWRITTEN = "1 / 0 == 1"
-"""The expression of a signal that `import` could not write: it always fails, so that what reads it is unknown."""
 _NOT_FINITE = frozenset({"NaN", "Infinity", "-Infinity"})
 _INTEGERS = range(-(2**63), 2**64)
 _NO_FIELDS: Mapping[str, Any] = {}

@@ -100,6 +100,7 @@ class Property:
     time: Time = "steps"
     guards: frozenset[str] = frozenset()
     blame: Literal["any", "caused"] = "any"
+    blame_given: bool = False
     latch: bool = False
     engine: str = "auto"
     numeric: bool = False

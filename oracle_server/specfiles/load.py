@@ -203,6 +203,7 @@ def _make(model: PropertyModel, formula: Formula, text: str, external: External 
         time=model.time,
         guards=frozenset(model.guards),
         blame=model.blame,
+        blame_given="blame" in model.model_fields_set,
         latch=model.latch,
         engine=model.engine,
         numeric=ENGINES[model.engine].numeric,

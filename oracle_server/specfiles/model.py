@@ -28,12 +28,14 @@ def _delay(value: object) -> int | None:
     return None if value == "none" else duration(value)
 
 
-def _ros_type(value: object, kind: str) -> object:
-    """Normalise `pkg/Type` and `pkg.msg.Type` to `pkg/msg/Type`; services likewise."""
-    if not isinstance(value, str):
-        return value
+def ros_type(value: str, kind: str) -> str:
+    """Normalise `pkg/Type` and `pkg.msg.Type` to `pkg/msg/Type`; services, of the kind `srv`, likewise."""
     package, *rest = value.replace(".", "/").split("/")
     return "/".join((package, kind, *rest) if len(rest) == 1 else (package, *rest))
+
+
+def _type_key(value: object, kind: str) -> object:
+    return ros_type(value, kind) if isinstance(value, str) else value
 
 
 if TYPE_CHECKING:
@@ -46,8 +48,8 @@ Size = Annotated[int, BeforeValidator(size)]
 Delay = Annotated[int | None, BeforeValidator(_delay)]
 Identifier = Annotated[str, Field(pattern=IDENTIFIER)]
 RosName = Annotated[str, Field(pattern=r"^[~/A-Za-z][A-Za-z0-9_/{}~]*$", max_length=255)]
-MessageType = Annotated[str, BeforeValidator(partial(_ros_type, kind="msg")), Field(pattern=r"^(\w+/msg/\w+)?$")]
-ServiceType = Annotated[str, BeforeValidator(partial(_ros_type, kind="srv")), Field(pattern=r"^(\w+/srv/\w+)?$")]
+MessageType = Annotated[str, BeforeValidator(partial(_type_key, kind="msg")), Field(pattern=r"^(\w+/msg/\w+)?$")]
+ServiceType = Annotated[str, BeforeValidator(partial(_type_key, kind="srv")), Field(pattern=r"^(\w+/srv/\w+)?$")]
 FieldPath = Annotated[str, Field(pattern=r"^\w+(\.\w+)*$")]
 SignalName = Annotated[str, Field(min_length=1, max_length=128)]
 

@@ -21,16 +21,19 @@ from typing import Any
 import yaml
 
 from oracle_server.core.errors import OracleError
+from oracle_server.core.shapes import Many, Record, Shape, Value
 from oracle_server.core.verdicts import Outcome
 from oracle_server.replay.jsonl import read_lines
 from oracle_server.replay.run import Replay
+from oracle_server.rostypes.known import Types
 from oracle_server.specfiles.load import parse_spec
 from oracle_server.specfiles.rosmonitoring.config import Config, read_config
-from oracle_server.specfiles.rosmonitoring.draft import make_draft
+from oracle_server.specfiles.rosmonitoring.draft import make_draft, streams_of
 from oracle_server.specfiles.rosmonitoring.module import read_module
 from oracle_server.specfiles.rosmonitoring.write import spec_text, todos
 from tests.specfiles.original import Event, judged
 
+TYPES = Types()
 _TRUE = {Outcome.TRUE, Outcome.CURRENTLY_TRUE}
 _FALSE = {Outcome.FALSE, Outcome.CURRENTLY_FALSE}
 
@@ -51,7 +54,7 @@ class Compared:
 def imported(config: Config, module: Path) -> tuple[str, int, str | None, bool]:
     """The spec's text, how many TODOs it has, the formula in reelay's words, and whether its oracle still judges."""
     read = read_module(module)
-    draft = make_draft(config, [read])
+    draft = make_draft(config, [read], TYPES)
     formula = None
     if "{" not in read.formula and draft.properties[0][1] is not None:
         words = {"historically", "once", "since", "pre", "and", "or", "not", "implies"}
@@ -59,14 +62,14 @@ def imported(config: Config, module: Path) -> tuple[str, int, str | None, bool]:
         plain = re.sub(r"\bAND\b|&&", "and", re.sub(r"\bOR\b|\|\|", "or", re.sub(r"!\s*", "not ", plain)))
         plain = re.sub(r"historically\s+(not .*)$", r"historically(\1)", plain)
         formula = re.sub(r"[A-Za-z_]\w*", lambda m: m[0] if m[0] in words else f"{{{m[0]}}}", plain)
-    return spec_text(config, draft, "config.yaml"), todos(draft), formula, draft.properties[0][1] is None
+    return spec_text(config, draft, "config.yaml"), len(todos(draft)), formula, draft.properties[0][1] is None
 
 
 def compare(config: Config, module: Path, traces: Sequence[Sequence[Event]]) -> Compared:
     """Compare what is imported with the original, on these traces."""
     text, open_, formula, external = imported(config, module)
     found = Compared(todos=open_, external=external, text=text)
-    spec = parse_spec(text, "imported").spec
+    spec = parse_spec(text, "imported", types=TYPES).spec
     if external:
         return found
     for trace, original in zip(traces, judged(module, traces, formula), strict=False):
@@ -131,11 +134,31 @@ class Traffic:
     def _event(self, kinds: dict[tuple[str, str], str | list[str]], time: float) -> Event:
         interface = self._chance.choice(self._config.interfaces)
         name = interface.name.removeprefix("/") if interface.bare else interface.name
+        stream = self._chance.choice(streams_of(interface, TYPES))
+        if stream.message is not None:
+            typed = self._of_shape(stream.message.shape)
+            whole = typed if stream.kind == "topic" else {stream.kind: typed}
+            return {stream.key: name, "time": time, **whole}
         own = {f: kind for (where, f), kind in kinds.items() if where == interface.name and kind != "none"}
         message = {f: self._value(kind) for f, kind in own.items() if not self._missing()}
         if interface.kind == "topic":
             return {"topic": name, "time": time, **message}
         return {"service": name, "time": time, self._chance.choice(("request", "response")): message}
+
+    def _of_shape(self, shape: Shape) -> Any:
+        match shape:
+            case Record(fields=fields):
+                return {name: self._of_shape(inner) for name, inner in fields.items()}
+            case Many(of=of, length=length):
+                count = self._chance.choice((0, 1, 2, 3, 5)) if length is None else length
+                return [self._of_shape(of) for _ in range(count)]
+            case Value(kind="whole", type=name):
+                least = 0 if name.startswith("u") else -(2**7)
+                return max(least, self._value("int"))
+            case Value(kind="bytes"):
+                return ""
+            case Value(kind=kind):
+                return self._value({"real": "float"}.get(kind, kind))
 
     def _missing(self) -> bool:
         return self._known is not None and self._optional and self._chance.random() < 0.1
@@ -160,7 +183,8 @@ class Traffic:
             whole = kind == "int" or (kind == "number" and chance.random() < 0.5)
             return int(near) if whole else float(near)
         if kind == "text":
-            return chance.choice(self._texts)
+            text = chance.choice(self._texts)
+            return chance.choice((text, text, text, text.upper(), text.title(), f" {text}\n", f"{text}!", f"an {text}"))
         if kind == "dict":
             inner = chance.choice(("float", "float", "bool"))
             inner = inner if self._known is None else "number"

@@ -39,8 +39,12 @@ def compared(folder: Path, name: str, shape: dict[str, Any], *, seed: int, trace
     """A shape's module written, imported, and compared with the original."""
     module = folder / f"{name}.py"
     module.write_text(SHAPES["start"] + shape["module"] + shape.get("end", SHAPES["end"]))
+    types = shape.get("types", {})
     monitor = {"id": "monitor"} | {
-        key: [{"name": n, "action": "log"} for n in shape.get(key, ["chatter"] if key == "topics" else [])]
+        key: [
+            {"name": n, "action": "log", "type": types.get(n, "")}
+            for n in shape.get(key, ["chatter"] if key == "topics" else [])
+        ]
         for key in ("topics", "services")
     }
     config = read_config({"monitors": [{"monitor": monitor}]}, "made")

@@ -332,3 +332,14 @@ def test_a_finding_names_the_first_of_many_streams_and_signals() -> None:
     assert "/a0" in warning.message
     assert "988 more" in warning.message
     assert "/a13" not in warning.message
+
+
+@pytest.mark.parametrize(("blame", "warnings"), [("", 1), ("blame: caused", 0), ("blame: any", 0)])
+def test_a_denial_of_what_is_not_to_blame_is_warned_of_unless_it_is_meant(blame: str, warnings: int) -> None:
+    text = (
+        "id: x\nstreams:\n  - {topic: /a, action: filter, signals: {v: msg.v}}\n  - {topic: /b, signals: {w: msg.w}}\n"
+        f"properties:\n  - {{id: p, formula: 'not once {{w: 1}}', guards: [/a]{', ' * bool(blame)}{blame}}}\n"
+    )
+    found = parse_spec(text, "x").warnings
+    assert len(found) == warnings, found
+    assert all("`blame: caused` denies only what withholding mends, and `blame: any` says" in f.message for f in found)

@@ -198,8 +198,7 @@ class _Checker:
 
     def _inside(self, node: tree.Compare, left: Operand, right: Operand) -> None:
         if isinstance(node.right, tree.ListOf):
-            found = [operands.equal("in", left, self._operand(item)) for item in node.right.items]
-            self._told(node.start, next((told for told in found if told), None))
+            self._one_of(node, left, [self._operand(item) for item in node.right.items])
         elif isinstance(right.static, Many | Elements):
             stand_in = Operand(node.right, f"{right.text}[0]", element(right.static))
             self._told(node.start, operands.equal("in", left, stand_in))
@@ -207,6 +206,15 @@ class _Checker:
             self._error(node.start, f"{right}, and no list; write `{right.text}.contains({left.text})`")
         elif isinstance(right.static, Value):
             self._error(node.start, f"{right}, and `in` takes a list behind it")
+
+    def _one_of(self, node: tree.Compare, left: Operand, items: list[Operand]) -> None:
+        """Refuse a list that can't have the value; of one that can, warn of the items that never match."""
+        wrong = operands.never_matching(left, items)
+        if items and len(wrong) == len(items):
+            self._told(node.start, operands.outside(left, items[0]))
+            return
+        for item, message in wrong:
+            self._warn(item.node.start, message)
 
     def _joined(self, node: tree.Joined) -> Static:
         for part in node.parts:

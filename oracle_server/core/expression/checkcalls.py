@@ -31,22 +31,29 @@ _MAKES: dict[str, Static] = {
 }
 
 
-def called(node: Call, arguments: list[Operand]) -> tuple[Static, _Told]:
+def called(node: Call, arguments: list[Operand]) -> tuple[Static, _Told]:  # noqa: PLR0911 -- a case a function
     """What is known of a call's value, and what is wrong with the call."""
-    first = arguments[0]
     match node.name:
+        case "todo" | "unknown":
+            return None, []
         case "size":
-            return WHOLE, _size(first)
+            return WHOLE, _size(arguments[0])
         case "abs" | "sqrt":
             told = _numbers(node.name, arguments)
-            same = Value(first.static.kind, "") if isinstance(first.static, Value) else None
-            return REAL if node.name == "sqrt" else same, told
+            return REAL if node.name == "sqrt" else _same(arguments[0].static), told
         case "min" | "max":
             return _picked(node.name, arguments)
         case "string" | "double" | "int" | "uint":
-            return _MAKES[node.name], _converted(node.name, first)
+            return _MAKES[node.name], _converted(node.name, arguments[0])
+        case "lower" | "trim" | "upper":
+            return TEXT, _texts(node.name, arguments)
         case _:
             return BOOL, _texts(node.name, arguments)
+
+
+def _same(static: Static) -> Static:
+    """What is known of a number without its sign."""
+    return Value(static.kind, "") if isinstance(static, Value) else None
 
 
 def _size(operand: Operand) -> _Told:

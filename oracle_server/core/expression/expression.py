@@ -41,6 +41,11 @@ class Expression:
         """How many patterns there are in it."""
         return sum(isinstance(node, tree.Call) and node.name == "matches" for node in tree.walk(self.tree))
 
+    @property
+    def unwritten(self) -> bool:
+        """Whether a part of it is still to be written, as `todo()` says."""
+        return any(isinstance(node, tree.Call) and node.name == "todo" for node in tree.walk(self.tree))
+
     def frame(self, steps: int) -> Frame:
         """A frame for one evaluation, which may take so many steps."""
         return [steps, *[None] * self.slots]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from oracle_server.core.expression.values import (
@@ -36,13 +37,18 @@ FUNCTIONS = {
     "endsWith": Function("msg.text.endsWith('end')", own=True, least=2, most=2),
     "int": Function("int(msg.x)"),
     "matches": Function("msg.text.matches('pattern')", own=True, least=2, most=2),
+    "lower": Function("msg.text.lower()", own=True),
     "max": Function("max(msg.a, msg.b)", most=64),
     "min": Function("min(msg.a, msg.b)", most=64),
     "size": Function("size(msg.list)"),
     "sqrt": Function("sqrt(msg.x)"),
     "startsWith": Function("msg.text.startsWith('start')", own=True, least=2, most=2),
     "string": Function("string(msg.id)"),
+    "todo": Function("todo()", least=0, most=0),
+    "trim": Function("msg.text.trim()", own=True),
     "uint": Function("uint(msg.x)"),
+    "unknown": Function("unknown()", least=0, most=0),
+    "upper": Function("msg.text.upper()", own=True),
 }
 NUMBERS = frozenset({"abs", "double", "int", "max", "min", "size", "sqrt", "uint"})
 """The functions that give numbers."""
@@ -61,6 +67,10 @@ ONE = {
     "uint": to_unsigned,
 }
 """What the functions of one argument do."""
+OF_TEXT: dict[str, Callable[[str], str]] = {"lower": str.lower, "trim": str.strip, "upper": str.upper}
+"""What the functions behind a text make of it."""
+VALUELESS = {"todo": "it is still to be written", "unknown": "it is said to be unknown"}
+"""The functions that never give a value, and why."""
 OF_NUMBERS = {"max": largest, "min": smallest}
 """What the functions of any number of arguments do with their list."""
 
@@ -68,13 +78,11 @@ _LIST = "write `msg.list.{}(x, x > 0)`"
 _NO_TIMES = "expressions have no times and durations; compare the numbers, as in msg.header.stamp.sec"
 _NO_BYTES = "expressions have no bytes; in a message they are a text in base64"
 _NO_SUCH = "there is none in expressions: let a node compute it, and observe the topic that has the result"
-_AS_IT_IS = "a text is compared as it is; `matches` finds patterns, as in msg.text.matches('(?i)^idle$')"
 _ELSEWHERE = {
     **dict.fromkeys(
         ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "log10", "ln", "cbrt", "sum", "mean"),
         _NO_SUCH,
     ),
-    **dict.fromkeys(("lower", "upper", "strip", "lowercase", "lowerAscii", "upperAscii", "trim"), _AS_IT_IS),
     **dict.fromkeys(
         ("now", "time"), "an expression reads the message alone; a formula's bounds count time, as `once[:2s]`"
     ),
@@ -97,13 +105,18 @@ _ELSEWHERE = {
     "isnan": "NaN arrives as a text: write `msg.x == 'NaN'`",
     "len": "write `size(msg.list)`",
     "length": "write `size(msg.list)`",
+    **dict.fromkeys(("lowerAscii", "lowercase"), "write `msg.text.lower()`"),
     **dict.fromkeys(("pow", "square"), "write `msg.x * msg.x`"),
     "some": _LIST.format("exists"),
     "startswith": "write `msg.text.startsWith('start')`",
+    "strip": "write `msg.text.trim()`",
     "endswith": "write `msg.text.endsWith('end')`",
     "str": "write `string(msg.id)`",
     "timestamp": _NO_TIMES,
+    "toLowerCase": "write `msg.text.lower()`",
+    "toUpperCase": "write `msg.text.upper()`",
     "trunc": "write `int(msg.x)`",
+    "upperAscii": "write `msg.text.upper()`",
 }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from oracle_server.core.expression.static import NOT_FINITE, Elements, Static, described, is_number, is_text, kind
@@ -65,13 +66,32 @@ def ordered(mark: str, one: Operand, other: Operand) -> str | None:
 
 def equal(mark: str, one: Operand, other: Operand) -> str | None:
     """What is wrong with an equality: values of two kinds are never equal."""
+    return _equal(one, other, f"so that this is always {'true' if mark == '!=' else 'false'}")
+
+
+def never_matching(one: Operand, items: Sequence[Operand]) -> list[tuple[Operand, str]]:
+    """The items of a list that a value is never equal to, and what is to be said of each."""
+    found = []
+    for item in items:
+        if equal("in", one, item) is not None:
+            why = f"{one}" if isinstance(item.node, Literal) else f"{one} and {item}"
+            mend = "" if kind(one.static) == "bool" else _converted(one, item)
+            found.append((item, f"the item `{item.text}` of the list never matches, as {why}{mend}"))
+    return found
+
+
+def outside(one: Operand, first: Operand) -> str | None:
+    """What is wrong with a value that equals no item of a list, of which this is the first."""
+    return _equal(one, first, "and no item of the list can match, so that this is always false")
+
+
+def _equal(one: Operand, other: Operand, outcome: str) -> str | None:
     for a, b in ((one, other), (other, one)):
         if kind(a.static) == "real" and isinstance(b.node, Literal) and b.node.value in NOT_FINITE:
             if isinstance(a.static, Value) and a.static.type:
                 return None
             return f"`{a.text}` is computed, and is never the text {b.text}"
-    always = "false" if mark in ("==", "in") else "true"
-    return _unlike(f"so that this is always {always}", one, other)
+    return _unlike(outcome, one, other)
 
 
 def _unlike(outcome: str, one: Operand, other: Operand) -> str | None:

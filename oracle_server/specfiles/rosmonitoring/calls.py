@@ -8,8 +8,12 @@ import re
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from oracle_server.specfiles.rosmonitoring.cel import field, has, inner, literal, number, truth
-from oracle_server.specfiles.rosmonitoring.operators import FALSE, TRUE, compare
+from oracle_server.core.shapes import Many, Record
+from oracle_server.core.shapes import Value as Single
+from oracle_server.specfiles.rosmonitoring.cel import bare, field, inner, literal, number, truth
+from oracle_server.specfiles.rosmonitoring.equality import FALSE, TRUE
+from oracle_server.specfiles.rosmonitoring.fields import member, there
+from oracle_server.specfiles.rosmonitoring.operators import compare
 from oracle_server.specfiles.rosmonitoring.values import (
     Const,
     Field,
@@ -45,7 +49,7 @@ def _range(*bounds: int) -> list[int]:
     return list(found)
 
 
-def function(name: str, arguments: Sequence[Value]) -> Value:  # noqa: C901, PLR0911 -- a case a function
+def function(name: str, arguments: Sequence[Value]) -> Value:  # noqa: C901, PLR0911, PLR0912 -- a case a function
     """A built-in function. Raises `UntranslatableError`."""
     if all(isinstance(a, Const) for a in arguments) and name in _ON_CONSTANTS:
         return known(_ON_CONSTANTS[name], [a.value for a in arguments if isinstance(a, Const)])
@@ -60,6 +64,10 @@ def function(name: str, arguments: Sequence[Value]) -> Value:  # noqa: C901, PLR
             return each(value, lambda leaf: _number_of(leaf, "int"))
         case "len", [value]:
             return each(value, _length)
+        case "str", [value]:
+            return each(value, _shown)
+        case (("max" | "min"), [Field(_, None | Many()) as whole]):
+            return _extreme(name, whole)
         case (("max" | "min"), [first, *rest]) if rest:
             op = ast.Gt() if name == "max" else ast.Lt()
             for other in rest:
@@ -103,8 +111,35 @@ def known(work: Callable[..., Any], arguments: Sequence[object]) -> Value:
 def _absolute(leaf: Leaf) -> Value:
     if isinstance(leaf, Const):
         return known(abs, [leaf.value])
-    text = number(leaf)
-    return Term(f"({text} < 0.0 ? -({text}) : {text})", "number", tight=True)
+    if isinstance(leaf, Term) and leaf.kind == "number":
+        return Term(f"abs({bare(leaf.text)})", "number", tight=True, whole=leaf.whole)
+    return Term(f"abs({bare(number(leaf))})", "number", tight=True)
+
+
+def _shown(leaf: Leaf) -> Value:
+    match leaf:
+        case Const(value):
+            return known(str, [value])
+        case Term(_, "text"):
+            return leaf
+        case Term(text, "number", whole=True):
+            return Term(f"string({text})", "text", tight=True)
+        case Term(_, "bool"):
+            return Term(f"({inner(leaf)} ? 'True' : 'False')", "text", tight=True)
+    raise UntranslatableError
+
+
+def _extreme(name: str, leaf: Field) -> Value:
+    """The largest or smallest of a list of numbers; those that are not finite arrive as texts, which `double` reads."""
+    text = field(leaf.path)
+    match leaf.shape:
+        case Many(of=Single(kind="real")):
+            return Term(f"{name}({text}.map(v, double(v)))", "number", tight=True)
+        case Many(of=Single(kind="whole")):
+            return Term(f"{name}({text})", "number", tight=True, whole=True)
+        case None:
+            return Term(f"{name}({text})", "number", tight=True, whole=None)
+    raise UntranslatableError
 
 
 def _number_of(leaf: Leaf, kind: str) -> Value:
@@ -116,13 +151,13 @@ def _number_of(leaf: Leaf, kind: str) -> Value:
         case Term(text) if kind == "double":
             return Term(number(leaf) if leaf.kind == "number" else f"double({text})", "number", tight=True)
         case Term(text):
-            return Term(f"int({text})", "number", tight=True, whole=True)
-        case Field(path):
+            return leaf if leaf.whole else Term(f"int({text})", "number", tight=True, whole=True)
+        case Field(path, None):
             return Term(f"{kind}({field(path)})", "number", tight=True, whole=kind == "int")
     raise UntranslatableError
 
 
-def _length(leaf: Leaf) -> Value:
+def _length(leaf: Leaf) -> Value:  # noqa: PLR0911 -- a case a kind of leaf
     match leaf:
         case Const(str() | list() | tuple() | set() | dict() as value):
             return Const(len(value))
@@ -130,12 +165,20 @@ def _length(leaf: Leaf) -> Value:
             return Const(len(values))
         case Const():
             return Raises("TypeError")
-        case Field(path):
+        case Field(_, Many(length=int() as length)):
+            return Const(length)
+        case Field(_, Record(fields=fields)):
+            return Const(len(fields))
+        case Field(path, None | Many()):
             return Term(f"size({field(path)})", "number", tight=True, whole=True)
+        case Term(text, "text"):
+            return Term(f"size({text})", "number", tight=True, whole=True)
+        case Term():
+            return Raises("TypeError")
     raise UntranslatableError
 
 
-def method(base: Leaf, name: str, arguments: Sequence[Value]) -> Value:
+def method(base: Leaf, name: str, arguments: Sequence[Value]) -> Value:  # noqa: PLR0911 -- a case a kind of leaf
     """A method of a constant, of a field, or of a dict that the function made. Raises `UntranslatableError`."""
     constants = [a.value for a in arguments if isinstance(a, Const)]
     open_ones = len(constants) < len(arguments)
@@ -146,38 +189,63 @@ def method(base: Leaf, name: str, arguments: Sequence[Value]) -> Value:
             if not hasattr(value, name):
                 return Raises("AttributeError")
             return known(getattr(value, name), constants)
-        case Field(path), "get" if constants and isinstance(constants[0], str):
-            here = (*path, constants[0])
-            return choice(has(here), Field(here), arguments[1] if len(arguments) > 1 else Const(None))
+        case Term(kind="bool" | "number"), _ if not hasattr(float, name) and not hasattr(int, name):
+            return Raises("AttributeError")
+        case Field(), "get" if constants and isinstance(constants[0], str):
+            default = arguments[1] if len(arguments) > 1 else Const(None)
+            test = there(base, constants[0])
+            return choice(test, default if test == FALSE else member(base, constants[0]), default)
         case Table(values), "get" if constants:
             return dict(values).get(str(constants[0]), arguments[1] if len(arguments) > 1 else Const(None))
-        case ((Field() | Term(kind="text")), ("startswith" | "endswith")):
-            wanted = constants[0] if len(constants) == 1 and not open_ones else None
-            if isinstance(wanted, str):
-                text = field(base.path) if isinstance(base, Field) else inner(base)
-                word = "startsWith" if name == "startswith" else "endsWith"
-                return Term(f"{text}.{word}({literal(wanted)})", "bool", tight=True)
+        case ((Field(_, None) | Term(kind="text")), _):
+            return _of_text(field(base.path) if isinstance(base, Field) else inner(base), name, arguments)
+    raise UntranslatableError
+
+
+def _of_text(text: str, name: str, arguments: Sequence[Value]) -> Value:
+    match name, list(arguments):
+        case (("lower" | "upper"), []):
+            return Term(f"{text}.{name}()", "text", tight=True)
+        case "strip", []:
+            return Term(f"{text}.trim()", "text", tight=True)
+        case (("startswith" | "endswith"), [Const(str() as wanted)]):
+            return Term(f"{text}.{name[:-4]}With({literal(wanted)})", "bool", tight=True)
+        case (("startswith" | "endswith"), [Const(tuple() as several)]) if all(isinstance(s, str) for s in several):
+            parts = [_of_text(text, name, [Const(one)]) for one in several]
+            return _quantified("any", parts)
     raise UntranslatableError
 
 
 def mathematics(name: str, arguments: Sequence[Value]) -> Value:
     """A function of the module `math`. Raises `UntranslatableError`."""
     if name == "fabs":
-        return function("abs", arguments)
+        return function("abs", [function("float", arguments)])
+    if name == "sqrt" and len(arguments) == 1 and not isinstance(arguments[0], Const):
+        return each(arguments[0], lambda leaf: Term(f"sqrt({bare(number(leaf))})", "number", tight=True))
     work = getattr(math, name, None)
     if not callable(work) or not all(isinstance(a, Const) for a in arguments) or name in ("factorial", "comb", "perm"):
         raise UntranslatableError
     return known(work, [a.value for a in arguments if isinstance(a, Const)])
 
 
-def kind_of(leaf: Leaf, wanted: str) -> Value:
+def kind_of(leaf: Leaf, wanted: str) -> Value:  # noqa: PLR0911 -- a case a kind of leaf
     """`isinstance(leaf, wanted)`."""
     match leaf, wanted:
         case Const(value), _ if wanted in ("bool", "int", "float", "str", "list", "dict", "tuple"):
             return Const(isinstance(value, {"bool": bool, "int": int, "float": float, "str": str, "list": list,
                                             "dict": dict, "tuple": tuple}[wanted]))  # fmt: skip
-        case Field(path), "bool":
+        case Field(path, None), "bool":
             return Term(f"{field(path)} in [true, false]", "bool")
-        case Term(_, "bool"), "bool":
-            return TRUE
+        case Field(_, Many()), _:
+            return Const(wanted == "list")
+        case Field(_, Record()), _:
+            return Const(wanted == "dict")
+        case Term(_, "bool"), _:
+            return Const(wanted in ("bool", "int"))
+        case Term(_, "text"), _:
+            return Const(wanted == "str")
+        case Term(_, "number", whole=True), _:
+            return Const(wanted == "int")
+        case Term(_, "number", whole=None), _:
+            return Const(wanted == "float")
     raise UntranslatableError

@@ -5,17 +5,22 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from oracle_server.core.signals import UNWRITTEN as STUB
+from oracle_server.core.shapes import Many, Record
+from oracle_server.core.shapes import Value as Single
 from oracle_server.specfiles.rosmonitoring.values import (
     Choice,
     Const,
     Field,
+    Items,
     Kept,
+    Key,
     Leaf,
     Raises,
+    Table,
     Term,
     UntranslatableError,
     Value,
+    Variable,
     each,
     leaves,
 )
@@ -24,6 +29,11 @@ _RESERVED = frozenset({
     "as", "break", "const", "continue", "else", "false", "for", "function", "if", "import", "in", "let", "loop", "null",
     "namespace", "package", "return", "true", "var", "void", "while",
 })  # fmt: skip
+
+TODO = "todo()"
+"""The expression of a signal that could not be written, which `check` warns of."""
+FAILS = "unknown()"
+"""The expression of what made the module fail."""
 
 _SMALL = 6
 """Most leaves of a tree that is kept: its tests need not be asked again below."""
@@ -50,12 +60,14 @@ def literal(value: object) -> str:
     raise UntranslatableError
 
 
-def field(path: tuple[str | int, ...]) -> str:
+def field(path: tuple[Key, ...]) -> str:
     """A field as CEL. Raises `UntranslatableError`."""
     text = "msg"
     for key in path:
-        if isinstance(key, int):
-            text += f"[{key}]"
+        if isinstance(key, Variable):
+            text = key
+        elif isinstance(key, int):
+            text += f"[{key}]" if key >= 0 else f"[size({text}) - {-key}]"
         elif key.isidentifier() and key.isascii() and key not in _RESERVED:
             text += f".{key}"
         else:
@@ -63,7 +75,7 @@ def field(path: tuple[str | int, ...]) -> str:
     return text
 
 
-def has(path: tuple[str | int, ...]) -> Term:
+def has(path: tuple[Key, ...]) -> Term:
     """Whether a field is there. Raises `UntranslatableError`."""
     text = field(path)
     if text.endswith("]"):
@@ -76,7 +88,17 @@ def inner(term: Term) -> str:
     return term.text if term.tight else f"({term.text})"
 
 
-def truth(leaf: Leaf) -> Value:
+def bare(text: str) -> str:
+    """An operand without the parentheses around all of it."""
+    depth = 0
+    for i, mark in enumerate(text):
+        depth += (mark == "(") - (mark == ")")
+        if depth == 0 and i < len(text) - 1:
+            return text
+    return text[1:-1] if text.startswith("(") and "'" not in text else text
+
+
+def truth(leaf: Leaf) -> Value:  # noqa: C901, PLR0911 -- a case a kind of leaf
     """Whether Python takes a value for true."""
     match leaf:
         case Const(value):
@@ -87,6 +109,16 @@ def truth(leaf: Leaf) -> Value:
             return Term(f"{inner(leaf)} != 0", "bool")
         case Term(_, "text"):
             return Term(f"{inner(leaf)} != ''", "bool")
+        case Items(values) | Table(values):
+            return Const(bool(values))
+        case Field(path, Record(fields=fields)):
+            return Const(bool(fields))
+        case Field(path, Many(length=None)):
+            return Term(f"size({field(path)}) > 0", "bool")
+        case Field(path, Many(length=length)):
+            return Const(bool(length))
+        case Field(path, Single(kind="bytes")):
+            return Term(f"{field(path)} != ''", "bool")
         case Field(path):
             return Term(f"!({field(path)} in [false, 0, null, '', [], {{}}])", "bool", tight=True)
     raise UntranslatableError
@@ -98,19 +130,33 @@ def number(leaf: Leaf) -> str:
         case Const(bool() | int() | float() as value):
             if abs(value) < 2**53:
                 return literal(float(value))
-        case Term(_, "number", whole=True):
-            return f"double({leaf.text})"
-        case Term(_, "number"):
+        case Term(_, "number", whole=False):
             return inner(leaf)
+        case Term(_, "number"):
+            return f"double({leaf.text})"
         case Term(_, "bool"):
             return f"({inner(leaf)} ? 1.0 : 0.0)"
-        case Field(path):
+        case Field(path, None):
             return f"double({field(path)})"
+    raise UntranslatableError
+
+
+def text_of(leaf: Leaf) -> str:
+    """A text as an operand. Raises `UntranslatableError`."""
+    match leaf:
+        case Const(str() as value):
+            return literal(value)
+        case Field(path):
+            return field(path)
+        case Term(_, "text"):
+            return inner(leaf)
     raise UntranslatableError
 
 
 def negated(term: Term) -> Term:
     """The contrary of a Boolean term."""
+    if term.text.startswith("size(") and term.text.endswith(") > 0") and term.text.count(")") == 1:
+        return Term(f"{term.text.removesuffix(' > 0')} == 0", "bool")
     for op, contrary in ((" == ", " != "), (" != ", " == ")):
         one, found, other = term.text.partition(op)
         if found and not term.tight and not any(mark in one + other for mark in ("==", "!=", *"&|?<>(")):
@@ -123,10 +169,14 @@ def fitted(value: Value, use: Use) -> Value:
     return each(value, lambda leaf: _fit(leaf, use))
 
 
-def _fit(leaf: Leaf, use: Use) -> Value:  # noqa: PLR0911 -- a case a kind of leaf
+def _fit(leaf: Leaf, use: Use) -> Value:  # noqa: C901, PLR0911 -- a case a kind of leaf
     match leaf, use:
         case Kept(), _:
             return leaf
+        case Field(_, Many() | Record()), _:
+            return Raises("a list or a message, where the formula has a single value")
+        case Field(_, Single()), _:
+            raise UntranslatableError
         case Const(None | bool() | int() | float() as value), "bool":
             return Const(bool(value))
         case ((Term(kind="bool" | "number") | Field()), "bool"):
@@ -184,7 +234,7 @@ def _tree(value: Value) -> Term:
         case Kept():
             return Term("null", "text", tight=True)
         case Raises():
-            return Term(STUB, "text")
+            return Term(FAILS, "text", tight=True)
     raise UntranslatableError
 
 

@@ -7,6 +7,10 @@ from dataclasses import dataclass, field
 
 from oracle_server.core.formula.tree import Atom, Constraint, Formula
 from oracle_server.core.kinds import RESERVED
+from oracle_server.core.typed import TypedMessage
+from oracle_server.rostypes.known import Types
+from oracle_server.specfiles.model import ros_type
+from oracle_server.specfiles.rosmonitoring.cel import FAILS
 from oracle_server.specfiles.rosmonitoring.config import Config, Interface
 from oracle_server.specfiles.rosmonitoring.expressions import Stream
 from oracle_server.specfiles.rosmonitoring.formulas import FutureError, changed
@@ -30,21 +34,35 @@ class Draft:
         return sorted(name for name, signal in self.signals.items() if signal.unread and name != TODO)
 
     @property
+    def failing(self) -> list[str]:
+        """The streams at whose messages the module fails whatever they have, each once."""
+        found = [stream for signal in self.signals.values() for stream, cel in signal.cel.items() if cel == FAILS]
+        return list(dict.fromkeys(f"{stream.name} {stream.kind}" for stream in found))
+
+    @property
     def unjudged(self) -> list[str]:
         """The properties whose formula could not be read."""
         return [module.name for module, found in self.properties if found is not None and found.formula is None]
 
 
-def streams_of(interface: Interface) -> list[Stream]:
-    """The streams of an interface, as their messages name them."""
+def streams_of(interface: Interface, types: Types | None = None) -> list[Stream]:
+    """The streams of an interface, as their messages name them; with `types`, with what is known of these."""
     name = interface.name.removeprefix("/") if interface.bare else interface.name
     kinds = ("topic",) if interface.kind == "topic" else ("request", "response")
-    return [Stream(interface.kind, name, kind) for kind in kinds]
+    return [Stream(interface.kind, name, kind, _message(interface.type, kind, types)) for kind in kinds]
 
 
-def make_draft(config: Config, modules: Sequence[PropertyModule]) -> Draft:
-    """Translate the modules for all streams of a configuration."""
-    streams = [stream for interface in config.interfaces for stream in streams_of(interface)]
+def _message(type_: str, kind: str, types: Types | None) -> TypedMessage | None:
+    if types is None or not type_:
+        return None
+    half = "" if kind == "topic" else f"_{kind.capitalize()}"
+    found = types.message(ros_type(type_, "msg" if kind == "topic" else "srv") + half)
+    return found if isinstance(found, TypedMessage) else None
+
+
+def make_draft(config: Config, modules: Sequence[PropertyModule], types: Types | None = None) -> Draft:
+    """Translate the modules for all streams of a configuration, by the types of their messages where known."""
+    streams = [stream for interface in config.interfaces for stream in streams_of(interface, types)]
     draft = Draft()
     for module in modules:
         try:

@@ -8,8 +8,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from oracle_server.core.typed import TypedMessage
 from oracle_server.specfiles.rosmonitoring import calls, operators
-from oracle_server.specfiles.rosmonitoring.cel import collapsed, has, number, truth
+from oracle_server.specfiles.rosmonitoring.cel import collapsed, inner, number, truth
+from oracle_server.specfiles.rosmonitoring.fields import member, there
 from oracle_server.specfiles.rosmonitoring.values import (
     Const,
     Field,
@@ -39,6 +41,13 @@ class Stream:
     key: str
     name: str
     kind: str
+    message: TypedMessage | None = field(default=None, compare=False, repr=False)
+    """The shape of its messages, where that is known."""
+
+    @property
+    def whole(self) -> Field:
+        """A message as a field that has its fields."""
+        return Field(()) if self.message is None else Field((), self.message.shape, self.message.widest)
 
 
 @dataclass(slots=True)
@@ -161,11 +170,11 @@ class _Reader:
                 return self._of_message(key)
             case Predicates(), Const(str() as key):
                 return self.predicate(key)
-            case Field(path), Const(str() as key):
-                return Field((*path, str(key)))
-            case Field(path), Const(int() as place) if place >= 0 and not isinstance(place, bool):
-                return Field((*path, place))
-            case Const(None | bool() | int() | float()), _:
+            case Field(), Const(str() as key):
+                return member(base, str(key))
+            case Field(), Const(int() as place) if not isinstance(place, bool):
+                return member(base, place)
+            case ((Const(None | bool() | int() | float()) | Term(kind="bool" | "number")), _):
                 return Raises("TypeError")
             case Const(str() | list() | tuple() | dict() as value), Const(key):
                 return calls.known(value.__getitem__, [key])
@@ -192,11 +201,11 @@ class _Reader:
             return Const(Name(stream.name))
         if stream.kind != "topic":
             if key == stream.kind:
-                return Field(())
+                return stream.whole
             return Raises(f"KeyError: '{key}'")
         if key == "service":
             return Raises("KeyError: 'service'")
-        return Field((key,))
+        return member(stream.whole, key)
 
     def _short(self, op: ast.boolop, first: ast.expr, rest: list[ast.expr]) -> Value:
         """`and` and `or`, which are worth one of their operands; the later ones may fail where the first decides."""
@@ -245,18 +254,18 @@ class _Reader:
         stream = self.machine.stream
         if not isinstance(left, Const) or not isinstance(left.value, str):
             return None
-        key, there = left.value, None
+        key, known = left.value, None
         if isinstance(where, Message) and stream is not None:
             if key in ("topic", "service", "time") or stream.kind != "topic":
-                there = key in (stream.key, "time", stream.kind)
+                known = key in (stream.key, "time", stream.kind)
             else:
-                test = has((key,))
+                test = there(stream.whole, key)
                 return test if isinstance(op, ast.In) else operators.opposite(test)
         elif isinstance(where, Predicates):
-            there = key in self.machine.initial or key in self.state.predicates
-            if not there and key.strip("/") in self.machine.initial:
+            known = key in self.machine.initial or key in self.state.predicates
+            if not known and key.strip("/") in self.machine.initial:
                 raise UntranslatableError
-        return None if there is None else Const(there is isinstance(op, ast.In))
+        return None if known is None else Const(known is isinstance(op, ast.In))
 
     def _either(self, test: Value, body: ast.expr, orelse: ast.expr) -> Value:
         if isinstance(test, Const):
@@ -280,6 +289,9 @@ class _Reader:
                 return self._table([ast.Constant(k.arg) for k in keywords], [k.value for k in keywords])
             case ast.Call(ast.Name("isinstance"), [value, ast.Name(wanted)], []):
                 return each(self.value(value), lambda leaf: calls.kind_of(leaf, wanted))
+            case ast.Call(ast.Name("isinstance") as asked, [value, ast.Tuple([_, *_] as several)], []):
+                tests: list[ast.expr] = [ast.Call(asked, [value, one], []) for one in several]
+                return self._short(ast.Or(), tests[0], tests[1:])
             case ast.Call(ast.Name(name), arguments, keywords) if self.machine.function(name, self.state) is not None:
                 return self.machine.call(name, node, self.state)
             case ast.Call(ast.Name(name), arguments, []):
@@ -316,13 +328,14 @@ class _Reader:
         if name == "get" and given and isinstance(given[0], Const) and isinstance(given[0].value, str):
             key, default = given[0].value, given[1] if len(given) > 1 else Const(None)
             if isinstance(leaf, Message):
-                found = self._of_message(key)
+                found, stream = self._of_message(key), self.machine.stream
                 if isinstance(found, Raises):
                     return default
-                return choice(has(found.path), found, default) if isinstance(found, Field) and found.path else found
+                if stream is None or key == stream.key or stream.kind != "topic":
+                    return found
+                return choice(there(stream.whole, key), found, default)
             if isinstance(leaf, Predicates):
-                there = key in self.machine.initial or key in self.state.predicates
-                if not there:
+                if key not in self.machine.initial and key not in self.state.predicates:
                     raise UntranslatableError
                 return self.predicate(key)
         return calls.method(leaf, name, given)
@@ -351,6 +364,8 @@ def _listed(value: object) -> list[object]:
 def _minus(leaf: Leaf) -> Value:
     if isinstance(leaf, Const):
         return calls.known(lambda v: -v, [leaf.value])
+    if isinstance(leaf, Term) and leaf.kind == "number" and leaf.whole:
+        return Term(f"(-{inner(leaf)})", "number", tight=True, whole=True)
     return Term(f"(-{number(leaf)})", "number", tight=True)
 
 

@@ -63,7 +63,8 @@ def changed(node: Formula, change: Callable[[Atom], Formula]) -> Formula:  # noq
         case Atom():
             return change(node)
         case Not(operand):
-            return Not(changed(operand, change))
+            found = changed(operand, change)
+            return found.operand if isinstance(found, Not) else Not(found)
         case Pre(operand):
             return Pre(changed(operand, change))
         case Once(operand, bound):

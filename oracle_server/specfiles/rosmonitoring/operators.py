@@ -8,15 +8,13 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-from oracle_server.core.signals import UNWRITTEN as STUB
-from oracle_server.specfiles.rosmonitoring.cel import field, has, inner, literal, negated, number
+from oracle_server.core.shapes import Many, Record
+from oracle_server.specfiles.rosmonitoring.cel import field, inner, literal, negated, number, text_of
+from oracle_server.specfiles.rosmonitoring.equality import FALSE, TRUE, equal, identical, inside
 from oracle_server.specfiles.rosmonitoring.values import (
     Const,
     Field,
-    Items,
     Leaf,
-    Message,
-    Name,
     Raises,
     Term,
     UntranslatableError,
@@ -41,7 +39,6 @@ _ARITHMETIC: dict[type[ast.operator], tuple[str, Callable[[Any, Any], Any]]] = {
     ast.Pow: ("**", operator.pow),
 }
 _MAX_CONSTANT = 4096
-TRUE, FALSE = Const(True), Const(False)
 
 
 def pairs(left: Value, right: Value, work: Callable[[Leaf, Leaf], Value]) -> Value:
@@ -61,107 +58,15 @@ def compare(left: Value, op: ast.cmpop, right: Value) -> Value:  # noqa: PLR0911
         case ast.NotIn():
             return opposite(pairs(left, right, inside))
         case ast.Is():
-            return pairs(left, right, _is)
+            return pairs(left, right, identical)
         case ast.IsNot():
-            return opposite(pairs(left, right, _is))
+            return opposite(pairs(left, right, identical))
     return pairs(left, right, lambda a, b: _ordered(a, op, b))
 
 
 def opposite(value: Value) -> Value:
     """`not`, of a Boolean tree."""
     return choice(value, FALSE, TRUE) if not isinstance(value, Term) else negated(value)
-
-
-def equal(left: Leaf, right: Leaf) -> Value:  # noqa: C901, PLR0911 -- a case a pair
-    """`==`, in which Python's 1 and True are equal and CEL's are not."""
-    if isinstance(left, Const) and not isinstance(right, Const):
-        left, right = right, left
-    match left, right:
-        case Const(a), Const(b):
-            if isinstance(a, Name) or isinstance(b, Name):
-                return Const(isinstance(a, str) and isinstance(b, str) and a.strip("/") == b.strip("/"))
-            return Const(a == b)
-        case Field(path), Const(value):
-            return _field_is(field(path), value)
-        case Term(_, "bool"), Const(bool() | int() | float() as value):
-            return (left if value else negated(left)) if value in (0, 1) else FALSE
-        case Term(_, "number"), Const(bool() | int() | float() as value):
-            return Term(f"{inner(left)} == {literal(_plain(value))}", "bool")
-        case Term(_, "text"), Const(str() as value):
-            return Term(f"{inner(left)} == {literal(value)}", "bool")
-        case Term(kind="bool" | "text"), Const(str() | None):
-            return FALSE
-        case Field(a), Field(b):
-            one, other = field(a), field(b)
-            return _where(f"({one} in [true, false]) == ({other} in [true, false])", f"{one} == {other}")
-        case (Field(path), Term(kind="number" | "text") as term) | (Term(kind="number" | "text") as term, Field(path)):
-            return _where(f"!({field(path)} in [true, false])", f"{field(path)} == {inner(term)}")
-        case Term(_, one), Term(_, other) if one == other:
-            return Term(f"{inner(left)} == {inner(right)}", "bool")
-    raise UntranslatableError
-
-
-def _field_is(text: str, value: object) -> Value:
-    if isinstance(value, bool) or (isinstance(value, int | float) and value in (0, 1)):
-        return Term(f"{text} in [{'true, 1' if value else 'false, 0'}]", "bool")
-    if isinstance(value, list | tuple) and any(isinstance(v, bool | list | tuple) or v in (0, 1) for v in value):
-        raise UntranslatableError
-    return Term(f"{text} == {literal(value)}", "bool")
-
-
-def _where(test: str, then: str) -> Term:
-    return Term(f"({test}) ? ({then}) : ({STUB})", "bool")
-
-
-def _plain(value: float) -> float:
-    return int(value) if isinstance(value, bool) else value
-
-
-def _is(left: Leaf, right: Leaf) -> Value:
-    match left, right:
-        case Const(a), Const(None | bool() as b):
-            return Const(a is b)
-        case Field(path), Const(None | bool() as b):
-            return Term(f"{field(path)} == {literal(b)}", "bool")
-        case Term(), Const(None):
-            return FALSE
-    raise UntranslatableError
-
-
-def inside(left: Leaf, right: Leaf) -> Value:
-    """`in`: of a constant's items, of a text, of the message's fields."""
-    match left, right:
-        case Const(a), Const(list() | tuple() | set() | frozenset() | dict() as b):
-            found: Value = FALSE
-            for item in b:
-                found = choice(equal(Const(a), Const(item)), TRUE, found)
-            return found
-        case Const(str() as a), Const(str() as b):
-            return Const(a in b)
-        case _, Const(list() | tuple() | set() | frozenset() | dict() as b):
-            return _any_of(left, [Const(item) for item in b])
-        case _, Items(values):
-            return _any_of(left, list(values))
-        case Const(str() as key), Field(path):
-            return Term(f"{field(path)}.contains({literal(key)})", "bool", tight=True)
-        case Const(str() as key), Message():
-            return has((key,))
-    raise UntranslatableError
-
-
-def _any_of(left: Leaf, values: list[Value]) -> Value:
-    known = [v.value for v in values if isinstance(v, Const)]
-    if isinstance(left, Field) and len(known) == len(values) > 0 and all(_plainly_equal(v) for v in known):
-        return Term(f"{field(left.path)} in {literal(known)}", "bool")
-    found: Value = FALSE
-    for value in reversed(values):
-        found = choice(each(value, lambda item: equal(left, item)), TRUE, found)
-    return found
-
-
-def _plainly_equal(value: object) -> bool:
-    """Whether CEL finds the same values equal to this one as Python: not to 0 and 1, which are False and True there."""
-    return isinstance(value, str) or (isinstance(value, int | float) and value not in (0, 1))
 
 
 def _ordered(left: Leaf, op: ast.cmpop, right: Leaf) -> Value:
@@ -172,10 +77,22 @@ def _ordered(left: Leaf, op: ast.cmpop, right: Leaf) -> Value:
                 return Const(work(a, b))
             except TypeError:
                 return Raises("TypeError")
+    if {_sort(left), _sort(right)} == {"number", "text"}:
+        return Raises("TypeError")
     one, other = _operand(left), _operand(right)
     if one is None or other is None:
         return Raises("TypeError")
     return Term(f"{one} {word} {other}", "bool")
+
+
+def _sort(leaf: Leaf) -> str | None:
+    """Whether a value is a number or a text, None where that is not known."""
+    match leaf:
+        case Const(bool() | int() | float()) | Term(kind="bool" | "number"):
+            return "number"
+        case Const(str()) | Term(kind="text"):
+            return "text"
+    return None
 
 
 def _operand(leaf: Leaf) -> str | None:
@@ -185,7 +102,7 @@ def _operand(leaf: Leaf) -> str | None:
             return literal(int(value))
         case Const(int() | float() | str() as value):
             return literal(value)
-        case Const(None | list() | dict()):
+        case Const(None | list() | dict()) | Field(_, Record() | Many()):
             return None
         case Field(path):
             return field(path)
@@ -201,22 +118,37 @@ def arithmetic(left: Value, op: ast.operator, right: Value) -> Value:
     return pairs(left, right, lambda a, b: _arithmetic(a, op, b))
 
 
-def _arithmetic(left: Leaf, op: ast.operator, right: Leaf) -> Value:
+def _arithmetic(left: Leaf, op: ast.operator, right: Leaf) -> Value:  # noqa: PLR0911 -- a case a pair
     word, work = _ARITHMETIC.get(type(op), (None, operator.add))
     if word is None or (word == "//" and not (isinstance(left, Const) and isinstance(right, Const))):
         raise UntranslatableError
     match left, right:
         case Const(a), Const(b):
             return _known(word, work, a, b)
+        case _ if {_sort(left), _sort(right)} == {"number", "text"} and word not in ("*", "%"):
+            return Raises("TypeError")
         case (Const(str()) | Term(kind="text"), _) | (_, Const(str()) | Term(kind="text")):
-            return Term(f"{_text(left)} + {_text(right)}", "text") if word == "+" else _untranslatable()
-        case ((Field() | Term(kind="number")), Const(int() as base)) if word == "%" and 0 < base < 2**31:
+            return Term(f"{text_of(left)} + {text_of(right)}", "text") if word == "+" else _untranslatable()
+        case ((Field(_, None) | Term(kind="number")), Const(int() as base)) if word == "%" and 0 < base < 2**31:
             return _remainder(left, base)
         case _, Const(int() as power) if word == "**" and 2 <= power <= 4:
             return Term("(" + " * ".join([number(left)] * power) + ")", "number", tight=True)
     if word in ("%", "**"):
         raise UntranslatableError
+    if word in ("+", "-", "*") and _is_whole(left) and _is_whole(right):
+        return Term(f"({_whole(left)} {word} {_whole(right)})", "number", tight=True, whole=True)
     return Term(f"({number(left)} {word} {number(right)})", "number", tight=True)
+
+
+def _is_whole(leaf: Leaf) -> bool:
+    """Whether a number is known to be whole, here as in Python."""
+    if isinstance(leaf, Const):
+        return isinstance(leaf.value, int) and not isinstance(leaf.value, bool)
+    return isinstance(leaf, Term) and leaf.kind == "number" and leaf.whole is True
+
+
+def _whole(leaf: Leaf) -> str:
+    return literal(leaf.value) if isinstance(leaf, Const) else inner(leaf)  # type: ignore[arg-type]
 
 
 def _remainder(left: Leaf, base: int) -> Value:
@@ -227,17 +159,6 @@ def _remainder(left: Leaf, base: int) -> Value:
 
 
 def _untranslatable() -> Value:
-    raise UntranslatableError
-
-
-def _text(leaf: Leaf) -> str:
-    match leaf:
-        case Const(str() as value):
-            return literal(value)
-        case Field(path):
-            return field(path)
-        case Term(_, "text"):
-            return inner(leaf)
     raise UntranslatableError
 
 

@@ -6,12 +6,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from oracle_server.specfiles.rosmonitoring.cel import has
 from oracle_server.specfiles.rosmonitoring.expressions import Stream
+from oracle_server.specfiles.rosmonitoring.fields import member, there
 from oracle_server.specfiles.rosmonitoring.module import PropertyModule
 from oracle_server.specfiles.rosmonitoring.values import (
     Const,
-    Field,
     Kept,
     Leaf,
     Message,
@@ -136,7 +135,10 @@ class _Key:
             raise UntranslatableError
         if self.stream.kind != "topic" or self.name in ("service", "topic"):
             return Kept(self.name)
-        return choice(has((self.name,)), Field((self.name,)), Kept(self.name))
+        test = there(self.stream.whole, self.name)
+        if isinstance(test, Const) and not test.value:
+            return Kept(self.name)
+        return choice(test, member(self.stream.whole, self.name), Kept(self.name))
 
 
 def _own(value: Value, name: str) -> Value:

@@ -24,6 +24,7 @@ from oracle_server.core.formula.tree import (
     Formula,
     Historically,
     Not,
+    Once,
     Ref,
     Scalar,
     Since,
@@ -36,7 +37,7 @@ from oracle_server.specfiles.rosmonitoring.expressions import Stream
 from oracle_server.specfiles.rosmonitoring.formulas import UnreadableFormulaError, changed, read_formula
 from oracle_server.specfiles.rosmonitoring.module import PropertyModule
 from oracle_server.specfiles.rosmonitoring.predicates import Predicate, follow
-from oracle_server.specfiles.rosmonitoring.values import Const, Raises, Term, Unread, UntranslatableError, leaves
+from oracle_server.specfiles.rosmonitoring.values import Const, Kept, Raises, Term, Unread, UntranslatableError, leaves
 
 _CONTRARY: dict[str, Any] = {"==": "!=", "!=": "==", "<": ">=", ">=": "<", ">": "<=", "<=": ">"}
 _WORK: dict[str, Callable[[Any, Any], bool]] = {
@@ -198,9 +199,19 @@ def _kept(constraint: Constraint, predicate: Predicate, use: Use) -> Constraint 
     true_before = predicate.initial is not None and _holds(predicate.initial, constraint, use)
     if keeping == "one":
         return Not(Atom((contrary,))) if true_before else constraint
-    if true_before:
-        return Not(Since(Not(Atom((constraint,))), Atom((contrary,))))
-    return Since(Not(Atom((contrary,))), Atom((constraint,)))
+    asked, other = (contrary, constraint) if true_before else (constraint, contrary)
+    found = Since(Not(Atom((other,))), Atom((asked,))) if _can_meet(predicate, other, use) else Once(Atom((asked,)))
+    return Not(found) if true_before else found
+
+
+def _can_meet(predicate: Predicate, constraint: Constraint, use: Use) -> bool:
+    """Whether some message may set a predicate to a value that meets a constraint."""
+    values = [leaf for value in predicate.by_stream.values() for leaf in leaves(fitted(value, use))]
+    return any(
+        not isinstance(leaf, Kept | Raises)
+        and not (isinstance(leaf, Const) and not _WORK[constraint.op](leaf.value, constraint.value))
+        for leaf in values
+    )
 
 
 def _contrary(constraint: Constraint) -> Constraint:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from oracle_server.core.errors import OracleError
+from oracle_server.core.shapes import Shape
 
 MAX_LEAVES = 256
 """Most leaves of one value: each `if` in the way doubles them."""
@@ -14,6 +15,16 @@ MAX_LEAVES = 256
 
 class UntranslatableError(OracleError):
     """Python that has no plain counterpart in CEL."""
+
+
+class Variable(str):
+    """A variable of a comprehension, at the beginning of a path in place of the message."""
+
+    __slots__ = ()
+
+
+Key = str | int
+"""A part of a path: a name, or the number of an element, from the end where it is negative."""
 
 
 class Name(str):
@@ -31,19 +42,27 @@ class Const:
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """CEL of a known type; `whole` marks numbers that CEL has as whole ones. `tight` ones need no parentheses."""
+    """CEL of a known type. `tight` ones need no parentheses.
+
+    `whole` says of a number whether CEL has it as a whole one, None where that depends on how a real field was written.
+    """
 
     text: str
     kind: Literal["bool", "number", "text"]
     tight: bool = False
-    whole: bool = False
+    whole: bool | None = False
 
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """A field of the message, whose type is not known."""
+    """A field of the message that is no single value of a known type; `shape` is what is known of it.
 
-    path: tuple[str | int, ...]
+    `widest` has also what other versions of ROS have there.
+    """
+
+    path: tuple[Key, ...]
+    shape: Shape | None = field(default=None, compare=False, repr=False)
+    widest: Shape | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)

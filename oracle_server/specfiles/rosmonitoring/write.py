@@ -6,33 +6,26 @@ import json
 import re
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
 
-from oracle_server.core.errors import SpecError, one_line
+from oracle_server.core.errors import Finding, SpecError, one_line
 from oracle_server.core.formula.tree import Historically, Once, Since, walk
-from oracle_server.core.signals import UNWRITTEN as STUB
+from oracle_server.rostypes.known import Types
 from oracle_server.specfiles.load import parse_spec
+from oracle_server.specfiles.rosmonitoring.cel import FAILS
+from oracle_server.specfiles.rosmonitoring.cel import TODO as UNWRITTEN
 from oracle_server.specfiles.rosmonitoring.config import Config, ConfigError, Interface, read_config
 from oracle_server.specfiles.rosmonitoring.draft import TODO, Draft, make_draft, streams_of
 from oracle_server.specfiles.rosmonitoring.expressions import Stream
 from oracle_server.specfiles.rosmonitoring.module import read_module
+from oracle_server.specfiles.rosmonitoring.report import Imported
 from oracle_server.specfiles.rosmonitoring.translate import Translation, reason_line
 
 
-@dataclass(frozen=True, slots=True)
-class Imported:
-    """What is to be told of a spec that was written: how much is left to be written, and what `check` finds in it."""
-
-    todos: int
-    told: tuple[str, ...]
-    unsound: bool
-
-
-def import_config(config: Path, modules: Sequence[Path], out: Path | None) -> Imported:
-    """Write the spec of a configuration, or print it. Raises `ConfigError`."""
+def import_config(config: Path, modules: Sequence[Path], out: Path | None, types: Types) -> Imported:
+    """Write the spec of a configuration, or print it, and check it. Raises `ConfigError`."""
     try:
         value = yaml.safe_load(config.read_bytes())
     except OSError as error:
@@ -40,7 +33,7 @@ def import_config(config: Path, modules: Sequence[Path], out: Path | None) -> Im
     except (yaml.YAMLError, RecursionError, ValueError) as error:
         raise ConfigError(f"{config}: not YAML: {one_line(' '.join(str(error).split()))}") from None
     read = read_config(value, str(config))
-    draft = make_draft(read, [read_module(path) for path in modules])
+    draft = make_draft(read, [read_module(path) for path in modules], types)
     text = spec_text(read, draft, config.name)
     if out is None:
         sys.stdout.write(text)
@@ -49,31 +42,19 @@ def import_config(config: Path, modules: Sequence[Path], out: Path | None) -> Im
             out.write_text(text, encoding="utf-8")
         except OSError as error:
             raise ConfigError(f"{out}: can't be written: {error.strerror}") from None
-    findings, unsound = _findings(text, str(out or "the spec"))
-    return Imported(todos(draft), (*_open(draft), *findings), unsound)
+    return Imported(tuple(todos(draft)), tuple(draft.failing), _findings(text, str(out or "the spec"), types))
 
 
-def todos(draft: Draft) -> int:
-    """How many predicates and formulas are to be written."""
-    return len(draft.unread) + len(draft.unjudged)
+def todos(draft: Draft) -> list[str]:
+    """The predicates, and the properties whose formulas, are to be written."""
+    return [*draft.unread, *(f"the formula of {name}" for name in draft.unjudged)]
 
 
-def _open(draft: Draft) -> list[str]:
-    told = []
-    for names, noun in ((draft.unread, "predicate"), (draft.unjudged, "formula")):
-        if names:
-            s, are, them = ("s", "they are", "them") if len(names) > 1 else ("", "it is", "it")
-            listed = ", ".join(names)
-            told.append(f"{len(names)} {noun}{s} could not be read: {are} unknown until you write {them}: {listed}")
-    return told
-
-
-def _findings(text: str, file: str) -> tuple[list[str], bool]:
-    """What `check` finds, and whether that makes the spec unsound."""
+def _findings(text: str, file: str, types: Types) -> tuple[Finding, ...]:
     try:
-        return [str(warning) for warning in parse_spec(text, file).warnings], False
+        return parse_spec(text, file, types=types).warnings
     except SpecError as error:
-        return str(error).splitlines(), True
+        return error.findings
 
 
 def spec_text(config: Config, draft: Draft, source: str) -> str:
@@ -150,7 +131,7 @@ def _signal(name: str, stream: Stream, draft: Draft, indent: str) -> list[str]:
     signal = draft.signals[name]
     if stream in signal.cel:
         cel = signal.cel[stream]
-        fails = [f"{indent}# the module fails here, so that its formulas are unknown"] if cel == STUB else []
+        fails = [f"{indent}# the module fails here, so that its formulas are unknown"] if cel == FAILS else []
         return [*fails, f"{indent}{json.dumps(name)}: {json.dumps(cel)}"]
     if stream not in signal.unread:
         return []
@@ -159,7 +140,7 @@ def _signal(name: str, stream: Stream, draft: Draft, indent: str) -> list[str]:
     if was:
         lines = [f"{indent}# TODO: write this as CEL over `msg`; until then its formulas are unknown. It was:"]
         lines += [f"{indent}# {line}" for line in was.splitlines()]
-    return [*(line for line in lines if line), f"{indent}{json.dumps(name)}: {json.dumps(STUB)}"]
+    return [*(line for line in lines if line), f"{indent}{json.dumps(name)}: {json.dumps(UNWRITTEN)}"]
 
 
 def _properties(config: Config, draft: Draft) -> list[str]:
@@ -181,6 +162,8 @@ def _properties(config: Config, draft: Draft) -> list[str]:
             lines.append(f"    # TODO: {reason_line(found)}")
         lines.append(f"    formula: {json.dumps(found.text or '{' + TODO + '}', ensure_ascii=False)}")
         lines += _guards(config)
+        if lines[-1].startswith("    guards:"):
+            lines.append("    blame: any   # as in ROSMonitoring; `caused` denies only what withholding mends")
     return lines
 
 

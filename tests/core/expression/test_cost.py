@@ -88,6 +88,14 @@ def test_a_scan_of_4000_ranges_is_within_the_bound() -> None:
     assert Projection({"v": text})(MESSAGE) == ({"v": False}, frozenset())
 
 
+@pytest.mark.parametrize("name", ["lower", "trim", "upper"])
+def test_what_is_made_of_a_text_costs_by_its_length(name: str) -> None:
+    expression = parse_expression(f"size(msg.huge.{name}()) > 0")
+    with pytest.raises(Exhausted):
+        expression.code.run({"huge": " " * 10**6}, expression.frame(MAX_STEPS))
+    assert expression.code.run({"huge": "a" * 1000}, expression.frame(MAX_STEPS))
+
+
 def test_signals_that_depend_on_the_message_share_the_steps_equally() -> None:
     loop = "msg.l.all(x, x >= 0)"
     alone = Projection({"v": loop})

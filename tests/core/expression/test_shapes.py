@@ -53,6 +53,10 @@ def found(text: str, shape: Shape | None = SHAPE) -> list[Problem]:
         "has(msg.mode) && msg.blob == 'AQID' && msg.mode + msg.mode != ''",
         "size(msg.names) > 2 && size(msg.mode) < 3",
         "msg.on == !msg.on",
+        "msg.mode.trim().lower() == 'idle' || msg.mode.upper().startsWith('ERR') || size(msg.mode.lower()) > 3",
+        "msg.on ? msg.count > 1 : unknown()",
+        "msg.mode in []",
+        "todo()",
     ],
 )
 def test_nothing_is_said_of_what_is_right(text: str) -> None:
@@ -80,7 +84,10 @@ def test_nothing_is_said_of_what_is_right(text: str) -> None:
         ("sqrt(msg.speed) == 'NaN'", 1, "`sqrt(msg.speed)` is computed, and is never the text 'NaN'"),
         ("msg.on == 1", 1, "write `msg.on`"),
         ("msg.on == 'False'", 1, "write `!msg.on`"),
-        ("msg.mode in [1, 2]", 1, "so that this is always false"),
+        ("msg.mode in [1, 2]", 1, "no item of the list can match, so that this is always false; write '1' in quotes"),
+        ("msg.twist in [msg.count, [msg.on]]", 1, "no item of the list can match, so that this is always false"),
+        ("msg.count.lower() == '1'", 1, "`msg.count` is int32, and `lower` takes texts; write `string(msg.count)`"),
+        ("msg.mode.trim() && msg.on", 1, "`msg.mode.trim()` is a text, and `&&` takes what is true or false"),
         ("msg.mode * 2", 1, "`msg.mode` is string, and `*` takes numbers; write `double(msg.mode)`"),
         ("msg.on + 1", 1, "`msg.on` is bool, and `+` takes numbers; write `(msg.on ? 1 : 0)`"),
         ("'n' + msg.count", 1, "for a text write `string(msg.count)`"),
@@ -119,6 +126,24 @@ def test_what_contradicts_the_type_is_an_error_at_its_place(text: str, column: i
 def test_what_may_be_meant_otherwise_is_a_warning(text: str, shape: Shape | None, says: str) -> None:
     (problem,) = found(text, shape)
     assert problem.severity == "warning"
+    assert says in problem.message
+
+
+@pytest.mark.parametrize(
+    ("text", "column", "says"),
+    [
+        ("!(msg.on in [false, 0, null])", 21, "the item `0` of the list never matches, as `msg.on` is bool"),
+        ("msg.count in [1, 2, '3']", 21, "the item `'3'` of the list never matches, as `msg.count` is int32; write 3"),
+        ("msg.count in [1, msg.on]", 18, "never matches, as `msg.count` is int32 and `msg.on` is bool"),
+        ("msg.twist in [msg.twist, msg.count]", 26, "the item `msg.count` of the list never matches, as"),
+        ("sqrt(msg.speed) in [1.0, 'NaN']", 26, "the item `'NaN'` of the list never matches"),
+    ],
+)  # fmt: skip
+def test_an_item_that_can_not_match_beside_one_that_can_is_doubtful_and_named(
+    text: str, column: int, says: str
+) -> None:
+    (problem,) = found(text)
+    assert (problem.within, problem.severity) == ((1, column), "warning")
     assert says in problem.message
 
 

@@ -1,0 +1,44 @@
+"""What is to be told of a spec that `import` wrote."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from oracle_server.core.errors import Finding
+
+
+@dataclass(frozen=True, slots=True)
+class Imported:
+    """What is left to be written, the streams at whose messages a module fails, and what `check` says of the spec."""
+
+    todos: tuple[str, ...]
+    failing: tuple[str, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def refused(self) -> bool:
+        """Whether `check` refuses the spec."""
+        return any(finding.severity == "error" for finding in self.findings)
+
+    @property
+    def done(self) -> bool:
+        """Whether nothing is left to be written, or to be looked at."""
+        return not (self.todos or self.failing or self.findings)
+
+    @property
+    def summary(self) -> list[str]:
+        """What is to be done, in a line each, or that the spec is sound."""
+        errors = sum(finding.severity == "error" for finding in self.findings)
+        warnings = len(self.findings) - errors
+        told = []
+        if errors:
+            told.append(f"is refused by `check`: mend {_count(errors, 'place')} named above")
+        if self.todos:
+            told.append(f"is not done: {', '.join(self.todos)}: unknown until written, at the lines marked TODO")
+        if self.failing:
+            told.append(f"is unknown where a module fails, whatever the message has: {', '.join(self.failing)}")
+        return told or [f"sound, {_count(warnings, 'warning')}" if warnings else "sound"]
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"
