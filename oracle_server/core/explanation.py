@@ -51,7 +51,7 @@ class Reason(msgspec.Struct, frozen=True, gc=False):
     `at` is a step that decides it: its number, or its time in nanoseconds with `time: seconds`; `step` its number where
     that is known; `unnumbered`: these are the numbers of an attempt that is taken back; `window` are the first and the
     last of several, or of those among which there is none; `text` has this in words. `failing` are the constraints of
-    an atom that fail at the step. `parts` decide it in turn.
+    an atom that fail at the step. `parts` decide it in turn; `told`: it is told in one line with them, and before them.
     """
 
     formula: str
@@ -63,6 +63,7 @@ class Reason(msgspec.Struct, frozen=True, gc=False):
     step: int | None = None
     failing: tuple[Failing, ...] = ()
     unnumbered: bool = False
+    told: bool = False
 
 
 class Why(msgspec.Struct, frozen=True, gc=False):
@@ -89,7 +90,7 @@ class Why(msgspec.Struct, frozen=True, gc=False):
 
     @property
     def leaves(self) -> Iterator[Reason]:
-        """The reasons without parts, each once."""
+        """The reasons without parts, and others that are told, each once."""
         return iter(dict.fromkeys(leaf for reason in self.reasons for leaf in _leaves(reason)))
 
     def data(self, recall: Recall) -> WhyRecord:
@@ -99,7 +100,7 @@ class Why(msgspec.Struct, frozen=True, gc=False):
 
 
 def _leaves(reason: Reason) -> Iterator[Reason]:
-    if not reason.parts:
+    if reason.told or not reason.parts:
         yield reason
     for part in reason.parts:
         yield from _leaves(part)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -109,7 +110,8 @@ def _expressions(spec: Spec) -> Iterator[SpecProblem]:
             try:
                 expressions[name] = parse_expression(text)
             except ExpressionError as error:
-                yield SpecProblem(path, f"signal '{name}': {error.message}", (error.line, error.column))
+                message = _other_signal(spec, text, error) or error.message
+                yield SpecProblem(path, f"signal '{name}': {message}", (error.line, error.column))
                 continue
             for problem in check_shape(expressions[name], None):
                 yield SpecProblem(path, f"signal '{name}': {problem.message}", problem.within, problem.severity)
@@ -119,6 +121,16 @@ def _expressions(spec: Spec) -> Iterator[SpecProblem]:
         patterns += sum(expression.patterns for expression in expressions.values())
     if patterns > MAX_PATTERNS:
         yield SpecProblem(("streams",), f"the spec has {patterns} patterns for `matches`, and may have {MAX_PATTERNS}")
+
+
+def _other_signal(spec: Spec, text: str, error: ExpressionError) -> str:
+    """What to say of an expression that can't be read where it has the name of a signal, empty where it has not."""
+    word = re.match(r"[A-Za-z_]\w*", text.split("\n")[error.line - 1][error.column - 1 :])
+    owners = [str(s.key) for s in spec.streams if word and word[0] in (s.signals or {})]
+    if not word or not owners or not error.message.startswith("unknown name"):
+        return ""
+    told = f"unknown name '{word[0]}', which is a signal of {either(owners)}"
+    return f"{told}: an expression reads the fields of its own `msg` alone; put signals together in a formula"
 
 
 def _held_elsewhere(spec: Spec) -> Iterator[SpecProblem]:

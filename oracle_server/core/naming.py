@@ -19,13 +19,18 @@ _LONGEST = 80
 """Characters of a value's text; robots send texts of any length."""
 
 
-def moment(stamp: int, beside: int | None = None) -> str:
-    """A time (ns) with milliseconds; `beside` is the one that it is told beside, None for one of the same day."""
+def moment(stamp: int, beside: int | None = None, *, exact: bool = False) -> str:
+    """A time (ns) with milliseconds, which it has reached, or `exact` with all that it has beyond them.
+
+    `beside` is the one that it is told beside, None for one of the same day.
+    """
+    seconds, rest = divmod(stamp, _SECOND)
+    digits = next(n for n in (3, 6, 9) if not exact or rest % 10 ** (9 - n) == 0)
+    fraction = f"{rest:09}"[:digits]
     if stamp < 10**9 * _SECOND:
-        return f"{stamp / _SECOND:.3f} s"
-    seconds = stamp // _SECOND
+        return f"{seconds}.{fraction} s"
     day, second = divmod(seconds, _DAY)
-    text = f"{second // 3600:02}:{second // 60 % 60:02}:{second % 60:02}.{stamp // 10**6 % 1000:03}Z"
+    text = f"{second // 3600:02}:{second // 60 % 60:02}:{second % 60:02}.{fraction}Z"
     if beside is None or beside // _SECOND // _DAY == day:
         return text
     return f"{_date(day)} {text}"

@@ -6,6 +6,8 @@ import difflib
 from collections.abc import Iterable
 
 _MOST = 12
+_CLOSE = 0.1
+"""How much less alike a second name may be."""
 _RENAMED = {"nsec": "nanosec", "nsecs": "nanosec", "secs": "sec"}
 """What fields of ROS 1 are called on ROS 2: other names are written more like them."""
 
@@ -20,7 +22,8 @@ def near(name: str, known: Iterable[str], alike: float = 0.65) -> list[str]:
     if _RENAMED.get(lower) in by_lower:
         return [by_lower[_RENAMED[lower]]]
     found = difflib.get_close_matches(lower, by_lower, n=2, cutoff=alike)
-    return [by_lower[match] for match in found]
+    ratios = [difflib.SequenceMatcher(None, match, lower).ratio() for match in found]
+    return [by_lower[match] for match, ratio in zip(found, ratios, strict=True) if ratio > ratios[0] - _CLOSE]
 
 
 def nearest(name: str, known: Iterable[str], alike: float = 0.65) -> str:

@@ -42,6 +42,9 @@ def _why_never(atom: Atom, spec: Spec, held: frozenset[str]) -> str | None:
         return f"no event of this spec can meet {render_atom(atom)}{_contradiction(atom.constraints)}"
     for constraint in atom.constraints:
         if not any(has_signal(s, constraint.key, held) for s in streams):
+            if isinstance(constraint.value, str) and constraint.value in spec.names:
+                group = next(s.traits.group for s in spec.streams if s.name == constraint.value)
+                return f"unknown signal '{constraint.key}'; for the stream write `{group}: \"{constraint.value}\"`"
             return _no_signal(constraint.key, streams, held, spec)
     if not any(all(has_signal(s, c.key, held) for c in atom.constraints) for s in streams):
         mend = "name those of other streams under `hold` there, so that they keep their values"
@@ -60,14 +63,15 @@ def _no_stream(group: str, name: str, names: Sequence[str], spec: Spec) -> str:
 
 def _no_signal(key: str, streams: Sequence[StreamSpec], held: frozenset[str], spec: Spec) -> str:
     where = listed(str(s.key) for s in streams)
+    verb = "declares" if len(streams) == 1 else "declare"
     declared = sorted({name for s in streams for name in s.signals or ()} | held)
     owners = [str(s.key) for s in spec.streams if key in (s.signals or {})]
     if owners:
-        verb = "has" if len(owners) == 1 else "have"
-        mend = f"{' and '.join(owners)} {verb} it: name it under `hold` there, so that it keeps its value"
-        return f"unknown signal '{key}'; {where} declares {listed(declared) or 'none'}; {mend}"
+        have = "has" if len(owners) == 1 else "have"
+        mend = f"{' and '.join(owners)} {have} it: name it under `hold` there, so that it keeps its value"
+        return f"unknown signal '{key}'; {where} {verb} {listed(declared) or 'none'}; {mend}"
     hint = nearest(key, declared)
-    return f"unknown signal '{key}'; {f'{hint} ' if hint else ''}{where} declares {listed(declared) or 'none'}"
+    return f"unknown signal '{key}'; {f'{hint} ' if hint else ''}{where} {verb} {listed(declared) or 'none'}"
 
 
 def _contradiction(constraints: Sequence[Constraint]) -> str:

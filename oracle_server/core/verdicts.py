@@ -154,7 +154,7 @@ def explain(judged: Judged, verdict: Verdict) -> ExplanationRecord | None:
     if why is None:
         return None
     if event.stream.kind == TICK:
-        where = f"when a deadline ran out at {moment(judged.step.stamp)}"
+        where = f"when a deadline ran out at {moment(judged.step.stamp, exact=True)}"
     else:
         at = step_name(judged.number, judged.step.stamp)
         if judged.number is None:

@@ -124,7 +124,12 @@ class Types:
         shorts = {n.rpartition("/")[2] for n in known if f"/{kind}/" in n}
         if not shorts:
             return Missing(f"{type_} is not known here, so its fields are not checked; {_HOW}", "warning")
-        hint = nearest(short, shorts) or "give the folder of a newer one with --types"
+        half = short.removesuffix("_Request").removesuffix("_Response")
+        hint = (
+            f"did you mean `{half}`?"
+            if half in shorts
+            else nearest(short, shorts) or "give the folder of a newer one with --types"
+        )
         return Missing(f"the package {package} has no {kind} '{short}'; {hint}", "error")
 
 

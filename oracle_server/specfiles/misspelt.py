@@ -52,7 +52,12 @@ def _of_formula(lines: Sequence[str], _: str, at: Mark, begun: Mark) -> tuple[st
 
 
 def _of_first_character(lines: Sequence[str], reason: str, at: Mark, _: Mark) -> tuple[str, Mark] | None:
-    char = _char(lines, at)
+    if "alphabetic or numeric" in reason:
+        return f"a text can't begin with `{_line(lines, at)[at.column - 1 : at.column]}`; put it in quotes", at
+    return _of_unexpected(lines, reason, at, _char(lines, at))
+
+
+def _of_unexpected(lines: Sequence[str], reason: str, at: Mark, char: str) -> tuple[str, Mark] | None:
     if char == "\t" or ("\t" in _line(lines, at)[: at.column + 1] and not _line(lines, at)[: at.column].strip()):
         return "there is a tab; YAML is indented by spaces", at
     if "cannot start any token" in reason or "undefined alias" in reason:
@@ -68,14 +73,32 @@ def _of_first_character(lines: Sequence[str], reason: str, at: Mark, _: Mark) ->
 
 def _of_colon(lines: Sequence[str], reason: str, at: Mark, begun: Mark) -> tuple[str, Mark] | None:
     if "mapping values" in reason:
+        above = at.line - 1
+        while above > 0 and not lines[above].strip():
+            above -= 1
+        told = _of_no_key(_line(lines, Mark(above, 0)), above) if not _line(lines, at)[: at.column].count(":") else None
+        if told is not None:
+            return told
         if ": " in _line(lines, at)[: at.column] or _line(lines, at)[: at.column].count(":"):
             return "a second `: ` in one line; put a text with ': ' in it in quotes, or below a '|'", at
         return "this key is indented deeper than the one above, which has a value already; indent both alike", at
     if "expected ':'" in reason:
-        line = _line(lines, begun)
-        if re.match(r"\s*(- +)?\w+:\S", line):
-            return "a space is missing after the `:`", Mark(begun.line, line.index(":"))
+        told = _of_no_key(_line(lines, begun), begun.line)
+        if told is not None:
+            return told
         return "this line is neither `key: value` nor `- item`; is a `:` missing?", begun
+    return None
+
+
+def _of_no_key(line: str, number: int) -> tuple[str, Mark] | None:
+    """What keeps a line from being a key with its value."""
+    if re.match(r"\s*-\w+:(\s|$)", line):
+        return "a space is missing after the `-`", Mark(number, line.index("-"))
+    if re.match(r"\s*(- +)?\w+:\S", line):
+        return "a space is missing after the `:`", Mark(number, line.index(":"))
+    match = re.match(r"\s*(?:- +)?(\w+)\s*=\s*(.*)", line)
+    if match:
+        return f"a key is followed by `: `: write `{match[1]}: {match[2]}`", Mark(number, match.start(1))
     return None
 
 

@@ -10,6 +10,7 @@ from oracle_server.core.errors import Finding
 from oracle_server.core.kinds import GROUPS
 from oracle_server.core.nearest import near, nearest
 from oracle_server.specfiles.document import Document, KeyPath
+from oracle_server.specfiles.mending import at, is_map, mend
 from oracle_server.specfiles.model import (
     HalfModel,
     OrderingModel,
@@ -70,6 +71,18 @@ _LEVELS: Mapping[str, Any] = {
     "a property": PropertyModel,
 }
 """The keys that there are, by where they stand."""
+_KEYS_MEANT: Mapping[str, Mapping[str, str]] = {
+    "the file": {"name": "id", "topics": "streams", "services": "streams", "rules": "properties",
+        "formulas": "properties", "requirements": "properties"},
+    "a topic": {"name": "topic", "msg_type": "type", "message_type": "type", "datatype": "type", "fields": "signals",
+        "variables": "signals", "timestamp": "stamp", "keep": "hold", "timeout": "decide_within"},
+    "a service": {"name": "service", "srv_type": "type", "timeout": "decide_within", "req": "request",
+        "res": "response", "resp": "response", "reply": "response"},
+    "`request` or `response`": {"fields": "signals", "variables": "signals", "keep": "hold"},
+    "a property": {"name": "id", **dict.fromkeys(("expression", "expr", "ltl", "stl", "spec", "rule"), "formula"),
+        "guard": "guards", "message": "description", "unit": "time", "clock": "time"},
+}  # fmt: skip
+"""What people call keys elsewhere, by where they stand."""
 _MEANT = {
     "block": "filter", "deny": "filter", "drop": "filter", "guard": "filter", "enforce": "filter", "observe": "log",
     "monitor": "log", "none": "log", "pub": "publisher", "sub": "subscriber", "step": "steps", "events": "steps",
@@ -84,13 +97,27 @@ def model_findings(document: Document, problems: Sequence[Any]) -> list[Finding]
     """What is to be said of what the models refuse."""
     paths = [_without_tags(problem["loc"]) for problem in problems]
     unknown = {path for path, problem in zip(paths, problems, strict=True) if problem["type"] == "extra_forbidden"}
+    actions = {path[:2] for path in paths if path[:1] == ("streams",) and _is_action(at(document.value, path[:2]))}
     explained = {(*path[:-1], key) for path in unknown if (key := _near_key(document, path))}
     explained |= {(*path[:-1], "topic") for path in unknown if _is_signal(document, path)}
-    return [
+    found = [_action(document, path) for path in sorted(actions)]
+    return found + [
         _finding(document, path, problem)
         for path, problem in zip(paths, problems, strict=True)
-        if problem["type"] != "missing" or path not in explained
+        if path[:2] not in actions and (problem["type"] != "missing" or path not in explained)
     ]
+
+
+def _is_action(stream: object) -> bool:
+    """Whether a stream is an action of ROS: it has that name where `log` or `filter` belongs."""
+    name = stream.get("action") if isinstance(stream, dict) and not {*GROUPS} & stream.keys() else None
+    return isinstance(name, str) and name not in ("log", "filter")
+
+
+def _action(document: Document, path: KeyPath) -> Finding:
+    name = str(at(document.value, (*path, "action")))
+    message = f"an action is no stream; observe one of its topics, as `topic: {name}/_action/status`"
+    return Finding(document.file, *document.key_place((*path, "action")), f"stream '{name}': {message}")
 
 
 def place_name(document: Document, path: KeyPath) -> str:
@@ -99,9 +126,9 @@ def place_name(document: Document, path: KeyPath) -> str:
         return f"{path[0]}: "
     if len(path) < 2 or path[0] not in ("streams", "properties") or not isinstance(path[1], int):
         return ""
-    value = _at(document.value, path[:2])
+    value = at(document.value, path[:2])
     names = (*GROUPS, "id") if path[0] == "streams" else ("id",)
-    name = next((value[key] for key in names if isinstance(value.get(key), str)), None) if _is_map(value) else None
+    name = next((value[key] for key in names if isinstance(value.get(key), str)), None) if is_map(value) else None
     noun = "stream" if path[0] == "streams" else "property"
     half = f" {path[2]}" if len(path) > 3 and path[2] in ("request", "response") else ""
     return f"{noun} '{name}'{half}: " if name is not None else f"{noun} {path[1] + 1}{half}: "
@@ -125,7 +152,7 @@ def _finding(document: Document, path: KeyPath, problem: Any) -> Finding:
 def _unknown(document: Document, path: KeyPath) -> str:
     key = str(path[-1])
     if _is_signal(document, path):
-        text = _at(document.value, path)
+        text = at(document.value, path)
         half = "" if _level(document, path[:-1]) != "a service" else "`request` or `response`, and there "
         mend = f"deeper than it, as `signals: {{{key}: {text}}}`"
         return f"unknown key '{key}': a signal stands below {half}`signals:`, {mend}"
@@ -133,6 +160,8 @@ def _unknown(document: Document, path: KeyPath) -> str:
     if meant:
         return f"unknown key '{key}'; did you mean `{meant}`?"
     level = _level(document, path[:-1])
+    if path[0] == "streams" and key in ("filter", "enforce", "block", "deny"):
+        return f"unknown key '{key}'; write `action: filter`"
     others = [name for name, model in _LEVELS.items() if key in model.model_fields and name != level]
     if level == "a service" and key in HalfModel.model_fields:
         return f"unknown key '{key}': of a service it stands under `request` or `response`"
@@ -143,14 +172,15 @@ def _unknown(document: Document, path: KeyPath) -> str:
 
 def _is_signal(document: Document, path: KeyPath) -> bool:
     """Whether an unknown key of a stream has an expression, as a signal that is not indented enough has."""
-    text = _at(document.value, path)
+    text = at(document.value, path)
     return path[0] == "streams" and isinstance(text, str) and re.search(r"\bmsg\b", text) is not None
 
 
 def _near_key(document: Document, path: KeyPath) -> str | None:
     """The key that a misspelt one is likely to mean."""
     model = _LEVELS[_level(document, path[:-1])]
-    return next(iter(near(str(path[-1]), model.model_fields, 0.7)), None)
+    meant = _KEYS_MEANT.get(_level(document, path[:-1]), {}).get(str(path[-1]).lower())
+    return meant or next(iter(near(str(path[-1]), model.model_fields, 0.7)), None)
 
 
 def _level(document: Document, path: KeyPath) -> str:
@@ -162,8 +192,8 @@ def _level(document: Document, path: KeyPath) -> str:
         case ("streams", int(), "stamp", *_):
             return "`stamp`"
         case ("streams", int(), *_):
-            value = _at(document.value, path[:2])
-            return "a service" if _is_map(value) and "service" in value else "a topic"
+            value = at(document.value, path[:2])
+            return "a service" if is_map(value) and "service" in value else "a topic"
         case ("properties", int(), *_):
             return "a property"
     return "the file"
@@ -184,7 +214,7 @@ def _value(document: Document, path: KeyPath, problem: Any) -> str:
     """What is wrong with a value."""
     names = [p for p in path if isinstance(p, str) and p not in ("streams", "properties")] or [str(path[0])]
     key = names[-1] if not isinstance(path[-1], int) else f"{names[-1]}[{path[-1]}]"
-    value = problem["input"]
+    value = at(document.value, path) if key == "type" else problem["input"]
     if problem["type"] == "literal_error":
         return _word(key, value, problem["ctx"]["expected"])
     if problem["type"] == "value_error" and isinstance(value, str | int | float) and not isinstance(value, bool):
@@ -192,7 +222,7 @@ def _value(document: Document, path: KeyPath, problem: Any) -> str:
     if len(path) == 2 and path[0] in ("streams", "properties"):
         first = "topic: /name" if path[0] == "streams" else "id: name"
         return f"it is a mapping that begins with `- {first}`; found {_found(value)}"
-    return f"`{key}` must be {_takes(path)}; found {_found(value)}{_mend(document, path, value)}"
+    return f"`{key}` must be {_takes(path)}; found {_found(value)}{mend(document, path, value)}"
 
 
 def _takes(path: KeyPath) -> str:
@@ -212,58 +242,10 @@ def _word(key: str, value: object, expected: object) -> str:
     words = re.findall(r"'([^']*)'", str(expected))
     meant = _MEANT.get(str(value).lower())
     hint = nearest(str(value), words, 0.7) or (f"did you mean `{meant}`?" if meant in words else "")
+    if key == "time" and meant == "seconds":
+        hint = "write `seconds`, and a unit in each bound, as `once[:500ms]`"
     found = f"`{key}` must be {', '.join(words[:-1])} or {words[-1]}; found {_found(value)}"
     return f"{found}; {hint}" if hint else found
-
-
-def _mend(document: Document, path: KeyPath, value: object) -> str:  # noqa: PLR0911 -- a case a mistake
-    """What to write for a value of another kind."""
-    key = path[-1]
-    if key in ("hold", "guards", "causes", "streams") and isinstance(value, str):
-        return f"; write [{_meant(document, path, value)}]"
-    if key in ("ordered", "latch") and isinstance(value, str):
-        truth = {"yes": "true", "on": "true", "no": "false", "off": "false"}.get(value.lower(), value.lower())
-        return f"; write {truth}" if truth in ("true", "false") else ""
-    if key == "formula" and _is_map(value):
-        return ", since YAML reads `{` itself; put the formula in quotes"
-    if key == "type" and isinstance(value, str):
-        return _type_mend(value)
-    if key in ("streams", "properties") and _is_map(value):
-        return "; put `- ` before each of them"
-    if key in ("topic", "service", "proxy") and isinstance(value, str) and re.search(r"[\s.\-]", value):
-        return "; names have letters, digits, `_` and `/`, and neither spaces nor `-` nor `.`"
-    if key == "id" and isinstance(value, str):
-        if len(value) > 64:
-            return f", which has {len(value)} characters"
-        return _other_id(value)
-    if isinstance(value, bool | int | float) and not isinstance(key, int):
-        quoted = str(value).lower() if isinstance(value, bool) else str(value)
-        return f'; put it in quotes: "{quoted}"' if key in ("id", "description", "formula") else ""
-    return ""
-
-
-def _meant(document: Document, path: KeyPath, name: str) -> str:
-    """The stream, or under `hold` the signal, that a name means; the name where it is one, or like none."""
-    known = _at(document.value, (*path[:-1], "signals")) if path[-1] == "hold" else _stream_names(document)
-    return name if not known or name in known else next(iter(near(name, map(str, known))), name)
-
-
-def _stream_names(document: Document) -> list[str]:
-    streams = _at(document.value, ("streams",))
-    found = [s.get(group) for s in streams if _is_map(s) for group in GROUPS] if isinstance(streams, list) else []
-    return [name for name in found if isinstance(name, str)]
-
-
-def _other_id(value: str) -> str:
-    other = re.sub(r"[\s/]+", "_", value.strip(" /\n"))
-    return f"; write {other}" if re.fullmatch(r"[A-Za-z0-9_-][A-Za-z0-9_.-]*", other) else ""
-
-
-def _type_mend(value: str) -> str:
-    if "/srv/" in value or "/action/" in value or "/msg/" in value:
-        kind = "a service" if "/srv/" in value else "an action" if "/action/" in value else "a topic"
-        return f", which is the type of {kind}"
-    return f"; write it with its package, as std_msgs/msg/{value}" if re.fullmatch(r"\w+", value) else ""
 
 
 def _without_tags(loc: KeyPath) -> KeyPath:
@@ -275,19 +257,6 @@ def _parts(loc: KeyPath) -> Iterator[str | int]:
     for i, part in enumerate(loc):
         if part != "[key]" and not (part in GROUPS and i == 2 and loc[0] == "streams"):
             yield part
-
-
-def _at(value: Any, path: KeyPath) -> Any:
-    for part in path:
-        try:
-            value = value[part]
-        except (KeyError, IndexError, TypeError):
-            return None
-    return value
-
-
-def _is_map(value: object) -> bool:
-    return isinstance(value, dict)
 
 
 def _found(value: object) -> str:

@@ -27,8 +27,11 @@ def test_a_time_of_another_day_has_its_date(stamp: int, beside: int) -> None:
 
 def test_small_times_are_seconds() -> None:
     assert (moment(0), moment(12_500_000_000), moment(12_500_000_000, 0)) == ("0.000 s", "12.500 s", "12.500 s")
-    assert moment(10**18 - 1) == "1000000000.000 s"
+    assert moment(10**18 - 1) == "999999999.999 s"
     assert moment(10**18) == "01:46:40.000Z"
+    assert moment(10_500_000_001, exact=True) == "10.500000001 s"
+    assert moment(10_500_000_000, exact=True) == "10.500 s"
+    assert moment(10**18 + 1_200, exact=True) == "01:46:40.000001200Z"
     assert step_name(7, 12_500_000_000) == "step 7 (12.500 s)"
     assert step_name(None, 12_500_000_000) == "12.500 s"
 

@@ -65,7 +65,7 @@ def test_who_never_speaks_is_missed_when_the_grace_is_over() -> None:
     assert (row["n"], row["step"], row["violation"], row["degraded"]) == (1, None, True, False)
     assert row["explanation"] is not None
     assert row["explanation"]["text"] == (
-        'p does not hold when a deadline ran out at 0.000 s: once[:50ns] {topic: "/a"}: none in the last 50ns'
+        'p does not hold when a deadline ran out at 0.000000150 s: once[:50ns] {topic: "/a"}: none in the last 50ns'
     )
     assert [session.next_deadline] == [None]
     feed = Feed(session)

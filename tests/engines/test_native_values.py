@@ -155,6 +155,26 @@ def explained(time: Time, text: str, steps: Sequence[TimedSignals] = TRACE, *, t
             'once[:1] {topic: "/scan"}',
             'once[:1] {topic: "/scan"}: none in steps 2–3; last at step 1 (2024-11-20 23:59:59.000Z)',  # noqa: RUF001
         ),
+        (
+            'once[2:2] {topic: "/goal"}',
+            'once[2:2] {topic: "/goal"}: none in step 1; next at step 2 (00:00:01.000Z)',
+        ),
+        ('once[1:] {topic: "/cmd"}', 'once[1:] {topic: "/cmd"}: none in steps 1–2; it holds at this step'),  # noqa: RUF001
+        (
+            'once[:1] {topic: "/goal", g: "3"}',
+            'once[:1] {topic: "/goal", g: "3"}: none in steps 2–3, nor ever before; the last near miss: '  # noqa: RUF001
+            'g = 3, wanted "3", at step 2 (00:00:01.000Z)',
+        ),
+        (
+            'not {topic: "/done"} since {topic: "/goal", g: "3"}',
+            'not {topic: "/done"} since {topic: "/goal", g: "3"}: no {topic: "/goal", g: "3"} in steps 1–3; '  # noqa: RUF001
+            'the last near miss: g = 3, wanted "3", at step 2 (00:00:01.000Z)',
+        ),
+        (
+            'not pre once {topic: "/goal"}',
+            'pre once {topic: "/goal"}: its operand held at step 2 (00:00:01.000Z); once {topic: "/goal"}: '
+            "(at step 2 (00:00:01.000Z)) held at step 2 (00:00:01.000Z)",
+        ),
         ('once[:1] {topic: "/x"}', 'once[:1] {topic: "/x"}: none in steps 2–3, nor ever before'),  # noqa: RUF001
     ],
 )  # fmt: skip
@@ -179,7 +199,7 @@ def test_what_is_said_of_values(text: str, expected: str) -> None:
         (
             'once[:500ms] {topic: "/cmd"}',
             'once[:500ms] {topic: "/cmd"}: none in the last 500ms; last at step 3 (00:00:02.000Z), '
-            "/in (topic 2 of m), more than 500ms ago",
+            "/in (topic 2 of m), 1s ago, more than 500ms",
         ),
     ],
 )
@@ -187,6 +207,43 @@ def test_a_deadline_names_the_event_whose_it_was(text: str, expected: str) -> No
     steps: list[TimedSignals] = [*TRACE, (DAY + 3 * SECOND, {})]
     assert explained("seconds", text, steps, tick=True).text == expected
     assert moment(DAY) == "00:00:00.000Z"
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (
+            'once[600ms:800ms] {topic: "/goal"}',
+            'once[600ms:800ms] {topic: "/goal"}: none between 600ms and 800ms ago, nor ever before; '
+            "next at step 2 (00:00:01.000Z), 500.0001ms ago, less than 600ms",
+        ),
+        (
+            'once[200ms:500ms] {topic: "/goal"}',
+            'once[200ms:500ms] {topic: "/goal"}: none between 200ms and 500ms ago; '
+            "last at step 2 (00:00:01.000Z), 500.0001ms ago, more than 500ms",
+        ),
+        (
+            'once[600ms:1s] ({topic: "/goal"})',
+            'once[600ms:1s] {topic: "/goal"}: none between 600ms and 1s ago, nor ever before; '
+            "next at step 2 (00:00:01.000Z), 500.0001ms ago, less than 600ms",
+        ),
+        (
+            'once[1s:2s] {topic: "/scan"}',
+            'once[1s:2s] {topic: "/scan"}: none between 1s and 2s ago; '
+            "last at step 1 (2024-11-20 23:59:59.000Z), 2.5000001s ago, more than 2s",
+        ),
+    ],
+)
+def test_what_missed_a_window_is_told_with_its_age_to_the_nanosecond(text: str, expected: str) -> None:
+    steps: list[TimedSignals] = [*TRACE[:2], (DAY + 1_500_000_100, {"topic": "/x"})]
+    assert explained("seconds", text, steps).text == expected
+
+
+def test_a_deadlines_age_is_beyond_its_bound_as_it_is_told() -> None:
+    steps: list[TimedSignals] = [*TRACE, (DAY + 4 * SECOND + 1, {})]
+    assert explained("seconds", 'once[:2s] {topic: "/cmd"}', steps, tick=True).text.endswith(
+        "last at step 3 (00:00:02.000Z), /in (topic 2 of m), 2.000000001s ago, more than 2s"
+    )
 
 
 def test_what_robots_send_is_told_in_one_line_of_some_length() -> None:

@@ -78,6 +78,7 @@ _LIST = "write `msg.list.{}(x, x > 0)`"
 _NO_TIMES = "expressions have no times and durations; compare the numbers, as in msg.header.stamp.sec"
 _NO_BYTES = "expressions have no bytes; in a message they are a text in base64"
 _NO_SUCH = "there is none in expressions: let a node compute it, and observe the topic that has the result"
+_ONE_MESSAGE = "an expression reads one message alone; what was before is asked in a formula, by `pre` or `once`"
 _ELSEWHERE = {
     **dict.fromkeys(
         ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "log10", "ln", "cbrt", "sum", "mean"),
@@ -95,10 +96,12 @@ _ELSEWHERE = {
     "duration": _NO_TIMES,
     "dyn": "write the value alone",
     "every": _LIST.format("all"),
+    "get": "a field stands behind a dot, as in msg.field",
     "fabs": "write `abs(msg.x)`",
     "float": "write `double(msg.count)`",
     **dict.fromkeys(("floor", "ceil", "round"), "write `int(msg.x)`, which leaves out what is behind the point"),
-    "hypot": "write `sqrt(msg.x * msg.x + msg.y * msg.y)`",
+    **dict.fromkeys(("hypot", "norm", "magnitude"), "write `sqrt(msg.x * msg.x + msg.y * msg.y)`"),
+    **dict.fromkeys(("prev", "previous", "last", "old", "delta", "diff"), _ONE_MESSAGE),
     "includes": "write `msg.text.contains('part')`",
     "isinf": "infinities arrive as texts: write `msg.x == 'Infinity' || msg.x == '-Infinity'`",
     "mod": "write `msg.count % 2`",

@@ -35,7 +35,9 @@ def arithmetic(mark: str, one: Operand, other: Operand) -> str | None:
         if mark == "+" and is_text(operand.static):
             if beside.static is None:
                 continue
-            return f"{operand}, and can't be added to {_plain(beside)}; for a text write `string({beside.text})`"
+            of = "" if isinstance(beside.node, Literal) else f", which is {described(beside.static)}"
+            told = f"{operand}, and" if not isinstance(operand.node, Literal) else f"`{operand.text}` is a text, and"
+            return f"{told} can't be added to `{beside.text}`{of}; for a text write `string({beside.text})`"
         return f"{operand}, and `{mark}` takes numbers{_number_of(operand)}"
     if mark == "%" and "real" in (kind(one.static), kind(other.static)):
         real = one if kind(one.static) == "real" else other

@@ -244,6 +244,15 @@ class _Parser:
         if name.text in MODULES and self._next.text in (".", ":"):
             behind = (t for t in self._tokens[self._at :] if t.text not in (".", ":"))
             raise self._refused(name, of_module(name.text, next(behind).text))
+        if self._next.text == "=" and before is None:
+            told = (
+                f"the name of a signal stands before the `:`, as in `{name.text}: msg.field`; leave `{name.text} =` out"
+            )
+            raise self._refused(name, told)
+        if name.text in ("f", "F") and self._next.kind == "text" and self._next.start == name.end:
+            raise self._refused(
+                name, "a text has no fields in it; put texts together by `+`, as in 'a' + string(msg.x)"
+            )
         is_compared = before is not None and before.text in ("==", "!=", "=", "is")
         raise self._refused(name, unknown_name(name.text, self._variables, compared=is_compared))
 

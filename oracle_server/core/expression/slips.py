@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
+from oracle_server.core.expression.functions import FUNCTIONS, unknown_function
 from oracle_server.core.expression.tokens import Token
 from oracle_server.core.nearest import near, nearest
 
@@ -26,6 +28,7 @@ _INSTEAD = {
     "is": "write `==` for `is`",
     "if": "a choice is written `test ? value : otherwise`",
     "else": "a choice is written `test ? value : otherwise`",
+    "lambda": "write what it computes alone, of `msg`",
     "implies": "for 'implies' write `!a || b`",
     "True": "write `true` for `True`",
     "TRUE": "write `true` for `TRUE`",
@@ -46,6 +49,8 @@ def missing(token: Token, before: Token | None) -> str:
         return "the expression is empty; write a field, as in msg.data"
     if token.text in _INSTEAD and token.kind != "end":
         return _INSTEAD[token.text]
+    if token.text == "/" and before is None:
+        return "an expression reads the message of its own stream: write `msg.field`, without the stream's name"
     after = f"after `{before.text}`" if before is not None else "at the beginning"
     if token.kind == "end":
         return f"the expression ends too early: a value is missing {after}"
@@ -54,8 +59,8 @@ def missing(token: Token, before: Token | None) -> str:
 
 def unexpected(token: Token, before: Token | None, opened: Token | None) -> str:
     """What is said where a value has ended, and no operator follows; `opened` is the bracket that is not closed yet."""
-    if token.kind != "end" and token.text in _INSTEAD:
-        return _INSTEAD[token.text]
+    if token.kind != "end" and token.text.lower() in _INSTEAD:
+        return _INSTEAD[token.text.lower()]
     if token.kind == "end" or token.text in (")", "]", "}"):
         return _bracket(token, opened)
     if token.text == ":" and opened is not None and opened.text == "[":
@@ -79,8 +84,9 @@ def _bracket(token: Token, opened: Token | None) -> str:
 
 def unknown_name(name: str, variables: Iterable[str], *, compared: bool) -> str:
     """What is said of a name that is neither `msg` nor a variable; `compared`: it stands behind `==` or `!=`."""
-    if name in _INSTEAD:
-        return _INSTEAD[name]
+    elsewhere = _elsewhere(name)
+    if elsewhere is not None:
+        return elsewhere
     told = f"unknown name '{name}'"
     if name in ("message", "m", "event", "self", "this"):
         return f"{told}; did you mean `msg`?"
@@ -90,6 +96,17 @@ def unknown_name(name: str, variables: Iterable[str], *, compared: bool) -> str:
         return f"{told}; an expression reads the message alone, as in msg.field"
     text = f", or '{name}' for the text" if compared else ""
     return f"{told}; an expression reads `msg`: write `msg.{name}` for the field{text}"
+
+
+def _elsewhere(name: str) -> str | None:
+    """What to write for a word of another language, None for any other name."""
+    if name in _INSTEAD or name.lower() in ("and", "or", "not"):
+        return _INSTEAD.get(name) or _INSTEAD[name.lower()]
+    if name in ("pi", "PI", "M_PI"):
+        return f"there is no `{name}`: write the number, {math.pi}"
+    if name in FUNCTIONS:
+        return f"write `{FUNCTIONS[name].usage}`"
+    return unknown_function(name) if name in ("float", "str", "bool") else None
 
 
 def no_power(base: str, exponent: str) -> str:

@@ -27,6 +27,8 @@ _ESCAPE = re.compile(
 )
 _SIMPLE = dict(zip("abfnrtv", "\a\b\f\n\r\t\v", strict=True))
 _NO_QUOTES = "`\u00b4\u2018\u2019\u201a\u201c\u201d\u201e\u00ab\u00bb"
+_BEGUN = re.compile(r"\d[\d.]*$")
+"""The beginning of a number whose end can't be read."""
 _COMMENT = re.compile(r"//([^\n]*)")
 
 
@@ -59,6 +61,8 @@ def tokens(text: str) -> list[Token]:
     while at < len(text):
         match = _TOKEN.match(text, at)
         if match is None:
+            begun = _BEGUN.search(text[:at]) if text[at].isdigit() else None
+            at = begun.start() if begun else at
             raise refusal(text, at, _unreadable(text[at:]))
         if match.lastgroup != "space":
             found.append(Token(match.lastgroup or "", match[0], at, match.end()))
@@ -123,7 +127,7 @@ def _unreadable(rest: str) -> str:
         return f"'{first}' is no quote here; put a text in ' or \""
     if first.isdigit():
         word = re.match(r"[\w.]*", rest)
-        unit = "; a number has no unit" if re.match(r"[0-9.]+[A-Za-z]+\b", rest) else ""
+        unit = "; a number has neither a unit nor a type" if re.match(r"[0-9.]+[A-Za-z]+\b", rest) else ""
         return f"'{word[0] if word else first}' is no number{unit}"
     if not first.isascii() and first.isalpha():
         return f"'{first}' can't stand in a name; write msg['…'] for a field with such a name"

@@ -6,6 +6,7 @@ import re
 
 from oracle_server.core.formula.around import Around
 
+_COMPARISONS = {"=>": ">=", "<>": "!="}
 _TURNED = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
 
 
@@ -13,7 +14,17 @@ def of_atom(found: Around) -> str:
     """Of a text in braces; empty for any other place, and where nothing more is known of it."""
     if found.inside != "{":
         return ""
-    for cause in (_of_word, _of_number, _of_comparison, _of_call, _of_path, _of_arithmetic, _of_beginning, _of_mark):
+    for cause in (
+        _of_word,
+        _of_stream,
+        _of_number,
+        _of_comparison,
+        _of_call,
+        _of_path,
+        _of_arithmetic,
+        _of_beginning,
+        _of_mark,
+    ):
         message = cause(found)
         if message:
             return message
@@ -22,15 +33,26 @@ def of_atom(found: Around) -> str:
 
 def _of_word(found: Around) -> str:
     mark, before = found.next(), found.last()
-    if mark in ("and", "&&", "or", "||"):
-        word = {"&&": "and", "||": "or"}.get(mark, mark)
+    if mark in ("and", "&&", "&", "or", "||", "|"):
+        word = {"&&": "and", "&": "and", "||": "or", "|": "or"}.get(mark, mark)
         comma = "; `,` between constraints means `and`" if word == "and" else ""
         return f"`{mark}` stands between atoms, not inside of one: write `{{…}} {word} {{…}}`{comma}"
-    if mark in ("not", "!") or before == "not" or (mark == "!=" and before in ("{", ",")):
+    if (mark in ("not", "!") and before != "=") or before == "not" or (mark == "!=" and before in ("{", ",")):
         return "`not` stands before an atom, not inside of one: write `not {…}`, or `{flag: false}`"
     if mark == "in":
         return f"there is no `in`: write `{{{before}: A}} or {{{before}: B}}`"
     return ""
+
+
+def _of_stream(found: Around) -> str:
+    """A name of a stream that stands alone, or behind its key without a colon."""
+    if found.next() != "/" or found.kind(1) != "word" or found.last() not in ("{", ",", "topic", "service"):
+        return ""
+    match = re.match(r"[\w/]+", found.text[found.at :])
+    name = match[0] if match else "/"
+    if found.last() in ("topic", "service"):
+        return f"a `:` is missing: write `{found.last()}: {name}`"
+    return f"a stream stands behind `topic:` or `service:`: write `{{topic: {name}, speed > 1}}`"
 
 
 def _of_number(found: Around) -> str:
@@ -60,6 +82,10 @@ def _of_comparison(found: Around) -> str:
         if before != "!=":
             mend = f"to compare two fields declare a signal, as `faster: msg.{key} {before} msg.limit`"
         return f"`{before}` takes no variable; one stands for equal values only, as in `{equal}`; {mend}"
+    if before == "=" and mark in ("!", "<"):
+        return f"there is no `={mark}`: write `{mark}=`"
+    if before in ("<", "<=", ">", ">=", ":", "=", "==", "!=") and mark in (".", "+") and found.kind(1) == "number":
+        return f"a number is written `{'0.' if mark == '.' else ''}{found.next(1)}`"
     if before in ("<", "<=", ">", ">="):
         mend = "of two fields declare one signal: `faster: msg.speed > msg.limit`"
         return f"`{before}` compares with a number, and {found.shown} is none; {mend}"
@@ -83,6 +109,10 @@ def _of_path(found: Around) -> str:
     path = match[0] if match else start.text
     name = re.findall(r"[^\W\d]\w*", path)[-1]
     field = path.removeprefix("msg.")
+    if field == path and "." in path:
+        first = path.partition(".")[0]
+        mend = f"write `{name}`, beside `topic: /{first}` if that is its stream; a field is declared under `signals`"
+        return f"`{path}` is no name of a signal, which has neither topic nor path: {mend}, as `{name}: msg.{name}`"
     return f"`{path}` is no name of a signal: declare `{name}: msg.{field}` under `signals`, and write `{name}`"
 
 
@@ -104,8 +134,8 @@ def _of_beginning(found: Around) -> str:
 
 def _of_mark(found: Around) -> str:
     mark, before = found.next(), found.last()
-    if mark in ("=>", "=<"):
-        return f"write `{'>=' if mark == '=>' else '<='}`"
+    if mark in _COMPARISONS:
+        return f"there is no `{mark}`: write `{_COMPARISONS[mark]}`"
     if found.kind() in ("word", "string", "number") and before not in ("{", ",", ":", "="):
         return f"a `,` or a comparison is missing between `{before}` and {found.shown}"
     return ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from oracle_server.core.errors import FormulaError
-from oracle_server.core.formula.around import BOUNDED, CLOSING, OPERATORS, Around
+from oracle_server.core.formula.around import BOUNDED, CLOSING, OPERATORS, QUANTIFIERS, Around
 from oracle_server.core.formula.foreign import SYMBOLS, WORDS
 from oracle_server.core.formula.misatom import of_atom
 from oracle_server.core.formula.misbound import of_bound, of_displaced, of_variables, unbounded
@@ -13,6 +13,8 @@ from oracle_server.core.nearest import nearest
 
 _BETWEEN = "between two parts stands `and`, `or`, `since` or `->`"
 _COMPARE = ("<", "<=", ">", ">=", "==", "!=", "=", ":")
+
+_UNBOUNDED = {"pre": "pre", "Y": "pre", "not": "not", "!": "not"}
 
 
 def misread(text: str, at: int | None) -> FormulaError:
@@ -33,8 +35,8 @@ def misread(text: str, at: int | None) -> FormulaError:
 def _reason(found: Around) -> str:
     """Why the formula can't be read on, by the first cause that explains it."""
     causes = (
-        _of_symbol, _of_comment, _of_quote, of_bound, of_displaced, of_variables, _of_brackets, of_atom, _of_word,
-        _of_operator,
+        _of_symbol, _of_comment, _of_quote, of_bound, of_displaced, of_variables, _of_foreign, _of_brackets, of_atom,
+        _of_word, _of_outside, _of_operator,
     )  # fmt: skip
     for cause in causes:
         message = cause(found)
@@ -65,27 +67,44 @@ def _of_quote(found: Around) -> str:
     return ""
 
 
+def _of_foreign(found: Around) -> str:
+    """A word or sign of another language outside of braces, also as LaTeX writes it with a bound, `once_[0,5]`."""
+    word = "[]" if (found.next(), found.next(1)) == ("[", "]") else found.next()
+    plain = word.rstrip("_")
+    if found.inside == "{" or word in OPERATORS:
+        return ""
+    if plain in WORDS:
+        return f"there is no operator `{word}`: {WORDS[plain] or f'write `{plain.lower()}`'}"
+    if plain != word and plain in (*OPERATORS, *BOUNDED, *QUANTIFIERS):
+        bound = "[2:5]" if plain in BOUNDED else ""
+        return f"there is no operator `{word}`: write `{plain}{bound} {{…}}`"
+    return ""
+
+
 def _of_brackets(found: Around) -> str:
     mark = found.next()
-    if mark in ("}", ")", "]") and found.kind() == "mark":
-        if found.inside == "{" and found.last() == "{":
-            return "the atom `{}` is empty; write what must hold, as in `{speed > 1}`"
-        if not found.open:
-            return f"this `{mark}` closes nothing"
-        if CLOSING[found.inside] != mark:
-            return found.unclosed()
-        return f"something is missing between `{found.last()}` and `{mark}`"
+    if found.inside == "{" and mark == "{" == found.last():
+        return "an atom stands in one pair of braces: write `{speed > 1}`"
     if found.inside == "{" and mark in ("->", "implies", "{", "since", "once", "historically"):
         return found.unclosed()
-    return ""
+    return _of_closing(found) if mark in ("}", ")", "]") and found.kind() == "mark" else ""
+
+
+def _of_closing(found: Around) -> str:
+    mark = found.next()
+    if found.inside == "{" and found.last() == "{":
+        return "the atom `{}` is empty; write what must hold, as in `{speed > 1}`"
+    if not found.open:
+        return f"this `{mark}` closes nothing"
+    if CLOSING[found.inside] != mark:
+        return found.unclosed()
+    return f"something is missing between `{found.last()}` and `{mark}`"
 
 
 def _of_word(found: Around) -> str:
     if found.inside == "{" or found.kind() != "word" or found.next() in OPERATORS:
         return ""
     word, follows = found.next(), found.next(1)
-    if word in WORDS:
-        return f"there is no operator `{word}`: {WORDS[word] or f'write `{word.lower()}`'}"
     if follows in _COMPARE:
         atom = f"{word} {follows} {found.next(2)}".replace(" :", ":")
         return f"`{atom}` stands outside of braces: write `{{{atom}}}`"
@@ -97,26 +116,37 @@ def _of_word(found: Around) -> str:
     return f"`{word}` stands outside of braces: a signal is written `{{{word}}}`"
 
 
-def _of_operator(found: Around) -> str:  # noqa: PLR0911 -- a case a mistake
+def _of_outside(found: Around) -> str:
+    """What stands outside of braces, and belongs into them or nowhere."""
     mark = found.next()
+    if found.inside == "{":
+        return ""
+    if mark in (";", ",") and not found.next(1):
+        return f"a formula has no `{mark}` at its end; leave it out"
+    if found.kind() == "string" or (mark == "[" and found.kind(1) == "word" and found.next(2) in _COMPARE):
+        inner = mark[1:-1] if found.kind() == "string" else found.text[found.at + 1 :].partition("]")[0]
+        return f"an atom stands in braces: write `{{{inner}}}`"
+    if mark == "/":
+        return "a stream stands in an atom's braces, as in `{topic: /cmd_vel, speed > 1}`"
+    if found.kind() == "number" and found.last() in ("}", ")"):
+        return f"`{mark}` is not expected here: a time or a number of steps stands in a bound, as in `once[:5] {{…}}`"
+    return ""
+
+
+def _of_operator(found: Around) -> str:
+    mark, last = found.next(), found.last()
     if found.inside != "{" and re.fullmatch(r"[-=]+>", mark) and mark != "->":
         return f"there is no operator `{mark}`: write `->`"
-    if mark in ("<->", "<=>"):
-        return f"there is no operator `{mark}`: write `({{a}} -> {{b}}) and ({{b}} -> {{a}})`"
-    if mark in ("&", "|"):
-        return f"write `{'and' if mark == '&' else 'or'}`"
-    if mark in ("{", "(", "!", "not", "once", "pre", "historically") and found.last() in ("}", ")"):
+    if mark in ("{", "(", "!", "not", "once", "pre", "historically", ",", ";") and last in ("}", ")"):
         return f"`{mark}` is not expected here: {_BETWEEN}"
     if mark in ("and", "or", "->", "since", "implies", "&&", "||"):
-        first = f"after `{found.last()}`" if found.before else "at the beginning"
+        first = f"after `{last}`" if found.before else "at the beginning"
         return f"something is missing {first}: `{mark}` stands between two parts, as in `{{a}} {mark} {{b}}`"
-    if mark == "[" and found.last() in ("pre", "not", "Y", "!"):
-        word = {"Y": "pre", "!": "not"}.get(found.last(), found.last())
-        return unbounded(word, found.text[found.at + 1 :].partition("]")[0])
-    if mark == "[":
-        return "a bound stands after `once`, `historically` or `since`, as in `once[:5] {…}`"
-    if found.last() in BOUNDED and mark in ("<", "<=", ">", ">=", "_", "^"):
-        return f"a bound stands in square brackets, as in `{found.last()}[:5] {{…}}`"
+    if mark == "[" and last in _UNBOUNDED:
+        return unbounded(_UNBOUNDED[last], found.text[found.at + 1 :].partition("]")[0])
+    if mark == "[" or (last in BOUNDED and mark in ("<", "<=", ">", ">=", "_", "^")):
+        word = last if last in BOUNDED else "once"
+        return f"a bound stands after `once`, `historically` or `since`, in square brackets, as in `{word}[:5] {{…}}`"
     return ""
 
 

@@ -88,7 +88,11 @@ def _used(node: Formula, bound: frozenset[str]) -> frozenset[str]:
     if isinstance(node, tree.Exists | tree.Forall):
         used = _used(node.body, bound | {node.variable})
         if node.variable not in used:
-            raise FormulaError(f"the variable '{node.variable}' is bound here and used nowhere", *node.at)
+            raise FormulaError(
+                f"the variable '{node.variable}' is bound here and used nowhere; a value is bound with a `*`, as in "
+                f"`{{id: *{node.variable}}}`",
+                *node.at,
+            )
         return used - {node.variable}
     return frozenset().union(*(_used(child, bound) for child in tree.children(node)))
 

@@ -170,7 +170,8 @@ class _Explainer:
         parts = self._deeper([(operand, holds, before)]) if known else ()
         found = before if known else []
         held, failed = self._saying.held(operand, times, found, holds=holds)
-        return self._reason(part, steps, holds, f"its operand {held}", times, found, parts=parts, failed=failed)
+        text = f"its operand {held}"
+        return self._reason(part, steps, holds, text, times, found, parts=parts, failed=failed, told=True)
 
     def _once(self, part: Part, steps: Steps, holds: bool) -> Reason:
         formula = part.formula
@@ -274,7 +275,12 @@ class _Explainer:
 
     def _since_not(self, part: Part, left: Part, right: Part, steps: Steps) -> Reason:
         assert isinstance(part.formula, tree.Since)  # noqa: S101 -- see `reasons`
-        where, ends = self._where(part.formula.bound, steps, self._windows(part.formula.bound, steps)[0])
+        window, whole = self._windows(part.formula.bound, steps)
+        where, ends = self._where(part.formula.bound, steps, window)
+        if whole and [*steps] == [self._now] and is_simple(right.formula) and self._recall.are(right, False, window):
+            text = f"no {self._wording.formula(right)} {where}"
+            text += self._saying.nearest(right, part.formula.bound, window)
+            return self._reason(part, steps, False, text, window=ends)
         known, missing = True, set[int]()
         broken = set[int]()
         for step in steps:
@@ -337,6 +343,7 @@ class _Explainer:
         window: tuple[int, int] | None = None,
         parts: tuple[Reason, ...] = (),
         failed: tuple[Failing, ...] = (),
+        told: bool = False,
     ) -> Reason:
         """A reason at `steps`, which steps `found` at `times` decide, or a window."""
         if [*steps] != [self._now]:
@@ -347,7 +354,7 @@ class _Explainer:
         step = found[0] if at is not None and found else None
         unnumbered = at is not None and self._wording.is_unnumbered(at)
         window = None if window is None else self._wording.numbered(*window)
-        return Reason(self._wording.formula(part), holds, text, at, window, parts, step, failed, unnumbered)
+        return Reason(self._wording.formula(part), holds, text, at, window, parts, step, failed, unnumbered, told)
 
 
 def _bound(part: Part) -> Bound:

@@ -63,6 +63,11 @@ class Recall:
         window, complete = self.window(bound, self.last)
         return window.start - 1 if complete and (self.first == 1 or window.start > self.first) else None
 
+    def after(self, bound: Bound) -> range:
+        """The remembered steps after the window of a bound as of now, up to the last."""
+        window, _ = self.window(bound, self.last)
+        return range(max(window.stop, self.first), self.last + 1)
+
     def latest(self, part: Part, upto: int) -> int | None:
         """The last step up to this one at which a part held, 0 for none; None where that is not remembered."""
         for step in range(upto, self.first - 1, -1):

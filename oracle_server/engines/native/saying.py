@@ -60,26 +60,37 @@ class Saying:
         return f"{name} {text}, and {ever}"
 
     def nearest(self, part: Part, bound: Bound, window: Sequence[int]) -> str:
-        """Of a part that held nowhere in a window up to now: when it last did before, or nearly did in it."""
+        """Of a part that held nowhere in a window: when it last did before, and did after, or nearly did in it."""
         if not is_simple(part.formula):
             return ""
-        if bound.upper is not None and (found := self._before(part, bound)):
-            return found
-        atom = part.formula
-        return self._near_miss(part, atom, window) if isinstance(atom, Atom) else ""
+        before, after = self._before(part, bound), self._after(part, bound)
+        if before.startswith(";") or after or not isinstance(part.formula, Atom):
+            return before + after
+        return before + self._near_miss(part, part.formula, window)
 
     def _before(self, part: Part, bound: Bound) -> str:
         """When it last held before the window."""
-        first = self._recall.before(bound)
-        if first is None:
-            return ""
-        step = self._recall.latest(part, first)
-        if step is None:
+        first = None if bound.upper is None else self._recall.before(bound)
+        step = None if first is None else self._recall.latest(part, first)
+        if step is None or bound.upper is None:
             return ""
         if step == 0:
             return ", nor ever before" if first else ""
-        ago = f", more than {self._wording.span(bound)} ago" if self._wording.is_timed else ""
-        return f"; last at {self._wording.step(step)}{ago}"
+        return f"; last at {self._wording.step(step)}{self._aged(step, f'more than {duration(bound.upper)}')}"
+
+    def _after(self, part: Part, bound: Bound) -> str:
+        """When it first held after the window, too lately to be in it."""
+        found = (j for j in self._recall.after(bound) if self._recall.spend() and self._recall.at(part, j) is True)
+        step = next(found, None)
+        if step is None or (step == self._recall.last and self._wording.is_tick):
+            return ""
+        if step == self._recall.last:
+            return "; it holds at this step"
+        return f"; next at {self._wording.step(step)}{self._aged(step, f'less than {duration(bound.lower)}')}"
+
+    def _aged(self, step: int, than: str) -> str:
+        """How long ago a step was, and that this is more, or less, than a bound has."""
+        return f", {self._wording.ago(self._recall.time(step))}, {than}" if self._wording.is_timed else ""
 
     def _near_miss(self, part: Part, atom: Atom, window: Sequence[int]) -> str:
         """The last event in the window that met all constraints but one, which is none of the event itself."""

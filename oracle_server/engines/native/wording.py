@@ -54,7 +54,7 @@ class Wording:
         if len(times) == 1:
             return self._at_one(times[0], steps[0] if steps else None)
         if self._time == "seconds":
-            first, last = self._ago(times[0]), self._ago(times[-1])
+            first, last = self.ago(times[0]), self.ago(times[-1])
             return f"at each of {len(times)} steps " + (first if first == last else f"between {first} and {last}")
         if self.is_unnumbered(times[-1]):
             return f"{self.at(times[:-1], steps[:-1])} and {_ATTEMPT}"
@@ -82,7 +82,7 @@ class Wording:
             return f"{self.during(first, last - 1)} and {_ATTEMPT}" if last > first else _ATTEMPT
         if self._time == "steps":
             return f"in steps {_range(first, last)}" if last > first else f"in step {first}"
-        return f"between {self._ago(first)} and {self._ago(last)}" if last > first else f"at {self._at_time(first)}"
+        return f"between {self.ago(first)} and {self.ago(last)}" if last > first else f"at {self._at_time(first)}"
 
     def window(self, bound: Bound) -> str:
         """A window as seen from the present step."""
@@ -94,14 +94,14 @@ class Wording:
             return f"{near} ago or earlier" if bound.lower else "so far"
         return f"between {near} and {far} ago" if bound.lower else f"in the last {far}"
 
-    def span(self, bound: Bound) -> str:
-        """The greatest distance of a bound that has one, with `time: seconds`."""
-        return duration(bound.upper or 0)
-
     def ends(self, bound: Bound) -> tuple[int, int]:
         """The first and the last time in a window; the last is earlier where there were no such steps."""
         first = 1 if bound.upper is None else max(1, self._now - bound.upper)
         return first, self._now - bound.lower
+
+    def ago(self, time: int) -> str:
+        """How long before the present step a time was."""
+        return "now" if time == self._now else f"{duration(self._now - time)} ago"
 
     def is_unnumbered(self, time: int) -> bool:
         """Whether this is the number of an attempt that is taken back: another step will have it."""
@@ -121,14 +121,11 @@ class Wording:
             return f"at {self.step(time)}"
         if step is None or self._recall.seen(step) is None:
             return f"at {self._at_time(time)}"
-        ago = "" if step == self._recall.last else f", {self._ago(time)}"
+        ago = "" if step == self._recall.last else f", {self.ago(time)}"
         return f"at {self.step(step)}{ago}"
 
     def _at_time(self, time: int) -> str:
         return "this step" if time == self._now else f"a step {duration(self._now - time)} ago"
-
-    def _ago(self, time: int) -> str:
-        return "now" if time == self._now else f"{duration(self._now - time)} ago"
 
 
 def scalar(text: Text) -> Scalar | None:
@@ -179,8 +176,10 @@ def _given(constraint: Constraint, values: Mapping[str, Scalar | None]) -> Const
 
 
 def duration(nanoseconds: int) -> str:
-    """A time span in its unit, exact to nine digits."""
-    for unit, size in (("s", 10**9), ("ms", 10**6), ("us", 10**3)):
+    """A time span in its unit, exactly."""
+    for unit, digits in (("s", 9), ("ms", 6), ("us", 3)):
+        size = 10**digits
         if nanoseconds >= size or nanoseconds % size == 0:
-            return f"{nanoseconds / size:.9g}{unit}"
+            whole, rest = divmod(nanoseconds, size)
+            return f"{whole}.{rest:0{digits}}".rstrip("0").rstrip(".") + unit
     return f"{nanoseconds}ns"

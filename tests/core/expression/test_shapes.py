@@ -69,6 +69,7 @@ def test_nothing_is_said_of_what_is_right(text: str) -> None:
     [
         ("msg.twist.liner.x", 11, "no field `liner`; did you mean `linear`? it has linear, angular"),
         ("has(msg.goal)", 9, "my_msgs/msg/All has no field `goal`"),
+        ("'a' + msg.speed", 1, "is a text, and can't be added to `msg.speed`, which is float64; for a text write"),
         ("msg.count.x", 11, "`msg.count` is int32, and has no field `x`"),
         ("msg.points.x", 12, "is a list of geometry_msgs/msg/Vector3, and has no field `x`; write `msg.points[0].x`"),
         ("msg.names.length > 2", 11, "write `size(msg.names)`"),
