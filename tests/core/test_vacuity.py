@@ -29,6 +29,7 @@ from oracle_server.core.signals import Projection
 from oracle_server.core.spec import Property, Spec, StreamSpec
 from oracle_server.core.typed import StreamTypes, TypedMessage
 from oracle_server.core.vacuity import doubts
+from oracle_server.core.worlds import Effort
 from oracle_server.specfiles.load import parse_spec
 from tests import generate
 from tests.brute import TimedSignals, truths
@@ -216,7 +217,7 @@ def test_what_is_warned_of_is_so(time: Time) -> None:
         rng = random.Random(f"{time} {number}")
         spec, types = some_spec(rng, time)
         (prop,) = spec.properties
-        found = list(doubts(prop, places(spec, prop.time, types)))
+        found = list(doubts(prop, places(spec, prop.time, types), Effort()))
         for doubt in found:
             told[doubt.claim] = told.get(doubt.claim, 0) + 1
         for _ in range(4 if found else 0):
