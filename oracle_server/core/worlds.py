@@ -40,6 +40,8 @@ _Run = Callable[[_World, Sequence[Truth]], Truth]
 """A world, and what is known of each atom whatever the world is, to what a part comes to there."""
 _MOST = 256
 """Most combinations of values that are tried for a place."""
+_MOST_JOINED = 4
+"""Most variables with whose values a signal is compared; of others nothing is known."""
 _LARGEST = 100
 """Most constraints of an instant that is looked at."""
 
@@ -64,7 +66,10 @@ class Worlds:
         for atom in self._atoms:
             for key in {c.key for c in atom.constraints}:
                 readers[key] = readers.get(key, 0) + 1
-        self._shared = [key for key, count in readers.items() if count > 1]
+        self._shared = {key: dict[_Fact, Constraint]() for key, count in readers.items() if count > 1}
+        for fact, constraint in self._asked():
+            if constraint.key in self._shared:
+                self._shared[constraint.key][fact] = constraint
         self.keys = Atom(tuple(c for atom in self._atoms for c in atom.constraints))
         """An atom with all constraints."""
         self.telling = bool(self._shared) and len(self.keys.constraints) <= _LARGEST
@@ -72,7 +77,11 @@ class Worlds:
 
     def truth(self, place: Place, value: Callable[[Place, Atom], Truth], effort: Effort) -> Truth:
         """What the instant comes to at a place; `value` is what is known of an atom there."""
-        choices = [list(self._choices(key, place)) for key in self._shared if key not in place.constants]
+        effort.left -= self._size
+        if effort.left < 0:
+            return None
+        shared = [(key, asked) for key, asked in self._shared.items() if key not in place.constants]
+        choices = [list(_choices(key, asked, place)) for key, asked in shared]
         count = math.prod(len(each) for each in choices)
         if count == 1 or count > _MOST or count * self._size > effort.left:
             return None
@@ -93,18 +102,6 @@ class Worlds:
     def _asked(self) -> Iterator[tuple[_Fact, Constraint]]:
         for atom, facts in zip(self._atoms, self._facts, strict=True):
             yield from zip(facts, atom.constraints, strict=True)
-
-    def _choices(self, key: str, place: Place) -> Iterator[_World]:
-        """What the constraints on a signal can come to, by the values that it can have."""
-        asked = {fact: constraint for fact, constraint in self._asked() if constraint.key == key}
-        plain = {fact: c for fact, c in asked.items() if not isinstance(c.value, Ref)}
-        joined = [fact for fact in asked if fact not in plain][: _MOST.bit_length()]
-        values = place.range(key).telling(list(plain.values()))
-        for found in {tuple(meets(c, v) for c in plain.values()) for v in values}:
-            for equal in product((False, True), repeat=len(joined)):
-                yield dict(zip((*plain, *joined), (*found, *equal), strict=True))
-        if key not in place.always:
-            yield dict.fromkeys(asked, False)
 
     def _compiled(self, node: Formula, scope: Mapping[str, int]) -> _Run:  # noqa: PLR0911 -- a case a node
         match node:
@@ -144,6 +141,18 @@ class Worlds:
         return run
 
 
+def _choices(key: str, asked: Mapping[_Fact, Constraint], place: Place) -> Iterator[_World]:
+    """What the constraints on a signal can come to, by the values that it can have."""
+    plain = {fact: c for fact, c in asked.items() if not isinstance(c.value, Ref)}
+    joined = [fact for fact in asked if fact not in plain][:_MOST_JOINED]
+    values = place.range(key).telling(list(plain.values()))
+    for found in {tuple(meets(c, v) for c in plain.values()) for v in values}:
+        for equal in product((False, True), repeat=len(joined)):
+            yield dict(zip((*plain, *joined), (*found, *equal), strict=True))
+    if key not in place.always:
+        yield dict.fromkeys(asked, False)
+
+
 def _asked_of(constraint: Constraint, scope: Mapping[str, int]) -> object:
     if isinstance(constraint.value, Ref):
         return scope.get(constraint.value.name, constraint.value)
@@ -151,7 +160,7 @@ def _asked_of(constraint: Constraint, scope: Mapping[str, int]) -> object:
 
 
 def _is_sure(place: Place, constraint: Constraint) -> bool:
-    if constraint.key in place.constants:
+    if constraint.key in place.constants and not isinstance(constraint.value, Ref):
         return meets(constraint, place.constants[constraint.key])
     return place.sure(constraint)
 

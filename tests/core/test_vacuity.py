@@ -108,7 +108,11 @@ def some_spec(rng: random.Random, time: Time) -> tuple[Spec, StreamTypes]:
             more.append(Constraint(rng.choice(generate.KEYS), "==", rng.choice(("A", "B", "C", True, tree.Any.ANY))))
         return Atom((*more, *atom.constraints) if rng.random() < 0.6 else tuple(more) or atom.constraints)
 
-    formula = rewritten(generate.formula(rng, time, rng.randint(0, 4)), lambda a: a if a.refs else change(a))
+    def joined(atom: Atom) -> Atom:
+        keys = {key: rng.choice(("topic", "monitor", "kind")) for key, _ in atom.refs if rng.random() < 0.1}
+        return Atom(tuple(replace(c, key=keys.get(c.key, c.key)) for c in atom.constraints))
+
+    formula = rewritten(generate.formula(rng, time, rng.randint(0, 4)), lambda a: joined(a) if a.refs else change(a))
     guards = frozenset(rng.sample([s.name for s in streams], 1))
     return Spec("x", tuple(streams), (Property("p", formula, time=time, guards=guards),)), types
 
