@@ -50,7 +50,7 @@ def test_expressions_in_the_documents_can_be_computed() -> None:
     values = {e: Projection({"it": e})(message) for e in told}
     assert {e for e, (_, failed) in values.items() if failed} == set()
     assert values["sqrt(msg.x * msg.x + msg.y * msg.y)"][0] == {"it": 5.0}
-    assert values["msg.ranges.exists(r, r != 'NaN' && double(r) < 0.5)"][0] == {"it": True}
+    assert values["msg.ranges.exists(r, r != 'NaN' && r < 0.5)"][0] == {"it": True}
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))

@@ -36,6 +36,7 @@ def inspect(
         *_held_elsewhere(spec),
         *_unwritten(spec),
         *_filters(spec),
+        *_idle_keys(spec),
         *_guards(spec),
         *_external(spec),
         *unmet(spec),
@@ -197,6 +198,21 @@ def _filters(spec: Spec) -> Iterator[SpecProblem]:
             if max_delay is None:
                 message = f"with `max_delay: none` a decision on {stream.name} can take longer than decide_within"
                 yield SpecProblem(("streams", i, "decide_within"), message, severity="warning")
+
+
+def _idle_keys(spec: Spec) -> Iterator[SpecProblem]:
+    """Keys that say what becomes of decided messages, where none is decided; their defaults are as good as absent."""
+    usual = StreamSpec("")
+    for i, stream in enumerate(spec.streams):
+        if stream.action == "filter" or not stream.traits.leads:
+            continue
+        for key in ("on_deny", "on_unavailable", "decide_within", "intercept"):
+            if getattr(stream, key) != getattr(usual, key):
+                message = (
+                    f"`{key}` has no effect on {stream.name}, which is only logged: nothing of it is denied; "
+                    "write `action: filter`, and name it under `guards` of a property, or leave the key out"
+                )
+                yield SpecProblem(("streams", i, key), message, severity="warning")
 
 
 def _guards(spec: Spec) -> Iterator[SpecProblem]:

@@ -26,9 +26,8 @@ from oracle_server.core.formula.tree import (
     walk,
 )
 from oracle_server.core.places import Place, likened
+from oracle_server.core.worlds import Effort, Truth, Worlds
 
-Truth = bool | None
-"""Whether a part holds at every event of a place (true), at none (false), or that is not known."""
 Row = tuple[Truth, ...]
 """The truth of a part, place by place."""
 TEMPORAL = (Pre, Once, Historically, Since)
@@ -46,9 +45,11 @@ class Occurrence:
 class Instants:
     """The rows of all parts of a formula."""
 
-    def __init__(self, formula: Formula, places: Sequence[Place], value: Callable[[Place, Atom], Truth]) -> None:
+    def __init__(
+        self, formula: Formula, places: Sequence[Place], value: Callable[[Place, Atom], Truth], effort: Effort
+    ) -> None:
         """Work out all rows; `value` is what is known of an atom at a place."""
-        self._places, self._value = places, value
+        self._places, self._value, self._effort = places, value, effort
         self._rows: dict[int, Row] = {}
         self._formula = formula
         self._fill(formula)
@@ -93,8 +94,20 @@ class Instants:
         yield from self._below(right, instant, _where_not(counts, self.row(left), by_left))
 
     def _fill(self, formula: Formula) -> None:
+        instants = {id(node) for node in self.operands()}
         for node in reversed(list(walk(formula))):  # children stand behind their parents
-            self._rows[id(node)] = self._compute(node)
+            row = self._compute(node)
+            self._rows[id(node)] = self._by_worlds(node, row) if id(node) in instants and None in row else row
+
+    def _by_worlds(self, instant: Formula, row: Row) -> Row:
+        """An instant's row, with what follows from its atoms together where not from each of them."""
+        worlds = Worlds(instant)
+        if not worlds.telling:
+            return row
+        like = likened(worlds.keys, self._places)
+        open_at = {id(place): place for place, value in zip(like, row, strict=True) if value is None}
+        found = {key: worlds.truth(place, self._value, self._effort) for key, place in open_at.items()}
+        return tuple(found[id(p)] if value is None else value for p, value in zip(like, row, strict=True))
 
     def _compute(self, node: Formula) -> Row:  # noqa: C901, PLR0911 -- a case a node
         match node:

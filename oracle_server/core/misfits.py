@@ -31,7 +31,8 @@ class Doubt:
 
     `never`: the atom holds nowhere. `met`: its constraint is met wherever the signal is there. `apart`: it holds for
     no value for which another atom does that uses the variable. `idle`: the atom might as well be false. `true`,
-    `false`: the part does so at every event of the places that `where` names.
+    `false`: the part does so at every event of the places that `where` names. `key` is the property's key at which it
+    is told, and `at` the place in the formula, where it is that.
     """
 
     claim: Claim
@@ -39,6 +40,7 @@ class Doubt:
     message: str
     at: Position
     where: tuple[str, ...] = ()
+    key: Literal["formula", "guards"] = "formula"
 
 
 def misfits(atom: Atom, places: Sequence[Place]) -> Iterator[Doubt]:

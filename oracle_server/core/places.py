@@ -83,9 +83,11 @@ class Place:
     def sure(self, constraint: Constraint) -> bool:
         """Whether every event meets a constraint, on a signal that it allows."""
         key, wanted = constraint.key, constraint.value
+        if isinstance(wanted, Ref):
+            return False
         if key in self.constants or (key in self.always and wanted is Any.ANY):
             return True
-        return key in self.always and not isinstance(wanted, Ref) and self.range(key).always_meets(constraint)
+        return key in self.always and self.range(key).always_meets(constraint)
 
     def looks(self, keys: Sequence[str]) -> tuple[object, ...]:
         """All that decides what is known here of an atom with these keys: equal for places that are alike to it."""

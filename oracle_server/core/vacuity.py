@@ -27,31 +27,36 @@ from oracle_server.core.formula.tree import (
     atoms,
     walk,
 )
-from oracle_server.core.instants import Instants, Occurrence, Truth
+from oracle_server.core.instants import Instants, Occurrence
 from oracle_server.core.joins import unjoined
 from oracle_server.core.kinds import RESERVED
 from oracle_server.core.misfits import Doubt, misfits
 from oracle_server.core.places import Place, names_of, places
 from oracle_server.core.spec import Property, Spec
 from oracle_server.core.typed import StreamTypes
+from oracle_server.core.worlds import Effort, Truth
 
 
 def vacuous(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
     """Warnings about formulas of a spec without errors, whose messages have these types."""
     where: dict[Time, list[Place]] = {}
+    effort = Effort()
     for i, prop in enumerate(spec.properties):
         if prop.time not in where:
             where[prop.time] = places(spec, prop.time, types)
-        for doubt in dict.fromkeys(doubts(prop, where[prop.time])):
-            message = f"formula of '{prop.id}': {doubt.message}"
-            yield SpecProblem(("properties", i, "formula"), message, doubt.at, severity="warning", kind="vacuous")
+        for doubt in dict.fromkeys(doubts(prop, where[prop.time], effort)):
+            what = "formula of" if doubt.key == "formula" else "property"
+            within = doubt.at if doubt.key == "formula" else None
+            message = f"{what} '{prop.id}': {doubt.message}"
+            yield SpecProblem(("properties", i, doubt.key), message, within, severity="warning", kind="vacuous")
 
 
-def doubts(prop: Property, where: Sequence[Place]) -> Iterator[Doubt]:
+def doubts(prop: Property, where: Sequence[Place], effort: Effort) -> Iterator[Doubt]:
     """What is doubtful in a property's formula at some places, each with a claim that holds for all messages."""
     if prop.external or prop.numeric:
         return
-    seen = _Seen(prop, where, Instants(prop.formula, where, Place.value), Instants(prop.formula, where, _lenient))
+    known, lenient = (Instants(prop.formula, where, value, effort) for value in (Place.value, _lenient))
+    seen = _Seen(prop, where, known, lenient)
     yield from seen.doubts()
 
 
@@ -84,6 +89,7 @@ class _Seen:
                 yield from self._ended(node)
         yield from unjoined(self.prop.formula, self.places)
         yield from self._settled(told)
+        yield from self._unused_guards()
 
     def _idle(self, occurrence: Occurrence) -> list[Place]:
         """The streams at whose events an atom could decide something, and never holds; none where it holds at some."""
@@ -156,6 +162,22 @@ class _Seen:
             if not told & {id(node) for node in walk(instant)}:
                 yield self._constant(instant, value)
             told.add(id(instant))
+
+    def _unused_guards(self) -> Iterator[Doubt]:
+        """Streams at whose events the property holds, so that it can deny none: not where it was negative before."""
+        row = self.known.row(self.prop.formula)
+        if self.prop.latch or all(row):
+            return
+        for name in sorted(self.prop.guards):
+            own = [(p, holds) for p, holds in zip(self.places, row, strict=True) if p.stream and p.stream.name == name]
+            if own and all(holds for _, holds in own):
+                group = next(p.stream.traits.group for p, _ in own if p.stream)
+                message = (
+                    f"it guards {name}, and holds at every event of it, whatever the messages say, so that it denies "
+                    f'none that can be judged; write what must hold there, as in `{{{group}: "{name}"}} -> …`, with '
+                    "what other streams say under their `hold`"
+                )
+                yield Doubt("true", self.prop.formula, message, (1, 1), tuple(p.name for p, _ in own), "guards")
 
     def _constant(self, instant: Formula, value: Truth) -> Doubt:
         what = "holds" if value else "fails"

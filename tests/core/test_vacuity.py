@@ -29,6 +29,7 @@ from oracle_server.core.signals import Projection
 from oracle_server.core.spec import Property, Spec, StreamSpec
 from oracle_server.core.typed import StreamTypes, TypedMessage
 from oracle_server.core.vacuity import doubts
+from oracle_server.core.worlds import Effort
 from oracle_server.specfiles.load import parse_spec
 from tests import generate
 from tests.brute import TimedSignals, truths
@@ -107,7 +108,11 @@ def some_spec(rng: random.Random, time: Time) -> tuple[Spec, StreamTypes]:
             more.append(Constraint(rng.choice(generate.KEYS), "==", rng.choice(("A", "B", "C", True, tree.Any.ANY))))
         return Atom((*more, *atom.constraints) if rng.random() < 0.6 else tuple(more) or atom.constraints)
 
-    formula = rewritten(generate.formula(rng, time, rng.randint(0, 4)), lambda a: a if a.refs else change(a))
+    def joined(atom: Atom) -> Atom:
+        keys = {key: rng.choice(("topic", "monitor", "kind")) for key, _ in atom.refs if rng.random() < 0.1}
+        return Atom(tuple(replace(c, key=keys.get(c.key, c.key)) for c in atom.constraints))
+
+    formula = rewritten(generate.formula(rng, time, rng.randint(0, 4)), lambda a: joined(a) if a.refs else change(a))
     guards = frozenset(rng.sample([s.name for s in streams], 1))
     return Spec("x", tuple(streams), (Property("p", formula, time=time, guards=guards),)), types
 
@@ -216,7 +221,7 @@ def test_what_is_warned_of_is_so(time: Time) -> None:
         rng = random.Random(f"{time} {number}")
         spec, types = some_spec(rng, time)
         (prop,) = spec.properties
-        found = list(doubts(prop, places(spec, prop.time, types)))
+        found = list(doubts(prop, places(spec, prop.time, types), Effort()))
         for doubt in found:
             told[doubt.claim] = told.get(doubt.claim, 0) + 1
         for _ in range(4 if found else 0):

@@ -7,8 +7,19 @@ from typing import Any
 
 from oracle_server.core.expression.cost import Frame
 from oracle_server.core.expression.loops import Run
+from oracle_server.core.expression.stops import Failed
 from oracle_server.core.expression.tree import Compare, ListOf, Literal
-from oracle_server.core.expression.values import ORDER, contained, is_number, ordered, same, unfit
+from oracle_server.core.expression.values import (
+    NO_ORDER,
+    NOT_FINITE,
+    ORDER,
+    contained,
+    is_number,
+    number,
+    ordered,
+    same,
+    unfit,
+)
 
 
 def compare(node: Compare, left: Run, right: Run) -> tuple[Run, bool]:
@@ -29,17 +40,22 @@ def compare(node: Compare, left: Run, right: Run) -> tuple[Run, bool]:
     return lambda message, frame: same(left(message, frame), right(message, frame), frame) is wanted, True
 
 
-def _with_number(mark: str, left: Run, number: Any) -> Run:
+def _with_number(mark: str, left: Run, wanted: Any) -> Run:
     holds = ORDER.get(mark)
     if holds is None:
-        return _equal_number(left, number, wanted=mark == "==")
+        return _equal_number(left, wanted, wanted=mark == "==")
     in_order, why = holds, f"`{mark}` takes two numbers or two texts"
 
     def run(message: Mapping[str, Any], frame: Frame) -> bool:
         value = left(message, frame)
         if type(value) is int or (type(value) is float and value == value):  # noqa: PLR0124 -- NaN
-            return in_order(value, number)
-        raise unfit(why, value, number)
+            return in_order(value, wanted)
+        found = number(value)
+        if type(found) is not float:
+            raise unfit(why, value, wanted)
+        if found != found:  # noqa: PLR0124 -- NaN
+            raise Failed(NO_ORDER, value, wanted)
+        return in_order(found, wanted)
 
     return run
 
@@ -53,13 +69,16 @@ def _equal_number(left: Run, number: Any, *, wanted: bool) -> Run:
 
 
 def _with_text(text: str, left: Run, *, wanted: bool) -> Run:
+    if text in NOT_FINITE:
+        meant = NOT_FINITE[text]
+        return lambda message, frame: ((value := left(message, frame)) == text or value == meant) is wanted
     if wanted:
         return lambda message, frame: bool(left(message, frame) == text)
     return lambda message, frame: bool(left(message, frame) != text)
 
 
 def _one_of(values: list[Any], left: Run) -> Run:
-    numbers = frozenset(v for v in values if is_number(v))
+    numbers = frozenset(number(v) for v in values if is_number(number(v)) and v != "NaN")
     texts = frozenset(v for v in values if isinstance(v, str))
     longest = max(map(len, texts), default=0)
     others = [v for v in values if v is None or isinstance(v, bool)]

@@ -5,7 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from oracle_server.core.expression.static import NOT_FINITE, Elements, Static, described, is_number, is_text, kind
+from oracle_server.core.expression.static import (
+    INFINITE,
+    NOT_FINITE,
+    Elements,
+    Static,
+    described,
+    is_number,
+    is_text,
+    kind,
+)
 from oracle_server.core.expression.tree import Literal, Node
 from oracle_server.core.shapes import Many, Record, Value
 
@@ -63,6 +72,8 @@ def ordered(mark: str, one: Operand, other: Operand) -> str | None:
     for operand in (one, other):
         if isinstance(operand.static, Many | Elements | Record):
             return f"{operand}, and `{mark}` takes two numbers or two texts{_single(operand)}"
+    if any(kind(a.static) == "real" and _names(b, INFINITE) for a, b in ((one, other), (other, one))):
+        return None
     return _unlike(f"and `{mark}` takes two numbers or two texts", one, other)
 
 
@@ -89,11 +100,15 @@ def outside(one: Operand, first: Operand) -> str | None:
 
 def _equal(one: Operand, other: Operand, outcome: str) -> str | None:
     for a, b in ((one, other), (other, one)):
-        if kind(a.static) == "real" and isinstance(b.node, Literal) and b.node.value in NOT_FINITE:
-            if isinstance(a.static, Value) and a.static.type:
+        if kind(a.static) == "real" and _names(b, NOT_FINITE):
+            if (isinstance(a.static, Value) and a.static.type) or _names(b, INFINITE):
                 return None
             return f"`{a.text}` is computed, and is never the text {b.text}"
     return _unlike(outcome, one, other)
+
+
+def _names(operand: Operand, texts: frozenset[str]) -> bool:
+    return isinstance(operand.node, Literal) and operand.node.value in texts
 
 
 def _unlike(outcome: str, one: Operand, other: Operand) -> str | None:

@@ -20,7 +20,8 @@ Static = Value | Many | Record | Elements | None
 
 WHOLE, REAL, BOOL, TEXT = (Value(kind, "") for kind in ("whole", "real", "bool", "text"))
 """What expressions make; a value without a type stands in no field."""
-NOT_FINITE = frozenset({"NaN", "Infinity", "-Infinity"})
+INFINITE = frozenset({"Infinity", "-Infinity"})
+NOT_FINITE = INFINITE | {"NaN"}
 """The texts as which real fields arrive that are not finite."""
 _WORDS: dict[ValueKind, str] = {
     "whole": "a whole number",

@@ -1,6 +1,7 @@
 """What operators and functions make of values: arithmetic, equality, order and conversions.
 
 Whole numbers are of 64 bits, signed or not; real ones of 64 bits. A null among the operands is a field without value.
+A real one that is not finite arrives as a text, which counts as that number wherever a number can stand.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from oracle_server.core.expression.stops import Absent, Failed
 _LEAST, _MOST, _UNSIGNED = -(2**63), 2**63, 2**64
 _REAL = re.compile(r"[+-]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]+)?|inf|infinity|nan)", re.IGNORECASE)
 _WHOLE = re.compile(r"[+-]?[0-9]{1,20}")
+NOT_FINITE = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
+NO_ORDER = "NaN is neither less nor more than any number; ask for `!= 'NaN'` first"
 _LONGEST_NUMBER = 400
 """Most characters of a text that is read as a number."""
 
@@ -42,6 +45,19 @@ def real(value: float) -> float:
         raise Failed("the number has more than 64 bits", value) from None
 
 
+def number(value: Any) -> Any:
+    """A value as it is, but a text that stands for a number which is not finite as that number."""
+    return NOT_FINITE.get(value, value) if type(value) is str else value
+
+
+def _reals(why: str, one: Any, other: Any) -> tuple[float, float]:
+    """Two numbers as real ones. Raises `Stopped`."""
+    first, second = number(one), number(other)
+    if is_number(first) and is_number(second):
+        return real(first), real(second)
+    raise unfit(why, one, other)
+
+
 def add(one: Any, other: Any, frame: Frame) -> Any:
     """Numbers, texts, or lists."""
     kind = type(one)
@@ -50,15 +66,14 @@ def add(one: Any, other: Any, frame: Frame) -> Any:
             return one + other
         if kind is int:
             return whole(one + other, one, other, "+")
-        if kind is str:
+        if kind is str and not (one in NOT_FINITE and other in NOT_FINITE):
             charge(frame, (len(one) + len(other)) >> 6)
             return one + other
         if kind is list:
             charge(frame, (len(one) + len(other)) >> 2)
             return one + other
-    if is_number(one) and is_number(other):
-        return real(one) + real(other)
-    raise unfit("`+` takes two numbers, two texts or two lists", one, other)
+    first, second = _reals("`+` takes two numbers, two texts or two lists", one, other)
+    return first + second
 
 
 def subtract(one: Any, other: Any, _frame: Frame) -> Any:
@@ -69,9 +84,8 @@ def subtract(one: Any, other: Any, _frame: Frame) -> Any:
             return one - other
         if kind is int:
             return whole(one - other, one, other, "-")
-    if is_number(one) and is_number(other):
-        return real(one) - real(other)
-    raise unfit("`-` takes numbers", one, other)
+    first, second = _reals("`-` takes numbers", one, other)
+    return first - second
 
 
 def multiply(one: Any, other: Any, _frame: Frame) -> Any:
@@ -82,9 +96,8 @@ def multiply(one: Any, other: Any, _frame: Frame) -> Any:
             return one * other
         if kind is int:
             return whole(one * other, one, other, "*")
-    if is_number(one) and is_number(other):
-        return real(one) * real(other)
-    raise unfit("`*` takes numbers", one, other)
+    first, second = _reals("`*` takes numbers", one, other)
+    return first * second
 
 
 def divide(one: Any, other: Any, _frame: Frame) -> Any:
@@ -94,9 +107,7 @@ def divide(one: Any, other: Any, _frame: Frame) -> Any:
             raise Failed("division by zero", one, other)
         quotient = abs(one) // abs(other)
         return whole(quotient if (one < 0) == (other < 0) else -quotient, one, other, "/")
-    if not (is_number(one) and is_number(other)):
-        raise unfit("`/` takes numbers", one, other)
-    one, other = real(one), real(other)
+    one, other = _reals("`/` takes numbers", one, other)
     if other:
         return one / other
     return math.nan if one == 0 or math.isnan(one) else math.copysign(math.inf, one) * math.copysign(1.0, other)
@@ -130,8 +141,9 @@ def minus(value: Any) -> Any:
     """A number with the other sign."""
     if type(value) is int:
         return whole(-value, value, 0, "-")
-    if type(value) is float:
-        return -value
+    found = number(value)
+    if type(found) is float:
+        return -found
     raise unfit("`-` takes a number", value)
 
 
@@ -150,6 +162,8 @@ def same(one: Any, other: Any, frame: Frame, depth: int = 0) -> bool:
         return _same_within(one, other, frame, depth + 1)
     if is_number(one) and is_number(other):
         return bool(one == other)
+    if (kind is str and against is float) or (kind is float and against is str):
+        return bool(number(one) == number(other))
     return (kind is bool or one is None) and one is other
 
 
@@ -170,7 +184,7 @@ def _same_within(one: Any, other: Any, frame: Frame, depth: int) -> bool:
 def contained(one: Any, other: Any, frame: Frame) -> bool:
     """Whether a value is an element of a list, or a text the name of a field."""
     if type(other) is list:
-        if type(one) is str:
+        if type(one) is str and one not in NOT_FINITE:
             charge(frame, len(other) * (1 + (len(one) >> 8)) >> 2)
             return one in other
         charge(frame, 3 * len(other))
@@ -196,15 +210,17 @@ def ordered(mark: str) -> Callable[[Any, Any, Frame], bool]:
     compare = ORDER[mark]
 
     def in_order(one: Any, other: Any, frame: Frame) -> bool:
-        if is_number(one) and is_number(other):
-            if one == one and other == other:  # noqa: PLR0124 -- NaN
-                return compare(one, other)
-        elif type(one) is str and type(other) is str:
+        if type(one) is str and type(other) is str and not (one in NOT_FINITE and other in NOT_FINITE):
             charge(frame, min(len(one), len(other)) >> 8)
             return compare(one, other)
-        elif type(one) is bool and type(other) is bool:
+        if type(one) is bool and type(other) is bool:
             return compare(one, other)
-        raise unfit(f"`{mark}` takes two numbers or two texts", one, other)
+        first, second = number(one), number(other)
+        if not (is_number(first) and is_number(second)):
+            raise unfit(f"`{mark}` takes two numbers or two texts", one, other)
+        if first != first or second != second:  # noqa: PLR0124 -- NaN
+            raise Failed(NO_ORDER, one, other)
+        return compare(first, second)
 
     return in_order
 
@@ -258,18 +274,20 @@ def absolute(value: Any) -> Any:
     """A number without its sign."""
     if type(value) is int:
         return whole(abs(value), value, 0, "abs")
-    if type(value) is float:
-        return abs(value)
+    found = number(value)
+    if type(found) is float:
+        return abs(found)
     raise unfit("`abs` takes a number", value)
 
 
 def root(value: Any) -> float:
     """The square root of a number that is not negative."""
-    if not is_number(value):
+    found = number(value)
+    if not is_number(found):
         raise unfit("`sqrt` takes a number", value)
-    if value < 0:
+    if found < 0:
         raise Failed("a negative number has no square root", value)
-    return math.sqrt(real(value))
+    return math.sqrt(real(found))
 
 
 def largest(values: Sequence[Any]) -> Any:
@@ -285,11 +303,14 @@ def smallest(values: Sequence[Any]) -> Any:
 def _picked(pick: Callable[[Sequence[Any]], Any], values: Sequence[Any], name: str) -> Any:
     if not values:
         raise Failed(f"`{name}` takes a list with numbers in it, and this one is empty")
-    for value in values:
-        if not is_number(value) or value != value:  # noqa: PLR0124 -- NaN
+    numbers = [number(value) for value in values]
+    for value in numbers:
+        if not is_number(value):
             raise unfit(f"`{name}` takes numbers", value)
-    found = pick(values)
-    return real(found) if any(type(value) is float for value in values) else found
+        if value != value:  # noqa: PLR0124 -- NaN
+            raise Failed(NO_ORDER, value)
+    found = pick(numbers)
+    return real(found) if any(type(value) is float for value in numbers) else found
 
 
 def size(value: Any) -> int:

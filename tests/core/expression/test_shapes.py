@@ -44,6 +44,8 @@ def found(text: str, shape: Shape | None = SHAPE) -> list[Problem]:
         "msg.speed == 'NaN' || 'Infinity' == msg.speed",
         "msg.ranges.exists(r, r != 'NaN' && double(r) < 0.5)",
         "msg.speed in ['NaN', 2.5]",
+        "msg.ranges.exists(r, r < 0.5) && min(min(msg.ranges), msg.speed) < 'Infinity'",
+        "msg.speed * 2 != 'Infinity' && '-Infinity' < msg.speed",
         "msg.points.map(p, p.x).exists(x, x > msg.speed)",
         "msg.points[0].z + msg.three[2]",
         "msg.names.exists(n, n.startsWith('map')) && 'a' in msg.names",

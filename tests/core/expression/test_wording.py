@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from oracle_server.core.errors import ExpressionError
 from oracle_server.core.expression import check_shape, parse_expression
+from oracle_server.core.expression.values import NO_ORDER
 from oracle_server.core.signals import DefaultProjection, Projection
 
 
@@ -96,8 +97,12 @@ MESSAGE = {"n": 7, "zero": 0, "s": "NaN", "l": [1, 2], "m": {"k": 1}, "b": True,
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("msg.s * 2", "msg.s is 'NaN': `*` takes numbers"),
-        ("msg.s > 2.0", "msg.s is 'NaN': `>` takes two numbers or two texts"),
+        ("msg.s * 2", "msg.s * 2 is nan, and a signal is a text, a Boolean or a finite number"),
+        ("msg.s > 2.0", f"msg.s is 'NaN': {NO_ORDER}"),
+        ("msg.s <= msg.n", f"msg.s is 'NaN' and msg.n is 7: {NO_ORDER}"),
+        ("min(msg.n, msg.s)", f"min(msg.n, msg.s) with nan: {NO_ORDER}"),
+        ("msg.b * 2", "msg.b is true: `*` takes numbers"),
+        ("msg.b > 2.0", "msg.b is true: `>` takes two numbers or two texts"),
         ("7 / 0", "7 / 0: division by zero"),
         ("msg.n / msg.zero", "msg.n is 7 and msg.zero is 0: division by zero"),
         ("1 + 2 * (msg.n % msg.zero)", "msg.n is 7 and msg.zero is 0: division by zero"),

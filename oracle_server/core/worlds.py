@@ -1,0 +1,182 @@
+"""What a formula comes to at one event whatever its signals are, where several of its atoms read the same ones.
+
+By themselves `{s != 1}` and `{s != 2}` may each hold or not, yet one of them does wherever `s` is there. So a signal
+that several atoms read is given each value that they tell apart, one after another, and none where it may be absent.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+from oracle_server.core.atoms import meets
+from oracle_server.core.formula.tree import (
+    And,
+    Atom,
+    Bound,
+    Constraint,
+    Exists,
+    Forall,
+    Formula,
+    Historically,
+    Implies,
+    Not,
+    Once,
+    Or,
+    Ref,
+    Since,
+    walk,
+)
+from oracle_server.core.places import Place
+
+Truth = bool | None
+"""Whether a part holds at every event of a place (true), at none (false), or that is not known."""
+_Fact = tuple[str, object]
+"""That a signal meets a constraint, or has the value of a quantifier's variable: a number for each quantifier."""
+_World = Mapping[_Fact, bool]
+_Run = Callable[[_World, Sequence[Truth]], Truth]
+"""A world, and what is known of each atom whatever the world is, to what a part comes to there."""
+_MOST = 256
+"""Most combinations of values that are tried for a place."""
+_MOST_JOINED = 4
+"""Most variables with whose values a signal is compared; of others nothing is known."""
+_LARGEST = 100
+"""Most constraints of an instant that is looked at."""
+
+
+@dataclass(slots=True)
+class Effort:
+    """How many parts of formulas may still be worked out."""
+
+    left: int = 300_000
+
+
+class Worlds:
+    """An instant over all that its signals can be at an event; of the past nothing is known."""
+
+    def __init__(self, instant: Formula) -> None:
+        self._atoms: list[Atom] = []
+        self._facts: list[list[_Fact]] = []
+        self._quantifiers = 0
+        self._size = sum(1 for _ in walk(instant))
+        self._run = self._compiled(instant, {})
+        readers: dict[str, int] = {}
+        for atom in self._atoms:
+            for key in {c.key for c in atom.constraints}:
+                readers[key] = readers.get(key, 0) + 1
+        self._shared = {key: dict[_Fact, Constraint]() for key, count in readers.items() if count > 1}
+        for fact, constraint in self._asked():
+            if constraint.key in self._shared:
+                self._shared[constraint.key][fact] = constraint
+        self.keys = Atom(tuple(c for atom in self._atoms for c in atom.constraints))
+        """An atom with all constraints."""
+        self.telling = bool(self._shared) and len(self.keys.constraints) <= _LARGEST
+        """Whether anything can follow from its atoms together."""
+
+    def truth(self, place: Place, value: Callable[[Place, Atom], Truth], effort: Effort) -> Truth:
+        """What the instant comes to at a place; `value` is what is known of an atom there."""
+        effort.left -= self._size
+        if effort.left < 0:
+            return None
+        shared = [(key, asked) for key, asked in self._shared.items() if key not in place.constants]
+        choices = [list(_choices(key, asked, place)) for key, asked in shared]
+        count = math.prod(len(each) for each in choices)
+        if count == 1 or count > _MOST or count * self._size > effort.left:
+            return None
+        effort.left -= count * self._size
+        known = [value(place, atom) for atom in self._atoms]
+        sure = {fact: True for fact, constraint in self._asked() if _is_sure(place, constraint)}
+        first: Truth = None
+        for chosen in product(*choices):
+            world = dict(sure)
+            for each in chosen:
+                world |= each
+            found = self._run(world, known)
+            if found is None or found is not (first if first is not None else found):
+                return None
+            first = found
+        return first
+
+    def _asked(self) -> Iterator[tuple[_Fact, Constraint]]:
+        for atom, facts in zip(self._atoms, self._facts, strict=True):
+            yield from zip(facts, atom.constraints, strict=True)
+
+    def _compiled(self, node: Formula, scope: Mapping[str, int]) -> _Run:  # noqa: PLR0911 -- a case a node
+        match node:
+            case Atom():
+                return self._atom(node, scope)
+            case Not(operand):
+                inner = self._compiled(operand, scope)
+                return lambda world, known: _negated(inner(world, known))
+            case And(left, right) | Or(left, right) | Implies(left, right):
+                one, two, join = self._compiled(left, scope), self._compiled(right, scope), _JOINS[type(node)]
+                return lambda world, known: join(one(world, known), two(world, known))
+            case Exists(variable, body) | Forall(variable, body):
+                # as the whole holds for each value of its own, whichever value decides the quantifier
+                self._quantifiers += 1
+                return self._compiled(body, {**scope, variable: self._quantifiers})
+            case Once(operand, Bound(lower=0)) | Since(_, operand, Bound(lower=0)):
+                now = self._compiled(operand, scope)
+                return lambda world, known: now(world, known) or None
+            case Historically(operand, Bound(lower=0)):
+                now = self._compiled(operand, scope)
+                return lambda world, known: None if now(world, known) is not False else False
+            case _:
+                return lambda _world, _known: None
+
+    def _atom(self, atom: Atom, scope: Mapping[str, int]) -> _Run:
+        index = len(self._atoms)
+        facts = [(c.key, _asked_of(c, scope)) for c in atom.constraints]
+        self._atoms.append(atom)
+        self._facts.append(facts)
+
+        def run(world: _World, known: Sequence[Truth]) -> Truth:
+            if known[index] is not None:
+                return known[index]
+            found = [world.get(fact) for fact in facts]
+            return False if False in found else None if None in found else True
+
+        return run
+
+
+def _choices(key: str, asked: Mapping[_Fact, Constraint], place: Place) -> Iterator[_World]:
+    """What the constraints on a signal can come to, by the values that it can have."""
+    plain = {fact: c for fact, c in asked.items() if not isinstance(c.value, Ref)}
+    joined = [fact for fact in asked if fact not in plain][:_MOST_JOINED]
+    values = place.range(key).telling(list(plain.values()))
+    for found in {tuple(meets(c, v) for c in plain.values()) for v in values}:
+        for equal in product((False, True), repeat=len(joined)):
+            yield dict(zip((*plain, *joined), (*found, *equal), strict=True))
+    if key not in place.always:
+        yield dict.fromkeys(asked, False)
+
+
+def _asked_of(constraint: Constraint, scope: Mapping[str, int]) -> object:
+    if isinstance(constraint.value, Ref):
+        return scope.get(constraint.value.name, constraint.value)
+    return constraint
+
+
+def _is_sure(place: Place, constraint: Constraint) -> bool:
+    if constraint.key in place.constants and not isinstance(constraint.value, Ref):
+        return meets(constraint, place.constants[constraint.key])
+    return place.sure(constraint)
+
+
+def _negated(value: Truth) -> Truth:
+    return None if value is None else not value
+
+
+def _or(left: Truth, right: Truth) -> Truth:
+    if left is True or right is True:
+        return True
+    return None if left is None or right is None else False
+
+
+_JOINS: Mapping[type, Callable[[Truth, Truth], Truth]] = {
+    And: lambda left, right: _negated(_or(_negated(left), _negated(right))),
+    Or: _or,
+    Implies: lambda left, right: _or(_negated(left), right),
+}
