@@ -25,6 +25,7 @@ from oracle_server.sessions.counters import Counters
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.monitor import Monitor, Outbox, claimed
 from oracle_server.sessions.runs import successors
+from oracle_server.sessions.shares import Shares
 from oracle_server.sessions.status import session_state
 from oracle_server.specfiles.library import Entry, Library, UnknownSpecError
 from oracle_server.specfiles.load import parse_spec
@@ -58,6 +59,7 @@ class Registry:
         self.open: dict[str, LiveSession] = {}
         self.counters = Counters()
         self._history, self._library, self._clock, self._resume_within = history, library, clock, resume_within
+        self._shares = Shares()
         self._opening = asyncio.Lock()
         self._closing: dict[int, asyncio.Task[None]] = {}
         self._stopping = False
@@ -148,7 +150,7 @@ class Registry:
         """Take a snapshot of an open session, unless the last one was taken too recently."""
         for session in self.open.values():
             if session.number == number and not session.closing and session.ledger.snapshots.rested:
-                session.ledger.save()
+                session.share.run_for_server(session.ledger.save)
 
     async def closed_within(self, session: LiveSession, within: float) -> bool:
         """Close a session, and return whether it is closed within `within` seconds; else the closing continues.
@@ -249,7 +251,10 @@ class Registry:
         clock = self._clock.since(core.now)
         if clock is not self._clock:
             log.warning("a session goes on by a time that is ahead of the wall clock; close it", session=record.id)
-        live = LiveSession(record, core, self._history, clock, self.counters, self._resume_within, self._request_close)
+        live = LiveSession(
+            record, core, self._history, clock, self.counters, self._shares.share(), self._resume_within,
+            self._request_close,
+        )  # fmt: skip
         self.open[live.id] = live
         return live
 
