@@ -54,12 +54,14 @@ class SessionStaysOpenError(OracleError):
 class Registry:
     """The open sessions, and the closed ones by their records in the history."""
 
-    def __init__(self, history: History, library: Library, clock: Clock, resume_within: float) -> None:
+    def __init__(
+        self, history: History, library: Library, clock: Clock, resume_within: float, shares: Shares | None = None
+    ) -> None:
         """Begin without sessions; `resume_within` is how long (s) a monitor stays attached without a connection."""
         self.open: dict[str, LiveSession] = {}
         self.counters = Counters()
         self._history, self._library, self._clock, self._resume_within = history, library, clock, resume_within
-        self._shares = Shares()
+        self.shares = shares or Shares()
         self._opening = asyncio.Lock()
         self._closing: dict[int, asyncio.Task[None]] = {}
         self._stopping = False
@@ -252,7 +254,7 @@ class Registry:
         if clock is not self._clock:
             log.warning("a session goes on by a time that is ahead of the wall clock; close it", session=record.id)
         live = LiveSession(
-            record, core, self._history, clock, self.counters, self._shares.share(), self._resume_within,
+            record, core, self._history, clock, self.counters, self.shares.share(), self._resume_within,
             self._request_close,
         )  # fmt: skip
         self.open[live.id] = live
