@@ -31,8 +31,8 @@ class Line:
         return self.ratio >= self.goal if self.rises else self.ratio <= self.goal
 
 
-def table(lines: list[Line]) -> str:
-    rows = [("", "oracle", "bare", "", "ratio", "goal", "")]
+def table(lines: list[Line], heads: tuple[str, str] = ("oracle", "bare")) -> str:
+    rows = [("", *heads, "", "ratio", "goal", "")]
     for line in lines:
         goal = "" if line.goal is None else f"{'≥' if line.rises else '≤'} {line.goal}"
         verdict = {None: "", True: "met", False: "MISSED"}[line.met]

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,14 +23,17 @@ properties:
   - {id: seen, formula: 'once[:10]{v: 1}'}
 """
 
+NO_MORE: Mapping[str, str] = {}
+
 
 class Server:
-    """A server in a process of its own; settings as in the environment."""
+    """A server in a process of its own, with further specs by their ids; settings as in the environment."""
 
-    def __init__(self, folder: Path, **settings: str) -> None:
+    def __init__(self, folder: Path, more: Mapping[str, str] = NO_MORE, **settings: str) -> None:
         specs = folder / "specs"
         specs.mkdir()
-        (specs / "soak.yaml").write_text(SPEC)
+        for name, text in {"soak": SPEC, **more}.items():
+            (specs / f"{name}.yaml").write_text(text)
         command = [sys.executable, "-m", "oracle_server", "serve", "--specs", str(specs), "--port", "0"]
         env = os.environ | {"ORACLE_DATA_DIR": str(folder / "data"), "ORACLE_LOG": "json"} | settings
         self._log = (folder / "log").open("w+")
@@ -42,7 +46,11 @@ class Server:
             self.port = next((int(line["url"].rpartition(":")[2]) for line in lines if "url" in line), 0)
 
     def attach(self) -> connect:
-        url = f"ws://127.0.0.1:{self.port}/api/v1/attach"
+        return self.dial(self.port)
+
+    @staticmethod
+    def dial(port: int) -> connect:
+        url = f"ws://127.0.0.1:{port}/api/v1/attach"
         return connect(url, compression=None, proxy=None, ping_interval=None, open_timeout=60, max_queue=None)
 
     def stop(self) -> None:
@@ -72,8 +80,8 @@ async def talk(socket: ClientConnection, session: str, events: int) -> None:
         await until_acked(socket, following + events - 1)
 
 
-def hello(session: str) -> dict[str, Any]:
-    return {"type": "attach", "monitor": "m", "instance": "i", "session": session, "spec": "soak"}
+def hello(session: str, spec: str = "soak") -> dict[str, Any]:
+    return {"type": "attach", "monitor": "m", "instance": "i", "session": session, "spec": spec}
 
 
 def event(seq: int) -> dict[str, Any]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+from collections.abc import Callable
 from typing import assert_never
 
 import structlog
@@ -110,8 +112,10 @@ class Connection:
                 reader = tasks.create_task(self._read())
                 self._tasks = [writer, reader]
                 await asyncio.wait((writer, reader), return_when=asyncio.FIRST_COMPLETED)
-                if reader.done() and not writer.done():
+                if reader.done():
                     await asyncio.wait((writer,), timeout=_CLOSE_WITHIN)
+                elif not self._conversation.ended:  # the connection is lost, and what had come before is still taken
+                    await asyncio.wait((reader,), timeout=_CLOSE_WITHIN)
                 self._give_up()
         finally:
             self._stalled.stop()
@@ -169,10 +173,8 @@ class Connection:
         if self._sending.locked():
             self._ready.set()
             return
-        try:
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):  # the reader is told after what had come
             await self._send_queued()
-        except (RuntimeError, OSError):
-            raise WebSocketDisconnect(1006) from None
 
     # Reading
 
@@ -186,11 +188,13 @@ class Connection:
                 if self._due_pause:
                     await asyncio.sleep(self._due_pause)
                     self._due_pause = 0.0
-                self._process_frame(data)
+                await session.share.rested()
+                session.share.run(self._process_frame, data)
                 await self._send_replies()
                 while self._throttle.must_yield:
                     await asyncio.sleep(self._pause())  # yields even for 0 s
-                    self._process_messages()
+                    await session.share.rested()
+                    session.share.run(self._process_messages)
                     await self._send_replies()
         except WireError as error:
             self.drop(error)
@@ -267,9 +271,9 @@ class Connection:
 
         Returns False where the frame must wait for the reader.
         """
-        if self._attached is None or not self._attached[0].has_room:
+        if self._attached is None or not self._attached[0].has_room or self._attached[0].share.rest:
             return False
-        waits = not self._idle or self._due_pause or self._throttle.is_full
+        waits = not self._idle or self._due_pause or self._throttle.must_yield
         if waits or self._conversation.ended or text.startswith(_BATCH):
             return False
         try:
@@ -278,7 +282,17 @@ class Connection:
             self._fail()
             return True
 
-    def flush(self) -> None:
+    def take(self, process: Callable[[bytes], None], data: bytes) -> None:
+        """Process data from the socket, and charge the session for it."""
+        assert self._attached is not None  # noqa: S101 -- only called once attached
+        self._throttle.begin()
+        self._attached[0].share.run(self._take, process, data)
+
+    def _take(self, process: Callable[[bytes], None], data: bytes) -> None:
+        process(data)
+        self._flush()
+
+    def _flush(self) -> None:
         """Write the replies to the frames that were processed on arrival, and note for how long to pause."""
         if self._idle:
             self._due_pause = self._pause()

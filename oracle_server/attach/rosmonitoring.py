@@ -142,6 +142,7 @@ class LegacyConnection:
                 message = await self._socket.receive()
                 if message["type"] == "websocket.disconnect":
                     return
+                await self._session.share.rested()
                 reply = await self._reply(monitor, message.get("text"))
                 async with asyncio.timeout(_STALLED):
                     await self._socket.send_text(reply)
@@ -157,9 +158,10 @@ class LegacyConnection:
     async def _reply(self, monitor: Monitor, text: str | None) -> str:
         self._seq += 1
         value: dict[str, Any] = {}
+        run = self._session.share.run
         try:
-            value = decode_object(text or "")
-            judged = self._session.ingest(monitor, self._event(text or "", value))
+            value = run(decode_object, text or "")
+            judged = run(self._ingest, monitor, text or "", value)
             if self._session.oracles is not None:
                 waiting = self._session.oracles.judgement(monitor.name, self._seq)
                 judged = judged if waiting is None else [await waiting]
@@ -187,6 +189,9 @@ class LegacyConnection:
         }
         filtered = any(key in spec.by_key and spec.by_key[key].action == "filter" for key in streams)
         return reply | {"verdict": _NOT_FINAL.get((reply["verdict"], filtered), reply["verdict"])}
+
+    def _ingest(self, monitor: Monitor, text: str, value: dict[str, Any]) -> list[Judged]:
+        return self._session.ingest(monitor, self._event(text, value))
 
     def _event(self, text: str, value: dict[str, Any]) -> AnyEvent:
         flat = flat_event(value)

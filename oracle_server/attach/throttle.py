@@ -8,7 +8,7 @@ _BURST = 2.0
 """Seconds' worth of events that may come at once."""
 _AT_ONCE = 64
 """Events of one connection that are processed before it yields to the others."""
-_TURN = 0.005
+_TURN = 0.002
 """Seconds after which it yields in any case: a formula may be slow."""
 
 
@@ -18,8 +18,12 @@ class Throttle:
     def __init__(self, rate: float) -> None:
         self._rate = rate
         self._room = rate * _BURST
-        self._at = time.monotonic()
+        self._at = self._began = time.monotonic()
         self._run = 0
+
+    def begin(self) -> None:
+        """Begin a turn: something has arrived."""
+        self._began = time.monotonic()
 
     def count(self) -> None:
         """Count an event."""
@@ -28,7 +32,7 @@ class Throttle:
     @property
     def must_yield(self) -> bool:
         """Whether the connection should call `pause` and yield to the others."""
-        return self.is_full or (self._run > 0 and time.monotonic() - self._at > _TURN)
+        return self.is_full or (self._run > 0 and time.monotonic() - self._began > _TURN)
 
     @property
     def is_full(self) -> bool:
@@ -40,6 +44,7 @@ class Throttle:
         counted, self._run = self._run, 0
         now = time.monotonic()
         passed, self._at = now - self._at, now
+        self._began = now
         if not self._rate:
             return 0.0
         self._room = min(self._rate * _BURST, self._room + passed * self._rate) - counted

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from http import HTTPStatus
 from typing import Protocol, cast
 
@@ -102,8 +102,8 @@ class Receiver(Protocol):
     def offer(self, text: str) -> bool:
         """Process a message now; False where it must wait to be received, as must all that arrive before that."""
 
-    def flush(self) -> None:
-        """Write replies, after each message of a read from the socket was offered."""
+    def take(self, process: Callable[[bytes], None], data: bytes) -> None:
+        """Process what was read from the socket, which offers each message in it, then write replies."""
 
 
 class WebSocketTransport(WebSocketsSansIOProtocol):
@@ -139,12 +139,13 @@ class WebSocketTransport(WebSocketsSansIOProtocol):
             cast("dict[str, object]", self.scope["extensions"])[DIRECT] = self
 
     def data_received(self, data: bytes) -> None:
-        """Offer the messages in `data` to the receiver, then let it write its replies."""
+        """Offer the messages in `data` to the receiver, which then writes its replies."""
         if self._cut_off:  # TLS may still hand over what had arrived
             return
-        super().data_received(data)
-        if self.receiver is not None:
-            self.receiver.flush()
+        if self.receiver is None:
+            super().data_received(data)
+        else:
+            self.receiver.take(super().data_received, data)
 
     def send_receive_event_to_app(self) -> None:
         """Offer a message to the receiver, or queue it where others wait before it."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -20,6 +21,30 @@ def uncollected() -> Iterator[None]:
         yield
     finally:
         gc.enable()
+
+
+class _Full:
+    """What full collections have taken."""
+
+    def __init__(self) -> None:
+        self.seconds = self._begin = 0.0
+
+    def __call__(self, phase: str, info: dict[str, int]) -> None:
+        """Called by the collector at both ends of each collection."""
+        if info["generation"] == 2:
+            if phase == "start":
+                self._begin = time.thread_time()
+            else:
+                self.seconds += time.thread_time() - self._begin
+
+
+_full = _Full()
+gc.callbacks.append(_full)
+
+
+def collecting() -> float:
+    """The processor's seconds that full collections of garbage have taken, which look through all objects."""
+    return _full.seconds
 
 
 def collect_rarely() -> None:

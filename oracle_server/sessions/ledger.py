@@ -18,6 +18,7 @@ from oracle_server.sessions.commits import Commits
 from oracle_server.sessions.counters import Counters
 from oracle_server.sessions.lookup import DecisionLookup
 from oracle_server.sessions.monitor import Monitor
+from oracle_server.sessions.shares import Share
 from oracle_server.sessions.snapshots import Snapshots
 from oracle_server.sessions.standing import Standing
 from oracle_server.sessions.violations import ViolationLog
@@ -37,15 +38,17 @@ class Ledger:
 
     def __init__(
         self, opened: SessionRecord, core: Session, history: History, clock: Clock, counters: Counters,
-        backlog: Backlog, monitors: Mapping[str, Monitor],
+        backlog: Backlog, share: Share, monitors: Mapping[str, Monitor],
     ) -> None:  # fmt: skip
         """Write for a session; `monitors` is the session's own mapping, to which later monitors are added."""
         self.commits = Commits()
-        self.snapshots = Snapshots(opened.id, opened.number, core, history, backlog, self.save)
+        self.snapshots = Snapshots(
+            opened.id, opened.number, core, history, backlog, partial(share.run_for_server, self.save)
+        )
         self.lookup = DecisionLookup(history, opened.number, [p.id for p in core.plan.spec.properties])
         self.refused = 0
         """How many events were refused."""
-        self._session, self._monitors = opened.number, monitors
+        self._session, self._monitors, self._share = opened.number, monitors, share
         self._core, self._history, self._clock, self._counters = core, history, clock, counters
         self._width = len(core.plan.spec.properties)
         self._deciding = next(iter(core.judges))
@@ -62,7 +65,7 @@ class Ledger:
     def add(self, judged: list[Judged]) -> None:
         """Queue judged steps; many are written together, within `_WRITE_AFTER`."""
         if not self._unwritten:
-            asyncio.get_running_loop().call_later(_WRITE_AFTER, self.write)
+            asyncio.get_running_loop().call_later(_WRITE_AFTER, self._share.run, self.write)
         self._unwritten += judged
 
     def write(self) -> None:
@@ -85,10 +88,10 @@ class Ledger:
         if steps:
             self._counters.add_steps([step.outcomes for step in steps])
             standing, position = self._standing.changed(self._last_verdict), self._position
-            done = partial(self._committed, used, position, violations, standing)
+            done = partial(self._share.run, self._committed, used, position, violations, standing)
             self._history.append(self._session, steps, done)
             if self.snapshots.is_due(self._position):
-                self.save()
+                self._share.run_for_server(self.save)
 
     def restate(self, monitor: MonitorRecord) -> None:
         """Write what a monitor reports of its streams, and send how the properties then stand."""

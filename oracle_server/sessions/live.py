@@ -25,6 +25,7 @@ from oracle_server.sessions.backlog import Backlog
 from oracle_server.sessions.counters import Counters
 from oracle_server.sessions.ledger import Ledger
 from oracle_server.sessions.monitor import Monitor, Outbox, check_time, claimed
+from oracle_server.sessions.shares import Share
 from oracle_server.wire.data import DataDecoder, data_decoder, nothing
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import AnyClock, AnyEvent, Attach, Handling, QuickHandling, ReportMessage
@@ -37,7 +38,7 @@ class LiveSession:
 
     def __init__(
         self, record: SessionRecord, core: Session, history: History, clock: Clock, counters: Counters,
-        backlog: Backlog, resume_within: float, request_close: Callable[[LiveSession], None],
+        backlog: Backlog, share: Share, resume_within: float, request_close: Callable[[LiveSession], None],
     ) -> None:  # fmt: skip
         """Run a session; it calls `request_close` when its last monitor has left or its simulated time went back."""
         self.record = record
@@ -45,13 +46,17 @@ class LiveSession:
         self.core, self.spec = core, core.plan.spec
         self.monitors: dict[str, Monitor] = {}
         self.credit = Credit(self.spec.ordering.capacity)
-        self.ledger = Ledger(record, core, history, clock, counters, backlog, self.monitors)
+        self.share = share
+        """What it takes of the event loop's time; while it rests, its monitors are not read."""
+        self.ledger = Ledger(record, core, history, clock, counters, backlog, share, self.monitors)
         self.closing = False
         self.clock_went_back = False
         """Whether its simulation was restarted, so that it ignores all further events."""
         self._history, self.clock, self._counters = history, clock, counters
         self._resume_within, self._request_close = resume_within, request_close
-        self.oracles = None if core.asking is None else Oracles(core, self._enter, self._deliver)
+        self.oracles = (
+            None if core.asking is None else Oracles(core, self._enter, lambda j: share.run(self._deliver, j))
+        )
         self._begun = core.begun is not None
         """Whether the history has when the session began."""
         self._decoders: dict[tuple[str, str], DataDecoder] = {}
@@ -346,7 +351,7 @@ class LiveSession:
             self._timer.cancel()
         loop = asyncio.get_running_loop()
         delay = max(0, deadline - self.clock.now()) / 10**9
-        self._armed, self._timer = deadline, loop.call_later(delay, self._tick)
+        self._armed, self._timer = deadline, loop.call_later(delay, self.share.run, self._tick)
 
     def _tick(self) -> None:
         self._armed = self._timer = None

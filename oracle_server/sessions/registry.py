@@ -28,6 +28,7 @@ from oracle_server.sessions.counters import Counters
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.monitor import Monitor, Outbox, claimed
 from oracle_server.sessions.runs import successors
+from oracle_server.sessions.shares import Shares
 from oracle_server.sessions.status import session_state
 from oracle_server.specfiles.library import Entry, Library, UnknownSpecError
 from oracle_server.specfiles.load import parse_spec
@@ -56,12 +57,15 @@ class SessionStaysOpenError(OracleError):
 class Registry:
     """The open sessions, and the closed ones by their records in the history."""
 
-    def __init__(self, history: History, library: Library, clock: Clock, resume_within: float) -> None:
+    def __init__(
+        self, history: History, library: Library, clock: Clock, resume_within: float, shares: Shares | None = None
+    ) -> None:
         """Begin without sessions; `resume_within` is how long (s) a monitor stays attached without a connection."""
         self.open: dict[str, LiveSession] = {}
         self.backlog = Backlog()
         self.counters = Counters()
         self._history, self._library, self._clock, self._resume_within = history, library, clock, resume_within
+        self.shares = shares or Shares()
         self._opening = asyncio.Lock()
         self._builders = ThreadPoolExecutor(1, "session opening")
         self._closing: dict[int, asyncio.Task[None]] = {}
@@ -167,7 +171,7 @@ class Registry:
         """Take a snapshot of an open session, unless the last one was taken too recently."""
         for session in self.open.values():
             if session.number == number and not session.closing and session.ledger.snapshots.rested:
-                session.ledger.save()
+                session.share.run_for_server(session.ledger.save)
 
     async def closed_within(self, session: LiveSession, within: float) -> bool:
         """Close a session, and return whether it is closed within `within` seconds; else the closing continues.
@@ -268,8 +272,9 @@ class Registry:
         if clock is not self._clock:
             log.warning("a session goes on by a time that is ahead of the wall clock; close it", session=record.id)
         live = LiveSession(
-            record, core, self._history, clock, self.counters, self.backlog, self._resume_within, self._request_close
-        )
+            record, core, self._history, clock, self.counters, self.backlog, self.shares.share(), self._resume_within,
+            self._request_close,
+        )  # fmt: skip
         self.open[live.id] = live
         return live
 

@@ -9,6 +9,7 @@ from typing import Any
 from oracle_server.history.port import History
 from oracle_server.process.clock import Clock
 from oracle_server.sessions.registry import Registry
+from oracle_server.sessions.shares import Shares
 from oracle_server.specfiles.library import Library
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.frames import Outgoing
@@ -58,14 +59,14 @@ class Kept:
         return found
 
 
-def registry(history: History, folder: Path, *specs: str) -> Registry:
+def registry(history: History, folder: Path, *specs: str, shares: Shares | None = None) -> Registry:
     """A registry over a history that is started, with these specs."""
     library = Library(None, folder)
     for text in specs:
         spec_id = text.split("id: ", 1)[1].split("\n", 1)[0]
         library.put(spec_id, text)
     history.start(asyncio.get_running_loop())
-    return Registry(history, library, Clock(), resume_within=10.0)
+    return Registry(history, library, Clock(), resume_within=10.0, shares=shares)
 
 
 def attach(session: str, spec: str, monitor: str = "m", instance: str = "i") -> Attach:

@@ -1,0 +1,117 @@
+"""The event loop's time, shared out: a session that took more than its share is not read on until it has rested.
+
+The time that is charged is the processor's. It decides when something is read, and never what is judged.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections import OrderedDict
+from collections.abc import Awaitable, Callable
+from typing import TypeVar, TypeVarTuple, Unpack
+
+from oracle_server.process.garbage import collecting
+
+FREE = 0.002
+"""Seconds that a session may take before it rests."""
+ACTIVE = 1.0
+"""Seconds for which a session counts as active after it took some time."""
+LONGEST = 1.0
+"""Seconds after which it is read on in any case."""
+_MOST = 3
+"""It rests this many times what it took where at least as many others are active: a quarter of the time is its own."""
+_SURCHARGE = 20
+"""It rests this many times what it took beyond `FREE`, so that pieces that can't be divided are rare."""
+
+Args = TypeVarTuple("Args")
+T = TypeVar("T")
+
+
+def spent() -> float:
+    """The processor's seconds of this thread, without what full garbage collections took, which are nobody's."""
+    return time.thread_time() - collecting()
+
+
+class Shares:
+    """The shares of all sessions."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic, spent: Callable[[], float] = spent) -> None:
+        """Begin without any; `clock` and `spent` are in seconds."""
+        self.clock, self.spent = clock, spent
+        self._active: OrderedDict[Share, float] = OrderedDict()
+        """When each was last active, the latest one last."""
+
+    def share(self) -> Share:
+        """The share of a new session."""
+        return Share(self)
+
+    def touch(self, share: Share, now: float) -> None:
+        """Note that a session is active."""
+        self._active[share] = now
+        self._active.move_to_end(share)
+
+    def others(self, share: Share, now: float) -> int:
+        """How many sessions are active beside one."""
+        active = self._active
+        while active and next(iter(active.values())) <= now - ACTIVE:
+            active.popitem(last=False)
+        return len(active) - (share in active)
+
+
+class Share:
+    """What one session takes of the event loop's time."""
+
+    def __init__(self, shares: Shares) -> None:
+        self._shares = shares
+        self._used = 0.0
+        """Seconds that it took and did not make up for."""
+        self._at = self._until = 0.0
+        self._inner = 0.0
+
+    def run(self, work: Callable[[Unpack[Args]], T], *args: *Args) -> T:
+        """Do some of the session's work now, and charge it, also where it fails."""
+        return self._run(_SURCHARGE, work, *args)
+
+    def run_for_server(self, work: Callable[[Unpack[Args]], T], *args: *Args) -> T:
+        """Do what the server itself wants of the session: a single large piece is charged like many small ones."""
+        return self._run(0, work, *args)
+
+    @property
+    def rest(self) -> float:
+        """For how many seconds it should not be read; 0 where it is alone."""
+        if not self._until:
+            return 0.0
+        now = self._shares.clock()
+        left = self._until - now
+        if left <= 0 or not self._shares.others(self, now):
+            self._until = 0.0
+            return 0.0
+        return left
+
+    async def rested(self, sleep: Callable[[float], Awaitable[object]] = asyncio.sleep) -> None:
+        """Wait until it may be read on."""
+        while rest := self.rest:
+            await sleep(rest)
+
+    def _run(self, surcharge: int, work: Callable[[Unpack[Args]], T], *args: *Args) -> T:
+        outer, self._inner, begin = self._inner, 0.0, self._shares.spent()
+        try:
+            return work(*args)
+        finally:
+            took = self._shares.spent() - begin
+            self._charge(took - self._inner, surcharge)
+            self._inner = outer + took
+
+    def _charge(self, took: float, surcharge: int) -> None:
+        shares, now = self._shares, self._shares.clock()
+        others = min(_MOST, shares.others(self, now - took))  # none of them could do anything meanwhile
+        shares.touch(self, now)
+        if not others:
+            self._used = self._until = 0.0
+        else:
+            self._used = max(0.0, self._used - (now - self._at) / (1 + others)) + took
+            if self._used > FREE:
+                rest = others * self._used + surcharge * (self._used - FREE)
+                self._until, self._used = max(self._until, now + min(rest, LONGEST)), 0.0
+        self._at = now
