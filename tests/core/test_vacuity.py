@@ -184,7 +184,7 @@ def met(part: Formula, steps: list[TimedSignals]) -> bool:
     assert isinstance(part, Atom)
     unequal = [c for c in part.constraints if c.op != "==" and c.key not in RESERVED]
     present = Atom(tuple(c if c.key in RESERVED else Constraint(c.key, "==", tree.Any.ANY) for c in part.constraints))
-    there = truths(present, steps, "steps")
+    there = truths(opened(present), steps, "steps")
     return any(all(truths(Atom((c,)), steps, "steps")[i] for i, here in enumerate(there) if here) for c in unequal)
 
 
@@ -193,18 +193,21 @@ def apart(part: Formula, formula: Formula, steps: list[TimedSignals]) -> bool:
     for node in tree.walk(formula):
         if not isinstance(node, tree.Exists | tree.Forall) or all(below is not part for below in tree.walk(node)):
             continue
-        uses = [
-            (atom, key)
-            for atom in tree.walk(node)
-            if isinstance(atom, Atom)
-            for key, variable in atom.refs
-            if variable == node.variable
-        ]
+        uses = uses_of(node.variable, node.body)
         for use in (u for u in uses if u[0] is part):
             others = [bound(other, steps) for other in uses if other is not use]
             if others and not any(bound(use, steps) & values for values in others):
                 return True
     return False
+
+
+def uses_of(variable: str, node: Formula) -> list[tuple[Atom, str]]:
+    """The atoms and signals that a variable stands in, but for where another quantifier takes its name."""
+    if isinstance(node, Atom):
+        return [(node, key) for key, name in node.refs if name == variable]
+    if isinstance(node, tree.Exists | tree.Forall) and node.variable == variable:
+        return []
+    return [use for child in tree.children(node) for use in uses_of(variable, child)]
 
 
 def bound(use: tuple[Atom, str], steps: list[TimedSignals]) -> set[str]:

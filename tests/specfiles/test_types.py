@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from oracle_server.core.errors import SpecError
+from oracle_server.core.plan import plan
 from oracle_server.core.ros import Ros
 from oracle_server.rostypes.known import Types
 from oracle_server.specfiles.library import Library
@@ -83,6 +84,43 @@ def test_signals_of_two_streams_are_not_met_at_once() -> None:
     assert warnings(spec(streams, "{data > 1} or {theta > 1}")) == []
     with pytest.raises(SpecError, match="no event of this spec has all the signals"):
         read(spec(streams, "{data > 1, theta > 1}"))
+
+
+def test_a_scan_without_a_return_is_judged_by_the_natural_expressions() -> None:
+    near = "near: 'msg.ranges.exists(r, r < 0.5)', least: min(msg.ranges) < 0.5"
+    signals = f"{{{near}, capped: 'min(min(msg.ranges), msg.range_max)'}}"
+    stream = f"  - topic: /scan\n    type: sensor_msgs/msg/LaserScan\n    signals: {signals}"
+    loaded = read(spec(stream, "not ({near} or {least} or {capped < 0.5})"))
+    assert loaded.warnings == ()
+    (scan,) = plan(loaded.spec).streams.values()
+    clear = {"ranges": ["Infinity", 2.5, "Infinity"], "range_max": 10.0}
+    assert scan.project(clear) == ({"near": False, "least": False, "capped": 2.5}, frozenset())
+    assert scan.project({**clear, "ranges": ["Infinity"] * 3})[0]["capped"] == 10.0
+    assert scan.project({**clear, "ranges": ["NaN", 2.5]}) == ({}, frozenset({"near", "least", "capped"}))
+    assert scan.project({**clear, "ranges": ["NaN", 0.1]})[0] == {"near": True}
+
+
+@pytest.mark.parametrize(
+    ("formula", "told"),
+    [
+        ("{topic: /b, data}", "`data` of /b is always a number; write a comparison, as in `data > 0`"),
+        ("{data: True}", "`data` of /a and /b is always true or false or a number; write `data: true`"),
+        ("{topic: /a, data > 1}", "texts and Booleans are neither smaller nor larger than a number"),
+    ],
+)
+def test_a_field_is_judged_by_the_streams_that_can_meet_the_atom(formula: str, told: str) -> None:
+    streams = "  - {topic: /a, type: std_msgs/msg/Bool}\n  - {topic: /b, type: std_msgs/msg/Float64}"
+    (warning,) = warnings(spec(streams, formula))
+    assert warning.endswith(told)
+    assert warnings(spec(streams, "{data} or {data > 1}")) == []
+
+
+def test_a_field_that_changed_its_type_is_taken_for_either(tmp_path: Path) -> None:
+    package(tmp_path / "share" / "std_msgs", {"msg/Bool.msg": "string data\n", "package.xml": "<package/>"})
+    types = Types(environment={"AMENT_PREFIX_PATH": str(tmp_path)})
+    stream = "  - {topic: /a, type: std_msgs/msg/Bool}"
+    assert warnings(spec(stream, "{data} or {data: AUTO}"), types) == []
+    assert len(warnings(spec(stream, "{data} or {data: AUTO}"))) == 1
 
 
 def test_stored_specs_are_not_held_to_types() -> None:
