@@ -121,8 +121,8 @@ def _incomparable(replay: Replay, coverage: Coverage) -> Iterator[str]:
                 had, wanted = replay.kinds(stream.key, name), compared.get(name, {None})
                 if had and None not in wanted and not had & wanted:
                     was, other = (" or a ".join(sorted(map(str, kinds))) for kinds in (had, wanted))
-                    told = f"the signal {name} was always a {was}, and {prop.id} compares it with a {other}"
-                    yield f"{stream.key}: {told}"
+                    signal = f"{stream.key}: the signal {name}"
+                    yield f"{signal} was always a {was}, and {prop.id} compares it with a {other}"
 
 
 def _was(count: int) -> str:
