@@ -116,7 +116,7 @@ def inside(left: Leaf, right: Leaf) -> Value:  # noqa: C901, PLR0911 -- a case a
             return Term(f"{field(path)}.contains({literal(key)})", "bool", tight=True)
         case ((Const(str()) | Term(kind="text")), Term(_, "text")):
             return Term(f"{inner(right)}.contains({text_of(left)})", "bool", tight=True)
-        case _, Term():
+        case ((Const() | Term()), Term()):
             return Raises("TypeError")
         case Const(str() as key), Message():
             return has((key,))
