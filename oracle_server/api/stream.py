@@ -10,7 +10,6 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator
 from dataclasses import replace
-from functools import partial
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Header, HTTPException, Query, Request
@@ -21,7 +20,7 @@ from oracle_server.api.known import demand_session
 from oracle_server.api.questions import Number, Outcomes, chosen
 from oracle_server.core.records import VerdictRecord
 from oracle_server.edge.scopes import needs
-from oracle_server.history.pages import find, latest
+from oracle_server.history.pages import find_as, latest
 from oracle_server.history.port import Reading
 from oracle_server.history.query import Query as Question
 from oracle_server.history.records import SessionRecord
@@ -91,16 +90,17 @@ async def _events(
 async def _page(history: Reading, known: SessionRecord, wanted: Question) -> tuple[bytes, int, bool]:
     """The next events as text, the `n` up to which the history was read, and whether there are more."""
     seen = await latest(history, known)
-    items, more = await find(history, known, wanted)
+    items, more = await find_as(history, known, wanted, _event)
     if more is not None:
         seen = more
     elif items:
-        seen = max(seen, items[-1]["n"])
-    return await history.in_thread(partial(_text, items)), seen, more is not None
+        seen = max(seen, items[-1][0])
+    return b"".join([text for _, text in items]), seen, more is not None
 
 
-def _text(records: list[VerdictRecord]) -> bytes:
-    return b"".join(format_sse_event(data_str=encode(record), id=str(record["n"])) for record in records)
+def _event(record: VerdictRecord) -> tuple[int, bytes]:
+    """A record's `n`, and its event as text."""
+    return record["n"], format_sse_event(data_str=encode(record), id=str(record["n"]))
 
 
 def _number(last_event_id: str) -> int:

@@ -18,7 +18,7 @@ from oracle_server.api.known import demand_session
 from oracle_server.api.leaving import unless_left
 from oracle_server.api.questions import Outcomes, paged
 from oracle_server.edge.scopes import needs
-from oracle_server.history.pages import find
+from oracle_server.history.pages import find_as
 from oracle_server.history.port import History
 from oracle_server.history.query import Query as Question
 from oracle_server.history.records import Document
@@ -47,11 +47,9 @@ def router(registry: Registry, history: History) -> APIRouter:
     async def page(request: Request, session_id: str, question: Question) -> Response:
         known = await demand_session(request, registry, session_id)
 
-        async def read() -> bytes:
-            items, after = await find(history, known, question)
-            return await history.in_thread(partial(encode_bytes, {"items": items, "next": after}))
-
-        return Response(await unless_left(request, read()), media_type="application/json")
+        items, after = await unless_left(request, find_as(history, known, question, encode_bytes))
+        body = b'{"items":[%b],"next":%b}' % (b",".join(items), encode_bytes(after))
+        return Response(body, media_type="application/json")
 
     @routes.get("/sessions/{session_id}/verdicts", response_model=RecordPage)
     @needs("read")

@@ -251,14 +251,18 @@ class MemoryHistory:
         for start in range(0, len(found), _PAGE):
             yield found[start : start + _PAGE]
 
-    async def matching(self, session: int, query: Query, position: int) -> list[StoredStep]:
-        """Steps that may hold a record that a query asks for."""
+    async def matching(
+        self, session: int, query: Query, position: int, take: Callable[[StoredStep], bool]
+    ) -> int | None:
+        """Give `take` steps that may hold a record that a query asks for."""
         steps = self._steps(session)
         if query.ascending:
             found = [s for s in steps if s.position >= position and query.may_match(s)]
         else:
             found = [s for s in reversed(steps) if s.position <= position and query.may_match(s)]
-        return found[: query.limit + 1]
+        page = found[:_PAGE]
+        await self.in_thread(lambda: all(map(take, page)))
+        return page[-1].position + (1 if query.ascending else -1) if len(found) > _PAGE else None
 
     async def first_final(self, session: int, order: Order, index: int, upto: int) -> int | None:
         """The position of the first step at which a property is final."""

@@ -2,30 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import partial
-from itertools import islice
+from collections.abc import Callable
+from typing import Generic, TypeVar
 
 from oracle_server.core.records import VerdictRecord
 from oracle_server.history.port import Reading
 from oracle_server.history.query import Query
 from oracle_server.history.records import SessionRecord, StoredStep, records
 
+T = TypeVar("T")
+
 
 async def find(history: Reading, session: SessionRecord, query: Query) -> tuple[list[VerdictRecord], int | None]:
     """The records that a query asks for, and the `n` to go on after, None where there are no more."""
-    found: list[VerdictRecord] = []
-    position = query.start(len(session.properties))
-    while steps := await history.matching(session.number, query, position):
-        # in a thread: a thousand records take their time, and decisions would wait
-        found += await history.in_thread(
-            partial(_matching, steps, session.properties, query, query.limit + 1 - len(found))
-        )
-        if len(found) > query.limit:
-            del found[query.limit :]
-            return found, found[-1]["n"]
-        position = steps[-1].position + (1 if query.ascending else -1)
-    return found, None
+    return await find_as(history, session, query, lambda record: record)
+
+
+async def find_as(
+    history: Reading, session: SessionRecord, query: Query, make: Callable[[VerdictRecord], T]
+) -> tuple[list[T], int | None]:
+    """The same with what is made of each record, in the thread that reads: many records would be many objects."""
+    found = _Found(session.properties, query, make)
+    position: int | None = query.start(len(session.properties))
+    while position is not None and not found.full:
+        position = await history.matching(session.number, query, position, found.take)
+    made = [made for _, made in found.made[: query.limit]]
+    return made, found.made[query.limit - 1][0] if found.full else None
 
 
 async def latest(history: Reading, session: SessionRecord) -> int:
@@ -34,7 +36,20 @@ async def latest(history: Reading, session: SessionRecord) -> int:
     return last * len(session.properties)
 
 
-def _matching(steps: Sequence[StoredStep], properties: tuple[str, ...], query: Query, most: int) -> list[VerdictRecord]:
-    direction = 1 if query.ascending else -1
-    made = (record for step in steps for record in records(step, properties)[::direction])
-    return list(islice(filter(query.matches, made), most))
+class _Found(Generic[T]):
+    """The records of a page, and one more where there are more; each is kept as what is made of it, with its `n`."""
+
+    def __init__(self, properties: tuple[str, ...], query: Query, make: Callable[[VerdictRecord], T]) -> None:
+        self.made: list[tuple[int, T]] = []
+        self._properties, self._query, self._make = properties, query, make
+
+    @property
+    def full(self) -> bool:
+        return len(self.made) > self._query.limit
+
+    def take(self, step: StoredStep) -> bool:
+        """Take the wanted records of a step; whether there is room for more."""
+        for record in records(step, self._properties)[:: 1 if self._query.ascending else -1]:
+            if not self.full and self._query.matches(record):
+                self.made.append((record["n"], self._make(record)))
+        return not self.full

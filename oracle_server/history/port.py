@@ -168,11 +168,14 @@ class Reading(Protocol):
         """
         ...
 
-    async def matching(self, session: int, query: Query, position: int) -> list[StoredStep]:
-        """Steps that may hold a record that a query asks for, from a position on, in the direction of its order.
+    async def matching(
+        self, session: int, query: Query, position: int, take: Callable[[StoredStep], bool]
+    ) -> int | None:
+        """Give `take` steps that may hold a record that a query asks for, from a position on, in the query's order.
 
-        At most a page of them, empty where there are no more. Its stream, times, outcomes and violations are looked at;
-        properties and `after` need not be.
+        It gets them in a thread, a page at the most, until it returns False; so many positions are looked at for them
+        at the most. Returns the position to go on from, None where there are no more. The query's stream, times,
+        outcomes and violations are looked at; properties and `after` need not be.
         """
         ...
 

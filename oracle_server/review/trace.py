@@ -18,24 +18,37 @@ from oracle_server.specfiles.load import parse_spec
 async def trace_lines(history: Reading, session: int) -> AsyncGenerator[list[Document], None]:
     """The lines of a session's committed steps, page by page. Raises `HistoryError`."""
     opened = await history.session(session)
-    external = await _external(history, opened)
-    begun = None if opened is None else opened.begun
-    line: Document | None = None
+    lines = _Lines(opened, await _external(history, opened))
     async with aclosing(history.by_arrival(session)) as pages:
         async for page in pages:
-            lines = []
-            for stored in page:
-                if line is None or stored.is_tick or not _is_of(line, stored):
-                    if line is not None:
-                        lines.append(line)
-                    line = _line(stored) | ({} if begun is None else {"begun": begun})
-                    begun = None
-                line["places"].append(_place(stored, external, () if opened is None else opened.properties))
-                if stored.order == "publication":
-                    line |= {"passed": stored.passed, "why": stored.why}
-            yield lines
-    if line is not None:
-        yield [line]
+            yield await history.in_thread(partial(lines.take, page))
+    if lines.last is not None:
+        yield [lines.last]
+
+
+class _Lines:
+    """The lines of steps that come by arrival: all steps of an event make one line."""
+
+    def __init__(self, opened: SessionRecord | None, external: dict[int, str]) -> None:
+        self.last: Document | None = None
+        """The last line, which further steps may belong to."""
+        self._external = external
+        self._begun = None if opened is None else opened.begun
+        self._properties = () if opened is None else opened.properties
+
+    def take(self, page: Sequence[StoredStep]) -> list[Document]:
+        """The lines that are complete with the next steps."""
+        complete = []
+        for stored in page:
+            if self.last is None or stored.is_tick or not _is_of(self.last, stored):
+                if self.last is not None:
+                    complete.append(self.last)
+                self.last = _line(stored) | ({} if self._begun is None else {"begun": self._begun})
+                self._begun = None
+            self.last["places"].append(_place(stored, self._external, self._properties))
+            if stored.order == "publication":
+                self.last |= {"passed": stored.passed, "why": stored.why}
+        return complete
 
 
 def _is_of(line: Document, stored: StoredStep) -> bool:

@@ -11,10 +11,10 @@ from pathlib import Path
 import httpx
 import pytest
 
+from oracle_server.core.records import VerdictRecord
 from oracle_server.edge.access import Access
 from oracle_server.edge.scopes import RouteScopes
 from oracle_server.edge.tokens import Tokens, add
-from oracle_server.history import pages
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.query import Query
 from oracle_server.history.readers import THREADS, reading_for
@@ -30,14 +30,14 @@ class Held:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.begun, self.going = threading.Semaphore(0), threading.Event()
-        self._matching = pages._matching
-        monkeypatch.setattr(pages, "_matching", self._held)
 
-    def _held(self, steps: object, properties: object, query: Query, most: int) -> object:
-        if query.outcomes:
-            self.begun.release()
-            assert self.going.wait(PATIENCE)
-        return self._matching(steps, properties, query, most)  # type: ignore[arg-type]
+        def matches(query: Query, _: VerdictRecord) -> bool:
+            if query.outcomes:
+                self.begun.release()
+                assert self.going.wait(PATIENCE)
+            return True
+
+        monkeypatch.setattr(Query, "matches", matches)
 
     async def until_begun(self) -> None:
         assert await asyncio.to_thread(self.begun.acquire, timeout=PATIENCE)

@@ -8,12 +8,14 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import aclosing, closing
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 
 from oracle_server.core.errors import HistoryError
 from oracle_server.core.verdicts import Decision
+from oracle_server.history.pages import find
+from oracle_server.history.query import Query
 from oracle_server.history.readers import Readers
 from oracle_server.history.records import MonitorRecord, SnapshotRecord
 from oracle_server.history.sqlite.history import SqliteHistory
@@ -206,4 +208,34 @@ async def test_the_ends_of_sessions_are_found_without_a_look_at_what_is_between(
     many, answers = await asked()
     assert answers[:2] == [200_000, (1, 2000)]
     assert many <= few + 2
+    await asyncio.to_thread(history.close)
+
+
+@pytest.mark.parametrize("order", ["asc", "desc"])
+async def test_a_search_is_cut_into_turns_and_finds_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, order: Literal["asc", "desc"]
+) -> None:
+    """Else one that finds nothing would read all of a session at one turn."""
+    monkeypatch.setattr("oracle_server.history.sqlite.history._SCAN", 5)
+    monkeypatch.setattr("oracle_server.history.sqlite.history._PAGE", 3)
+    history = SqliteHistory(tmp_path)
+    history.start(asyncio.get_running_loop())
+    history.open_session(opened())
+    await add(history, *(step(i, stream="/b" if i in (1, 2, 30, 60) else "/a") for i in range(1, 61)))
+    turns = 0
+
+    class Counted(Reader):
+        async def run(self, work: Any) -> Any:
+            nonlocal turns
+            turns += 1
+            return await super().run(work)
+
+    history._reader = Counted(history.path, history._readers)
+    for stream, positions in (("/b", {1, 2, 30, 60}), ("/c", set()), (None, set(range(1, 61)))):
+        turns = 0
+        found, after = await find(history, opened(), Query(stream=stream, order=order, limit=1000))
+        numbers = {n for position in positions for n in (2 * position - 1, 2 * position)}
+        assert [record["n"] for record in found] == sorted(numbers, reverse=order == "desc")
+        assert after is None
+        assert turns >= 10
     await asyncio.to_thread(history.close)

@@ -45,6 +45,8 @@ from oracle_server.history.sqlite.writer import Durability, Writer
 T = TypeVar("T")
 
 _PAGE = 1_000
+_SCAN = 20_000
+"""Positions that are looked at in one turn for steps that match: some 20 ms."""
 _LOOKUPS = 4
 """Threads for what decisions and monitors wait for, one row each: those that read pages are taken by long queries."""
 _STEPS = f"SELECT {','.join(STEP_COLUMNS)} FROM steps"  # noqa: S608 -- no value is written into a statement
@@ -267,12 +269,31 @@ class SqliteHistory:
             async for steps in pages:
                 yield steps
 
-    async def matching(self, session: int, query: Query, position: int) -> list[StoredStep]:
-        """Steps that may hold a record that a query asks for."""
-        where, values = conditions(session, query, position)
-        limit = min(2 * _PAGE, max(query.limit, 50) + 1)  # one more tells whether there are more
-        sql = f"{_STEPS} WHERE {where} ORDER BY position {query.order.upper()} LIMIT {limit}"
-        return await self._reader.all(step_of, sql, values)
+    async def matching(
+        self, session: int, query: Query, position: int, take: Callable[[StoredStep], bool]
+    ) -> int | None:
+        """Give `take` steps that may hold a record that a query asks for."""
+
+        def read(reader: sqlite3.Connection) -> int | None:
+            first, last = reader.execute(_EXTENT, (session,)).fetchone()
+            ahead = _LAST if query.violations else _SCAN  # violations have an index
+            if query.ascending:
+                lower = max(position, first)
+                upper = min(lower + ahead, last)
+            else:
+                upper = min(position, last)
+                lower = max(upper - ahead, first)
+            where, values = conditions(session, query, lower, upper)
+            found = reader.execute(f"{_STEPS} WHERE {where} ORDER BY position {query.order.upper()}", values)
+            at = upper if query.ascending else lower
+            for count, step in enumerate(map(step_of, found), 1):
+                if not take(step) or count == _PAGE:
+                    at = step.position
+                    break
+            at += 1 if query.ascending else -1
+            return at if first <= at <= last else None
+
+        return await self._reader.run(read)
 
     async def first_final(self, session: int, order: Order, index: int, upto: int) -> int | None:
         """The position of the first step at which a property is final."""

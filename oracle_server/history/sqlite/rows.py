@@ -134,12 +134,9 @@ def document_of(row: Row) -> Document:
     return _decode(row[0], type=Document)
 
 
-def conditions(session: int, query: Query, position: int) -> tuple[str, list[object]]:
-    """What the rows fulfil that may hold what a query asks for from a position on, and the values in it."""
-    wanted: list[tuple[str, object]] = [
-        ("session = ?", session),
-        ("position >= ?" if query.ascending else "position <= ?", position),
-    ]
+def conditions(session: int, query: Query, lower: int, upper: int) -> tuple[str, list[object]]:
+    """What the rows between two positions fulfil that may hold what a query asks for, and the values in it."""
+    wanted: list[tuple[str, object]] = [("session = ?", session), ("position >= ?", lower), ("position <= ?", upper)]
     if query.stream is not None:
         wanted.append(("stream = ?", query.stream))
     if query.since is not None:
