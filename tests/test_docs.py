@@ -114,3 +114,14 @@ def test_files_that_the_architecture_names_are_there() -> None:
     )
     assert len(paths) > 40
     assert [path for path in paths if not (ROOT / "oracle_server" / path).exists()] == []
+
+
+def test_each_limit_names_the_tests_that_hold_it() -> None:
+    page = ROOT / "docs" / "security.md"
+    rows = [line.strip("| ").split(" | ") for line in page.read_text().splitlines() if line.startswith("| ")]
+    limits = rows[[row[0] for row in rows].index("what") + 2 :]
+    assert len(limits) > 15
+    for row in limits:
+        tests = re.findall(r"\]\((\.\./tests/.*?\.py)\)", row[-1])
+        assert tests, row[0]
+        assert all((page.parent / test).is_file() for test in tests), row[0]
