@@ -69,7 +69,11 @@ def conclude(replay: Replay) -> Conclusion:
     if not replay.events and not unusable:
         unusable.append(_nothing_observed(replay))
     by_id = {prop.id: prop for prop in replay.spec.properties}
-    unjudged = {name: _reason(replay, by_id[name], where, coverage) for name, where in replay.unjudged.items()}
+    unjudged = {
+        name: _reason(replay, by_id[name], where, coverage)
+        for name, where in replay.unjudged.items()
+        if name not in replay.violated
+    }
     doubts = [note.text for note in notes if note.doubt]
     doubts += _open_questions(replay, coverage, unjudged) if replay.events else []
     status = SOUND

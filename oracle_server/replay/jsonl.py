@@ -67,7 +67,9 @@ class Trace:
                 if not first and _is_cut(text, self.read, self.size):
                     self.notes.append(Note(f"{place}: ends early, within a line", doubt=True))
                     break
-                line, fault = self._line(text, place)
+                line, fault, misspelt = self._line(text, place)
+                if misspelt:
+                    self._times.note(place, misspelt, "what it says does not count")
                 if first:
                     self.clocked, first, begun = line.arrived is not None, False, line.begun
                     self._times.clocked = self.clocked

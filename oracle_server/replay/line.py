@@ -12,6 +12,7 @@ from msgspec import Meta, Struct
 from oracle_server.core.errors import one_line
 from oracle_server.core.expression import told
 from oracle_server.core.kinds import StepKind
+from oracle_server.core.nearest import nearest
 from oracle_server.replay.recording import Place, Projected
 from oracle_server.wire.flat import decode_object, flat_event
 
@@ -68,11 +69,15 @@ class Line(Struct):
         return Projected(self.signals, frozenset(self.failed))
 
 
+_FIELDS = frozenset(Line.__struct_fields__)
+
+
 class Found(NamedTuple):
-    """A line, and what is wrong with a time in it that could not be read, empty for nothing."""
+    """A line; what is wrong with a time in it that could not be read; and a key that is misspelt. Empty for nothing."""
 
     line: Line
     fault: str = ""
+    misspelt: str = ""
 
 
 def read_line(text: bytes) -> Found:
@@ -96,7 +101,7 @@ def read_line(text: bytes) -> Found:
     except msgspec.ValidationError as error:
         raise ValueError(_unfit(fields, str(error))) from None
     line.message()
-    return Found(line, fault)
+    return Found(line, fault, _misspelt(fields) if own else "")
 
 
 def _of_flat(value: dict[str, Any]) -> tuple[dict[str, Any], str]:
@@ -110,6 +115,15 @@ def _of_flat(value: dict[str, Any]) -> tuple[dict[str, Any], str]:
         times["stamp"] = flat.stamp
     faults = (f"`{key}` is {told(value[key])}" for key, read in times.items() if read is None and value.get(key))
     return line, next((f"{fault}, and no time in seconds since 1970" for fault in faults), "")
+
+
+def _misspelt(fields: dict[str, Any]) -> str:
+    """A key that is not read, and is much like one that is and is not there."""
+    for name in fields.keys() - _FIELDS:
+        near = nearest(name, _FIELDS - fields.keys(), alike=0.8)
+        if near:
+            return f"the key `{one_line(name)}` is not read ({near})"
+    return ""
 
 
 def _no_json(error: json.JSONDecodeError) -> str:

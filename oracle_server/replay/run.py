@@ -179,9 +179,10 @@ class Replay:
         return max((c.skipped for c in counters), default=0)
 
     @property
-    def violated(self) -> bool:
-        """Whether any property became negative."""
-        return any(state["violations"] for state in self.states().values())
+    def violated(self) -> frozenset[str]:
+        """The properties that became negative, in any order."""
+        judges = self._session.judges.values() if self._session else ()
+        return frozenset(s.property.id for judge in judges for s in judge.properties if s.violations)
 
     def summary(self) -> dict[str, Any]:
         """The counts of the whole run, and the state of each property at its end.

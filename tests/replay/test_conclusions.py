@@ -117,6 +117,13 @@ def test_what_holds_for_want_of_its_signals_was_not_judged(case: str, tmp_path: 
         assert "the signal level of /battery failed at 3 of" in unjudged["reason"]
 
 
+def test_what_was_violated_was_judged(tmp_path: Path) -> None:
+    text = SPEC.replace('{topic: "/battery"} -> {level >= 20}', '{topic: "/mode"} -> once {level >= 20}')
+    found = judge(write_spec(tmp_path, text), trace(tmp_path, *UNKNOWN, ("/mode", FULL)))
+    assert (found.exit, found.summary["unjudged"]) == (1, [])
+    assert "charged: unknown at 3 steps" in found.said
+
+
 def test_what_reads_a_held_signal_is_judged_at_the_events_where_it_matters(tmp_path: Path) -> None:
     text = SPEC.replace("topic: /battery,", "topic: /battery, hold: [level],")
     text = text.replace('{topic: "/battery"} -> {level >= 20}', '{topic: "/mode", level < 20} -> {mode: rest}')

@@ -90,6 +90,11 @@ OWN: dict[str, tuple[list[dict[str, Any]], str, str]] = {
     ),
     "all in milliseconds": ([own(BASE // 10**6), own(BASE // 10**6 + 60_000)], "", "its times look like milliseconds"),
     "no time beside times": ([own(stamp=1), own()], "", "no time passes where none is said: 1 line of 2"),
+    "a misspelt key": (
+        [{"stream": "/a", "arived": 1, "data": {"v": 1}}] * 2,
+        "",
+        ":1: the key `arived` is not read (did you mean 'arrived'?): what it says does not count (2 such lines)",
+    ),
     "a text in the stamp": (
         [own(1, header={"stamp": "today"})],
         "",
@@ -121,6 +126,7 @@ def test_a_time_that_can_not_be_meant_is_said(case: str, tmp_path: Path) -> None
 
 
 RIGHT: dict[str, tuple[list[dict[str, Any]], str]] = {
+    "other keys": ([own(1) | {"comment": "a", "robot": "b"}], ""),
     "no times at all": ([own(), own()], ""),
     "times from 1 on": ([own(1, 1), own(2, 2)], ""),
     "seconds, and ROS times": ([flat(1.5), flat({"secs": 2, "nsecs": 5}), flat({"sec": 3, "nanosec": 5})], ""),
