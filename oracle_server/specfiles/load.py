@@ -99,11 +99,14 @@ def parse_spec(
         )
         raise SpecError(_sorted([*findings, Finding(file, *document.place(("properties",)), message)]))
     problems = [*inspect(spec, graph), *_engines(spec), *(ros_hazards(spec, ros) if ros else ())]
-    problems += _typed(spec, types, ros) if types is not None else ()
-    if findings or any(
-        p.severity == "error" for p in problems
-    ):  # what is doubtful in formulas may be so because of them
-        problems = [p for p in problems if p.severity == "error" or (not findings and p.path[-1] != "formula")]
+    if types is not None:
+        typed = _typed(spec, types, ros)
+        told = {(p.path, p.within) for p in typed if p.within and p.severity == "error"}
+        problems = [*(p for p in problems if (p.path, p.within) not in told), *typed]
+    if findings:  # what is doubtful may be so because of them
+        problems = [p for p in problems if p.severity == "error"]
+    elif any(p.severity == "error" for p in problems):
+        problems = [p for p in problems if p.severity == "error" or p.path[-1] != "formula"]
     places = [number - 1 for number in accumulate(stream.traits.leads for stream in spec.streams)]
     findings = _sorted(dict.fromkeys([*findings, *(_finding(document, p, spec, places) for p in problems)]))
     if any(f.severity == "error" for f in findings):
