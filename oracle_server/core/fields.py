@@ -87,6 +87,8 @@ def _no_time(shape: Record, stamp: Stamp) -> str:
     """Why a field of a message can't be its publication time, empty where it can."""
     field = stamp.field
     path = tuple(field.split("."))
+    if path[0] == "msg" and "msg" not in shape.fields and len(path) > 1:
+        return f"a stamp names a field alone; write `{'.'.join(path[1:])}`, without `msg.`"
     reason = lacking(shape, path)
     if reason:
         return reason

@@ -11,6 +11,8 @@ from oracle_server.core.formula.parse import NANOSECONDS
 _DURATION = re.compile(r"(\d{1,12}(?:\.\d{1,9})?)(ns|us|ms|s|min|h)")
 _LOOSE = re.compile(r"\s*(\d+(?:[.,]\d+)?)\s*([^\W\d]*)\s*")
 _SIZE = re.compile(r"(\d{1,9})(k|M|G)B")
+_LOOSE_SIZE = re.compile(r"\s*(\d{1,9})\s*([kmg])i?b?\s*", re.IGNORECASE)
+_SIZES = {"k": "k", "m": "M", "g": "G"}
 _UNITS = {"k": 10**3, "M": 10**6, "G": 10**9}
 _LONGEST = 10**18
 
@@ -47,6 +49,8 @@ def _nearest(value: object) -> str:
     number = match[1].replace(",", ".")
     if not match[2]:
         return f"; a unit is missing: write {number}s or {number}ms"
+    if match[2].lower() in ("d", "day", "days") and number.isdigit():
+        return f"; write {int(number) * 24}h"
     unit = UNITS.get(match[2].lower(), match[2].lower())
     return f"; write {number}{unit}" if unit in NANOSECONDS else "; the units are ns, us, ms, s, min and h"
 
@@ -55,5 +59,7 @@ def size(value: object) -> int:
     """Bytes of a size such as `500MB` or `2GB`. Raises ValueError for anything else."""
     match = _SIZE.fullmatch(value) if isinstance(value, str) else None
     if match is None:
-        raise ValueError(f"expected a size such as 500MB or 2GB, found {value!r}")
+        loose = _LOOSE_SIZE.fullmatch(value) if isinstance(value, str) else None
+        mend = f"; write {loose[1]}{_SIZES[loose[2].lower()]}B" if loose else ""
+        raise ValueError(f"expected a size such as 500MB or 2GB, found {value!r}{mend}")
     return int(match[1]) * _UNITS[match[2]]

@@ -100,8 +100,12 @@ def parse_spec(
     known, typed = stream_types(spec, types, ros) if types is not None else (None, [])
     typed = [replace(problem, kind="type") for problem in typed]
     problems = [*typed, *inspect(spec, graph, known), *_engines(spec), *(_on_ros(spec, ros, typed) if ros else ())]
-    if findings or any(p.severity == "error" for p in problems):  # formulas may be doubtful by them
-        problems = [p for p in problems if p.severity == "error" or (not findings and p.path[-1] != "formula")]
+    told = {(p.path, p.within) for p in problems if p.kind == "type" and p.within and p.severity == "error"}
+    problems = [p for p in problems if p.kind == "type" or (p.path, p.within) not in told]
+    if findings:  # what is doubtful may be so because of them
+        problems = [p for p in problems if p.severity == "error"]
+    elif any(p.severity == "error" for p in problems):
+        problems = [p for p in problems if p.severity == "error" or p.path[-1] != "formula"]
     places = [number - 1 for number in accumulate(stream.traits.leads for stream in spec.streams)]
     findings = _sorted(dict.fromkeys([*findings, *(_finding(document, p, spec, places) for p in problems)]))
     if any(f.severity == "error" for f in findings):

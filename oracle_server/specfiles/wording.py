@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from oracle_server.core.errors import Finding
+from oracle_server.core.formula.foreign import UNITS
 from oracle_server.core.kinds import GROUPS
 from oracle_server.core.nearest import near, nearest
 from oracle_server.specfiles.document import Document, KeyPath
@@ -71,6 +72,8 @@ _LEVELS: Mapping[str, Any] = {
     "a property": PropertyModel,
 }
 """The keys that there are, by where they stand."""
+_FIRST = ("topic", "service", "type", "request", "response", "signals", "hold", "stamp")
+"""The keys of a stream that are told first."""
 _KEYS_MEANT: Mapping[str, Mapping[str, str]] = {
     "the file": {"name": "id", "topics": "streams", "services": "streams", "rules": "properties",
         "formulas": "properties", "requirements": "properties"},
@@ -84,13 +87,14 @@ _KEYS_MEANT: Mapping[str, Mapping[str, str]] = {
 }  # fmt: skip
 """What people call keys elsewhere, by where they stand."""
 _MEANT = {
-    "block": "filter", "deny": "filter", "drop": "filter", "guard": "filter", "enforce": "filter", "observe": "log",
-    "monitor": "log", "none": "log", "pub": "publisher", "sub": "subscriber", "step": "steps", "events": "steps",
-    "s": "seconds", "second": "seconds", "sec": "seconds", "ms": "seconds", "time": "seconds", "allow": "pass",
+    "block": "filter", "deny": "filter", "drop": "filter skip", "revert": "undo", "rollback": "undo",
+    "guard": "filter", "enforce": "filter", "observe": "log", "monitor": "log", "none": "log",
+    "pub": "publisher", "sub": "subscriber", "step": "steps", "events": "steps", "s": "seconds",
+    "second": "seconds", "sec": "seconds", "ms": "seconds", "time": "seconds", "allow": "pass",
     "accept": "pass", "block_all": "deny", "drop_late": "skip", "discard": "skip", "stamp": "publication",
-    "receipt": "arrival", "received": "arrival",
+    "timestamp": "publication", "published": "publication", "receipt": "arrival", "received": "arrival",
 }  # fmt: skip
-"""Words that people write for some that there are."""
+"""Words that people write for some that there are, each for those that it may mean."""
 
 
 def model_findings(document: Document, problems: Sequence[Any]) -> list[Finding]:
@@ -167,7 +171,9 @@ def _unknown(document: Document, path: KeyPath) -> str:
         return f"unknown key '{key}': of a service it stands under `request` or `response`"
     if others:
         return f"unknown key '{key}': it belongs to {' or '.join(others)}, and not to {level}"
-    return f"unknown key '{key}'; {level} has {', '.join(_LEVELS[level].model_fields)}"
+    fields = _LEVELS[level].model_fields
+    listed = [*(name for name in _FIRST if name in fields), *(name for name in fields if name not in _FIRST)]
+    return f"unknown key '{key}'; {level} has {', '.join(listed)}"
 
 
 def _is_signal(document: Document, path: KeyPath) -> bool:
@@ -240,7 +246,9 @@ def _takes(path: KeyPath) -> str:
 def _word(key: str, value: object, expected: object) -> str:
     """What is wrong with a value that is none of some words."""
     words = re.findall(r"'([^']*)'", str(expected))
-    meant = _MEANT.get(str(value).lower())
+    meant = next((word for word in _MEANT.get(str(value).lower(), "").split() if word in words), "")
+    if key == "unit":
+        meant = UNITS.get(str(value).lower(), "")
     hint = nearest(str(value), words, 0.7) or (f"did you mean `{meant}`?" if meant in words else "")
     if key == "time" and meant == "seconds":
         hint = "write `seconds`, and a unit in each bound, as `once[:500ms]`"

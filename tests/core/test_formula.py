@@ -298,7 +298,7 @@ def test_the_deepest_and_the_widest_that_are_read() -> None:
         ("{x} for 5s", "`{a} since[5s:] {a}`"),
         ("{x} 5s ago", "stands in a bound"),
         ("{x} ? {y} : {z}", "write `({a} -> {b}) and (not {a} -> {c})`"),
-        ("{cmd_vel.speed > 1}", "write `speed`, beside `topic: /cmd_vel`"),
+        ("{cmd_vel.speed > 1}", "write `{topic: /cmd_vel, speed}`"),
         ("{/cmd_vel.speed > 1}", "write `{topic: /cmd_vel, speed > 1}`"),
         ("{topic /cmd_vel}", "write `topic: /cmd_vel`"),
         ("/cmd_vel {x}", "a stream stands in an atom's braces"),

@@ -55,10 +55,9 @@ class Around:
 
     @property
     def within(self) -> str:
-        """What stands between the innermost open bracket and the one that closes it, or the end."""
+        """What stands between the innermost open bracket and the next that closes anything or opens an atom."""
         start = self.open[-1].at + 1
-        end = self.text.find(CLOSING[self.inside], start)
-        return self.text[start : end if end >= 0 else len(self.text)]
+        return re.split(r"[\])}({]", self.text[start:], maxsplit=1)[0]
 
     @property
     def shown(self) -> str:

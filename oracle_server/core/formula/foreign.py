@@ -34,7 +34,10 @@ WORDS = {
     **dict.fromkeys(
         ("EF", "EG", "EX", "AU", "EU"), "a formula is about the one run that is there, and not about several"
     ),
-    **dict.fromkeys(("until", "U", "W", "R"), f"{_AHEAD}write it with `since`, as in `not {{stop}} since {{start}}`"),
+    **dict.fromkeys(
+        ("until", "U", "W", "R", "unless", "release"),
+        f"{_AHEAD}write it with `since`, as in `not {{stop}} since {{start}}`",
+    ),
     **dict.fromkeys(("next", "X", "AX"), f"{_AHEAD}the step before is `pre`"),
     **dict.fromkeys(("prev", "previous", "yesterday", "last"), "write `pre` for the step before"),
     **dict.fromkeys(
@@ -43,9 +46,13 @@ WORDS = {
     **dict.fromkeys(("fall", "falls", "falling", "end"), "write `not {a} and pre {a}` for where it ends"),
     "for": "that something has lasted is `{a} since[5s:] {a}`, with `time: seconds`",
     "within": "a time stands in brackets, as in `once[:2s] {…}` with `time: seconds`",
-    **dict.fromkeys(("before", "previously", "past", "ever"), "write `once {…}` for what held at some step until now"),
+    **dict.fromkeys(
+        ("before", "previously", "past", "ever", "O"), "write `once {…}` for what held at some step until now"
+    ),
     **dict.fromkeys(("if", "when", "whenever", "then"), "write `{…} -> {…}`"),
-    **dict.fromkeys(("iff", "xor"), "write it out, as in `({a} -> {b}) and ({b} -> {a})`"),
+    "iff": "write it out, as in `({a} -> {b}) and ({b} -> {a})`",
+    "xor": "write it out, as in `({a} or {b}) and not ({a} and {b})`",
+    "never": "write `not`",
     **dict.fromkeys(("AND", "OR", "NOT", "IMPLIES", "ONCE", "HISTORICALLY", "SINCE", "FORALL", "EXISTS", "PRE"), ""),
     **dict.fromkeys(("all", "for_all"), "write `forall[x].`"),
     **dict.fromkeys(("<->", "<=>"), "write `({a} -> {b}) and ({b} -> {a})`"),

@@ -18,6 +18,7 @@ def of_atom(found: Around) -> str:
         _of_word,
         _of_stream,
         _of_number,
+        _of_sign,
         _of_comparison,
         _of_call,
         _of_path,
@@ -82,8 +83,6 @@ def _of_comparison(found: Around) -> str:
         if before != "!=":
             mend = f"to compare two fields declare a signal, as `faster: msg.{key} {before} msg.limit`"
         return f"`{before}` takes no variable; one stands for equal values only, as in `{equal}`; {mend}"
-    if before == "=" and mark in ("!", "<"):
-        return f"there is no `={mark}`: write `{mark}=`"
     if before in ("<", "<=", ">", ">=", ":", "=", "==", "!=") and mark in (".", "+") and found.kind(1) == "number":
         return f"a number is written `{'0.' if mark == '.' else ''}{found.next(1)}`"
     if before in ("<", "<=", ">", ">="):
@@ -91,6 +90,16 @@ def _of_comparison(found: Around) -> str:
         return f"`{before}` compares with a number, and {found.shown} is none; {mend}"
     if before == "!=":
         return f"`!=` compares with a text, a number, true or false, and {found.shown} is none of these"
+    return ""
+
+
+def _of_sign(found: Around) -> str:
+    """A sign that is written otherwise here."""
+    mark, before = found.next(), found.last()
+    if before == ":" and mark == "=":
+        return "there is no `:=`: write `:`"
+    if before == "=" and mark in ("!", "<"):
+        return f"there is no `={mark}`: write `{mark}=`"
     return ""
 
 
@@ -111,14 +120,15 @@ def _of_path(found: Around) -> str:
     field = path.removeprefix("msg.")
     if field == path and "." in path:
         first = path.partition(".")[0]
-        mend = f"write `{name}`, beside `topic: /{first}` if that is its stream; a field is declared under `signals`"
-        return f"`{path}` is no name of a signal, which has neither topic nor path: {mend}, as `{name}: msg.{name}`"
+        stream = f"if `{first}` is its stream, write `{{topic: /{first}, {name}}}`"
+        mend = f"if it is a field, declare `{name}: msg.{path}` under `signals`, and write `{name}`"
+        return f"`{path}` is no name of a signal: {stream}; {mend}"
     return f"`{path}` is no name of a signal: declare `{name}: msg.{field}` under `signals`, and write `{name}`"
 
 
 def _of_arithmetic(found: Around) -> str:
     mark = found.next()
-    if mark not in ("+", "-", "*", "/", "%"):
+    if mark not in ("+", "-", "*", "/", "%") or found.last() in ("{", ","):
         return ""
     return f"there is no arithmetic in atoms: declare a signal that is computed, as `x: msg.a {mark} msg.b`"
 
@@ -137,5 +147,5 @@ def _of_mark(found: Around) -> str:
     if mark in _COMPARISONS:
         return f"there is no `{mark}`: write `{_COMPARISONS[mark]}`"
     if found.kind() in ("word", "string", "number") and before not in ("{", ",", ":", "="):
-        return f"a `,` or a comparison is missing between `{before}` and {found.shown}"
+        return f"a `,`, a `:` or a comparison is missing between `{before}` and {found.shown}"
     return ""

@@ -31,6 +31,10 @@ def of_bound(found: Around) -> str:
     if found.inside != "[" or found.opener in QUANTIFIERS:
         return ""
     within = found.within.strip()
+    if not found.text[found.open[-1].at + 1 + len(found.within) :].startswith("]"):
+        ends = _ends(within)
+        bound = _bound(ends) if ends and not isinstance(ends, str) else None
+        return f"the bound that begins with `[{within}` is not closed: write `{bound or '[2:5]'}`"
     wrong = f"the bound [{within}]" if len(within) <= 40 else "the bound"
     return f"{wrong} can't be read: {mended(within)}"
 
@@ -45,8 +49,7 @@ def of_displaced(found: Around) -> str:
         return ""
     ends = _ends(found.within)
     bound = _bound(ends) if ends and not isinstance(ends, str) else None
-    mend = f"as in `{found.opener}[2:5] {{…}}`" if bound is None else f"write `{found.opener}{bound}`"
-    return f"a bound stands in square brackets: {mend}"
+    return f"a bound stands in square brackets: write `{found.opener}{bound or '[2:5]'}`"
 
 
 def unbounded(word: str, within: str) -> str:

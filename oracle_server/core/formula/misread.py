@@ -142,6 +142,14 @@ def _of_operator(found: Around) -> str:
     if mark in ("and", "or", "->", "since", "implies", "&&", "||"):
         first = f"after `{last}`" if found.before else "at the beginning"
         return f"something is missing {first}: `{mark}` stands between two parts, as in `{{a}} {mark} {{b}}`"
+    return _of_useless_bound(found)
+
+
+def _of_useless_bound(found: Around) -> str:
+    """A bound behind what has none, or has one already."""
+    mark, last = found.next(), found.last()
+    if mark == "[" and last == "]":
+        return "an operator has one bound"
     if mark == "[" and last in _UNBOUNDED:
         return unbounded(_UNBOUNDED[last], found.text[found.at + 1 :].partition("]")[0])
     if mark == "[" or (last in BOUNDED and mark in ("<", "<=", ">", ">=", "_", "^")):
