@@ -18,6 +18,8 @@ MAX_DEPTH = 64
 """Deepest nesting of an event's data."""
 MAX_BATCH = 2**15
 """Most events of one frame: more than fit into one."""
+MAX_STREAMS = 10_000
+"""Most streams that a frame tells of: ten times as many as a spec may have."""
 MAX_KEYS = 50_000
 """Most keys of all objects in one event's data."""
 
@@ -40,7 +42,7 @@ class Attach(_Message):
     instance: Annotated[str, Field(min_length=1, max_length=128)]
     session: Identifier | None = None
     spec: Identifier | None = None
-    streams: list[str] | None = None
+    streams: Annotated[list[str], Field(fail_fast=True)] | None = None
     clock: TimeBase = "wall"
     verdicts: bool = False
     """Whether it wants `verdicts` frames: how the properties stand, now and after each commit that changes it."""
@@ -123,7 +125,7 @@ class HandlingsMessage(_Message):
     """What the adapter did after several asks."""
 
     type: Literal["outcomes"]
-    outcomes: Annotated[list[Handling], Field(max_length=MAX_BATCH)]
+    outcomes: Annotated[list[Handling], Field(max_length=MAX_BATCH, fail_fast=True)]
 
 
 class ClockStamp(_Message):
@@ -138,7 +140,7 @@ class ClockMessage(_Message):
     """The clocks of a monitor's streams."""
 
     type: Literal["clock"]
-    stamps: list[ClockStamp]
+    stamps: Annotated[list[ClockStamp], Field(max_length=MAX_STREAMS, fail_fast=True)]
 
 
 TimeSource = Literal["field", "middleware", "arrival"]
@@ -162,7 +164,7 @@ class ReportMessage(_Message):
     """The state of a monitor's streams; replaces earlier reports of these streams."""
 
     type: Literal["report"]
-    streams: list[StreamReport]
+    streams: Annotated[list[StreamReport], Field(max_length=MAX_STREAMS, fail_fast=True)]
 
 
 class QuickHandling(msgspec.Struct, frozen=True, gc=False):
@@ -190,7 +192,7 @@ class QuickStamp(msgspec.Struct, frozen=True, gc=False):
 class QuickClock(msgspec.Struct, frozen=True, gc=False, tag_field="type", tag="clock"):
     """The same as `ClockMessage`."""
 
-    stamps: list[QuickStamp]
+    stamps: Annotated[list[QuickStamp], msgspec.Meta(max_length=MAX_STREAMS)]
 
 
 class Detach(_Message):

@@ -151,7 +151,7 @@ async def test_what_is_left_of_a_batch_when_it_rests_is_taken_afterwards(talk: T
     talk.machine.now += 10
     talk.machine.dear = 0.001
     talk.socket.says({"type": "events", "events": [talk.asks(seq) for seq in range(2, 500)]})
-    found: list[Any] = []
+    found: list[dict[str, Any]] = []
     while len(found) < 498:
         talk._other.run(lambda: None)
         found += await talk.socket.hears("decision")
