@@ -72,7 +72,7 @@ def _stamps(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
             continue
         path = tuple(field.split("."))
         found, around = at(known.widest, path), at(known.widest, path[:-1])
-        if isinstance(around, Record) and around.name.startswith("geometry_msgs/"):
+        if isinstance(found, Value) and isinstance(around, Record) and around.name.startswith("geometry_msgs/"):
             why = f"`{field}` is a number of a {around.name}, which is no time"
             message = f"stamp of {stream.key}: {why}; name a field that is one, or leave `stamp` out"
             yield SpecProblem(("streams", i, "stamp"), message, severity="warning")

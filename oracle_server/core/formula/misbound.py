@@ -34,7 +34,8 @@ def of_bound(found: Around) -> str:
     if not found.text[found.open[-1].at + 1 + len(found.within) :].startswith("]"):
         ends = _ends(within)
         bound = _bound(ends) if ends and not isinstance(ends, str) else None
-        return f"the bound that begins with `[{within}` is not closed: write `{bound or '[2:5]'}`"
+        begun = within if len(within) <= 20 else f"{within[:20]}…"
+        return f"the bound that begins with `[{begun}` is not closed: write `{bound or '[2:5]'}`"
     wrong = f"the bound [{within}]" if len(within) <= 40 else "the bound"
     return f"{wrong} can't be read: {mended(within)}"
 
@@ -43,7 +44,9 @@ def of_displaced(found: Around) -> str:
     """Of a bound that does not stand in square brackets; empty for anything else."""
     if found.last() in BOUNDED and found.kind() == "number":
         unit = found.next(1) if found.kind(1) == "word" and _unit(found.next(1)) else ""
-        return f"a bound stands in square brackets: write `{found.last()}[:{found.next()}{_unit(unit) or ''}]`"
+        return (
+            f"a bound stands in square brackets: write `{found.last()}[:{found.next().lstrip('-')}{_unit(unit) or ''}]`"
+        )
     begins = found.kind() == "number" or found.next() in (":", "<", "<=")
     if found.inside not in ("(", "{") or found.opener not in BOUNDED or found.last() != found.inside or not begins:
         return ""
@@ -70,6 +73,8 @@ def mended(within: str) -> str:
         return f"there is no unit '{ends}'; there are ns, us, ms, s, min and h"
     if not ends or len(ends) > 2:
         return _EXAMPLES
+    if not any(end.text for end in ends):
+        return f"leave the brackets out for whatever was, or {_EXAMPLES}"
     if any(end.signed for end in ends):
         return f"it counts back from now, without a sign: write `{_bound(ends)}`"
     if len(ends) == 1 and not ends[0].order and ends[0].text is not None:
