@@ -46,7 +46,7 @@ class Snapshots:
         """Continue a restored session at a position, whose snapshot is of another one."""
         self._committed, self._saved = position, saved
         self._broken = len(self._failed)
-        self._count(position)
+        self._backlog.restored(self, position - saved)
 
     def end(self) -> None:
         """Count no longer: the session is closed, and no restart will judge it again."""

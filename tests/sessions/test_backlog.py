@@ -106,7 +106,9 @@ async def test_what_a_restart_left_unsaved_counts_after_it(tmp_path: Path) -> No
         live.ledger.write()
         await first.flush()
         second = registry(history, tmp_path, GUARD)
+        second.backlog = Backlog(0)
         await second.restore_all()
+        await turns()
         assert second.backlog.total == first.backlog.total == 30
         assert await second.closed_within(second.open["s"], PATIENCE)
         assert second.backlog.total == 0
