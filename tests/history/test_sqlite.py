@@ -131,7 +131,8 @@ async def test_no_connection_is_closed_that_a_thread_still_reads_with(tmp_path: 
         def _connect(self) -> sqlite3.Connection:
             return watched
 
-    pages = Given(tmp_path / "history.sqlite", Readers()).pages(
+    readers = Readers(1, 1)
+    pages = Given(tmp_path / "history.sqlite", readers).pages(
         tuple, "SELECT pause() AS key", "SELECT key FROM sorted WHERE rowid BETWEEN ? AND ?", (), 10
     )
     reading = asyncio.ensure_future(anext(pages))
@@ -139,9 +140,12 @@ async def test_no_connection_is_closed_that_a_thread_still_reads_with(tmp_path: 
     reading.cancel()
     with pytest.raises(asyncio.CancelledError):
         await reading
+    free = readers.start(lambda: "free")
     watched.going.set()
     assert await asyncio.to_thread(watched.closed.wait, PATIENCE)
     assert not watched.closed_too_early
+    async with asyncio.timeout(PATIENCE):
+        assert await free == "free", "its place is another's"
 
 
 async def test_what_a_decision_waits_for_waits_for_no_other_reader(tmp_path: Path) -> None:

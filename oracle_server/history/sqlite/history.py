@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import sqlite3
 from bisect import bisect_left
-from collections.abc import AsyncGenerator, Callable, Sequence
+from collections.abc import AsyncGenerator, Callable, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import TypeVar
@@ -28,6 +28,7 @@ from oracle_server.history.records import (
 from oracle_server.history.sqlite.reader import Reader
 from oracle_server.history.sqlite.rows import (
     LETTERS,
+    Row,
     conditions,
     document_of,
     monitor_of,
@@ -225,10 +226,19 @@ class SqliteHistory:
         sql = f"SELECT {','.join(MONITOR_COLUMNS)} FROM monitors WHERE session = ?"  # noqa: S608
         return await self._reader.all(monitor_of, sql, (session,))
 
-    async def refusals(self, session: int) -> list[Refusal]:
-        """The refused events of a session."""
+    async def refusals(self, session: int, after: Mapping[str, int] | None = None) -> list[Refusal]:
+        """The refused events of a session, or of some monitors behind a number of each."""
         sql = f"SELECT {','.join(REFUSED_COLUMNS)} FROM refused WHERE session = ?"  # noqa: S608
-        return await self._reader.all(lambda row: Refusal(*row[1:]), sql, (session,))
+        if after is None:
+            return await self._reader.all(_refusal_of, sql, (session,))
+        sql += " AND monitor = ? AND seq > ?"
+        values = [(session, monitor, seq) for monitor, seq in after.items()]
+        return await self._reader.run(lambda r: [_refusal_of(row) for each in values for row in r.execute(sql, each)])
+
+    async def refused(self, session: int) -> int:
+        """How many events of a session were refused."""
+        (count,) = await self._reader.row("SELECT count(*) FROM refused WHERE session = ?", (session,))
+        return int(count)
 
     async def snapshot(self, session: int) -> SnapshotRecord | None:
         """The snapshot of a session."""
@@ -335,6 +345,10 @@ class SqliteHistory:
         """Bytes that the history takes."""
         (size,) = await self._reader.row(_SIZE)
         return int(size)
+
+
+def _refusal_of(row: Row) -> Refusal:
+    return Refusal(*row[1:])
 
 
 def _insert(verb: str, columns: Sequence[str]) -> str:
