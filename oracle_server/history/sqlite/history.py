@@ -87,8 +87,8 @@ class SqliteHistory:
         """Open a folder's database, which must be nobody else's. Raises `HistoryError` where it can't be used."""
         self.path = folder / "history.sqlite"
         self._writer = Writer(self.path, durability)
-        self._readers = Readers()
-        self._reader = Reader(self.path, self._readers)
+        self._readers, self._sorters = Readers(), Readers(name="history sorting")
+        self._reader = Reader(self.path, self._readers, self._sorters)
         self._lookup_threads = Readers(_LOOKUPS, _LOOKUPS, "history lookup")
         self._lookups = Reader(self.path, self._lookup_threads)
 
@@ -100,6 +100,7 @@ class SqliteHistory:
         """Commit what waits and close the database. Call it off the event loop."""
         self._writer.close()
         self._lookup_threads.close()
+        self._sorters.close()
         self._readers.close()
 
     # how the writing goes
