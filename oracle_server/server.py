@@ -128,7 +128,7 @@ async def _serve(settings: Settings, library: Library, history: History, door: _
     with Watchdog() as watchdog:
         with uncollected():
             await registry.restore_all()
-        collect_rarely()
+            collect_rarely()
         app = build_app(
             registry,
             library,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from bisect import bisect_left
-from collections.abc import AsyncGenerator, Callable, Sequence
+from collections.abc import AsyncGenerator, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Any, TypeVar
@@ -211,9 +211,14 @@ class MemoryHistory:
         """The monitors of a session."""
         return list(self._of(session).monitors.values())
 
-    async def refusals(self, session: int) -> list[Refusal]:
-        """The refused events of a session."""
-        return list(self._of(session).refusals)
+    async def refusals(self, session: int, after: Mapping[str, int] | None = None) -> list[Refusal]:
+        """The refused events of a session, or of some monitors behind a number of each."""
+        kept = self._of(session).refusals
+        return [r for r in kept if after is None or (r.monitor in after and r.seq > after[r.monitor])]
+
+    async def refused(self, session: int) -> int:
+        """How many events of a session were refused."""
+        return len(self._of(session).refusals)
 
     async def snapshot(self, session: int) -> SnapshotRecord | None:
         """The snapshot of a session."""

@@ -11,7 +11,7 @@ Sessions are named by their number, steps by their position (1, 2, 3… in each 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncGenerator, Callable, Sequence
+from collections.abc import AsyncGenerator, Callable, Mapping, Sequence
 from typing import Protocol, TypeVar
 
 from oracle_server.core.events import Order, StreamKey
@@ -137,8 +137,12 @@ class Reading(Protocol):
         """The monitors of a session."""
         ...
 
-    async def refusals(self, session: int) -> list[Refusal]:
-        """The refused events of a session."""
+    async def refusals(self, session: int, after: Mapping[str, int] | None = None) -> list[Refusal]:
+        """The refused events of a session; with `after` of these monitors only, those behind a number of each."""
+        ...
+
+    async def refused(self, session: int) -> int:
+        """How many events of a session were refused."""
         ...
 
     async def snapshot(self, session: int) -> SnapshotRecord | None:

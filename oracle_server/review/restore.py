@@ -77,15 +77,16 @@ async def restore(history: Reading, session: int, plan: Plan) -> Restored:
         judge.bypass(())  # what is bypassed now is known of the monitors
     if again.differing:
         log.error("restored verdicts differ from the recorded ones", session=session, steps=again.differing)
-    refused = await history.refusals(session)
-    for refusal in refused:
+    numbers, known = (snapshot and snapshot.numbers) or {}, await history.monitors(session)
+    saved_numbers = numbers if saved else {}  # the snapshot knows of what was refused up to these
+    after = {monitor.name: Numbering((), saved_numbers.get(monitor.name)).upto for monitor in known}
+    for refusal in await history.refusals(session, after):
         again.refuse(refusal)
-    numbers = (snapshot and snapshot.numbers) or {}
     monitors = {
         monitor.name: _known(monitor, Numbering(again.used[monitor.name], numbers.get(monitor.name)))
-        for monitor in await history.monitors(session)
+        for monitor in known
     }
-    return Restored(core, position, saved, len(refused), monitors, [*again.waiting.values()])
+    return Restored(core, position, saved, await history.refused(session), monitors, [*again.waiting.values()])
 
 
 async def _begun(history: Reading, session: int, snapshot: SnapshotRecord | None) -> int | None:

@@ -44,10 +44,13 @@ class Backlog:
         """The steps of all sessions that a restart would judge again."""
         return self._total
 
+    def restored(self, session: Saved, steps: int) -> None:
+        """Note how many steps of a restored session were judged again: nothing is saved while others wait for that."""
+        self._note(session, steps)
+
     def count(self, session: Saved, steps: int) -> None:
         """Note how many steps a session has judged since its last snapshot."""
-        self._total += steps - self._steps.get(session, 0)
-        self._steps[session] = steps
+        self._note(session, steps)
         if self._total > self._most and not self._relieving:
             self._relieving = True
             asyncio.get_running_loop().call_soon(self._relieve)
@@ -55,6 +58,10 @@ class Backlog:
     def forget(self, session: Saved) -> None:
         """Forget a session that is closed, or can't be saved."""
         self._total -= self._steps.pop(session, 0)
+
+    def _note(self, session: Saved, steps: int) -> None:
+        self._total += steps - self._steps.get(session, 0)
+        self._steps[session] = steps
 
     def _relieve(self) -> None:
         """Save one session: the loop has other work between two."""

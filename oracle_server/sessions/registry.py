@@ -232,9 +232,12 @@ class Registry:
             await asyncio.wait((self._closing[live.number],))  # its successor is not known before
         if await self.known(name) is None:
             return None
-        state = await self.state(name) or {}
+        state = await self.state(name)
         if name in self.open:  # another monitor has opened it meanwhile
             return await self._joined(name)
+        if state is None:
+            why = f"session '{name}' could not be restored, see the server's log; it can only be read"
+            raise WireError("session_closed", why, fatal=True)
         if state.get("clock_went_back"):
             raise _ended(name, state["continued_by"])
         raise WireError("session_closed", f"session '{name}' is closed; it can only be read", fatal=True)

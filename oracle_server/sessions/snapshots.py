@@ -19,6 +19,8 @@ from oracle_server.sessions.monitor import Monitor
 
 _SAVE_AFTER = 10_000
 """Steps after which a session takes a snapshot, whatever the others do."""
+_LIGHT = 10
+"""Properties of a step that counts once in the backlog; judging more takes as many times longer."""
 _REST = 500
 """For this many times the duration of a snapshot, no other one is taken unless it must: all sessions wait meanwhile."""
 _ASK_AGAIN = 0.1
@@ -36,6 +38,7 @@ class Snapshots:
         """Take snapshots of the session with this `number` in the history; the backlog may request one by `save`."""
         self._session, self._number, self._core, self._history = session, number, core, history
         self._backlog, self.request = backlog, save
+        self._weight = 1 + len(core.plan.spec.properties) // _LIGHT
         self._saved = 0
         self._savable = True
         self._committed = 0
@@ -46,7 +49,7 @@ class Snapshots:
         """Continue a restored session at a position, whose snapshot is of another one."""
         self._committed, self._saved = position, saved
         self._broken = len(self._failed)
-        self._count(position)
+        self._backlog.restored(self, (position - saved) * self._weight)
 
     def end(self) -> None:
         """Count no longer: the session is closed, and no restart will judge it again."""
@@ -105,7 +108,7 @@ class Snapshots:
 
     def _count(self, position: int) -> None:
         if self._savable:
-            self._backlog.count(self, position - self._saved)
+            self._backlog.count(self, (position - self._saved) * self._weight)
 
     @property
     def _failed(self) -> list[tuple[str, str]]:

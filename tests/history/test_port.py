@@ -174,6 +174,19 @@ async def test_what_is_forgotten_is_gone_and_nothing_else(history: History) -> N
     assert len(await history.monitors(2)) == len(await history.refusals(2)) == 1
 
 
+async def test_refusals_are_found_behind_a_number_of_each_monitor(history: History) -> None:
+    history.open_session(opened())
+    for monitor in ("m", "k"):
+        for seq in (1, 2, 3):
+            history.refuse(1, Refusal(monitor, seq, 0, 5, "bad_event", "no"), lambda: None)
+    await history.flush()
+    assert await history.refused(1) == len(await history.refusals(1)) == 6
+    assert await history.refused(2) == 0
+    found = await history.refusals(1, {"m": 1, "k": 3, "unknown": 0})
+    assert sorted((refusal.monitor, refusal.seq) for refusal in found) == [("m", 2), ("m", 3)]
+    assert await history.refusals(1, {}) == []
+
+
 async def test_times_are_found_by_bisection(history: History) -> None:
     history.open_session(opened())
     await add(history, *(step(i) for i in range(1, 8)))

@@ -16,7 +16,7 @@ from oracle_server.core.errors import HistoryError
 from oracle_server.core.verdicts import Decision
 from oracle_server.history.pages import find
 from oracle_server.history.query import Query
-from oracle_server.history.readers import Readers
+from oracle_server.history.readers import THREADS, Readers, reading_for
 from oracle_server.history.records import MonitorRecord, SnapshotRecord
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.history.sqlite.reader import Reader
@@ -131,7 +131,8 @@ async def test_no_connection_is_closed_that_a_thread_still_reads_with(tmp_path: 
         def _connect(self) -> sqlite3.Connection:
             return watched
 
-    pages = Given(tmp_path / "history.sqlite", Readers()).pages(
+    readers = Readers(1, 1)
+    pages = Given(tmp_path / "history.sqlite", readers).pages(
         tuple, "SELECT pause() AS key", "SELECT key FROM sorted WHERE rowid BETWEEN ? AND ?", (), 10
     )
     reading = asyncio.ensure_future(anext(pages))
@@ -139,9 +140,12 @@ async def test_no_connection_is_closed_that_a_thread_still_reads_with(tmp_path: 
     reading.cancel()
     with pytest.raises(asyncio.CancelledError):
         await reading
+    free = readers.start(lambda: "free")
     watched.going.set()
     assert await asyncio.to_thread(watched.closed.wait, PATIENCE)
     assert not watched.closed_too_early
+    async with asyncio.timeout(PATIENCE):
+        assert await free == "free", "its place is another's"
 
 
 async def test_what_a_decision_waits_for_waits_for_no_other_reader(tmp_path: Path) -> None:
@@ -208,6 +212,28 @@ async def test_the_ends_of_sessions_are_found_without_a_look_at_what_is_between(
     many, answers = await asked()
     assert answers[:2] == [200_000, (1, 2000)]
     assert many <= few + 2
+    await asyncio.to_thread(history.close)
+
+
+async def test_what_sorts_a_long_history_keeps_no_page_waiting(tmp_path: Path) -> None:
+    """A download begins by putting all steps in order."""
+    history, going = SqliteHistory(tmp_path), threading.Event()
+    history.start(asyncio.get_running_loop())
+    history.open_session(opened())
+    await add(history, step(1), step(2))
+    sorts = [history._sorters.start(going.wait) for _ in range(THREADS + 1)]
+    downloads = []
+    try:
+        async with asyncio.timeout(PATIENCE):
+            for i in range(THREADS + 1):
+                with reading_for(f"client {i}"):
+                    downloads.append(asyncio.ensure_future(anext(history.by_arrival(1))))
+            assert len((await find(history, opened(), Query()))[0]) == 4
+            going.set()
+            assert [len(page) for page in await asyncio.gather(*downloads)] == [2] * (THREADS + 1)
+    finally:
+        going.set()
+    await asyncio.gather(*sorts)
     await asyncio.to_thread(history.close)
 
 

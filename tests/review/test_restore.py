@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import pytest
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.pages import find
 from oracle_server.history.query import Query
-from oracle_server.history.records import SnapshotRecord
+from oracle_server.history.records import Refusal, SnapshotRecord
 from oracle_server.process.clock import Clock
 from oracle_server.sessions.registry import Registry
 from oracle_server.specfiles.library import Library
@@ -69,7 +70,7 @@ class Served:
         return [{name: value for name, value in record.items() if name not in TIMES} for record in found]
 
 
-async def judged(folder: Path, by: str, *, restarted: bool) -> tuple[list[dict[str, Any]], Any]:
+async def judged(folder: Path, by: str, *, restarted: bool, saved: bool = False) -> tuple[list[dict[str, Any]], Any]:
     """What comes of some events, with a server that ends after each of them, or goes on."""
     folder.mkdir()
     made = Served(folder, by)
@@ -80,6 +81,9 @@ async def judged(folder: Path, by: str, *, restarted: bool) -> tuple[list[dict[s
     ]  # fmt: skip
     for item in sent:
         await (made.refuse(5) if item is None else made.send(*item))
+        if saved:
+            made.live.ledger.save()
+            await made.history.flush()
         if restarted:
             await made.begin()
             for again in sent[: sent.index(item) + 1]:  # an adapter sends again what was not acked
@@ -91,11 +95,38 @@ async def judged(folder: Path, by: str, *, restarted: bool) -> tuple[list[dict[s
     return await made.records(), [made.monitor.numbering.upto, *(state["counters"][name] for name in names)]
 
 
+@pytest.mark.parametrize("saved", [False, True])
 @pytest.mark.parametrize("by", ["arrival", "publication", "both"])
-async def test_a_server_that_ends_after_each_event_judges_as_one_that_goes_on(tmp_path: Path, by: str) -> None:
+async def test_a_server_that_ends_after_each_event_judges_as_one_that_goes_on(
+    tmp_path: Path, by: str, *, saved: bool
+) -> None:
     async with asyncio.timeout(PATIENCE):
         plain = await judged(tmp_path / "plain", by, restarted=False)
-        assert await judged(tmp_path / "restarted", by, restarted=True) == plain
+        assert await judged(tmp_path / "restarted", by, restarted=True, saved=saved) == plain
+
+
+async def test_a_restart_reads_no_refusal_that_the_snapshot_knows_of(tmp_path: Path) -> None:
+    """A monitor whose every event is refused would else make each start longer."""
+    made = Served(tmp_path, "arrival")
+    await made.begin()
+    for seq in range(1, 6):
+        await made.refuse(seq)
+    await made.send(6, "/a", 1, 6)
+    made.live.ledger.save()
+    await made.refuse(7)
+    read: list[int] = []
+    refusals = made.history.refusals
+
+    async def counted(session: int, after: Mapping[str, int] | None = None) -> list[Refusal]:
+        found = await refusals(session, after)
+        read.extend(refusal.seq for refusal in found)
+        return found
+
+    made.history.refusals = counted  # type: ignore[method-assign]
+    await made.begin()
+    assert read == [7]
+    assert made.live.ledger.refused == 6
+    assert made.monitor.numbering.upto == 7
 
 
 async def test_what_can_not_be_judged_again_is_judged_no_more(tmp_path: Path) -> None:

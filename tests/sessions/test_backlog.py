@@ -93,6 +93,18 @@ async def test_of_many_sessions_a_restart_judges_few_steps_again(
         assert sum(last) - sum(positions) == sessions.backlog.total
 
 
+async def test_steps_of_many_properties_count_as_more(tmp_path: Path) -> None:
+    many = GUARD.replace("id: guard", "id: many").split("  - id: slow")[0]
+    many += "".join(f"  - {{id: p{i}, formula: 'not {{speed > 3}}', guards: [/go]}}\n" for i in range(35))
+    sessions = registry(MemoryHistory(), tmp_path, many)
+    async with asyncio.timeout(PATIENCE):
+        live, monitor = await sessions.attach(attach("s", "many"), Kept())
+        for seq in range(1, 11):
+            live.ingest(monitor, event(seq, speed=1))
+        live.ledger.write()
+        assert sessions.backlog.total == 40
+
+
 async def test_what_a_restart_left_unsaved_counts_after_it(tmp_path: Path) -> None:
     history = MemoryHistory()
     first = registry(history, tmp_path, GUARD)
@@ -106,7 +118,9 @@ async def test_what_a_restart_left_unsaved_counts_after_it(tmp_path: Path) -> No
         live.ledger.write()
         await first.flush()
         second = registry(history, tmp_path, GUARD)
+        second.backlog = Backlog(0)
         await second.restore_all()
+        await turns()
         assert second.backlog.total == first.backlog.total == 30
         assert await second.closed_within(second.open["s"], PATIENCE)
         assert second.backlog.total == 0

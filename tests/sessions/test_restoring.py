@@ -17,6 +17,7 @@ from oracle_server.review.restore import restore
 from oracle_server.sessions import registry as registry_module
 from oracle_server.sessions.registry import Registry
 from oracle_server.specfiles.library import Library
+from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import Attach
 from tests.processes import PATIENCE
 from tests.sessions.making import GUARD, Kept, attach, event, registry
@@ -95,6 +96,8 @@ async def test_a_session_whose_spec_is_refused_now_stops_no_other(tmp_path: Path
     (told,) = [line for line in logs if line["event"] == "a session can't be restored"]
     assert told["session"] == "one"
     assert told["reason"]
+    with pytest.raises(WireError, match="'one' could not be restored, see the server's log"):
+        await second.attach(attach("one", "guard"), Kept())
 
 
 @pytest.mark.usefixtures("within")

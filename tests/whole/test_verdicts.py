@@ -36,6 +36,20 @@ async def test_a_batch_that_fills_a_frame_is_answered_whole(server: Server, sess
         await monitor.acked(count)
 
 
+async def test_who_leaves_in_the_middle_of_a_trace_keeps_nobody_waiting(server: Server, session: str) -> None:
+    async with attached(server, session=session, spec="single") as monitor:
+        for first in range(1, 4001, 1000):
+            events = [make_event(i, at=i, data={"text": "x" * 500}) for i in range(first, first + 1000)]
+            await monitor.send(make_events(*events))
+        await monitor.acked(4000)
+    for _ in range(5):
+        with server.http.stream("GET", f"/api/v1/sessions/{session}/trace") as answer:
+            assert next(answer.iter_raw())
+    assert server.get(f"sessions/{session}/verdicts", limit=1000)["items"]
+    with server.http.stream("GET", f"/api/v1/sessions/{session}/trace") as answer:
+        assert len([*answer.iter_lines()]) == 4000
+
+
 async def test_both_orders_are_judged_side_by_side(server: Server, session: str) -> None:
     async with attached(server, session=session, spec="both") as monitor:
         await monitor.send(make_event(1, "/b", at=20), make_event(2, "/a", at=10), make_clock("/a", at=30))

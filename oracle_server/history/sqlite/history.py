@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import sqlite3
 from bisect import bisect_left
-from collections.abc import AsyncGenerator, Callable, Sequence
+from collections.abc import AsyncGenerator, Callable, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import TypeVar
@@ -28,6 +28,7 @@ from oracle_server.history.records import (
 from oracle_server.history.sqlite.reader import Reader
 from oracle_server.history.sqlite.rows import (
     LETTERS,
+    Row,
     conditions,
     document_of,
     monitor_of,
@@ -86,8 +87,8 @@ class SqliteHistory:
         """Open a folder's database, which must be nobody else's. Raises `HistoryError` where it can't be used."""
         self.path = folder / "history.sqlite"
         self._writer = Writer(self.path, durability)
-        self._readers = Readers()
-        self._reader = Reader(self.path, self._readers)
+        self._readers, self._sorters = Readers(), Readers(name="history sorting")
+        self._reader = Reader(self.path, self._readers, self._sorters)
         self._lookup_threads = Readers(_LOOKUPS, _LOOKUPS, "history lookup")
         self._lookups = Reader(self.path, self._lookup_threads)
 
@@ -99,6 +100,7 @@ class SqliteHistory:
         """Commit what waits and close the database. Call it off the event loop."""
         self._writer.close()
         self._lookup_threads.close()
+        self._sorters.close()
         self._readers.close()
 
     # how the writing goes
@@ -225,10 +227,19 @@ class SqliteHistory:
         sql = f"SELECT {','.join(MONITOR_COLUMNS)} FROM monitors WHERE session = ?"  # noqa: S608
         return await self._reader.all(monitor_of, sql, (session,))
 
-    async def refusals(self, session: int) -> list[Refusal]:
-        """The refused events of a session."""
+    async def refusals(self, session: int, after: Mapping[str, int] | None = None) -> list[Refusal]:
+        """The refused events of a session, or of some monitors behind a number of each."""
         sql = f"SELECT {','.join(REFUSED_COLUMNS)} FROM refused WHERE session = ?"  # noqa: S608
-        return await self._reader.all(lambda row: Refusal(*row[1:]), sql, (session,))
+        if after is None:
+            return await self._reader.all(_refusal_of, sql, (session,))
+        sql += " AND monitor = ? AND seq > ?"
+        values = [(session, monitor, seq) for monitor, seq in after.items()]
+        return await self._reader.run(lambda r: [_refusal_of(row) for each in values for row in r.execute(sql, each)])
+
+    async def refused(self, session: int) -> int:
+        """How many events of a session were refused."""
+        (count,) = await self._reader.row("SELECT count(*) FROM refused WHERE session = ?", (session,))
+        return int(count)
 
     async def snapshot(self, session: int) -> SnapshotRecord | None:
         """The snapshot of a session."""
@@ -335,6 +346,10 @@ class SqliteHistory:
         """Bytes that the history takes."""
         (size,) = await self._reader.row(_SIZE)
         return int(size)
+
+
+def _refusal_of(row: Row) -> Refusal:
+    return Refusal(*row[1:])
 
 
 def _insert(verb: str, columns: Sequence[str]) -> str:

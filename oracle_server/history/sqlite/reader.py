@@ -23,10 +23,10 @@ Values = Sequence[object]
 class Reader:
     """Reads what is committed. Every method raises `HistoryError` where the database can't be read."""
 
-    def __init__(self, path: Path, threads: Readers) -> None:
-        """Read a database, whose file is there, in some threads."""
+    def __init__(self, path: Path, threads: Readers, sorting: Readers | None = None) -> None:
+        """Read a database, whose file is there, in some threads; put much of it in order in others, where given."""
         self._uri = f"file:{path}?mode=ro"
-        self._threads = threads
+        self._threads, self._sorting = threads, sorting or threads
 
     async def all(self, make: Callable[[Row], T], sql: str, values: Values = ()) -> list[T]:
         """What is made of each row, in the thread that reads them."""
@@ -75,7 +75,8 @@ class Reader:
                 return [make(row) for row in reader.execute(sql, values)]
 
         try:
-            await self._in_thread(lambda: read(tuple, f"CREATE TEMP TABLE sorted AS {order}", values))
+            # this takes seconds of a long session, and needs the interpreter for none of them
+            await self._in_thread(lambda: read(tuple, f"CREATE TEMP TABLE sorted AS {order}", values), self._sorting)
             ((count,),) = await self._in_thread(lambda: read(tuple, "SELECT count(*) FROM sorted"))
             for first in range(1, count + 1, size):
                 yield await self._in_thread(partial(read, make, page, (*values, first, first + size - 1)))
@@ -83,9 +84,9 @@ class Reader:
             reader.interrupt()
             self._threads.start(partial(_close, reader, in_use))
 
-    async def _in_thread(self, work: Callable[[], R]) -> R:
+    async def _in_thread(self, work: Callable[[], R], threads: Readers | None = None) -> R:
         try:
-            return await self._threads.start(work)
+            return await (threads or self._threads).start(work)
         except sqlite3.Error as error:
             raise HistoryError(f"the history can't be read: {error}") from None
 
