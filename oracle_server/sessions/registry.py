@@ -112,11 +112,11 @@ class Registry:
         `WireError` where the server stops.
         """
         async with self._opening:
-            entry = self._library.get(spec_id)
             with reading_for():  # whoever asks: attaches wait for this, too
-                session_id = session_id or await self._new_name(spec_id)
-                if await self.known(session_id) is not None:
+                if session_id is not None and await self.known(session_id) is not None:  # whatever spec is asked for
                     raise SessionExistsError(f"a session '{session_id}' exists already")
+                entry = self._library.get(spec_id)
+                session_id = session_id or await self._new_name(spec_id)
             return await self._open(entry, session_id, private=private, by=by)
 
     async def flush(self) -> None:
