@@ -30,7 +30,7 @@ def misfit(shape: Shape, value: object, path: str = "") -> str:
             return misfit(shape.of, value[0], f"{path}[0]") if value else ""
         case Value() if _fits(shape, value):
             return ""
-    return f"`{path}` is {told(value)}, and is {_described(shape)} there"
+    return f"`{path}` is {told(value)}, where the type has {_described(shape)}"
 
 
 def _in_record(shape: Record, value: Mapping[str, object], path: str) -> str:
