@@ -138,7 +138,7 @@ def _misfits(spec: Spec, coverage: Coverage) -> Iterator[str]:
     for key, counts in coverage.items():
         if "misfits" in counts:
             which = part_of(counts["misfits"], counts["events"])
-            yield f"{key}: {which} of no {spec.by_key[key].type}: {counts['misfit']}"
+            yield f"{key}: {which} no {spec.by_key[key].type}: {counts['misfit']}"
 
 
 def _all(events: int) -> str:

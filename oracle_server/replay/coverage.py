@@ -10,7 +10,7 @@ from oracle_server.core.plan import Projects, named_signals
 from oracle_server.core.ranges import ValueKind
 from oracle_server.core.spec import Spec
 from oracle_server.core.typed import TypedMessage
-from oracle_server.replay.misfit import misfit
+from oracle_server.replay.misfit import misfit, quick
 from oracle_server.replay.recording import Projected
 
 
@@ -54,6 +54,7 @@ class Counting:
         self._shapes: Counter[tuple[tuple[str, ...], frozenset[str]]] = Counter()
         self._reasons: dict[str, str] = {}
         self._shape = None if type_ is None else type_.widest
+        self._quick = bool if self._shape is None else quick(self._shape)
         self._misfits, self._misfit = 0, ""
         self._types: set[tuple[str, type]] = set()
 
@@ -63,13 +64,13 @@ class Counting:
             signals, failed = dict(message.signals), message.failed
         else:
             signals, failed = self._project(message)
-            why = "" if self._shape is None else misfit(self._shape, message)
+            why = "" if self._shape is None or self._quick(message) else misfit(self._shape, message)
             if why:
                 self._misfits, self._misfit = self._misfits + 1, self._misfit or why
             if not failed <= self._reasons.keys():
                 self._reasons = self._project.reasons(message) | self._reasons
         self._shapes[tuple(signals), failed] += 1
-        self._types.update((name, type(value)) for name, value in signals.items())
+        self._types.update([(name, type(value)) for name, value in signals.items()])
         return signals, failed
 
     def reasons(self, message: object) -> dict[str, str]:

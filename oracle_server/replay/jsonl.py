@@ -110,9 +110,13 @@ class Trace:
             self._odd[name, line.kind] += f"/{name.strip('/')}" in self._names
             return None
         message = line.message()
+        where = self.spec.by_key[key].stamp
+        published = line.stamp or stamp_in(message, where)
         if not line.places:
-            self._look(line, place, fault, self.spec.by_key[key].stamp)
-        stamp = line.stamp or stamp_in(message, self.spec.by_key[key].stamp) or line.otherwise
+            self._times.look(place, line.arrived, line.stamp or line.otherwise, fault)
+        if line.data is not None and (published is None or not (where is None or where.plain)):
+            self._look_inside(line, place, where)
+        stamp = published or line.otherwise
         arrived = line.arrived if self.clocked else stamp
         self._now = max(self._now, arrived or 0)
         self._lost += line.lost
@@ -132,15 +136,13 @@ class Trace:
         if self._lost:
             yield Note(f"{counted(self._lost, 'event')} lost while it was recorded", doubt=True)
 
-    def _look(self, line: Line, place: str, fault: str, where: Stamp | None) -> None:
-        """Look at the times of a line that no session has recorded."""
-        own = line.stamp or line.otherwise
-        self._times.look(place, line.arrived, own, fault)
-        if line.data is not None and (line.stamp is None or (where is not None and not where.plain)):
-            unread = stamp_fault(line.data, where)
-            if unread:
-                then = "it is ordered by the time of its line" if own or line.arrived else "it has no time"
-                self._times.note(place, f"{line.stream}: {unread}", then)
+    def _look_inside(self, line: Line, place: str, where: Stamp | None) -> None:
+        """Look for a time in a line's message that can't be read."""
+        unread = stamp_fault(line.data, where)
+        if unread:
+            timed = line.stamp or line.otherwise or line.arrived
+            then = "it is ordered by the time of its line" if timed else "it has no time"
+            self._times.note(place, f"{line.stream}: {unread}", then)
 
 
 def read_lines(path: Path, spec: Spec) -> Trace:

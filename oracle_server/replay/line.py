@@ -129,7 +129,7 @@ def _misspelt(fields: dict[str, Any]) -> str:
 def _no_json(error: json.JSONDecodeError) -> str:
     text = error.doc.rstrip()
     if error.pos >= len(text):
-        return f"not JSON: it ends early, at column {len(text)}"
+        return f"not JSON: it ends early, at column {len(text)}; an event is one line"
     snippet = one_line(text[error.pos : error.pos + _SNIPPET])
     if error.msg == "Extra data":
         return (

@@ -87,12 +87,12 @@ def test_a_type_has_the_same_name_in_both_versions_of_ros(name: str, tmp_path: P
 
 TWIST = {"linear": {"x": 9.0, "y": 0.0, "z": 0.0}, "angular": {"x": 0.0, "y": 0.0, "z": 0.0}}
 CONTRADICTING: dict[str, tuple[str, dict[str, Any], str]] = {
-    "a text for a boolean": ("std_msgs/msg/Bool", {"data": "true"}, "`data` is 'true', and is a bool there"),
-    "a number for a boolean": ("std_msgs/msg/Bool", {"data": 1}, "`data` is 1, and is a bool there"),
-    "a text for a number": ("std_msgs/msg/Float64", {"data": "1.5"}, "`data` is '1.5', and is a float64 there"),
-    "a boolean for a number": ("std_msgs/msg/Float64", {"data": True}, "`data` is true, and is a float64 there"),
-    "a part of a number": ("std_msgs/msg/Int32", {"data": 1.5}, "`data` is 1.5, and is an int32 there"),
-    "a number for a text": ("std_msgs/msg/String", {"data": 5}, "`data` is 5, and is a string there"),
+    "a text for a boolean": ("std_msgs/msg/Bool", {"data": "true"}, "`data` is 'true', where the type has a bool"),
+    "a number for a boolean": ("std_msgs/msg/Bool", {"data": 1}, "`data` is 1, where the type has a bool"),
+    "a text for a number": ("std_msgs/msg/Float64", {"data": "1.5"}, "`data` is '1.5', where the type has a float64"),
+    "a boolean for a number": ("std_msgs/msg/Float64", {"data": True}, "`data` is true, where the type has a float64"),
+    "a part of a number": ("std_msgs/msg/Int32", {"data": 1.5}, "`data` is 1.5, where the type has an int32"),
+    "a number for a text": ("std_msgs/msg/String", {"data": 5}, "`data` is 5, where the type has a string"),
     "another message": (
         "geometry_msgs/msg/TwistStamped",
         TWIST,
@@ -103,14 +103,22 @@ CONTRADICTING: dict[str, tuple[str, dict[str, Any], str]] = {
         {"twist": {"x": 1.0}},
         "`twist` has x, and geometry_msgs/msg/Twist has angular and linear",
     ),
-    "a message for a value": ("std_msgs/msg/Bool", {"data": {"data": True}}, "`data` is a message, and is a bool"),
+    "a message for a value": (
+        "std_msgs/msg/Bool",
+        {"data": {"data": True}},
+        "`data` is a message, where the type has a bool",
+    ),
     "a value for a message": (
         "geometry_msgs/msg/TwistStamped",
         {"twist": 5.0},
-        "`twist` is 5.0, and is a geometry_msgs/msg/Twist there",
+        "`twist` is 5.0, where the type has a geometry_msgs/msg/Twist",
     ),
-    "a value for a list": ("sensor_msgs/msg/LaserScan", {"ranges": 5.0}, "`ranges` is 5.0, and is a list there"),
-    "texts in a list": ("sensor_msgs/msg/LaserScan", {"ranges": ["a"]}, "`ranges[0]` is 'a', and is a float32 there"),
+    "a value for a list": ("sensor_msgs/msg/LaserScan", {"ranges": 5.0}, "`ranges` is 5.0, where the type has a list"),
+    "texts in a list": (
+        "sensor_msgs/msg/LaserScan",
+        {"ranges": ["a"]},
+        "`ranges[0]` is 'a', where the type has a float32",
+    ),
 }
 
 
@@ -120,7 +128,7 @@ def test_a_message_that_contradicts_its_type_is_told(case: str, tmp_path: Path) 
     text = SPEC.format(type=f"type: {name}, ").replace("armed: msg.data", "armed: 1 == 1")
     found = judge(write_spec(tmp_path, text), log(tmp_path, data, data))
     assert (found.exit, found.strict) == (2, 2)
-    assert f"/armed: its 2 messages are of no {name}: {reason}" in found.said
+    assert f"/armed: its 2 messages are no {name}: {reason}" in found.said
 
 
 FITTING: list[tuple[str, dict[str, Any]]] = [
@@ -152,4 +160,4 @@ def test_what_a_type_allows_is_no_contradiction(name: str, data: dict[str, Any],
 def test_one_message_of_many_is_enough(tmp_path: Path) -> None:
     found = judge(spec(tmp_path), log(tmp_path, {"data": False}, {"data": "x"}, {"data": False}))
     assert found.exit == 2
-    assert "/armed: 1 of its 3 messages is of no std_msgs/msg/Bool: `data` is 'x'" in found.said
+    assert "/armed: 1 of its 3 messages is no std_msgs/msg/Bool: `data` is 'x'" in found.said

@@ -164,7 +164,7 @@ def test_a_bag_says_which_stamps_can_not_be_read(tmp_path: Path) -> None:
 BROKEN: dict[str, tuple[str, str]] = {
     "a comma is missing": ('{"stream": "/a" "data": {}}', 'not JSON, from column 17 on: "data": {}}'),
     "single quotes": ("{'stream': '/a'}", "not JSON, from column 2 on: 'stream': '/a'}"),
-    "cut": ('{"stream": "/a", "data": {', "not JSON: it ends early, at column 26"),
+    "cut": ('{"stream": "/a", "data": {', "not JSON: it ends early, at column 26; an event is one line"),
     "two objects": ('{"stream": "/a", "data": {}} {}', "at column 30 something follows its JSON object: {}; write"),
     "a fraction": (
         '{"stream": "/a", "stamp": 12.5, "data": {}}',
