@@ -13,13 +13,12 @@ from oracle_server.core.kinds import RESERVED
 from oracle_server.core.nearest import either, listed, nearest
 from oracle_server.core.plan import can_meet, has_reserved
 from oracle_server.core.readings import at, lacking
-from oracle_server.core.shapes import Many, Record, Shape, Value
+from oracle_server.core.shapes import Many, Record, Shape, Value, fits
 from oracle_server.core.spec import Spec, StreamSpec
 from oracle_server.core.stamps import Stamp
 from oracle_server.core.typed import StreamTypes, TypedMessage
 
 _TIME_FIELDS = ("sec", "nanosec")
-_NOT_FINITE = frozenset({"NaN", "Infinity", "-Infinity"})
 
 
 def inspect_fields(spec: Spec, types: StreamTypes) -> list[SpecProblem]:
@@ -137,28 +136,10 @@ def _unfit(shape: Shape, value: Any, path: tuple[str | int, ...]) -> Iterator[tu
                 yield path, f"`{name}` has {shape.length} items, not {len(value)}"
             for i, inner in enumerate(value):
                 yield from _unfit(shape.of, inner, (*path, i))
-        case Value() if _fits(shape, value):
+        case Value() if fits(shape, value):
             return
         case _:
             yield path, f"{value!r} does not fit `{name}`, which is {_described(shape)}"
-
-
-def _fits(shape: Value, value: Any) -> bool:
-    match shape.kind:
-        case "bool":
-            return isinstance(value, bool)
-        case "text":
-            return isinstance(value, str)
-        case "bytes":
-            return isinstance(value, str | list)
-        case "whole":
-            return _is_number(value) and not isinstance(value, float)
-        case "real":
-            return value in _NOT_FINITE if isinstance(value, str) else _is_number(value)
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 # Signals that no stream declares

@@ -35,3 +35,26 @@ class Record:
 
 
 Shape = Value | Many | Record
+
+
+_NOT_FINITE = frozenset({"NaN", "Infinity", "-Infinity"})
+
+
+def fits(shape: Value, value: object) -> bool:
+    """Whether a value of JSON can stand in a field."""
+    match shape.kind:
+        case "bool":
+            return isinstance(value, bool)
+        case "text":
+            return isinstance(value, str)
+        case "bytes":
+            return isinstance(value, str | list)
+        case "whole":
+            return is_number(value) and not isinstance(value, float)
+        case "real":
+            return value in _NOT_FINITE if isinstance(value, str) else is_number(value)
+
+
+def is_number(value: object) -> bool:
+    """Whether a value of JSON is a number; a Boolean is none."""
+    return isinstance(value, int | float) and not isinstance(value, bool)

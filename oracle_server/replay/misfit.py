@@ -7,10 +7,9 @@ from types import NoneType
 from typing import Any
 
 from oracle_server.core.expression import told
-from oracle_server.core.shapes import Many, Record, Shape, Value
+from oracle_server.core.shapes import Many, Record, Shape, Value, fits, is_number
 
 _TIMES = frozenset({"builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration"})
-_NOT_FINITE = frozenset({"NaN", "Infinity", "-Infinity"})
 _STAND_INS = frozenset({"structure_needs_at_least_one_member"})
 """The field of a type without fields, as ROS 2 has it."""
 _MOST = 6
@@ -60,14 +59,14 @@ def misfit(shape: Shape, value: object, path: str = "") -> str:
     A missing field is none, nor is one that the type does not have beside others that it has: logs keep what is
     read, and may add to it. Of a list the first item is looked at.
     """
-    if value is None or (isinstance(shape, Record) and shape.name in _TIMES and _is_number(value)):
+    if value is None or (isinstance(shape, Record) and shape.name in _TIMES and is_number(value)):
         return ""
     match shape:
         case Record() if isinstance(value, Mapping):
             return _in_record(shape, value, path)
         case Many() if isinstance(value, list):
             return misfit(shape.of, value[0], f"{path}[0]") if value else ""
-        case Value() if _fits(shape, value):
+        case Value() if fits(shape, value) or (shape.kind == "whole" and _whole(value)):
             return ""
     return f"`{path}` is {told(value)}, where the type has {_described(shape)}"
 
@@ -81,22 +80,9 @@ def _in_record(shape: Record, value: Mapping[str, object], path: str) -> str:
     return next(filter(None, inner), "")
 
 
-def _fits(shape: Value, value: object) -> bool:
-    match shape.kind:
-        case "bool":
-            return isinstance(value, bool)
-        case "text":
-            return isinstance(value, str)
-        case "bytes":
-            return isinstance(value, str | list)
-        case "whole":
-            return _is_number(value) and not (isinstance(value, float) and not value.is_integer())
-        case "real":
-            return value in _NOT_FINITE if isinstance(value, str) else _is_number(value)
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+def _whole(value: object) -> bool:
+    """Whether it is a whole number in JSON of other programs, which may write `3.0`."""
+    return isinstance(value, float) and value.is_integer()
 
 
 def _described(shape: Shape) -> str:
