@@ -90,7 +90,7 @@ def always(data: Any) -> Callable[[int], str]:
 
 OBJECTS = always({"v": 1, "list": [{"abcdefg": 12_345_678}] * 45_000})
 KINDS = {
-    "dear formulas": Kind("formulas", lambda seq: f'{{"a":{seq}}}' if seq <= 4_500 else '{"b":1}', 4_500),
+    "dear formulas": Kind("formulas", lambda seq: f'{{"a":{seq}}}' if seq <= 4_500 else f'{{"b":{seq % 2}}}', 4_500),
     "formulas dear now and then": Kind(
         "formulas", lambda seq: f'{{"a":{seq}}}' if seq <= 40_000 else f'{{"b":{int(seq % 10 == 0)}}}', 40_000
     ),
