@@ -19,10 +19,11 @@ from tests.fuzz.bystander import Bystander
 from tests.fuzz.frames import Frame, Writer
 from tests.fuzz.monitor import Monitor, Told
 
-FOLDERS = (Path(__file__).parents[1] / "whole" / "specs", Path(__file__).parents[1] / "vectors" / "specs")
+_TESTS = Path(__file__).parents[1]
+FOLDERS = (_TESTS / "whole" / "specs", _TESTS / "vectors" / "specs", _TESTS / "fuzz" / "specs")
 SPECS = (
     "pair", "single", "both", "deadline", "timed", "texts", "remembers", "tiny", "presence", "lamp", "bypassed",
-    "answered",
+    "answered", "strict", "explained", "prompt", "reelay", "robust", "booted",
 )  # fmt: skip
 AMENDED = frozenset({"passed", "kind"})
 """What a record says that may change after its commit: what the adapter did."""
