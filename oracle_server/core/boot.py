@@ -5,6 +5,8 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Hashable
 
+_LATEST = 2**63 - 1
+"""As late as a time can be."""
 _MOST_KNOTS = 16
 _MOST_PUBLISHERS = 1_000
 """Whose newest times are kept; of more, the first heard are forgotten."""
@@ -43,7 +45,7 @@ class BootClock:
         self._newest[source] = max(self._newest.get(source, since), since)
         if len(self._newest) > _MOST_PUBLISHERS:
             del self._newest[next(iter(self._newest))]
-        return max(1, self._at(since))
+        return min(max(1, self._at(since)), _LATEST)
 
     def _at(self, since: int) -> int:
         i = bisect_right(self._knots, since, key=lambda knot: knot[0])

@@ -14,6 +14,8 @@ log = structlog.get_logger()
 
 _MOST, _WITHIN = 20, 10 * 10**9
 """Violations of a session that are logged within so many nanoseconds."""
+_LONGEST = 2_000
+"""Characters of a violation's text that are logged: it quotes what robots say, which may be a megabyte."""
 
 
 class ViolationLog:
@@ -33,6 +35,13 @@ class ViolationLog:
             if self._logged <= _MOST:
                 why = record["explanation"]
                 text = f"{record['property']} is violated" if why is None else why["text"]
-                log.warning(f"violation: {one_line(text)}", session=self._session, n=record["n"])
+                log.warning(f"violation: {_shortened(text)}", session=self._session, n=record["n"])
             elif self._logged == _MOST + 1:
                 log.warning("more violations are in the history, and not logged for now", session=self._session)
+
+
+def _shortened(text: str) -> str:
+    line = one_line(text[:_LONGEST])
+    if len(text) <= _LONGEST and len(line) <= _LONGEST:
+        return line
+    return f"{line[:_LONGEST]}… (the history has all of it)"

@@ -21,6 +21,8 @@ __all__ = ["PATIENCE", "Ended", "Served", "reviving"]
 _MAIN = "from oracle_server.cli.commands import main; main()"
 _OFTEN = "from oracle_server.history.sqlite import writer; writer.PERIOD = 0"
 """Commits as they come and not gathered: there are the more moments to strike at."""
+_LONGEST = 2**24
+"""Bytes of a line of the log: with a longer one its reading would end, and then the server would wait for it."""
 
 
 class Ended(AssertionError):  # noqa: N818
@@ -70,7 +72,7 @@ class Served:
             await self._reading
         arguments = (*self._arguments, "--port", str(self.port))
         self._process = await asyncio.create_subprocess_exec(
-            *self._command, *arguments, env=self._environment, stderr=asyncio.subprocess.PIPE
+            *self._command, *arguments, env=self._environment, stderr=asyncio.subprocess.PIPE, limit=_LONGEST
         )
         self._died.clear()
         accepts = asyncio.Event()
@@ -115,6 +117,12 @@ class Served:
     def count(self, event: str) -> int:
         """How many lines of this event the log has."""
         return sum(line["event"] == event for line in self.log)
+
+    async def ended(self) -> int:
+        """Wait for the end of the process, and return its exit status; its log is whole then."""
+        status = await self._process.wait()
+        await asyncio.wait((self._reading,))
+        return status
 
     async def stop(self) -> int:
         """Stop cleanly, and return the exit status."""

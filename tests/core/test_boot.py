@@ -80,3 +80,12 @@ def test_publishers_that_are_always_new_take_no_more_memory(monkeypatch: pytest.
     assert placed == [START + i * MS for i in range(1, 100)]
     assert clock.place("p99", MS, START + 200 * MS) == START + MS, "no restart: it is not far enough back"
     assert len(clock._newest) == 2
+
+
+@pytest.mark.parametrize("known", [2**63 - 1, 2**62, 10**18])
+def test_no_time_is_later_than_a_time_can_be(known: int) -> None:
+    clock = BootClock(10**9)
+    latest = 2**63 - 1
+    placed = [clock.place("a", since, known) for since in (1, 2, 10**9, 2**62, latest)]
+    assert placed == sorted(placed)
+    assert all(1 <= at <= latest for at in placed)

@@ -19,15 +19,18 @@ from tests.fuzz.bystander import Bystander
 from tests.fuzz.frames import Frame, Writer
 from tests.fuzz.monitor import Monitor, Told
 
-FOLDERS = (Path(__file__).parents[1] / "whole" / "specs", Path(__file__).parents[1] / "vectors" / "specs")
+_TESTS = Path(__file__).parents[1]
+FOLDERS = (_TESTS / "whole" / "specs", _TESTS / "vectors" / "specs", _TESTS / "fuzz" / "specs")
 SPECS = (
     "pair", "single", "both", "deadline", "timed", "texts", "remembers", "tiny", "presence", "lamp", "bypassed",
-    "answered",
+    "answered", "strict", "explained", "prompt", "reelay", "robust", "booted",
 )  # fmt: skip
 AMENDED = frozenset({"passed", "kind"})
 """What a record says that may change after its commit: what the adapter did."""
 AT_ONCE = 3
 """Sessions at a time."""
+LONGEST = 10_000
+"""Characters of a line of the log, whatever robots say: it is for people."""
 LONG = 200
 """Frames of a session, on average."""
 
@@ -63,6 +66,7 @@ async def leg(served: Served, number: int, frames: int, seed: int) -> Count:
     bystander = Bystander(served, f"bystander{number}")
     total = Count()
     async with asyncio.TaskGroup() as tasks:
+        watching = tasks.create_task(_alive(served))
         beside = tasks.create_task(bystander.run())
         turn = 0
         while total.frames < frames:
@@ -74,6 +78,7 @@ async def leg(served: Served, number: int, frames: int, seed: int) -> Count:
             total = sum([await one for one in rounds], total)
         bystander.end()
         await beside
+        watching.cancel()
     await bystander.check()
     total.asked += bystander.asked
     total.wrong += bystander.wrong
@@ -81,11 +86,18 @@ async def leg(served: Served, number: int, frames: int, seed: int) -> Count:
     return total
 
 
+async def _alive(served: Served) -> None:
+    """Fail where the server ends."""
+    status = await served.ended()
+    raise AssertionError(f"the server ended with {status}: {served.log[-20:]}")
+
+
 def _failures(served: Served) -> list[str]:
     """The lines of the log that tell of a bug: errors, and what is no line of a log."""
     usual = ("info", "warning", "debug")
     found = [line for line in served.log if line.get("level") not in usual or "Traceback" in str(line)]
-    return [f"the server said {line}" for line in found]
+    endless = [line for line in served.log if len(str(line)) > LONGEST]
+    return [f"the server said {str(line)[:LONGEST]}" for line in found + endless]
 
 
 @dataclass

@@ -14,7 +14,7 @@ Frame = dict[str, Any]
 Key = tuple[str, str]
 """A stream's name and kind."""
 
-FIELDS = ("v", "id", "again", "mode", "level", "percentage", "switch_on", "success", "name", "list", "other")
+FIELDS = ("v", "id", "again", "mode", "level", "percentage", "switch_on", "success", "name", "list", "other", "at")
 TEXTS = (
     "on", "off", "", " ", "NaN", "\0", "\x7f\x1b[31m", "\u202eright to left", "e\u0301\u0327", "\U0001f916" * 3,
     "\uffff", "\ufeff", "'; DROP TABLE steps; --", "<script>", "{topic: /a}", "x" * 2000, "\u00df" * 300, "\u2028",
@@ -182,6 +182,8 @@ class Writer:
         data = {name: self._value(0) for name in chance.sample(FIELDS, chance.randint(0, 6))}
         if chance.random() < 0.6:
             data["v"] = chance.choice((0, 1, 2, 7, 11))
+        if chance.random() < 0.4:
+            data["at"] = self.now // chance.choice((1000, 10**6)) - chance.choice((0, BASE // 1000))
         if chance.random() < 0.02:
             data["other"] = nested(chance, chance.randint(1, 62))
         if chance.random() < 0.003:

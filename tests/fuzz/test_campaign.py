@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import random
 from pathlib import Path
 
 import pytest
 
-from tests.chaos.served import Served
+from tests.chaos.served import PATIENCE, Served
 from tests.fuzz.campaign import leg, prepare, restarted, wrong_with
 from tests.fuzz.frames import Event, Frame, Writer
 from tests.fuzz.monitor import Monitor, Told
@@ -26,7 +27,7 @@ def seed() -> int:
 async def test_whatever_monitors_say_what_is_acked_is_judged_once_and_others_are_judged_right(
     seed: int, tmp_path: Path
 ) -> None:
-    async with Served(prepare(tmp_path / "specs"), tmp_path / "data") as served:
+    async with asyncio.timeout(10 * PATIENCE), Served(prepare(tmp_path / "specs"), tmp_path / "data") as served:
         count = await leg(served, 0, FRAMES, seed)
         again = await restarted(served, seed)
         assert await served.stop() == 0
