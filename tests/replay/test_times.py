@@ -93,7 +93,7 @@ OWN: dict[str, tuple[list[dict[str, Any]], str, str]] = {
     "a misspelt key": (
         [{"stream": "/a", "arived": 1, "data": {"v": 1}}] * 2,
         "",
-        ":1: the key `arived` is not read (did you mean 'arrived'?): what it says does not count (2 such lines)",
+        ":1: the key `arived` is not read (did you mean `arrived`?): what it says does not count (2 such lines)",
     ),
     "a text in the stamp": (
         [own(1, header={"stamp": "today"})],
