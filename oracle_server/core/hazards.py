@@ -229,7 +229,12 @@ def _guards(spec: Spec) -> Iterator[SpecProblem]:
                     f"property '{prop.id}' guards {name}, whose action is `log`, so that nothing of it can be denied; "
                     f"write `action: filter` at {name}, or leave the guard out",
                 )
-            elif not prop.blame_given and not (prop.numeric or prop.external) and not mendable(spec, prop, name):
+            elif (
+                prop.blame == "any"
+                and not prop.blame_given
+                and not (prop.numeric or prop.external)
+                and not mendable(spec, prop, name)
+            ):
                 yield SpecProblem(
                     path,
                     f"property '{prop.id}' can be negative at an event of {name} that withholding would not mend: "
