@@ -44,6 +44,20 @@ def signal_names(spec: Spec, key: StreamKey) -> tuple[str, ...]:
     return tuple(sorted(named_signals(stream, tuple(p.atoms for p in spec.properties), held)))
 
 
+def counted_names(spec: Spec, key: StreamKey, type_: TypedMessage | None) -> tuple[str, ...]:
+    """The signals whose absence says something: a stream that declares none may be read for what others have.
+
+    Those are the ones that its type lacks; where the type is not known, the ones that another stream declares.
+    """
+    names = signal_names(spec, key)
+    if spec.by_key[key].signals is not None:
+        return names
+    if type_ is not None:
+        return tuple(name for name in names if name in type_.widest.fields)
+    elsewhere = frozenset[str]().union(*(stream.signals or () for stream in spec.streams))
+    return tuple(name for name in names if name not in elsewhere)
+
+
 class Counting:
     """Projects the messages of a stream, as recorded or anew, and counts which signals they had."""
 

@@ -23,7 +23,7 @@ from oracle_server.core.verdicts import Judged, Outcome
 from oracle_server.engines.table import make_engines
 from oracle_server.remote.offline import OfflineOracles
 from oracle_server.replay.comparison import Comparison
-from oracle_server.replay.coverage import Counting, Coverage, signal_names
+from oracle_server.replay.coverage import Counting, Coverage, counted_names
 from oracle_server.replay.recording import Place, Recorded, Recording
 from oracle_server.replay.unjudged import Unjudged
 
@@ -64,7 +64,7 @@ class Replay:
         self.recording = recording
         ready = plan(spec)
         self._counting = {
-            key: Counting(stream.project, signal_names(spec, key), types.get(key))
+            key: Counting(stream.project, counted_names(spec, key, types.get(key)), types.get(key))
             for key, stream in ready.streams.items()
         }
         streams = {key: replace(stream, project=self._counting[key]) for key, stream in ready.streams.items()}

@@ -338,3 +338,14 @@ def test_deadlines_that_no_time_reaches_are_no_strict_success(tmp_path: Path) ->
     found = judge(write_spec(tmp_path, text), path)
     assert (found.exit, found.strict) == (0, 3)
     assert "no deadline of known was judged by itself: the recording has no times of arrival" in found.said
+
+
+@pytest.mark.parametrize("type_", ["", "type: std_msgs/msg/Bool"], ids=["of no known type", "of a known type"])
+def test_a_stream_without_signals_does_not_lack_what_others_declare(type_: str, tmp_path: Path) -> None:
+    streams = f"[{{topic: /stop, {type_}}}, {{topic: /cmd, signals: {{v: msg.v}}}}]"
+    formulas = "[{id: p, formula: '{topic: /stop} -> {data: false}'}, {id: q, formula: '{topic: /cmd} -> {v < 2}'}]"
+    spec = f"id: s\nordering: {{by: arrival}}\nstreams: {streams}\nproperties: {formulas}\n"
+    events = trace(tmp_path, ("/stop", {"data": False}), ("/cmd", {"v": 1}))
+    assert run_replay([write_spec(tmp_path, spec)], events, None, "text", strict=True) == 0
+    lacking = trace(tmp_path, ("/stop", {}), ("/cmd", {"v": 1}))
+    assert run_replay([write_spec(tmp_path, spec)], lacking, None, "text", strict=True) != 0
