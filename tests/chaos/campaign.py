@@ -105,10 +105,12 @@ async def run_round(
     with small_disk(folder / "disk") if kind.full else nullcontext() as disk:
         data = disk.folder / "data" if disk else folder / "data"
         async with Mortal(specs(TRIO, folder), data, prelude=kind.prelude, resume_within="600") as served:
-            async with reviving(served), asyncio.TaskGroup() as tasks:
-                strike = _strike(served, disk, tasks, chance)
-                run = _with_robots if kind.robots else _by_wire
-                decisions, again = await run(served, trace, chance, kills, strike)
+            async with reviving(served):
+                async with asyncio.TaskGroup() as tasks:
+                    strike = _strike(served, disk, tasks, chance)
+                    run = _with_robots if kind.robots else _by_wire
+                    decisions, again = await run(served, trace, chance, kills, strike)
+                await served.up.wait()
             count = Count(served.starts - 1, len(trace), twice=again)
             records = await served.records(SESSION)
             await served.stop()
