@@ -9,6 +9,7 @@ has too, in the same order.
 from __future__ import annotations
 
 import heapq
+import sys
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -93,6 +94,10 @@ class ReorderBuffer(Generic[T]):
         self._held: dict[int, T] = {}
         self._deadlines: deque[tuple[int, int, int]] = deque()
         self._arrivals = 0
+        self._expired = (-1, -1)
+        """The stamp and arrival of the newest item that has waited `max_delay`: it is due, and all that is older."""
+        self.most = sys.maxsize
+        """How many items that are due are released at once; the others by `more`."""
         self.present: int | None = None
         """The stamp of the newest item released; what is older comes late."""
 
@@ -102,12 +107,21 @@ class ReorderBuffer(Generic[T]):
     @property
     def awaited(self) -> Source | None:
         """The open stream that the order waits for, None where it waits for none."""
-        return self._slowest if self._held else None
+        return self._slowest if self._held and self.due is None else None
 
     @property
     def limit(self) -> int | None:
         """The time before which no open stream has any more events; None while that is not known, or none is open."""
         return self._limit
+
+    @property
+    def due(self) -> int | None:
+        """The stamp of an item whose turn has come, and that was not released with others; None for none."""
+        if not self._heap:
+            return None
+        first = self._heap[0]
+        reached = not self._frontiers or (self._limit is not None and first[0] <= self._limit)
+        return first[0] if reached or first <= self._expired else None
 
     @property
     def next_deadline(self) -> int | None:
@@ -173,7 +187,7 @@ class ReorderBuffer(Generic[T]):
             self._deadlines.append((now + self._max_delay, stamp, self._arrivals))
         released = self._release()
         while len(self._held) > self._capacity:
-            released.append(self._pop(forced=True))
+            released.append(self._pop(forced=self.due is None))
         return released
 
     def put_back(self, item: T, source: Source, publisher: str, stamp: int, now: int) -> list[Released[T]]:
@@ -197,12 +211,13 @@ class ReorderBuffer(Generic[T]):
 
     def advance(self, now: int) -> list[Released[T]]:
         """Release what has waited `max_delay`, and all that is older."""
-        released: list[Released[T]] = []
         while self._deadlines and self._deadlines[0][0] <= now:
-            _, stamp, arrival = self._deadlines.popleft()
-            while self._heap and self._heap[0] <= (stamp, arrival):
-                released.append(self._pop())
-        return released
+            self._expired = max(self._expired, self._deadlines.popleft()[1:])
+        return self._release()
+
+    def more(self) -> list[Released[T]]:
+        """Release what is due and was not released with others."""
+        return self._release()
 
     def flush(self) -> list[Released[T]]:
         """Release everything, in order."""
@@ -210,7 +225,7 @@ class ReorderBuffer(Generic[T]):
 
     def _release(self) -> list[Released[T]]:
         released: list[Released[T]] = []
-        while self._heap and (not self._frontiers or (self._limit is not None and self._heap[0][0] <= self._limit)):
+        while self.due is not None and len(released) < self.most:
             released.append(self._pop())
         return released
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
@@ -25,6 +26,7 @@ from oracle_server.core.tally import HoldTimes, StreamCounts
 from oracle_server.core.verdicts import FINAL, Judged
 
 Put = Callable[[Step, Source, str, int, int], list[Released[Step]]]
+_NEVER = 2**63
 _LOOK_AGAIN = SECOND
 """How long expired deadlines wait while nothing can be judged, in nanoseconds."""
 
@@ -67,12 +69,15 @@ class Session:
         self._boots: defaultdict[str, BootClock] = defaultdict(lambda: BootClock(ordering.max_skew))
         self.suspended = False
         """Whether events are skipped, since their verdicts could not be kept."""
+        self._enough: Callable[[], bool] = _never
         self.ready_since: int | None = 0
         """Since when all monitors are connected again (ns); None while some are awaited after a restart."""
 
     @property
     def next_deadline(self) -> int | None:
         """When `advance` should be called next, None while nothing waits for time to pass."""
+        if self.buffer.due is not None:
+            return self.now
         deadline = self.buffer.next_deadline
         if not self._ticking or self.simulated is not None or self.asking:
             return deadline
@@ -85,6 +90,13 @@ class Session:
         if self.suspended:  # no deadline is judged now, however long ago it expired
             ticks = [max(tick, self.now + _LOOK_AGAIN) for tick in ticks]
         return min((d for d in (deadline, *ticks) if d is not None), default=None)
+
+    def divide(self, enough: Callable[[], bool]) -> None:
+        """Judge what the order releases at once step by step, until `enough`; the rest is due at once.
+
+        That changes when something is judged, and neither its order nor what becomes of it.
+        """
+        self.buffer.most, self._enough = 1, enough
 
     def attach(self, monitor: str, streams: Iterable[StreamKey], now: int) -> list[Judged]:
         """Wait for the ordered ones of these streams of a monitor from now on, and for no others of it."""
@@ -133,6 +145,7 @@ class Session:
 
     def finish(self, now: int) -> list[Judged]:
         """Judge all that is held, in order."""
+        self.buffer.most, self._enough = sys.maxsize, _never
         return self.advance(now) + self._judge(self.buffer.flush())
 
     def take_asks(self) -> list[Ask]:
@@ -227,6 +240,13 @@ class Session:
         return self._judge((put or self.buffer.push)(step, source, event.source, step.time, self.now))
 
     def _judge(self, released: Sequence[Released[Step]]) -> list[Judged]:
+        """Judge what was released, and what is due behind it until enough was done."""
+        judged = self._judge_all(released)
+        while self.buffer.due is not None and not self._enough():
+            judged += self._judge_all(self.buffer.more())
+        return judged
+
+    def _judge_all(self, released: Sequence[Released[Step]]) -> list[Judged]:
         for r in released:
             event = r.item.event
             self.holds.add(self.now - event.came)
@@ -255,8 +275,13 @@ class Session:
             if order == "publication" and self.buffer.limit is not None:
                 reached.append(self.buffer.limit - 1)  # an event of that very time may still come
             if reached:
-                judged += self._ticks(order, max(reached))
+                judged += self._ticks(order, min(max(reached), self._before_due(order)))
         return judged
+
+    def _before_due(self, order: Order) -> int:
+        """Up to when deadlines may be judged: those behind what is due come after it."""
+        due = self.buffer.due if order == "publication" else None
+        return _NEVER if due is None else due - 1
 
     def _longest_wait(self, order: Order) -> int | None:
         """How long an expired deadline waits for events that are no younger, in nanoseconds; None for ever."""
@@ -360,6 +385,10 @@ class Session:
             return event.stamp
         known = event.stamp or (self.simulated and self.simulated.now) or event.arrived
         return self._boots[event.monitor].place((event.stream, event.source), since_boot, known)
+
+
+def _never() -> bool:
+    return False
 
 
 def orders(spec: Spec) -> tuple[Order, ...]:

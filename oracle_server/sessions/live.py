@@ -46,6 +46,7 @@ class LiveSession:
         self.core, self.spec = core, core.plan.spec
         self.monitors: dict[str, Monitor] = {}
         self.credit = Credit(self.spec.ordering.capacity)
+        core.divide(share.is_over)
         self.share = share
         """What it takes of the event loop's time; while it rests, its monitors are not read."""
         self.ledger = Ledger(record, core, history, clock, counters, backlog, share, self.monitors)

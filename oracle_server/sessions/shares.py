@@ -68,6 +68,8 @@ class Share:
         """Seconds that it took and did not make up for."""
         self._at = self._until = 0.0
         self._inner = 0.0
+        self._began: float | None = None
+        """What the processor had spent when its present turn began; None between two."""
 
     def run(self, work: Callable[[Unpack[Args]], T], *args: *Args) -> T:
         """Do some of the session's work now, and charge it, also where it fails."""
@@ -76,6 +78,10 @@ class Share:
     def run_for_server(self, work: Callable[[Unpack[Args]], T], *args: *Args) -> T:
         """Do what the server itself wants of the session: a single large piece is charged like many small ones."""
         return self._run(0, work, *args)
+
+    def is_over(self) -> bool:
+        """Whether its present turn has taken what it may take at once."""
+        return self._began is not None and self._shares.spent() - self._began > FREE
 
     @property
     def rest(self) -> float:
@@ -95,10 +101,12 @@ class Share:
             await sleep(rest)
 
     def _run(self, surcharge: int, work: Callable[[Unpack[Args]], T], *args: *Args) -> T:
-        outer, self._inner, begin = self._inner, 0.0, self._shares.spent()
+        outer, self._inner, begin, outermost = self._inner, 0.0, self._shares.spent(), self._began is None
+        self._began = begin if outermost else self._began
         try:
             return work(*args)
         finally:
+            self._began = None if outermost else self._began
             took = self._shares.spent() - begin
             self._charge(took - self._inner, surcharge)
             self._inner = outer + took
