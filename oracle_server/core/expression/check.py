@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from oracle_server.core.expression import operands, tree
+from oracle_server.core.expression import operands, settled, tree
 from oracle_server.core.expression.checkcalls import called
 from oracle_server.core.expression.expression import Expression
 from oracle_server.core.expression.operands import Operand
@@ -67,7 +67,12 @@ class _Checker:
     def __init__(self, text: str, shape: Shape | None) -> None:
         self.problems: list[Problem] = []
         self._text, self._shape = text, shape
-        self._variables: list[tuple[str, Static]] = []
+        self._variables: list[tuple[str, Static, bool]] = []
+        """The variables of comprehensions around, what is known of each, and whether it is read from the message."""
+        self._known: dict[int, Static] = {}
+        """What was found of each part, by its identity."""
+        self._ends: dict[int, bool] = {}
+        """The orders that are the ends of an interval, by their identity, with what they may well always come to."""
         self._rules: dict[type, Callable[[Any], Static]] = {
             tree.Literal: _literal,
             tree.Path: self._path,
@@ -88,7 +93,8 @@ class _Checker:
 
     def of(self, node: Node) -> Static:
         """What is known of the value of a part."""
-        return self._rules[type(node)](node)
+        self._known[id(node)] = self._rules[type(node)](node)
+        return self._known[id(node)]
 
     def result(self, node: Node, static: Static) -> None:
         """Refuse a value that can be no signal."""
@@ -138,7 +144,7 @@ class _Checker:
         return None
 
     def _variable(self, node: tree.Variable) -> Static:
-        return next(static for name, static in reversed(self._variables) if name == node.name)
+        return next(static for name, static, _ in reversed(self._variables) if name == node.name)
 
     def _index(self, node: tree.Index) -> Static:
         whole, at, text = self.of(node.of), self.of(node.index), self._snippet(node.of)
@@ -193,8 +199,39 @@ class _Checker:
             self._inside(node, left, right)
         else:
             rule = operands.equal if node.mark in ("==", "!=") else operands.ordered
-            self._told(node.start, rule(node.mark, left, right))
+            wrong = rule(node.mark, left, right)
+            self._told(node.start, wrong)
+            if wrong is None:
+                self._settled(node, left, right)
         return BOOL
+
+    def _settled(self, node: tree.Compare, left: Operand, right: Operand) -> None:
+        """Warn of a comparison that always comes to the same."""
+        found = settled.settled(node.mark, left, right, self._number(left.node) or self._number(right.node))
+        if found is None and self._is_read(left.node):
+            found = settled.itself(node.mark, left, right)
+        if found is not None and self._ends.get(id(node)) is not found[0]:
+            outcome = "always" if found[0] else "never"
+            self._warn(node.start, f"`{self._snippet(node)}` is {outcome} true: {found[1]}")
+
+    def _number(self, node: Node) -> Operand | None:
+        """What `string` makes a text, None for any other part."""
+        if not isinstance(node, tree.Call) or node.name != "string":
+            return None
+        (argument,) = node.arguments
+        return Operand(argument, self._snippet(argument), self._known[id(argument)])
+
+    def _is_read(self, node: Node) -> bool:
+        """Whether a part is one of the message, and not computed."""
+        match node:
+            case tree.Path():
+                return True
+            case tree.Field(of=of) | tree.Index(of=of) | tree.Loop(kind="filter", of=of):
+                return self._is_read(of)
+            case tree.Variable(name=name):
+                return next(read for variable, _, read in reversed(self._variables) if variable == name)
+            case _:
+                return False
 
     def _inside(self, node: tree.Compare, left: Operand, right: Operand) -> None:
         if isinstance(node.right, tree.ListOf):
@@ -215,8 +252,18 @@ class _Checker:
             return
         for item, message in wrong:
             self._warn(item.node.start, message)
+        told = {id(item) for item, _ in wrong}
+        number = self._number(left.node)
+        never = [(item, settled.settled("==", left, item, number)) for item in items if id(item) not in told]
+        whys = [(item, found[1]) for item, found in never if found is not None]
+        if whys and len(whys) == len(items):
+            self._warn(node.start, f"`{self._snippet(node)}` is never true: {whys[0][1]}")
+            return
+        for item, why in whys:
+            self._warn(item.node.start, f"the item `{item.text}` of the list never matches: {why}")
 
     def _joined(self, node: tree.Joined) -> Static:
+        self._ends |= {id(part): node.mark == "&&" for part in settled.ends(node, self._text)}
         for part in node.parts:
             self._told(part.start, operands.boolean(node.mark, self._operand(part)))
         return BOOL
@@ -232,9 +279,14 @@ class _Checker:
         return last
 
     def _call(self, node: tree.Call) -> Static:
-        static, told = called(node, [self._operand(argument) for argument in node.arguments])
+        arguments = [self._operand(argument) for argument in node.arguments]
+        static, told = called(node, arguments)
         for severity, message in told:
             self.problems.append(Problem(message, place(self._text, node.start), severity))
+        if node.name in ("contains", "endsWith", "startsWith"):
+            why = settled.never_text(*arguments)
+            if why is not None:
+                self._warn(node.start, f"`{self._snippet(node)}` is never true: {why}")
         return static
 
     def _has(self, node: tree.Has) -> Static:
@@ -246,7 +298,7 @@ class _Checker:
         if isinstance(whole.static, Value):
             self._error(node.start, f"{whole}, and `{node.kind}` takes a list")
         each = TEXT if isinstance(whole.static, Record) else element(whole.static)
-        self._variables.append((node.variable, each))
+        self._variables.append((node.variable, each, self._is_read(node.of)))
         if node.when is not None:
             self._told(node.when.start, operands.boolean(node.kind, self._operand(node.when)))
         body = self._operand(node.body)
