@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Literal
 
 from oracle_server.core.expression import operands, settled, tree
@@ -71,6 +72,8 @@ class _Checker:
         """The variables of comprehensions around, what is known of each, and whether it is read from the message."""
         self._known: dict[int, Static] = {}
         """What was found of each part, by its identity."""
+        self._shares: set[int] = set()
+        """The operands of `%`, by their identity: whole numbers, whatever is divided in them."""
         self._ends: dict[int, bool] = {}
         """The orders that are the ends of an interval, by their identity, with what they may well always come to."""
         self._rules: dict[type, Callable[[Any], Static]] = {
@@ -136,6 +139,8 @@ class _Checker:
                 self._error(at, no_field(static, name))
             case Many() | Elements():
                 mend = f"write `{text}[0].{name}` or `{text}.exists(x, x.{name} == 1)`"
+                if isinstance(element(static), Value):
+                    mend = f"its elements are counted by number from 0, as in `{text}[0]`"
                 if name in ("size", "length", "len"):
                     mend = f"write `size({text})`"
                 self._error(at, f"`{text}` is {described(static)}, and has no field `{name}`; {mend}")
@@ -173,25 +178,34 @@ class _Checker:
         return Value(operand.static.kind, "") if isinstance(operand.static, Value) else None
 
     def _chain(self, node: tree.Chain) -> Static:
+        marks = [mark for mark, _ in node.rest]
+        operands_of = (node.first, *(part for _, part in node.rest))
+        for part, beside in zip(operands_of, pairwise(("", *marks, "")), strict=True):
+            if "%" in beside:
+                self._shares.add(id(part))
+        whole = len(marks) if id(node) in self._shares else _last(marks, "%")
         left = self._operand(node.first)
-        for mark, part in node.rest:
+        for i, (mark, part) in enumerate(node.rest):
             right = self._operand(part)
             self._told(node.start, operands.arithmetic(mark, left, right))
             if mark == "/":
-                self._divided(left, right)
+                self._divided(left, right, told=i >= whole)
             left = Operand(node, self._text[node.start : part.end], _result(mark, left.static, right.static))
         return left.static
 
-    def _divided(self, left: Operand, right: Operand) -> None:
+    def _divided(self, left: Operand, right: Operand, *, told: bool) -> None:
+        """Warn of a division that fails, and, where that is to be told, of one of whole numbers."""
         if kind(left.static) != "whole" or kind(right.static) != "whole":
             return
         if isinstance(right.node, tree.Literal) and right.node.value == 0:
             self._warn(right.node.start, "a division by zero fails at every message")
             return
+        if not told:
+            return
         literal = isinstance(right.node, tree.Literal)
         exact = f"{left.text} / {right.text}.0" if literal else f"double({left.text}) / {right.text}"
-        told = f"`{left.text} / {right.text}` divides whole numbers, and gives a whole one, as 7 / 2 is 3"
-        self._warn(left.node.start, f"{told}; write `{exact}` for the exact one")
+        what = f"`{left.text} / {right.text}` divides whole numbers, and gives a whole one, as 7 / 2 is 3"
+        self._warn(left.node.start, f"{what}; write `{exact}` for the exact one")
 
     def _compare(self, node: tree.Compare) -> Static:
         left, right = self._operand(node.left), self._operand(node.right)
@@ -339,6 +353,11 @@ class _Checker:
 def _literal(node: tree.Literal) -> Static:
     known = {int: WHOLE, float: REAL, bool: BOOL, str: TEXT}
     return known.get(type(node.value))
+
+
+def _last(marks: Sequence[str], wanted: str) -> int:
+    """Where a mark stands last, 0 where it does not."""
+    return max((i for i, mark in enumerate(marks) if mark == wanted), default=0)
 
 
 def _result(mark: str, one: Static, other: Static) -> Static:
