@@ -40,9 +40,12 @@ def _expressions(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
                 expression = parse_expression(text)
             except ExpressionError:
                 continue  # found by `inspect`
+            inspected = check_shape(expression, None)  # warned of by `inspect`
+            told = {problem.within for problem in inspected if problem.severity == "warning"}
             for problem in _of_all(known, lambda shape, read=expression: check_shape(read, shape)):  # type: ignore[misc]
                 path = ("streams", i, "signals", name)
-                yield SpecProblem(path, f"signal '{name}': {problem.message}", problem.within, problem.severity)
+                if problem.severity == "error" or problem.within not in told:
+                    yield SpecProblem(path, f"signal '{name}': {problem.message}", problem.within, problem.severity)
 
 
 def _of_all(known: TypedMessage, check: Callable[[Shape], list[Problem]]) -> Iterator[Problem]:

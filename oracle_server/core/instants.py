@@ -31,6 +31,8 @@ from oracle_server.core.worlds import Effort, Truth, Worlds
 Row = tuple[Truth, ...]
 """The truth of a part, place by place."""
 TEMPORAL = (Pre, Once, Historically, Since)
+_MOST_UNSEEN = 3
+"""Most variables that have values which were not seen at a time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +98,9 @@ class Instants:
     def _fill(self, formula: Formula) -> None:
         instants = {id(node) for node in self.operands()}
         for node in reversed(list(walk(formula))):  # children stand behind their parents
-            row = self._compute(node)
+            row = self._compute(node, self.row)
+            if isinstance(node, Exists | Forall):
+                row = _quantified(node, row, self._unseen(node.body, frozenset((node.variable,))))
             self._rows[id(node)] = self._by_worlds(node, row) if id(node) in instants and None in row else row
 
     def _by_worlds(self, instant: Formula, row: Row) -> Row:
@@ -109,30 +113,53 @@ class Instants:
         found = {key: worlds.truth(place, self._value, self._effort) for key, place in open_at.items()}
         return tuple(found[id(p)] if value is None else value for p, value in zip(like, row, strict=True))
 
-    def _compute(self, node: Formula) -> Row:  # noqa: C901, PLR0911 -- a case a node
+    def _unseen(self, node: Formula, variables: frozenset[str]) -> Row:
+        """The row of a part where these variables have values that no event has had."""
+        self._effort.left -= 1 + len(self._places) // 50
+        if self._effort.left < 0:
+            return (None,) * len(self._places)
+        if isinstance(node, Atom) and any(name in variables for _, name in node.refs):
+            return (False,) * len(self._places)
+        if isinstance(node, Atom) or not variables:
+            return self.row(node)
+        if isinstance(node, Exists | Forall):
+            outer = variables - {node.variable}
+            row = self._unseen(node.body, outer)
+            inner = row if len(outer) == _MOST_UNSEEN else self._unseen(node.body, outer | {node.variable})
+            return _quantified(node, row, inner)
+        return self._compute(node, lambda part: self._unseen(part, variables))
+
+    def _compute(self, node: Formula, row: Callable[[Formula], Row]) -> Row:  # noqa: C901, PLR0911 -- a case a node
+        """The row of a part by those of its operands: of a quantifier, what holds for any value."""
         match node:
             case Atom():
                 like = likened(node, self._places)
                 known = {id(place): self._value(place, node) for place in {id(p): p for p in like}.values()}
                 return tuple(known[id(place)] for place in like)
             case Not(operand):
-                return _negated(self.row(operand))
+                return _negated(row(operand))
             case And(left, right):
-                return tuple(map(_and, self.row(left), self.row(right)))
+                return tuple(map(_and, row(left), row(right)))
             case Or(left, right):
-                return tuple(map(_or, self.row(left), self.row(right)))
+                return tuple(map(_or, row(left), row(right)))
             case Implies(left, right):
-                return tuple(map(_or, _negated(self.row(left)), self.row(right)))
+                return tuple(map(_or, _negated(row(left)), row(right)))
             case Exists(_, body) | Forall(_, body):
-                return self.row(body)
+                return row(body)
             case Pre(operand):
-                return _never(self.row(operand))
+                return _never(row(operand))
             case Once(operand, bound):
-                return _ever(self.row(operand), now=bound.lower == 0)
+                return _ever(row(operand), now=bound.lower == 0)
             case Historically(operand, bound):
-                return _negated(_ever(_negated(self.row(operand)), now=bound.lower == 0))
+                return _negated(_ever(_negated(row(operand)), now=bound.lower == 0))
             case Since(left, right, bound):
-                return _since(self.row(left), self.row(right), now=bound.lower == 0)
+                return _since(row(left), row(right), now=bound.lower == 0)
+
+
+def _quantified(node: Exists | Forall, body: Row, unseen: Row) -> Row:
+    """A quantifier's row, by that of its body for any value, and that for a value that no event has had."""
+    decisive = isinstance(node, Exists)
+    return tuple(u if b is None and u is decisive else b for b, u in zip(body, unseen, strict=True))
 
 
 def _never(operand: Row) -> Row:

@@ -14,17 +14,11 @@ from oracle_server.core.errors import ExpressionError
 from oracle_server.core.expression import Literal as Written
 from oracle_server.core.expression import parse_expression, results
 from oracle_server.core.formula.tree import Constraint, Scalar
-from oracle_server.core.shapes import Record, Value
+from oracle_server.core.shapes import WHOLE_NUMBERS, Record, Value
 from oracle_server.core.signals import is_signal
 
 ValueKind = Literal["text", "number", "boolean"]
 _INTEGERS = (-(2**63), 2**64 - 1)
-_BYTE = (-128, 255)  # signed on ROS 1, unsigned on ROS 2
-_WHOLE = {
-    "byte": _BYTE, "char": _BYTE,
-    **{f"int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
-    **{f"uint{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
-}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +108,7 @@ def range_of_field(value: Value | None) -> Range:
         case "real":
             return NUMBER
         case "whole":
-            return Range(whole=_WHOLE.get(value.type, _INTEGERS))
+            return Range(whole=WHOLE_NUMBERS.get(value.type, _INTEGERS))
         case _:
             return TEXT
 

@@ -36,6 +36,14 @@ class Record:
 
 Shape = Value | Many | Record
 
+_BYTE = (-128, 255)  # signed on ROS 1, unsigned on ROS 2
+WHOLE_NUMBERS: Mapping[str, tuple[int, int]] = {
+    "byte": _BYTE, "char": _BYTE,
+    **{f"int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
+    **{f"uint{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
+}  # fmt: skip
+"""The least and the largest number of each type of whole ones."""
+
 
 _NOT_FINITE = frozenset({"NaN", "Infinity", "-Infinity"})
 

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from oracle_server.core.decided import decided
 from oracle_server.core.errors import SpecProblem
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.render import render, render_atom
@@ -70,8 +71,11 @@ class _Seen:
     lenient: Instants
 
     def doubts(self) -> Iterator[Doubt]:
-        told: set[int] = set()
-        """The instants, by identity, in which something was found."""
+        quantified = list(decided(self.prop.formula, self.known, self.places))
+        yield from quantified
+        within = {id(node) for doubt in quantified for node in walk(doubt.part)}
+        told = {id(doubt.part) for doubt in quantified}
+        """The parts, by identity, of which something was told, and the instants in which something was found."""
         foreign: dict[int, Doubt] = {}
         """Atoms that ask for another stream: the last one of each instant, where nothing else is wrong there."""
         for occurrence in self.known.occurrences():
@@ -80,7 +84,8 @@ class _Seen:
             if any(doubt.claim != "met" for doubt in found):
                 told.add(instant)
             yield from found
-            foreign.update((instant, doubt) for doubt in self._foreign(occurrence))
+            if id(occurrence.atom) not in within:
+                foreign.update((instant, doubt) for doubt in self._foreign(occurrence))
         yield from (doubt for instant, doubt in foreign.items() if instant not in told)
         lacking = frozenset(told)
         told |= foreign.keys()

@@ -314,6 +314,7 @@ def test_the_deepest_and_the_widest_that_are_read() -> None:
         ("{v <> 5}", "write `!=`"),
         ("{v =! 5}", "write `!=`"),
         ("{v =< 5}", "write `<=`"),
+        ("never {x}", "there is no operator `never`: write `not`, which is asked at every step"),
         ("~{x}", "there is no operator `~`: write `not`"),
         ("{x} & {y}", "there is no operator `&`: write `and`"),
         ("{x};", "leave it out"),

@@ -171,12 +171,14 @@ def holds(doubt: Doubt, prop: Property, steps: list[TimedSignals], names: list[s
 
 
 def opened(part: Formula) -> Formula:
-    """A part by itself: what its variables may be is left open."""
-    return rewritten(part, lambda atom: Atom(tuple(_any(c) for c in atom.constraints)))
+    """A part by itself: what its variables may be is left open, but for those of its own quantifiers."""
+    own = {node.variable for node in tree.walk(part) if isinstance(node, tree.Exists | tree.Forall)}
 
+    def any_of(constraint: Constraint) -> Constraint:
+        free = isinstance(constraint.value, tree.Ref) and constraint.value.name not in own
+        return replace(constraint, value=tree.Any.ANY) if free else constraint
 
-def _any(constraint: Constraint) -> Constraint:
-    return replace(constraint, value=tree.Any.ANY) if isinstance(constraint.value, tree.Ref) else constraint
+    return rewritten(part, lambda atom: Atom(tuple(any_of(c) for c in atom.constraints)))
 
 
 def met(part: Formula, steps: list[TimedSignals]) -> bool:
@@ -324,6 +326,26 @@ def warnings(*formulas: str, **more: Any) -> tuple[Finding, ...]:
             '`{topic: "/estop"}` never holds at an event of /cmd_vel, where alone it would matter: a step is one event '
             'of one stream; write `once {topic: "/estop"}` if it may have held before',
         ),
+        (
+            'exists[i]. {topic: "/estop", id: *i} -> once {topic: "/battery", level: *i}',
+            "`exists[i].` holds at every event, whatever the messages say, since `->` holds for values that no "
+            "event has had; write `forall[i].`, or `and` for `->`",
+        ),
+        (
+            'exists[i]. exists[j]. {topic: "/estop", id: *i, mode: *j} -> once {topic: "/battery", level: *i}',
+            "`exists[i, j].` holds at every event, whatever the messages say, since `->` holds for values that "
+            "no event has had; write `forall[i, j].`, or `and` for `->`",
+        ),
+        (
+            'exists[i]. not ({topic: "/estop", id: *i} and {stopped})',
+            "`exists[i].` holds at every event, whatever the messages say, since what follows holds for values "
+            "that no event has had; write `forall[i].`",
+        ),
+        (
+            'forall[i]. {topic: "/estop", id: *i} and once {topic: "/battery", level: *i}',
+            "`forall[i].` fails at every event, whatever the messages say, since what follows fails for values "
+            "that no event has had; write `exists[i].`, or `->` for `and`",
+        ),
         ("{cmd > 1} or {kind: topic}", "it holds at every event, whatever the messages say; it can never be violated"),
         (
             "{mode: idle}",
@@ -363,6 +385,11 @@ def test_common_mistakes_are_told_with_their_mend(formula: str, message: str) ->
         '{topic: "/cmd_vel"} -> pre {topic: "/cmd_vel"}',
         "{cmd > 3, cmd < 4, cmd != 3.5}",
         "{id != 'a'}",
+        'exists[i]. {topic: "/estop", id: *i} and once {topic: "/battery", level: *i}',
+        'forall[i]. {topic: "/estop", id: *i} -> once {topic: "/battery", level: *i}',
+        'forall[i]. {topic: "/estop", id: *i} -> exists[j]. once {mode: *i, id: *j}',
+        'forall[i]. not ({topic: "/estop", id: *i} and pre once {topic: "/estop", id: *i})',
+        'exists[i]. {topic: "/battery", level > 3} -> once {topic: "/battery", level: *i}',
     ],
 )
 def test_what_can_be_meant_is_not_warned_of(formula: str) -> None:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Literal
 
-from oracle_server.core.expression import operands, tree
+from oracle_server.core.expression import operands, settled, tree
 from oracle_server.core.expression.checkcalls import called
 from oracle_server.core.expression.expression import Expression
 from oracle_server.core.expression.operands import Operand
@@ -67,7 +68,14 @@ class _Checker:
     def __init__(self, text: str, shape: Shape | None) -> None:
         self.problems: list[Problem] = []
         self._text, self._shape = text, shape
-        self._variables: list[tuple[str, Static]] = []
+        self._variables: list[tuple[str, Static, bool]] = []
+        """The variables of comprehensions around, what is known of each, and whether it is read from the message."""
+        self._known: dict[int, Static] = {}
+        """What was found of each part, by its identity."""
+        self._shares: set[int] = set()
+        """The operands of `%`, by their identity: whole numbers, whatever is divided in them."""
+        self._ends: dict[int, bool] = {}
+        """The orders that are the ends of an interval, by their identity, with what they may well always come to."""
         self._rules: dict[type, Callable[[Any], Static]] = {
             tree.Literal: _literal,
             tree.Path: self._path,
@@ -88,7 +96,8 @@ class _Checker:
 
     def of(self, node: Node) -> Static:
         """What is known of the value of a part."""
-        return self._rules[type(node)](node)
+        self._known[id(node)] = self._rules[type(node)](node)
+        return self._known[id(node)]
 
     def result(self, node: Node, static: Static) -> None:
         """Refuse a value that can be no signal."""
@@ -130,6 +139,8 @@ class _Checker:
                 self._error(at, no_field(static, name))
             case Many() | Elements():
                 mend = f"write `{text}[0].{name}` or `{text}.exists(x, x.{name} == 1)`"
+                if isinstance(element(static), Value):
+                    mend = f"its elements are counted by number from 0, as in `{text}[0]`"
                 if name in ("size", "length", "len"):
                     mend = f"write `size({text})`"
                 self._error(at, f"`{text}` is {described(static)}, and has no field `{name}`; {mend}")
@@ -138,7 +149,7 @@ class _Checker:
         return None
 
     def _variable(self, node: tree.Variable) -> Static:
-        return next(static for name, static in reversed(self._variables) if name == node.name)
+        return next(static for name, static, _ in reversed(self._variables) if name == node.name)
 
     def _index(self, node: tree.Index) -> Static:
         whole, at, text = self.of(node.of), self.of(node.index), self._snippet(node.of)
@@ -167,25 +178,34 @@ class _Checker:
         return Value(operand.static.kind, "") if isinstance(operand.static, Value) else None
 
     def _chain(self, node: tree.Chain) -> Static:
+        marks = [mark for mark, _ in node.rest]
+        operands_of = (node.first, *(part for _, part in node.rest))
+        for part, beside in zip(operands_of, pairwise(("", *marks, "")), strict=True):
+            if "%" in beside:
+                self._shares.add(id(part))
+        whole = len(marks) if id(node) in self._shares else _last(marks, "%")
         left = self._operand(node.first)
-        for mark, part in node.rest:
+        for i, (mark, part) in enumerate(node.rest):
             right = self._operand(part)
             self._told(node.start, operands.arithmetic(mark, left, right))
             if mark == "/":
-                self._divided(left, right)
+                self._divided(left, right, told=i >= whole)
             left = Operand(node, self._text[node.start : part.end], _result(mark, left.static, right.static))
         return left.static
 
-    def _divided(self, left: Operand, right: Operand) -> None:
+    def _divided(self, left: Operand, right: Operand, *, told: bool) -> None:
+        """Warn of a division that fails, and, where that is to be told, of one of whole numbers."""
         if kind(left.static) != "whole" or kind(right.static) != "whole":
             return
         if isinstance(right.node, tree.Literal) and right.node.value == 0:
             self._warn(right.node.start, "a division by zero fails at every message")
             return
+        if not told:
+            return
         literal = isinstance(right.node, tree.Literal)
         exact = f"{left.text} / {right.text}.0" if literal else f"double({left.text}) / {right.text}"
-        told = f"`{left.text} / {right.text}` divides whole numbers, and gives a whole one, as 7 / 2 is 3"
-        self._warn(left.node.start, f"{told}; write `{exact}` for the exact one")
+        what = f"`{left.text} / {right.text}` divides whole numbers, and gives a whole one, as 7 / 2 is 3"
+        self._warn(left.node.start, f"{what}; write `{exact}` for the exact one")
 
     def _compare(self, node: tree.Compare) -> Static:
         left, right = self._operand(node.left), self._operand(node.right)
@@ -193,8 +213,39 @@ class _Checker:
             self._inside(node, left, right)
         else:
             rule = operands.equal if node.mark in ("==", "!=") else operands.ordered
-            self._told(node.start, rule(node.mark, left, right))
+            wrong = rule(node.mark, left, right)
+            self._told(node.start, wrong)
+            if wrong is None:
+                self._settled(node, left, right)
         return BOOL
+
+    def _settled(self, node: tree.Compare, left: Operand, right: Operand) -> None:
+        """Warn of a comparison that always comes to the same."""
+        found = settled.settled(node.mark, left, right, self._number(left.node) or self._number(right.node))
+        if found is None and self._is_read(left.node):
+            found = settled.itself(node.mark, left, right)
+        if found is not None and self._ends.get(id(node)) is not found[0]:
+            outcome = "always" if found[0] else "never"
+            self._warn(node.start, f"`{self._snippet(node)}` is {outcome} true: {found[1]}")
+
+    def _number(self, node: Node) -> Operand | None:
+        """What `string` makes a text, None for any other part."""
+        if not isinstance(node, tree.Call) or node.name != "string":
+            return None
+        (argument,) = node.arguments
+        return Operand(argument, self._snippet(argument), self._known[id(argument)])
+
+    def _is_read(self, node: Node) -> bool:
+        """Whether a part is one of the message, and not computed."""
+        match node:
+            case tree.Path():
+                return True
+            case tree.Field(of=of) | tree.Index(of=of) | tree.Loop(kind="filter", of=of):
+                return self._is_read(of)
+            case tree.Variable(name=name):
+                return next(read for variable, _, read in reversed(self._variables) if variable == name)
+            case _:
+                return False
 
     def _inside(self, node: tree.Compare, left: Operand, right: Operand) -> None:
         if isinstance(node.right, tree.ListOf):
@@ -215,8 +266,18 @@ class _Checker:
             return
         for item, message in wrong:
             self._warn(item.node.start, message)
+        told = {id(item) for item, _ in wrong}
+        number = self._number(left.node)
+        never = [(item, settled.settled("==", left, item, number)) for item in items if id(item) not in told]
+        whys = [(item, found[1]) for item, found in never if found is not None]
+        if whys and len(whys) == len(items):
+            self._warn(node.start, f"`{self._snippet(node)}` is never true: {whys[0][1]}")
+            return
+        for item, why in whys:
+            self._warn(item.node.start, f"the item `{item.text}` of the list never matches: {why}")
 
     def _joined(self, node: tree.Joined) -> Static:
+        self._ends |= {id(part): node.mark == "&&" for part in settled.ends(node, self._text)}
         for part in node.parts:
             self._told(part.start, operands.boolean(node.mark, self._operand(part)))
         return BOOL
@@ -232,9 +293,14 @@ class _Checker:
         return last
 
     def _call(self, node: tree.Call) -> Static:
-        static, told = called(node, [self._operand(argument) for argument in node.arguments])
+        arguments = [self._operand(argument) for argument in node.arguments]
+        static, told = called(node, arguments)
         for severity, message in told:
             self.problems.append(Problem(message, place(self._text, node.start), severity))
+        if node.name in ("contains", "endsWith", "startsWith"):
+            why = settled.never_text(*arguments)
+            if why is not None:
+                self._warn(node.start, f"`{self._snippet(node)}` is never true: {why}")
         return static
 
     def _has(self, node: tree.Has) -> Static:
@@ -246,7 +312,7 @@ class _Checker:
         if isinstance(whole.static, Value):
             self._error(node.start, f"{whole}, and `{node.kind}` takes a list")
         each = TEXT if isinstance(whole.static, Record) else element(whole.static)
-        self._variables.append((node.variable, each))
+        self._variables.append((node.variable, each, self._is_read(node.of)))
         if node.when is not None:
             self._told(node.when.start, operands.boolean(node.kind, self._operand(node.when)))
         body = self._operand(node.body)
@@ -287,6 +353,11 @@ class _Checker:
 def _literal(node: tree.Literal) -> Static:
     known = {int: WHOLE, float: REAL, bool: BOOL, str: TEXT}
     return known.get(type(node.value))
+
+
+def _last(marks: Sequence[str], wanted: str) -> int:
+    """Where a mark stands last, 0 where it does not."""
+    return max((i for i, mark in enumerate(marks) if mark == wanted), default=0)
 
 
 def _result(mark: str, one: Static, other: Static) -> Static:

@@ -107,7 +107,7 @@ class _Parser:
     def _check_power(self, base: Node) -> None:
         if self._next.text in ("**", "^"):
             exponent = self._tokens[self._at + 1].text
-            raise self._refused(self._next, no_power(self._text[base.start : base.end], exponent))
+            raise self._refused(self._next, no_power(self._next.text, self._text[base.start : base.end], exponent))
 
     def _unary(self) -> Node:
         token = self._next
@@ -343,7 +343,8 @@ class _Parser:
         opened = self._open[-1] if self._open else None
         token = self._next
         at = opened if token.kind == "end" and opened is not None else token
-        return self._refused(at, unexpected(token, self._before, opened))
+        after = self._tokens[self._at + 1] if token.kind != "end" else None
+        return self._refused(at, unexpected(token, self._before, opened, after))
 
     def _refused(self, token: Token, message: str) -> ExpressionError:
         return refusal(self._text, token.start, message)

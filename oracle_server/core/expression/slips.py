@@ -9,6 +9,7 @@ from oracle_server.core.expression.functions import FUNCTIONS, unknown_function
 from oracle_server.core.expression.tokens import Token
 from oracle_server.core.nearest import near, nearest
 
+_NO_BITS = "there are no bit operators; whether a bit is set, here that of 4, is asked by `(msg.data / 4) % 2 == 1`"
 _CLOSES = {"(": ")", "[": "]", "{": "}"}
 _INSTEAD = {
     "=": "`=` compares nothing; write `==`",
@@ -19,6 +20,8 @@ _INSTEAD = {
     "<>": "write `!=` for `<>`",
     "&": "write `&&` for 'and'",
     "|": "write `||` for 'or'",
+    "<<": _NO_BITS,
+    ">>": _NO_BITS,
     "~": "write `!` for 'not'",
     "->": "a field stands behind a dot, as in msg.field; for 'implies' write `!a || b`",
     ";": "an expression is one value; leave `;` out",
@@ -57,8 +60,12 @@ def missing(token: Token, before: Token | None) -> str:
     return f"`{token.text}` is not expected {after}: a value is missing there"
 
 
-def unexpected(token: Token, before: Token | None, opened: Token | None) -> str:
+def unexpected(  # noqa: PLR0911 -- a case a cause
+    token: Token, before: Token | None, opened: Token | None, after: Token | None
+) -> str:
     """What is said where a value has ended, and no operator follows; `opened` is the bracket that is not closed yet."""
+    if token.text in ("&", "|") and after is not None and after.kind == "number":
+        return _NO_BITS
     if token.kind != "end" and token.text.lower() in _INSTEAD:
         return _INSTEAD[token.text.lower()]
     if token.kind == "end" or token.text in (")", "]", "}"):
@@ -109,11 +116,13 @@ def _elsewhere(name: str) -> str | None:
     return unknown_function(name) if name in ("float", "str", "bool") else None
 
 
-def no_power(base: str, exponent: str) -> str:
-    """What to write for a power; `exponent` is the token behind its sign."""
+def no_power(mark: str, base: str, exponent: str) -> str:
+    """What to write for a power, or an exclusive or, by this mark; `exponent` is the token behind its sign."""
     if exponent == "0.5":
         return f"there is no power; write `sqrt({base})`"
     product = " * ".join([base] * (3 if exponent == "3" else 2))
+    if mark == "^" and exponent not in ("2", "3"):
+        return f"there is no power: write `{product}` and so on; {_NO_BITS}"
     return f"there is no power; write `{product}`" + ("" if exponent in ("2", "3") else " and so on")
 
 

@@ -52,7 +52,7 @@ WORDS = {
     **dict.fromkeys(("if", "when", "whenever", "then"), "write `{…} -> {…}`"),
     "iff": "write it out, as in `({a} -> {b}) and ({b} -> {a})`",
     "xor": "write it out, as in `({a} or {b}) and not ({a} and {b})`",
-    "never": "write `not`",
+    "never": "write `not`, which is asked at every step",
     **dict.fromkeys(("AND", "OR", "NOT", "IMPLIES", "ONCE", "HISTORICALLY", "SINCE", "FORALL", "EXISTS", "PRE"), ""),
     **dict.fromkeys(("all", "for_all"), "write `forall[x].`"),
     **dict.fromkeys(("<->", "<=>"), "write `({a} -> {b}) and ({b} -> {a})`"),

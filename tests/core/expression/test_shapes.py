@@ -21,6 +21,8 @@ SHAPE = Record(
         "twist": TWIST,
         "count": WHOLE,
         "total": WHOLE,
+        "level": Value("whole", "uint8"),
+        "levels": Many(Value("whole", "int8")),
         "speed": REAL,
         "on": BOOL,
         "mode": TEXT,
@@ -57,6 +59,7 @@ def found(text: str, shape: Shape | None = SHAPE) -> list[Problem]:
         "msg.on == !msg.on",
         "msg.mode.trim().lower() == 'idle' || msg.mode.upper().startsWith('ERR') || size(msg.mode.lower()) > 3",
         "msg.on ? msg.count > 1 : unknown()",
+        "(msg.count / 4) % 2 == 1 && msg.count / 4 % 2 == 1 && (msg.count / 4 / 2) % (msg.total / 3) == 1",
         "msg.mode in []",
         "todo()",
     ],
@@ -73,6 +76,7 @@ def test_nothing_is_said_of_what_is_right(text: str) -> None:
         ("has(msg.goal)", 9, "my_msgs/msg/All has no field `goal`"),
         ("'a' + msg.speed", 1, "is a text, and can't be added to `msg.speed`, which is float64; for a text write"),
         ("msg.count.x", 11, "`msg.count` is int32, and has no field `x`"),
+        ("msg.ranges['elbow']", 12, "its elements are counted by number from 0, as in `msg.ranges[0]`"),
         ("msg.points.x", 12, "is a list of geometry_msgs/msg/Vector3, and has no field `x`; write `msg.points[0].x`"),
         ("msg.names.length > 2", 11, "write `size(msg.names)`"),
         ("msg.points.exists(p, p.w > 1)", 24, "geometry_msgs/msg/Vector3 has no field `w`"),
@@ -121,6 +125,9 @@ def test_what_contradicts_the_type_is_an_error_at_its_place(text: str, column: i
         ("size(msg.l) / 2 > 1", None, "write `size(msg.l) / 2.0`"),
         ("msg.count / msg.total", SHAPE, "write `double(msg.count) / msg.total`"),
         ("msg.speed + msg.count / 2", SHAPE, "write `msg.count / 2.0`"),
+        ("msg.count % 2 / 3 == 1", SHAPE, "write `msg.count % 2 / 3.0`"),
+        ("(msg.count + msg.total / 2) % 2 == 1", SHAPE, "write `msg.total / 2.0`"),
+        ("msg.count / 0 % 2 == 1", SHAPE, "a division by zero fails"),
         ("1 / 0 == 1", None, "a division by zero fails at every message"),
         ("size(msg.blob)", SHAPE, "counts the characters"),
         ("msg.count // 2", None, "`//` begins a comment"),
@@ -148,6 +155,62 @@ def test_an_item_that_can_not_match_beside_one_that_can_is_doubtful_and_named(
     (problem,) = found(text)
     assert (problem.within, problem.severity) == ((1, column), "warning")
     assert says in problem.message
+
+
+@pytest.mark.parametrize(
+    ("text", "shape", "column", "says"),
+    [
+        ("msg.level == 300", SHAPE, 1, "`msg.level == 300` is never true: `msg.level` is uint8, always a"),
+        ("msg.on && msg.level == -1", SHAPE, 11, "`msg.level` is uint8, always a whole number from 0 to 255"),
+        ("msg.level > 255", SHAPE, 1, "is never true"),
+        ("255 < msg.level", SHAPE, 1, "`255 < msg.level` is never true"),
+        ("msg.level >= 0", SHAPE, 1, "is always true"),
+        ("msg.level != 2.5", SHAPE, 1, "is always true"),
+        ("msg.level > 255 && msg.level < 300", SHAPE, 1, "`msg.level > 255` is never true"),
+        ("msg.levels.exists(l, l < -128)", SHAPE, 22, "`l < -128` is never true: `l` is int8"),
+        ("msg.level in [300, 400]", SHAPE, 1, "`msg.level in [300, 400]` is never true"),
+        ("msg.level in [3, 400]", SHAPE, 18, "the item `400` of the list never matches: `msg.level` is uint8"),
+        ("size(msg.l) < 0", None, 1, "`size(msg.l)` is always a whole number that is not negative"),
+        ("msg.mode.lower() == 'FAULT'", None, 1, "is never true: `lower` gives small letters; write `'fault'`"),
+        ("msg.mode.upper().trim() != 'Fault'", None, 1, "always true: `upper` gives capital letters; write `'FAULT'`"),
+        ("msg.mode.lower().contains('Fault')", None, 1, "write `'fault'`"),
+        ("msg.mode.lower() in ['ok', 'Fault']", None, 28, "the item `'Fault'` of the list never matches: `lower`"),
+        ("msg.ranges.exists(r, r != r)", SHAPE, 22, "both sides are the same; where NaN is meant, write `r == 'NaN'`"),
+        ("msg.ranges.exists(r, r != r)", None, 22, "write `r == 'NaN'`"),
+        ("msg.x == msg.x", None, 1, "both sides are the same; where NaN is meant, write `msg.x != "),
+        ("msg.count == msg.count", SHAPE, 1, "is always true: both sides are the same"),
+        ("msg.ranges.exists(r, string(r) == 'nan')", SHAPE, 22, "its name here is 'NaN'; write `r == 'NaN'`"),
+        ("'-inf' != string(msg.speed)", SHAPE, 1, "its name here is '-Infinity'; write `msg.speed != '-Infinity'`"),
+    ],
+)  # fmt: skip
+def test_a_comparison_that_always_comes_to_the_same_is_warned_of(
+    text: str, shape: Shape | None, column: int, says: str
+) -> None:
+    (problem,) = found(text, shape)
+    assert (problem.within, problem.severity) == ((1, column), "warning")
+    assert says in problem.message
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "msg.level == 255 || msg.level < 1 || msg.level in [0, 255]",
+        "msg.level >= 0 && msg.level <= 255",
+        "!(msg.level < 0 || msg.level > 100)",
+        "size(msg.names) == 0 || size(msg.names) > 3",
+        "msg.mode.lower() == 'fault 7' && msg.mode.upper() != 'É'",
+        "msg.mode.lower() == msg.mode || msg.mode == 'FAULT'",
+        "string(msg.speed) == 'NaN' || string(msg.speed).lower() == 'nan'",
+        "string(msg.speed * 2) == 'inf'",
+        "string(msg.mode) == 'nan' || msg.mode == 'nan'",
+        "msg.ranges.map(r, r * 2).exists(r, r != r)",
+        "msg.speed * 2 == msg.speed * 2",
+        "msg.level + 300 > 300",
+        "msg.level < msg.level",
+    ],
+)
+def test_a_comparison_that_can_come_to_either_is_not_warned_of(text: str) -> None:
+    assert found(text) == []
 
 
 @pytest.mark.parametrize(

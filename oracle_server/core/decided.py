@@ -1,0 +1,47 @@
+"""Parts that are true or false whatever comes: quantifiers by values that no event has had, and implications."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from oracle_server.core.formula.tree import And, Exists, Forall, Formula, Implies, walk
+from oracle_server.core.instants import Instants
+from oracle_server.core.misfits import Doubt
+from oracle_server.core.places import Place
+
+
+def decided(formula: Formula, known: Instants, places: Sequence[Place]) -> Iterator[Doubt]:
+    """The outermost quantifiers that a value which no event has had decides at every event."""
+    below: set[int] = set()
+    for node in walk(formula):
+        if id(node) in below or not isinstance(node, Exists | Forall):
+            continue
+        holds = isinstance(node, Exists)
+        variables, body = _together(node)
+        if all(v is holds for v in known.row(node)) and any(v is not holds for v in known.row(body)):
+            below |= {id(part) for part in walk(node)}
+            where = tuple(p.name for p in places)
+            yield Doubt("true" if holds else "false", node, _told(node, variables, body), node.at, where)
+
+
+def _together(node: Exists | Forall) -> tuple[str, Formula]:
+    """The variables of a quantifier and of those of its kind right behind it, and what follows them."""
+    variables, body = [node.variable], node.body
+    while isinstance(body, type(node)):
+        variables.append(body.variable)
+        body = body.body
+    return ", ".join(variables), body
+
+
+def _told(node: Exists | Forall, variables: str, body: Formula) -> str:
+    if isinstance(node, Exists):
+        what, instead, mend = "exists", "forall", ", or `and` for `->`" if isinstance(body, Implies) else ""
+        part = "`->`" if isinstance(body, Implies) else "what follows"
+    else:
+        what, instead, mend = "forall", "exists", ", or `->` for `and`" if isinstance(body, And) else ""
+        part = "what follows"
+    outcome = "holds" if isinstance(node, Exists) else "fails"
+    return (
+        f"`{what}[{variables}].` {outcome} at every event, whatever the messages say, since {part} {outcome} for "
+        f"values that no event has had; write `{instead}[{variables}].`{mend}"
+    )
