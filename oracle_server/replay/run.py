@@ -25,6 +25,7 @@ from oracle_server.remote.offline import OfflineOracles
 from oracle_server.replay.comparison import Comparison
 from oracle_server.replay.coverage import Counting, Coverage, counted_names
 from oracle_server.replay.recording import Place, Recorded, Recording
+from oracle_server.replay.units import Units
 from oracle_server.replay.unjudged import Unjudged
 
 _FOR_EVER = 2**63
@@ -59,6 +60,7 @@ class Replay:
         self.forced = 0
         """Steps that were judged before their time, since too many were held."""
         self.comparison = Comparison(orders(self.spec)[0])
+        self.units = Units(spec)
         self.passed: dict[tuple[str, int], tuple[bool, str | None]] = {}
         """What an adapter did with the events that are not judged yet: whether they passed, and why."""
         self.recording = recording
@@ -131,7 +133,10 @@ class Replay:
 
     def _take(self, recorded: Recorded) -> Event:
         event = recorded.event
-        self.events += event.stream.kind != TICK
+        if event.stream.kind != TICK:
+            self.events += 1
+            if self.recording.clocked:
+                self.units.look(event)
         if recorded.passed is not None:
             self.passed[event.monitor, event.seq] = (recorded.passed, recorded.why)
         if recorded.verdict is not None:
