@@ -24,6 +24,7 @@ from oracle_server.engines.table import make_engines
 from oracle_server.remote.offline import OfflineOracles
 from oracle_server.replay.comparison import Comparison
 from oracle_server.replay.coverage import Counting, Coverage, counted_names
+from oracle_server.replay.delays import Delays
 from oracle_server.replay.recording import Place, Recorded, Recording
 from oracle_server.replay.units import Units
 from oracle_server.replay.unjudged import Unjudged
@@ -60,7 +61,7 @@ class Replay:
         self.forced = 0
         """Steps that were judged before their time, since too many were held."""
         self.comparison = Comparison(orders(self.spec)[0])
-        self.units = Units(spec)
+        self.units, self.delays = Units(spec), Delays(spec)
         self.passed: dict[tuple[str, int], tuple[bool, str | None]] = {}
         """What an adapter did with the events that are not judged yet: whether they passed, and why."""
         self.recording = recording
@@ -88,6 +89,7 @@ class Replay:
                 if self.comparison.is_waiting:
                     self.comparison.compare(item)
                 self._unjudged.note(item)
+                self.delays.note(item)
                 self.forced += item.step.forced
                 yield item
         finally:
