@@ -100,6 +100,7 @@ def _open_questions(replay: Replay, coverage: Coverage, unjudged: dict[str, str]
         why = because(counts) if how == "failed" else ""
         yield f"{key}: the signal {name} {how} at {_all(coverage[key]['events'])}{why}"
     yield from _incomparable(replay, coverage)
+    yield from replay.lacking.doubts()
     yield from replay.units.doubts()
     if replay.skipped:
         yield f"{counted(replay.skipped, 'late event')} {_was(replay.skipped)} skipped, and not judged"

@@ -25,6 +25,7 @@ from oracle_server.remote.offline import OfflineOracles
 from oracle_server.replay.comparison import Comparison
 from oracle_server.replay.coverage import Counting, Coverage, counted_names
 from oracle_server.replay.delays import Delays
+from oracle_server.replay.lacking import Lacking
 from oracle_server.replay.recording import Place, Recorded, Recording
 from oracle_server.replay.units import Units
 from oracle_server.replay.unjudged import Unjudged
@@ -66,6 +67,7 @@ class Replay:
         """What an adapter did with the events that are not judged yet: whether they passed, and why."""
         self.recording = recording
         ready = plan(spec)
+        self.lacking = Lacking(ready, types)
         self._counting = {
             key: Counting(stream.project, counted_names(spec, key, types.get(key)), types.get(key))
             for key, stream in ready.streams.items()
@@ -137,6 +139,7 @@ class Replay:
         event = recorded.event
         if event.stream.kind != TICK:
             self.events += 1
+            self.lacking.look(recorded)
             if self.recording.clocked:
                 self.units.look(event)
         if recorded.passed is not None:
