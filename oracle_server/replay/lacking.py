@@ -37,11 +37,18 @@ class Lacking:
         paths = self._paths.get(stream)
         if not (paths and recorded.place and isinstance(data, Mapping)):
             return
-        missing = next(filter(None, (_missing(data, path) for path in paths)), "")
-        if missing and not self._has_all_signals(stream, data):
-            self._count[stream] += 1
-            what = f"{recorded.place}: {stream}: it has no `{missing}`, which each {self._types[stream]} has"
-            self._first.setdefault(stream, what)
+        for path in paths:
+            missing = _missing(data, path)
+            if missing:
+                if not self._has_all_signals(stream, data):
+                    self._note(recorded, missing)
+                return
+
+    def _note(self, recorded: Recorded, missing: str) -> None:
+        stream = recorded.event.stream
+        self._count[stream] += 1
+        what = f"{recorded.place}: {stream}: it has no `{missing}`, which each {self._types[stream]} has"
+        self._first.setdefault(stream, what)
 
     def _has_all_signals(self, stream: StreamKey, data: Mapping[str, object]) -> bool:
         """Whether a message has all signals none the less, as where expressions ask by `has(…)` what is there."""
@@ -79,7 +86,7 @@ def _missing(message: Mapping[str, object], path: _Path) -> str:
     """The first field of a path that is missing, with its own path; empty where all are there, or one is no message."""
     value: object = message
     for depth, name in enumerate(path, start=1):
-        if not isinstance(value, Mapping):
+        if type(value) is not dict:
             return ""
         if name not in value:
             return ".".join(path[:depth])

@@ -141,7 +141,7 @@ class Replay:
             self.events += 1
             self.lacking.look(recorded)
             if self.recording.clocked:
-                self.units.look(event)
+                self.units.look(recorded)
         if recorded.passed is not None:
             self.passed[event.monitor, event.seq] = (recorded.passed, recorded.why)
         if recorded.verdict is not None:

@@ -52,7 +52,7 @@ class Times:
             self.note(place, "the first line has no time of arrival", "that of the line does not count")
         elif self.clocked and arrived is not None and arrived < self._now - self.slack:
             self.note(place, "it arrived before the line above it", _AS_BEFORE)
-        unit = _unit_of(stamp, arrived) if arrived and stamp else ""
+        unit = unit_of(stamp, arrived) if arrived and stamp else ""
         if unit:
             self.note(place, f"`stamp` is {stamp}, which are {unit}", "it is taken for nanoseconds")
         self._now = max(self._now, arrived or 0)
@@ -69,7 +69,7 @@ class Times:
         return [Note(text, doubt=True) for text in found]
 
 
-def _unit_of(stamp: int, arrived: int) -> str:
+def unit_of(stamp: int, arrived: int) -> str:
     """The unit of a stamp that is as late as its arrival (ns) in that unit, and not in nanoseconds; empty for none."""
     if abs(stamp - arrived) <= _HOUR:
         return ""

@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from oracle_server.core.events import Event, StreamKey
 from oracle_server.core.spec import SECOND, Spec
 from oracle_server.core.stamps import Stamp, since_boot_in
+from oracle_server.replay.recording import Recorded
+from oracle_server.replay.times import unit_of
 
 _MOST = 64
 """The samples of one publisher that are kept."""
@@ -28,6 +30,7 @@ class _Samples:
     """Stamps of one publisher over the whole recording, of which every `stride`-th is kept."""
 
     kept: list[_Sample] = field(default_factory=list)
+    in_log: bool = False
     latest: int | None = None
     stride: int = 1
     seen: int = 0
@@ -79,27 +82,30 @@ class Units:
 
     def __init__(self, spec: Spec) -> None:
         """Begin with nothing seen."""
-        self._spec = spec
+        self._stamps = {stream.key: stream.stamp for stream in spec.streams}
         self._samples: dict[tuple[StreamKey, str, str], _Samples] = {}
 
-    def look(self, event: Event) -> None:
+    def look(self, recorded: Recorded) -> None:
         """Look at an event that has a time of arrival."""
-        stamp = _stamp_of(event, self._spec.by_key[event.stream].stamp)
+        event = recorded.event
+        stamp = _stamp_of(event, self._stamps[event.stream])
         if stamp is not None:
             key = event.stream, event.monitor, event.source
             samples = self._samples.get(key)
             if samples is None:
-                samples = self._samples[key] = _Samples()
+                samples = self._samples[key] = _Samples(in_log=bool(recorded.place))
             samples.add(stamp, event.arrived)
 
     def doubts(self) -> Iterator[str]:
         """What is to be said of the streams whose stamps are in another unit, a line each."""
         told = set()
         for (stream, _, _), samples in self._samples.items():
-            thousands = samples.thousands()
+            where, thousands = self._stamps[stream], samples.thousands()
+            if thousands and where is None and samples.in_log and unit_of(*samples.kept[-1]):
+                continue  # it is said with its line
             if thousands and stream not in told:
                 told.add(stream)
-                yield _said(stream, self._spec.by_key[stream].stamp, thousands, samples.spans)
+                yield _said(stream, where, thousands, samples.spans)
 
 
 def _stamp_of(event: Event, where: Stamp | None) -> int | None:

@@ -199,6 +199,19 @@ def test_stamps_at_other_rates_are_in_their_unit(case: str, tmp_path: Path) -> N
     assert "span" not in found.said
 
 
+def test_a_stamp_in_another_unit_is_said_once(tmp_path: Path) -> None:
+    found = judge(spec(tmp_path), log(tmp_path, *(own(BASE + at, (BASE + at) // 1000) for at in TICKS)))
+    assert found.strict == 3
+    (note,) = found.summary["notes"]
+    assert "which are microseconds: it is taken for nanoseconds (60 such lines)" in note
+
+
+def test_stamps_since_boot_that_the_spec_does_not_name_are_said_too(tmp_path: Path) -> None:
+    found = judge(spec(tmp_path), log(tmp_path, *(own(BASE + at, (100 * S + at) // 1000) for at in TICKS)))
+    assert found.strict == 3
+    assert found.said == "/a: its stamps span 0.0059 s, and its arrivals 5.9 s: they are in another unit"
+
+
 def test_long_recordings_are_sampled(tmp_path: Path) -> None:
     lines = [own(BASE + at * 10**7, t=at * 10**4 + 1) for at in range(1000)]
     found = judge(spec(tmp_path, "{field: t, unit: ns, epoch: boot}"), log(tmp_path, *lines))
