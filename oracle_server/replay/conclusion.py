@@ -63,7 +63,7 @@ class Conclusion:
 def conclude(replay: Replay) -> Conclusion:
     """The conclusion of a replay that has ended."""
     coverage = replay.coverage
-    notes = replay.recording.notes
+    notes = [*replay.recording.notes, *replay.delays.notes()]
     unusable = [note.text for note in notes if note.unusable]
     unusable += _misfits(replay.spec, coverage)
     if not replay.events and not unusable:
@@ -100,6 +100,8 @@ def _open_questions(replay: Replay, coverage: Coverage, unjudged: dict[str, str]
         why = because(counts) if how == "failed" else ""
         yield f"{key}: the signal {name} {how} at {_all(coverage[key]['events'])}{why}"
     yield from _incomparable(replay, coverage)
+    yield from replay.lacking.doubts()
+    yield from replay.units.doubts()
     if replay.skipped:
         yield f"{counted(replay.skipped, 'late event')} {_was(replay.skipped)} skipped, and not judged"
     if replay.forced:

@@ -77,7 +77,7 @@ class Trace:
                 event = None if taken.name is None else self._event(line, taken.name, place, fault)
                 if event is not None:
                     event = msgspec.structs.replace(event, ask=True) if taken.asks and not event.ask else event
-                    yield Recorded(event, tuple(line.places), taken.passed, line.why, line.verdict, begun)
+                    yield Recorded(event, tuple(line.places), taken.passed, line.why, line.verdict, begun, place)
         except OSError as error:
             raise TraceError(f"{self.path}: can't be read: {error.strerror}") from None
         self.notes += self._ending()

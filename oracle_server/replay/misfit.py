@@ -9,7 +9,8 @@ from typing import Any
 from oracle_server.core.expression import told
 from oracle_server.core.shapes import Many, Record, Shape, Value, fits, is_number
 
-_TIMES = frozenset({"builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration"})
+TIMES = frozenset({"builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration"})
+"""Types that logs also have as a number, or with the names of ROS 1."""
 _STAND_INS = frozenset({"structure_needs_at_least_one_member"})
 """The field of a type without fields, as ROS 2 has it."""
 _MOST = 6
@@ -59,7 +60,7 @@ def misfit(shape: Shape, value: object, path: str = "") -> str:
     A missing field is none, nor is one that the type does not have beside others that it has: logs keep what is
     read, and may add to it. Of a list the first item is looked at.
     """
-    if value is None or (isinstance(shape, Record) and shape.name in _TIMES and is_number(value)):
+    if value is None or (isinstance(shape, Record) and shape.name in TIMES and is_number(value)):
         return ""
     match shape:
         case Record() if isinstance(value, Mapping):

@@ -45,7 +45,8 @@ class Place(Struct, frozen=True, gc=False):
 class Recorded(Struct, frozen=True, gc=False):
     """A recorded event; a session's own trace also has ticks, places, and what the adapter did with the event and why.
 
-    `verdict` is that of ROSMonitoring's oracle; `begun` is when the recorded session began (ns).
+    `verdict` is that of ROSMonitoring's oracle; `begun` is when the recorded session began (ns). `place` is where it
+    stands in a log of JSON, empty in other recordings, whose messages are whole.
     """
 
     event: Event
@@ -54,6 +55,7 @@ class Recorded(Struct, frozen=True, gc=False):
     why: str | None = None
     verdict: str | None = None
     begun: int | None = None
+    place: str = ""
 
 
 class Note(NamedTuple):

@@ -24,7 +24,10 @@ from oracle_server.engines.table import make_engines
 from oracle_server.remote.offline import OfflineOracles
 from oracle_server.replay.comparison import Comparison
 from oracle_server.replay.coverage import Counting, Coverage, counted_names
+from oracle_server.replay.delays import Delays
+from oracle_server.replay.lacking import Lacking
 from oracle_server.replay.recording import Place, Recorded, Recording
+from oracle_server.replay.units import Units
 from oracle_server.replay.unjudged import Unjudged
 
 _FOR_EVER = 2**63
@@ -59,10 +62,12 @@ class Replay:
         self.forced = 0
         """Steps that were judged before their time, since too many were held."""
         self.comparison = Comparison(orders(self.spec)[0])
+        self.units, self.delays = Units(spec), Delays(spec)
         self.passed: dict[tuple[str, int], tuple[bool, str | None]] = {}
         """What an adapter did with the events that are not judged yet: whether they passed, and why."""
         self.recording = recording
         ready = plan(spec)
+        self.lacking = Lacking(ready, types)
         self._counting = {
             key: Counting(stream.project, counted_names(spec, key, types.get(key)), types.get(key))
             for key, stream in ready.streams.items()
@@ -86,6 +91,7 @@ class Replay:
                 if self.comparison.is_waiting:
                     self.comparison.compare(item)
                 self._unjudged.note(item)
+                self.delays.note(item)
                 self.forced += item.step.forced
                 yield item
         finally:
@@ -131,7 +137,11 @@ class Replay:
 
     def _take(self, recorded: Recorded) -> Event:
         event = recorded.event
-        self.events += event.stream.kind != TICK
+        if event.stream.kind != TICK:
+            self.events += 1
+            self.lacking.look(recorded)
+            if self.recording.clocked:
+                self.units.look(recorded)
         if recorded.passed is not None:
             self.passed[event.monitor, event.seq] = (recorded.passed, recorded.why)
         if recorded.verdict is not None:

@@ -12,9 +12,11 @@ _HOUR = 3600 * SECOND
 _YEARS = range(10**9, 42 * 10**8)
 """The seconds since 1970 of this century."""
 _BRIEF = SECOND // 1000
-"""The longest (ns) that a trace takes whose times are suspected to be in another unit."""
+"""How long (ns) a trace may take at least whose times are suspected to be in another unit; else a day in that unit."""
 _AS_BEFORE = "it counts as arrived with the line before"
-_UNITS = (("seconds", 1), ("milliseconds", 10**3))
+_UNITS = (("seconds", 1), ("milliseconds", 10**3), ("microseconds", 10**6))
+"""Units that are taken for nanoseconds, and how many make a second."""
+_DAY = 86_400
 
 
 @dataclass(slots=True)
@@ -50,8 +52,9 @@ class Times:
             self.note(place, "the first line has no time of arrival", "that of the line does not count")
         elif self.clocked and arrived is not None and arrived < self._now - self.slack:
             self.note(place, "it arrived before the line above it", _AS_BEFORE)
-        if arrived and stamp and abs(stamp * SECOND - arrived) < _HOUR < abs(stamp - arrived):
-            self.note(place, f"`stamp` is {stamp}, which are seconds", "it is taken for nanoseconds")
+        unit = unit_of(stamp, arrived) if arrived and stamp else ""
+        if unit:
+            self.note(place, f"`stamp` is {stamp}, which are {unit}", "it is taken for nanoseconds")
         self._now = max(self._now, arrived or 0)
 
     def notes(self, *, timed: bool) -> list[Note]:
@@ -60,10 +63,17 @@ class Times:
         if not self.clocked and self._timeless and (timed or self._timeless < self._events):
             found.append(f"no time passes where none is said: {counted(self._timeless, 'line')} of {self._events}")
         took = self._last - self._first
-        unit = next((name for name, size in _UNITS if self._first // size in _YEARS), "")
-        if unit and 0 < took < _BRIEF:
+        unit, size = next(((name, size) for name, size in _UNITS if self._first // size in _YEARS), ("", 0))
+        if unit and 0 < took < max(_BRIEF, _DAY * size):
             found.append(f"its times look like {unit}, and are taken for nanoseconds: all lie within {took} ns")
         return [Note(text, doubt=True) for text in found]
+
+
+def unit_of(stamp: int, arrived: int) -> str:
+    """The unit of a stamp that is as late as its arrival (ns) in that unit, and not in nanoseconds; empty for none."""
+    if abs(stamp - arrived) <= _HOUR:
+        return ""
+    return next((name for name, size in _UNITS if abs(stamp * (SECOND // size) - arrived) < _HOUR), "")
 
 
 def _such(count: int) -> str:

@@ -157,6 +157,76 @@ def test_what_a_type_allows_is_no_contradiction(name: str, data: dict[str, Any],
     assert (found.exit, found.strict, found.said) == (0, 0, "")
 
 
+LIMIT = """
+id: limit
+streams:
+  - {{topic: /cmd, type: {type}, {signals}}}
+properties:
+  - {{id: slow, formula: 'not {{topic: "/cmd", v > 9}}'}}
+"""
+
+
+def limited(
+    folder: Path, *data: dict[str, Any], read: str = "msg.linear.x", name: str = "geometry_msgs/msg/Twist"
+) -> Any:
+    path = folder / "log.txt"
+    lines = [{"topic": "cmd", "time": n + 1.0, **fields} for n, fields in enumerate(data)]
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    signals = f"signals: {{v: '{read}'}}" if read else ""
+    return judge(write_spec(folder, LIMIT.format(type=name, signals=signals)), path)
+
+
+LACKING: dict[str, tuple[dict[str, Any], str]] = {
+    "another field": ({"linear": {"vx": 5.0, "y": 0, "z": 0}, "angular": TWIST["angular"]}, "linear.x"),
+    "another case": ({"Linear": {"x": 5.0}, "angular": TWIST["angular"]}, "linear"),
+    "an empty message": ({"linear": {}}, "linear.x"),
+    "nothing": ({}, "linear"),
+}
+
+
+@pytest.mark.parametrize("case", LACKING)
+def test_a_message_without_a_field_that_is_read_is_said(case: str, tmp_path: Path) -> None:
+    data, field = LACKING[case]
+    found = limited(tmp_path, TWIST, data, TWIST, data)
+    assert (found.exit, found.strict) == (0, 3)
+    assert found.summary["notes"] == [
+        f"{tmp_path / 'log.txt'}:2: /cmd: it has no `{field}`, which each geometry_msgs/msg/Twist has: "
+        "what reads it is absent there (2 such lines)"
+    ]
+
+
+WHOLE: dict[str, tuple[str, str, dict[str, Any]]] = {
+    "only what is read": ("geometry_msgs/msg/Twist", "msg.linear.x", {"linear": {"x": 0.5}}),
+    "null": ("geometry_msgs/msg/Twist", "msg.linear.x", {"linear": {"x": None}}),
+    "null around it": ("geometry_msgs/msg/Twist", "msg.linear.x", {"linear": None}),
+    "a time of ROS 1": ("std_msgs/msg/Header", "msg.stamp.sec", {"stamp": {"secs": 1, "nsecs": 2}}),
+    "a time as a number": ("std_msgs/msg/Header", "msg.stamp.sec", {"stamp": 1.5}),
+    "what ROS 1 alone has": ("std_msgs/msg/Header", "msg.seq", {"frame_id": "map"}),
+    "an item of a list": ("tf2_msgs/msg/TFMessage", "msg.transforms[0].transform.translation.x", {"transforms": []}),
+    "what the spec asks for": (
+        "geometry_msgs/msg/Twist",
+        "has(msg.linear.x) ? msg.linear.x : 0.0",
+        {"linear": {"y": 0}},
+    ),
+    "no known type": ("other_msgs/msg/Unknown", "msg.speed.x", {"pace": 1}),
+}
+
+
+@pytest.mark.parametrize("case", WHOLE)
+def test_a_message_with_what_is_read_lacks_nothing(case: str, tmp_path: Path) -> None:
+    name, read, data = WHOLE[case]
+    assert ", which each " not in limited(tmp_path, data, data, read=read, name=name).said
+
+
+def test_what_formulas_read_of_a_stream_without_signals_may_be_missing_too(tmp_path: Path) -> None:
+    text = LIMIT.format(type="std_msgs/msg/Float64", signals="").replace("v > 9", "data > 9")
+    path = log(tmp_path, {"data": 0.5}, {"date": 5.0, "verdict": "true"})
+    path.write_text(path.read_text().replace("armed", "cmd"))
+    found = judge(write_spec(tmp_path, text), path)
+    assert "`data`" in found.said
+    assert found.strict != 0
+
+
 def test_one_message_of_many_is_enough(tmp_path: Path) -> None:
     found = judge(spec(tmp_path), log(tmp_path, {"data": False}, {"data": "x"}, {"data": False}))
     assert found.exit == 2

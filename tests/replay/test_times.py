@@ -89,6 +89,18 @@ OWN: dict[str, tuple[list[dict[str, Any]], str, str]] = {
         "its times look like seconds, and are taken for nanoseconds: all lie within 60 ns",
     ),
     "all in milliseconds": ([own(BASE // 10**6), own(BASE // 10**6 + 60_000)], "", "its times look like milliseconds"),
+    "all in microseconds": (
+        [own(BASE // 1000), own(BASE // 1000 + 65 * 10**6)],
+        "",
+        "its times look like microseconds, and are taken for nanoseconds: all lie within 65000000 ns",
+    ),
+    "twenty minutes in milliseconds": ([own(BASE // 10**6), own(BASE // 10**6 + 1_200_000)], "", "like milliseconds"),
+    "a stamp in microseconds": (
+        [own(BASE, BASE // 1000)],
+        "",
+        f":1: `stamp` is {BASE // 1000}, which are microseconds: it is taken for nanoseconds",
+    ),
+    "a stamp in milliseconds": ([own(BASE, BASE // 10**6)], "", "which are milliseconds: it is taken for nanoseconds"),
     "no time beside times": ([own(stamp=1), own()], "", "no time passes where none is said: 1 line of 2"),
     "a misspelt key": (
         [{"stream": "/a", "arived": 1, "data": {"v": 1}}] * 2,
@@ -144,6 +156,77 @@ def test_times_that_are_right_are_no_matter(case: str, tmp_path: Path) -> None:
     lines, stamp = RIGHT[case]
     found = judge(spec(tmp_path, stamp), log(tmp_path, *lines))
     assert (found.exit, found.strict, found.said) == (0, 0, "")
+
+
+PER_SECOND = {"us": 10**6, "ms": 10**3, "ns": S, "s": 1}
+NAMES = {"us": "microseconds", "ms": "milliseconds", "ns": "nanoseconds", "s": "seconds"}
+TICKS = range(0, 6 * S, S // 10)
+
+
+@pytest.mark.parametrize(("meant", "taken"), [("us", "ns"), ("ms", "ns"), ("us", "ms"), ("s", "ms"), ("ms", "us")])
+def test_stamps_since_boot_in_another_unit_are_said(meant: str, taken: str, tmp_path: Path) -> None:
+    lines = [own(BASE + at, t=(100 * S + at) * PER_SECOND[meant] / S) for at in TICKS]
+    found = judge(spec(tmp_path, f"{{field: t, unit: {taken}, epoch: boot}}"), log(tmp_path, *lines))
+    assert (found.exit, found.strict) == (0, 3)
+    assert f": `t` looks like {NAMES[meant]}, and is taken for {NAMES[taken]}" in found.said
+    assert "/a: its stamps span " in found.said
+    assert ", and its arrivals 5.9 s: " in found.said
+
+
+@pytest.mark.parametrize("unit", PER_SECOND)
+def test_stamps_in_their_unit_are_no_matter(unit: str, tmp_path: Path) -> None:
+    lines = [own(BASE + at, t=(100 * S + at) * PER_SECOND[unit] / S) for at in TICKS]
+    found = judge(spec(tmp_path, f"{{field: t, unit: {unit}, epoch: boot}}"), log(tmp_path, *lines))
+    assert (found.exit, found.strict, found.said) == (0, 0, "")
+
+
+AT_ODD_RATES: dict[str, list[tuple[int, int]]] = {
+    "latched": [(at, S) for at in TICKS],
+    "latched, and set twice": [(at, S if at < 3 * S else 1000 * S) for at in TICKS],
+    "replayed slowly": [(at, at // 100 + 1) for at in TICKS],
+    "replayed fast": [(at, at * 50 + 1) for at in TICKS],
+    "replayed with a pause": [(at if at < 3 * S else at + 6000 * S, at + 1) for at in TICKS],
+    "in bursts": [(at // S * S + at // 10**5, at + 1) for at in TICKS],
+    "a clock that was set": [(at, at + (1 if at < 2 * S else 6000 * S)) for at in TICKS],
+    "few": [(0, 1), (5 * S, 5 * S // 1000)],
+}
+
+
+@pytest.mark.parametrize("case", AT_ODD_RATES)
+def test_stamps_at_other_rates_are_in_their_unit(case: str, tmp_path: Path) -> None:
+    lines = [own(BASE + at, t=stamp) for at, stamp in AT_ODD_RATES[case]]
+    found = judge(spec(tmp_path, "{field: t, unit: ns, epoch: boot}"), log(tmp_path, *lines))
+    assert "span" not in found.said
+
+
+def test_a_stamp_in_another_unit_is_said_once(tmp_path: Path) -> None:
+    found = judge(spec(tmp_path), log(tmp_path, *(own(BASE + at, (BASE + at) // 1000) for at in TICKS)))
+    assert found.strict == 3
+    (note,) = found.summary["notes"]
+    assert "which are microseconds: it is taken for nanoseconds (60 such lines)" in note
+
+
+def test_stamps_since_boot_that_the_spec_does_not_name_are_said_too(tmp_path: Path) -> None:
+    found = judge(spec(tmp_path), log(tmp_path, *(own(BASE + at, (100 * S + at) // 1000) for at in TICKS)))
+    assert found.strict == 3
+    assert found.said == "/a: its stamps span 0.0059 s, and its arrivals 5.9 s: they are in another unit"
+
+
+def test_long_recordings_are_sampled(tmp_path: Path) -> None:
+    lines = [own(BASE + at * 10**7, t=at * 10**4 + 1) for at in range(1000)]
+    found = judge(spec(tmp_path, "{field: t, unit: ns, epoch: boot}"), log(tmp_path, *lines))
+    assert found.strict == 3
+    assert "`t` looks like microseconds, and is taken for nanoseconds" in found.said
+
+
+def test_stamps_of_a_bag_in_another_unit_are_said(tmp_path: Path) -> None:
+    text = SPEC.replace("msg.v", "msg.data").replace("v < 5", "v > 5")
+    bag = write_numbers(
+        tmp_path / "bag", {"/a": [(at, 5e6 + at * 1e3) for at in range(0, 3000, 50)]}, StoragePlugin.MCAP
+    )
+    found = judge(spec(tmp_path, "{field: data, unit: ns, epoch: boot}", text), bag)
+    assert found.strict == 3
+    assert "/a: its stamps span 0.00295 s, and its arrivals 2.95 s: `data` looks like microseconds" in found.said
 
 
 def test_formulas_over_seconds_need_times(tmp_path: Path) -> None:

@@ -1,0 +1,64 @@
+"""Events that came too late for their place in the order, or with stamps too far ahead: how many of each stream."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from oracle_server.core.events import StreamKey
+from oracle_server.core.kinds import TICK
+from oracle_server.core.spec import SECOND, Spec
+from oracle_server.core.verdicts import Judged
+from oracle_server.replay.recording import Note, part_of
+
+_HANDFUL = 5
+"""So many events of a stream that are not in their place are no matter, however few events it has."""
+
+_LATE = "late, up to", "behind what was judged before"
+_SKEWED = "skewed, up to", "ahead of the arrival, and ordered by that"
+
+
+@dataclass(slots=True)
+class _Displaced:
+    """How many events of each stream are not in their place, and by how much the furthest one (ns)."""
+
+    count: Counter[StreamKey] = field(default_factory=Counter)
+    most: dict[StreamKey, int] = field(default_factory=dict)
+
+    def add(self, stream: StreamKey, by: int) -> None:
+        self.count[stream] += 1
+        self.most[stream] = max(self.most.get(stream, 0), by)
+
+
+class Delays:
+    """Counts late and skewed events in the order of publication; streams that are not ordered have none."""
+
+    def __init__(self, spec: Spec) -> None:
+        """Begin with nothing judged."""
+        self._ordered = {stream.key for stream in spec.streams if stream.ordered}
+        self._events: Counter[StreamKey] = Counter()
+        self._late, self._skewed = _Displaced(), _Displaced()
+        self._present = 0
+
+    def note(self, judged: Judged) -> None:
+        """Note a judged step."""
+        step, stream = judged.step, judged.step.event.stream
+        if judged.order != "publication" or stream.kind == TICK or stream not in self._ordered:
+            return
+        self._events[stream] += 1
+        if step.skewed:
+            self._skewed.add(stream, step.stamp - step.event.arrived)
+        if step.late:
+            self._late.add(stream, self._present - step.time)
+        self._present = max(self._present, step.time)
+
+    def notes(self) -> Iterator[Note]:
+        """What is to be said of each stream; where most of its events are not in their place that is a doubt."""
+        for stream, events in self._events.items():
+            for found, before, after in (self._late, *_LATE), (self._skewed, *_SKEWED):
+                count = found.count[stream]
+                if count:
+                    by = f"{found.most[stream] / SECOND:.6g} s"
+                    text = f"{stream}: {part_of(count, events)} {before} {by} {after}"
+                    yield Note(text, doubt=count > max(_HANDFUL, events // 2))

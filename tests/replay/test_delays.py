@@ -1,0 +1,85 @@
+"""Streams whose events are late or skewed are said; where most of them are, that is no strict success."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.replay.judging import BASE, MS, Judgement, judge, write_spec
+
+SPEC = """
+id: fresh
+ordering: {{{ordering}}}
+streams:
+  - {{topic: /scan, {scan}signals: {{}}}}
+  - {{topic: /cmd, signals: {{v: msg.v}}}}
+properties:
+  - {{id: slow, formula: 'not {{v > 1}}'}}
+"""
+
+
+def judged(folder: Path, off: list[int], ordering: str = "max_delay: 100ms", scan: str = "") -> Judgement:
+    """A scan every 100 ms whose stamps are off by so many ms, each before a command in time."""
+    path = folder / "trace.jsonl"
+    lines = []
+    for n, by in enumerate(off):
+        at = BASE + n * 100 * MS
+        lines.append({"stream": "/scan", "stamp": at + by * MS, "arrived": at, "data": {}})
+        lines.append({"stream": "/cmd", "stamp": at + MS, "arrived": at + MS, "data": {"v": 0}})
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    return judge(write_spec(folder, SPEC.format(ordering=ordering, scan=scan)), path)
+
+
+def test_a_stream_that_is_late_is_said(tmp_path: Path) -> None:
+    found = judged(tmp_path, [-600] * 20)
+    assert (found.exit, found.strict) == (0, 3)
+    assert found.summary["notes"] == [
+        "/scan: 18 of its 20 messages are late, up to 0.401 s behind what was judged before"
+    ]
+
+
+def test_a_stream_that_is_skewed_is_said(tmp_path: Path) -> None:
+    found = judged(tmp_path, [5000] * 20)
+    assert (found.exit, found.strict) == (0, 3)
+    assert found.summary["notes"] == [
+        "/scan: its 20 messages are skewed, up to 5 s ahead of the arrival, and ordered by that"
+    ]
+
+
+@pytest.mark.parametrize("by", [-600, 5000])
+@pytest.mark.parametrize("off", [4, 8])
+def test_fewer_than_most_are_only_said(by: int, off: int, tmp_path: Path) -> None:
+    found = judged(tmp_path, [0, 0, 0, 0] + [by] * off + [0] * 8)
+    assert (found.exit, found.strict) == (0, 0)
+    (note,) = found.summary["notes"]
+    assert note.startswith(f"/scan: {off} of its {12 + off} messages are {'late' if by < 0 else 'skewed'}, up to ")
+
+
+def test_a_handful_is_no_matter_however_few_there_are(tmp_path: Path) -> None:
+    found = judged(tmp_path, [5000] * 5)
+    assert (found.exit, found.strict) == (0, 0)
+
+
+RIGHT = {
+    "in time": (0, "max_delay: 100ms", ""),
+    "waited for": (-600, "max_delay: 1s", ""),
+    "allowed": (5000, "max_skew: 10s, max_delay: 10s", ""),
+    "late by arrival": (-600, "by: arrival", ""),
+    "skewed by arrival": (5000, "by: arrival", ""),
+    "late and not ordered": (-600, "max_delay: 100ms", "ordered: false, "),
+    "skewed and not ordered": (5000, "max_delay: 100ms", "ordered: false, "),
+}
+
+
+@pytest.mark.parametrize("case", RIGHT)
+def test_a_stream_in_its_place_is_no_matter(case: str, tmp_path: Path) -> None:
+    by, ordering, scan = RIGHT[case]
+    found = judged(tmp_path, [by] * 20, ordering, scan)
+    assert (found.exit, found.strict, found.said) == (0, 0, "")
+
+
+def test_by_both_orders_an_event_counts_once(tmp_path: Path) -> None:
+    found = judged(tmp_path, [5000] * 20, "by: both")
+    assert "/scan: its 20 messages are skewed" in found.said
