@@ -107,7 +107,7 @@ def import_(
         typer.echo(str(finding), err=True)
     for line in imported.summary:
         typer.echo(f"{out or 'the spec'}: {line}", err=True)
-    if imported.refused or (strict and not imported.done):
+    if imported.refused or not imported.judges or (strict and not imported.done):
         raise typer.Exit(1)
 
 

@@ -15,6 +15,7 @@ from oracle_server.core.typed import Missing, TypedMessage
 from oracle_server.rostypes import standard
 from oracle_server.rostypes.definition import PRIMITIVES, Fields
 from oracle_server.rostypes.folders import Workspace, read_folder
+from oracle_server.rostypes.others import is_well_known
 
 _KINDS: Mapping[str, ValueKind] = {
     "bool": "bool", "string": "text", "wstring": "text", "float32": "real", "float64": "real"
@@ -113,7 +114,7 @@ class Types:
             )
             return Missing(f"the definition of {type_} can't be read, so its fields are not checked: {why}", "warning")
         if package not in self._packages:
-            near = nearest(package, self._packages, alike=0.85)
+            near = "" if is_well_known(package) else nearest(package, self._packages, alike=0.85)
             who = f"the package {package} is not known here{f' ({near})' if near else ''}"
             return Missing(f"{who}, so the fields of its types are not checked; {_HOW}", "warning", package)
         known = {_written(other) for other in self._of_package(package)}

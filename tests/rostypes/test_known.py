@@ -82,6 +82,15 @@ def test_a_type_that_is_not_known_is_told_of(name: str, severity: str, words: st
     assert words in found.message
 
 
+@pytest.mark.parametrize(
+    "package", ["nav2_msgs", "grid_map_msgs", "px4_msgs", "rmf_task_msgs", "autoware_control_msgs"]
+)
+def test_a_package_that_is_well_known_is_no_misspelt_other_one(package: str) -> None:
+    told = missing(f"{package}/msg/Some").message
+    assert "did you mean" not in told
+    assert f"the package {package} is not known here" in told
+
+
 def test_a_folder_defines_messages_services_and_actions(tmp_path: Path) -> None:
     package(
         tmp_path / "arm_msgs",

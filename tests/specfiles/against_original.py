@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import ast
 import json
+import math
 import random
 import re
 import tempfile
@@ -40,7 +41,10 @@ _FALSE = {Outcome.FALSE, Outcome.CURRENTLY_FALSE}
 
 @dataclass(slots=True)
 class Compared:
-    """How many verdicts were the same, and unknown here; `different` is the first trace with another one."""
+    """How many verdicts were the same, and unknown here; `different` is the first trace with another one.
+
+    Where the original fails, only unknown is right, or what was settled before.
+    """
 
     same: int = 0
     unknown: int = 0
@@ -74,11 +78,15 @@ def compare(config: Config, module: Path, traces: Sequence[Sequence[Event]]) -> 
         return found
     for trace, original in zip(traces, judged(module, traces, formula), strict=False):
         ours = _ours(spec, trace)
+        last = None
         for theirs, (said, degraded) in zip(original, ours, strict=False):
-            found.values.add(theirs)
+            settled, last = said == last and said in (Outcome.TRUE, Outcome.FALSE), said
+            if theirs is None and settled:
+                continue
+            found.values |= set() if theirs is None else {theirs}
             if said == Outcome.UNKNOWN or degraded:
                 found.unknown += 1
-            elif (said in _TRUE and theirs) or (said in _FALSE and not theirs):
+            elif (said in _TRUE and theirs is True) or (said in _FALSE and theirs is False):
                 found.same += 1
             elif found.different is None:
                 found.different = list(trace)
@@ -104,8 +112,12 @@ class Traffic:
         chance: random.Random,
         fields: Mapping[str, str | list[str]] | None = None,
         optional: bool = True,
+        odd: bool = False,
     ) -> None:
-        """`fields` are kinds, or values, by name, if they are known; `optional`: a stream may lack some."""
+        """`fields` are kinds, or values, by name, if they are known; `optional`: a stream may lack some.
+
+        `odd`: real fields of known types are zero, huge or not finite.
+        """
         tree = ast.parse(module.read_bytes())
         text = module.read_text()
         self._chance, self._config = chance, config
@@ -113,7 +125,7 @@ class Traffic:
         keys = set(re.findall(r"\[['\"](\w+)['\"]\]|get\(\s*['\"](\w+)['\"]", text))
         names = {a or b for a, b in keys} | {c for c in constants if isinstance(c, str) and c.isidentifier()}
         names |= set(re.findall(r"[{,]\s*(\w+)", " ".join(c for c in constants if isinstance(c, str) and "{" in c)))
-        self._known, self._optional = fields, optional
+        self._known, self._optional, self._real = fields, optional, "odd" if odd else "float"
         self._fields = sorted(names - {"time", "topic", "service", "request", "response", "t", "PROPERTY"})[:24]
         self._numbers = sorted(
             {c for c in constants if isinstance(c, int | float) and not isinstance(c, bool)} | {0, 1, 2, -1}
@@ -158,7 +170,7 @@ class Traffic:
             case Value(kind="bytes"):
                 return ""
             case Value(kind=kind):
-                return self._value({"real": "float"}.get(kind, kind))
+                return self._value(self._real if kind == "real" else kind)
 
     def _missing(self) -> bool:
         return self._known is not None and self._optional and self._chance.random() < 0.1
@@ -182,6 +194,10 @@ class Traffic:
             near = chance.choice(self._numbers) + chance.choice((-1, -0.25, 0, 0, 0.25, 1))
             whole = kind == "int" or (kind == "number" and chance.random() < 0.5)
             return int(near) if whole else float(near)
+        if kind == "odd":
+            return chance.choice((0, 0.0, -0.0, 1, -2.5, 1e200, -1e200, math.inf, -math.inf, math.nan))
+        if kind == "numeral":
+            return chance.choice((0, 1, 2.5, 4, 5.0, "0", "2", "2.5", "NaN "))
         if kind == "text":
             text = chance.choice(self._texts)
             return chance.choice((text, text, text, text.upper(), text.title(), f" {text}\n", f"{text}!", f"an {text}"))
@@ -214,9 +230,10 @@ def random_traces(
     length: int = 12,
     fields: Mapping[str, str | list[str]] | None = None,
     optional: bool = True,
+    odd: bool = False,
 ) -> Iterator[list[Event]]:
     """Traces for a module and a configuration."""
-    traffic = Traffic(module, config, random.Random(seed), fields, optional)
+    traffic = Traffic(module, config, random.Random(seed), fields, optional, odd)
     for _ in range(count):
         yield traffic.trace(length)
 

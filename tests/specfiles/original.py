@@ -2,7 +2,8 @@
 
 Run as a program it reads one request from standard input, so that a module or a formula that ends the process ends no
 test: `{"module": path, "formula": text or null, "traces": [[event, …], …]}`. For each event of each trace it prints a
-line, `true` or `false`; a trace ends early, by `null`, at an event at which the module or reelay fails.
+line, `true` or `false`; a trace ends early at an event at which the module or reelay fails, by `null` unless a field is
+missing.
 """
 
 from __future__ import annotations
@@ -21,8 +22,10 @@ from typing import Any
 Event = dict[str, Any]
 
 
-def judged(module: Path, traces: Sequence[Sequence[Event]], formula: str | None = None) -> list[list[bool]]:
-    """What the original says of each event, for each trace up to the first event at which it fails.
+def judged(module: Path, traces: Sequence[Sequence[Event]], formula: str | None = None) -> list[list[bool | None]]:
+    """What the original says of each event, for each trace up to the first event at which it fails, which is None.
+
+    A trace ends without that at a message that lacks a field.
 
     `formula` is put in the place of the module's, where that is of a dialect that reelay does not read.
     """
@@ -30,12 +33,12 @@ def judged(module: Path, traces: Sequence[Sequence[Event]], formula: str | None 
     ended = subprocess.run(
         [sys.executable, __file__], input=json.dumps(request), capture_output=True, encoding="utf-8", check=False
     )
-    found: list[list[bool]] = []
+    found: list[list[bool | None]] = []
     for line in ended.stdout.splitlines():
         value = json.loads(line)
         if value == "trace":
             found.append([])
-        elif value is not None:
+        else:
             found[-1].append(value)
     return found
 
@@ -91,6 +94,8 @@ def _judge(path: Path, formula: str | None, trace: Sequence[Event]) -> Iterable[
             event["time"] = event["time"] - first
         try:
             said = monitor.update(module.abstract_message(event))
+        except KeyError:  # a field that is missing, which ROS's messages never lack
+            break
         except Exception:  # noqa: BLE001 -- its connection is lost, whatever it was
             verdicts.append(None)
             break

@@ -79,7 +79,7 @@ def abstract_message(message):
 """
 
 
-def imported(folder: Path, config: str, **modules: str) -> tuple[str, Any]:
+def imported(folder: Path, config: str, ends: int = 0, **modules: str) -> tuple[str, Any]:
     path = folder / "config.yaml"
     path.write_text(config)
     options: list[str | Path] = []
@@ -88,7 +88,7 @@ def imported(folder: Path, config: str, **modules: str) -> tuple[str, Any]:
         options += ["--properties", folder / f"{name}.py"]
     out = folder / "spec.yaml"
     ended = run("import", path, *options, "-o", out)
-    assert ended.returncode == 0, ended.stderr
+    assert ended.returncode == ends, ended.stderr
     text = out.read_text()
     return text, parse_spec(text, "imported").spec
 
@@ -164,6 +164,28 @@ def test_what_is_left_to_write_is_counted_and_strict_refuses_it(tmp_path: Path) 
     for said in (ended, run("check", tmp_path / "spec.yaml")):
         assert told in said.stderr
         assert said.stderr.count("still to be written") == 1
+
+
+def test_an_import_that_judges_nothing_says_so_and_ends_with_1(tmp_path: Path) -> None:
+    (tmp_path / "config.yaml").write_text(FIRST)
+    function = "\ndef abstract_message(message):\n    return {'p': hash(message['data'])}\n"
+    (tmp_path / "one.py").write_text(f"PROPERTY = '{{p}}'{function}")
+    (tmp_path / "other.py").write_text(f"PROPERTY = '{{p}} -> {{q}} -> {{p}}'{function}")
+    modules = ("--properties", tmp_path / "one.py", "--properties", tmp_path / "other.py")
+    ended = run("import", tmp_path / "config.yaml", *modules, "-o", tmp_path / "spec.yaml")
+    assert ended.returncode == 1
+    assert "nothing was imported that judges anything" in ended.stderr.splitlines()[-1]
+    (tmp_path / "sound.py").write_text("PROPERTY = '{p}'\ndef abstract_message(message):\n    return {'p': True}\n")
+    ended = run("import", tmp_path / "config.yaml", *modules, "--properties", tmp_path / "sound.py")
+    assert ended.returncode == 0
+    assert "nothing was imported" not in ended.stderr
+
+
+def test_a_property_module_in_the_place_of_the_configuration_is_named(tmp_path: Path) -> None:
+    (tmp_path / "hello.py").write_text(MODULE)
+    told = failed("import", tmp_path / "hello.py")
+    assert "Python" in told
+    assert "--properties hello.py" in told
 
 
 def test_what_is_done_is_sound_and_strict_accepts_it(tmp_path: Path) -> None:
@@ -279,7 +301,7 @@ def test_stubs_make_what_reads_them_unknown(tmp_path: Path) -> None:
     module = "PROPERTY = '{far: True}'\npredicates = {'far': False}\n" + (
         "def abstract_message(m):\n    predicates['far'] = hash(m['data']) > 3\n    return predicates\n"
     )
-    text, _ = imported(tmp_path, FIRST, far=module)
+    text, _ = imported(tmp_path, FIRST, ends=1, far=module)
     assert "# predicates['far'] = hash(m['data']) > 3" in text
     (tmp_path / "log.jsonl").write_text('{"topic": "count", "time": 1.5, "data": 5}\n')
     ended = run("replay", tmp_path / "spec.yaml", tmp_path / "log.jsonl", "--json")

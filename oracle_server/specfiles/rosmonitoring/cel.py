@@ -125,7 +125,10 @@ def truth(leaf: Leaf) -> Value:  # noqa: C901, PLR0911 -- a case a kind of leaf
 
 
 def number(leaf: Leaf) -> str:
-    """A number as CEL has it with a point, so that whole ones and others are reckoned with each other."""
+    """A number as CEL has it with a point, so that whole ones and others are reckoned with each other.
+
+    A text that is a number is none: `double` would read it, and Python fails.
+    """
     match leaf:
         case Const(bool() | int() | float() as value):
             if abs(value) < 2**53:
@@ -137,7 +140,7 @@ def number(leaf: Leaf) -> str:
         case Term(_, "bool"):
             return f"({inner(leaf)} ? 1.0 : 0.0)"
         case Field(path, None):
-            return f"double({field(path)})"
+            return f"({field(path)} * 1.0)"
     raise UntranslatableError
 
 
@@ -198,7 +201,8 @@ def _fit(leaf: Leaf, use: Use) -> Value:  # noqa: C901, PLR0911 -- a case a kind
 def _flag(leaf: Term | Field) -> Value:
     if isinstance(leaf, Term):
         return truth(leaf)
-    return Term(f"!({field(leaf.path)} in [false, 0, null])", "bool", tight=True)
+    text = field(leaf.path)
+    return Term(f"({text} in [true, false, null] ? {text} == true : abs({text}) > 0)", "bool", tight=True)
 
 
 def rendered(value: Value) -> str:

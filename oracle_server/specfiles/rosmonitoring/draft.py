@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from oracle_server.core.formula.tree import Atom, Constraint, Formula
+from oracle_server.core.formula.tree import Atom, Constraint, Formula, atoms
 from oracle_server.core.kinds import RESERVED
 from oracle_server.core.typed import TypedMessage
 from oracle_server.rostypes.known import Types
@@ -43,6 +43,18 @@ class Draft:
     def unjudged(self) -> list[str]:
         """The properties whose formula could not be read."""
         return [module.name for module, found in self.properties if found is not None and found.formula is None]
+
+    @property
+    def judges(self) -> bool:
+        """Whether any property can say anything before what is left is written; of none its oracle still judges."""
+        return not self.properties or any(found is None or self._says(found) for _, found in self.properties)
+
+    def _says(self, found: Translation) -> bool:
+        if found.formula is None:
+            return False
+        keys = {constraint.key for atom in atoms(found.formula) for constraint in atom.constraints}
+        read = [self.signals[key] for key in keys if key in self.signals]
+        return not read or not all(signal.unread for signal in read)
 
 
 def streams_of(interface: Interface, types: Types | None = None) -> list[Stream]:

@@ -21,14 +21,17 @@ from oracle_server.specfiles.rosmonitoring.values import (
     Value,
     choice,
     each,
+    leaves,
 )
 
 _KINDS: dict[type, str] = {int: "number", float: "number", str: "text"}
+_NOT_FINITE = ("NaN", "Infinity", "-Infinity")
+"""Texts as which numbers arrive that are not finite."""
 TRUE, FALSE = Const(True), Const(False)
 
 
 def equal(left: Leaf, right: Leaf) -> Value:  # noqa: C901, PLR0911, PLR0912 -- a case a pair
-    """`==`, in which Python's 1 and True are equal and CEL's are not."""
+    """`==`, in which Python's 1 and True are equal and CEL's are not, and Python's NaN differs from itself."""
     if (isinstance(left, Const) and not isinstance(right, Const)) or (
         isinstance(left, Term) and isinstance(right, Field)
     ):
@@ -54,9 +57,12 @@ def equal(left: Leaf, right: Leaf) -> Value:  # noqa: C901, PLR0911, PLR0912 -- 
             return FALSE
         case Field(a, None), Field(b, None):
             one, other = field(a), field(b)
-            return _where(f"({one} in [true, false]) == ({other} in [true, false])", f"{one} == {other}")
+            alike = f"({one} in [true, false]) == ({other} in [true, false])"
+            return _where(f"{one} != 'NaN' && {alike}", f"{one} == {other}")
         case (Field(path, None), Term(kind="number" | "text") as term):
             return _where(f"!({field(path)} in [true, false])", f"{field(path)} == {inner(term)}")
+        case Term(_, "number", whole=None), Term(_, "number", whole=None):
+            return Term(f"{inner(left)} == {inner(right)} && {inner(left)} != 'NaN'", "bool")
         case Term(_, one), Term(_, other) if one == other:
             return Term(f"{inner(left)} == {inner(right)}", "bool")
         case (Term(kind="text"), Term(kind="number")) | (Term(kind="number"), Term(kind="text")):
@@ -65,6 +71,8 @@ def equal(left: Leaf, right: Leaf) -> Value:  # noqa: C901, PLR0911, PLR0912 -- 
 
 
 def _field_is(text: str, value: object) -> Value:
+    if value in _NOT_FINITE:
+        raise UntranslatableError
     if isinstance(value, bool) or (isinstance(value, int | float) and value in (0, 1)):
         return Term(f"{text} in [{'true, 1' if value else 'false, 0'}]", "bool")
     if isinstance(value, list | tuple) and any(isinstance(v, bool | list | tuple) or v in (0, 1) for v in value):
@@ -106,7 +114,9 @@ def inside(left: Leaf, right: Leaf) -> Value:  # noqa: C901, PLR0911 -- a case a
             return Const(a in b)
         case _, Const(list() | tuple() | set() | frozenset() | dict() as b):
             return _any_of(left, [Const(item) for item in b])
-        case _, Items(values):
+        case _, Items(values) if not (
+            _may_be_nan(left) and any(_may_be_nan(leaf) for v in values for leaf in leaves(v))
+        ):
             return _any_of(left, list(values))
         case Const(str() as key), Field(_, Record()):
             return there(right, key)
@@ -121,6 +131,11 @@ def inside(left: Leaf, right: Leaf) -> Value:  # noqa: C901, PLR0911 -- a case a
         case Const(str() as key), Message():
             return has((key,))
     raise UntranslatableError
+
+
+def _may_be_nan(value: Leaf) -> bool:
+    """Whether a value may be NaN, which Python finds in a list though it equals nothing."""
+    return isinstance(value, Field) or (isinstance(value, Term) and value.kind == "number" and value.whole is not True)
 
 
 def _any_of(left: Leaf, values: list[Value]) -> Value:
@@ -138,7 +153,9 @@ def _any_of(left: Leaf, values: list[Value]) -> Value:
 
 def _plainly_equal(value: object) -> bool:
     """Whether CEL finds the same values equal to this one as Python: not to 0 and 1, which are False and True there."""
-    return isinstance(value, str) or (isinstance(value, int | float) and value not in (0, 1))
+    return (isinstance(value, str) and value not in _NOT_FINITE) or (
+        isinstance(value, int | float) and value not in (0, 1)
+    )
 
 
 def _in_list(leaf: Const | Term, kind: str, text: str) -> Value:

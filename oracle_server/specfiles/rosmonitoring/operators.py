@@ -5,11 +5,12 @@ from __future__ import annotations
 import ast
 import operator
 import re
+import sys
 from collections.abc import Callable
 from typing import Any
 
 from oracle_server.core.shapes import Many, Record
-from oracle_server.specfiles.rosmonitoring.cel import field, inner, literal, negated, number, text_of
+from oracle_server.specfiles.rosmonitoring.cel import bare, field, inner, literal, negated, number, text_of
 from oracle_server.specfiles.rosmonitoring.equality import FALSE, TRUE, equal, identical, inside
 from oracle_server.specfiles.rosmonitoring.values import (
     Const,
@@ -39,6 +40,7 @@ _ARITHMETIC: dict[type[ast.operator], tuple[str, Callable[[Any, Any], Any]]] = {
     ast.Pow: ("**", operator.pow),
 }
 _MAX_CONSTANT = 4096
+_LARGEST = repr(sys.float_info.max)
 
 
 def pairs(left: Value, right: Value, work: Callable[[Leaf, Leaf], Value]) -> Value:
@@ -132,12 +134,32 @@ def _arithmetic(left: Leaf, op: ast.operator, right: Leaf) -> Value:  # noqa: PL
         case ((Field(_, None) | Term(kind="number")), Const(int() as base)) if word == "%" and 0 < base < 2**31:
             return _remainder(left, base)
         case _, Const(int() as power) if word == "**" and 2 <= power <= 4:
-            return Term("(" + " * ".join([number(left)] * power) + ")", "number", tight=True)
+            return _power(left, power)
     if word in ("%", "**"):
         raise UntranslatableError
+    if word == "/":
+        return _quotient(left, right)
     if word in ("+", "-", "*") and _is_whole(left) and _is_whole(right):
         return Term(f"({_whole(left)} {word} {_whole(right)})", "number", tight=True, whole=True)
     return Term(f"({number(left)} {word} {number(right)})", "number", tight=True)
+
+
+def _quotient(left: Leaf, right: Leaf) -> Value:
+    """A division, which fails in Python where CEL's is infinite."""
+    divisor = number(right)
+    found = Term(f"({number(left)} / {divisor})", "number", tight=True)
+    test = Const(right.value == 0) if isinstance(right, Const) else Term(f"{divisor} == 0.0", "bool")
+    return choice(test, Raises("ZeroDivisionError"), found)
+
+
+def _power(left: Leaf, power: int) -> Value:
+    """A power, which fails in Python where that of a finite number is infinite."""
+    if _is_whole(left):
+        return Term(f"({' * '.join([_whole(left)] * power)})", "number", tight=True, whole=True)
+    base = number(left)
+    found = Term(f"({' * '.join([base] * power)})", "number", tight=True)
+    test = Term(f"abs({bare(base)}) <= {_LARGEST} && abs{found.text} > {_LARGEST}", "bool")
+    return choice(test, Raises("OverflowError"), found)
 
 
 def _is_whole(leaf: Leaf) -> bool:

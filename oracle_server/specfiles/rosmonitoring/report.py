@@ -14,6 +14,8 @@ class Imported:
     todos: tuple[str, ...]
     failing: tuple[str, ...]
     findings: tuple[Finding, ...]
+    judges: bool = True
+    """Whether any property can say anything before what is left is written."""
 
     @property
     def refused(self) -> bool:
@@ -37,6 +39,10 @@ class Imported:
             told.append(f"is not done: {', '.join(self.todos)}: unknown until written, at the lines marked TODO")
         if self.failing:
             told.append(f"is unknown where a module fails, whatever the message has: {', '.join(self.failing)}")
+        if not self.judges:
+            told.append(
+                "nothing was imported that judges anything: each property is unknown until its TODOs are written"
+            )
         return told or [f"sound, {_count(warnings, 'warning')}" if warnings else "sound"]
 
 

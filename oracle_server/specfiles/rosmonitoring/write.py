@@ -26,6 +26,11 @@ from oracle_server.specfiles.rosmonitoring.translate import Translation, reason_
 
 def import_config(config: Path, modules: Sequence[Path], out: Path | None, types: Types) -> Imported:
     """Write the spec of a configuration, or print it, and check it. Raises `ConfigError`."""
+    if config.suffix == ".py":
+        raise ConfigError(
+            f"{config}: Python, and no configuration (.yaml): a property module is given by --properties, as in "
+            f"`oracle-server import CONFIG --properties {config.name}`"
+        )
     try:
         value = yaml.safe_load(config.read_bytes())
     except OSError as error:
@@ -42,7 +47,8 @@ def import_config(config: Path, modules: Sequence[Path], out: Path | None, types
             out.write_text(text, encoding="utf-8")
         except OSError as error:
             raise ConfigError(f"{out}: can't be written: {error.strerror}") from None
-    return Imported(tuple(todos(draft)), tuple(draft.failing), _findings(text, str(out or "the spec"), types))
+    findings = _findings(text, str(out or "the spec"), types)
+    return Imported(tuple(todos(draft)), tuple(draft.failing), findings, judges=draft.judges)
 
 
 def todos(draft: Draft) -> list[str]:
