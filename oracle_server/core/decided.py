@@ -1,10 +1,12 @@
-"""Parts that are true or false whatever comes: quantifiers by values that no event has had, and implications."""
+"""Quantifiers that values which no event has had decide, and implications that always hold by their right side."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from oracle_server.core.formula.tree import And, Exists, Forall, Formula, Implies, walk
+from oracle_server.core.formula.parse import Time
+from oracle_server.core.formula.render import render
+from oracle_server.core.formula.tree import And, Atom, Exists, Forall, Formula, Implies, Position, walk
 from oracle_server.core.instants import Instants
 from oracle_server.core.misfits import Doubt
 from oracle_server.core.places import Place
@@ -22,6 +24,26 @@ def decided(formula: Formula, known: Instants, places: Sequence[Place]) -> Itera
             below |= {id(part) for part in walk(node)}
             where = tuple(p.name for p in places)
             yield Doubt("true" if holds else "false", node, _told(node, variables, body), node.at, where)
+
+
+def followed(instant: Formula, blamed: Atom, known: Instants, places: Sequence[Place], time: Time) -> Doubt | None:
+    """The implication with an atom on its left that always holds, since its right side does wherever its left may."""
+    for node in walk(instant):
+        if not isinstance(node, Implies) or all(part is not blamed for part in walk(node.left)):
+            continue
+        sides = list(zip(known.row(node.left), known.row(node.right), strict=True))
+        if all(left is False or right is True for left, right in sides) and any(left is not False for left, _ in sides):
+            message = (
+                f"`{render(node.right, time)}` holds wherever `{render(node.left, time)}` does, so that the "
+                "implication is always true"
+            )
+            return Doubt("true", node, message, _first(node), tuple(p.name for p in places))
+    return None
+
+
+def _first(node: Formula) -> Position:
+    """Where a part of a formula begins, as far as its nodes have a place."""
+    return min(part.at for part in walk(node) if isinstance(part, Atom | Exists | Forall))
 
 
 def _together(node: Exists | Forall) -> tuple[str, Formula]:

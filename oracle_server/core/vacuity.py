@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from oracle_server.core.decided import decided
+from oracle_server.core.decided import decided, followed
 from oracle_server.core.errors import SpecProblem
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.render import render, render_atom
@@ -85,7 +85,9 @@ class _Seen:
                 told.add(instant)
             yield from found
             if id(occurrence.atom) not in within:
-                foreign.update((instant, doubt) for doubt in self._foreign(occurrence))
+                for doubt in self._foreign(occurrence):
+                    always = followed(occurrence.instant, occurrence.atom, self.known, self.places, self.prop.time)
+                    foreign[instant] = always or doubt
         yield from (doubt for instant, doubt in foreign.items() if instant not in told)
         lacking = frozenset(told)
         told |= foreign.keys()

@@ -346,6 +346,16 @@ def warnings(*formulas: str, **more: Any) -> tuple[Finding, ...]:
             "`forall[i].` fails at every event, whatever the messages say, since what follows fails for values "
             "that no event has had; write `exists[i].`, or `->` for `and`",
         ),
+        (
+            '{topic: "/cmd_vel", cmd > 0} -> once[:5] {topic: "/cmd_vel"}',
+            '`once[:5] {topic: "/cmd_vel"}` holds wherever `{topic: "/cmd_vel", cmd > 0}` does, so that the '
+            "implication is always true",
+        ),
+        (
+            '{topic: "/cmd_vel", cmd > 0} -> not {topic: "/estop"}',
+            '`{topic: "/estop"}` never holds at an event of /cmd_vel, where alone it would matter: a step is one event '
+            'of one stream; write `once {topic: "/estop"}` if it may have held before',
+        ),
         ("{cmd > 1} or {kind: topic}", "it holds at every event, whatever the messages say; it can never be violated"),
         (
             "{mode: idle}",
