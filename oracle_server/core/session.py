@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
@@ -145,8 +144,10 @@ class Session:
 
     def finish(self, now: int) -> list[Judged]:
         """Judge all that is held, in order."""
-        self.buffer.most, self._enough = sys.maxsize, _never
-        return self.advance(now) + self._judge(self.buffer.flush())
+        enough, self._enough = self._enough, _never
+        judged = self.advance(now) + self._judge(self.buffer.flush())
+        self._enough = enough
+        return judged
 
     def take_asks(self) -> list[Ask]:
         """The questions to external oracles that were not taken yet; each is to be answered by `resolve`."""

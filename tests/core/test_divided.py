@@ -128,3 +128,16 @@ def test_no_deadline_is_judged_before_an_older_event_that_is_due() -> None:
         found.append([(j.step.stamp, j.verdicts[0].outcome.value) for j in judged + drained(session, 500)])
     assert found[0] == found[1]
     assert [stamp for stamp, _ in found[0]] == [10, 12, 15, 30, 31, 40]
+
+
+def test_at_the_end_all_is_judged_at_once_and_then_in_pieces_again() -> None:
+    session = open_session(PROPERTIES, attach={"m": [A, B]}, maker=native, by="publication", max_delay=None)
+    session.divide(at_once)
+    feed = Feed(session)
+    for last in (5, 10):
+        for stamp in range(last - 4, last):
+            feed(A, stamp, arrived=stamp)
+        assert len([j for j in feed.clock(B, last, last) if j.step.event.monitor]) == 1
+        if last == 5:
+            assert [j.step.stamp for j in session.finish(5) if j.step.event.monitor] == [2, 3, 4]
+            assert session.buffer.due is None
