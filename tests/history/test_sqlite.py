@@ -10,6 +10,7 @@ from contextlib import aclosing, closing
 from pathlib import Path
 from typing import Any, Literal
 
+import msgspec
 import pytest
 
 from oracle_server.core.errors import HistoryError
@@ -18,6 +19,7 @@ from oracle_server.history.pages import find
 from oracle_server.history.query import Query
 from oracle_server.history.readers import THREADS, Readers, reading_for
 from oracle_server.history.records import MonitorRecord, SnapshotRecord
+from oracle_server.history.sqlite import writer
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.history.sqlite.reader import Reader
 from oracle_server.history.sqlite.writer import Durability, Writer
@@ -62,6 +64,26 @@ async def test_nothing_is_written_behind_what_could_not_be_written(tmp_path: Pat
     await asyncio.to_thread(history.close)
     with closing(sqlite3.connect(history.path)) as database:
         assert database.execute("SELECT * FROM monitors").fetchall() == []
+
+
+async def test_large_steps_leave_less_room_than_small_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What takes long to write must not wait in such numbers that a commit takes minutes."""
+    monkeypatch.setattr(writer, "MAX_PENDING", 10)
+    history = SqliteHistory(tmp_path)
+    history.start(asyncio.get_running_loop())
+    history.open_session(opened())
+    await history.flush()
+    rooms = []
+    for position, length in ((1, 10), (2, 50_000)):
+        made = step(position)
+        large = msgspec.structs.replace(made.step, signals={"v": "x" * length})
+        history.append(1, [msgspec.structs.replace(made, step=large)], lambda: None)
+        rooms.append(history.has_room)
+    assert rooms == [True, False]
+    async with asyncio.timeout(PATIENCE):
+        await history.room()
+    assert (history.has_room, history.pending) == (True, 0)
+    await asyncio.to_thread(history.close)
 
 
 async def test_what_can_not_be_read_is_an_error_of_the_history(tmp_path: Path) -> None:

@@ -28,6 +28,8 @@ from oracle_server.history.sqlite.schema import REFUSED_COLUMNS, STEP_COLUMNS, V
 Durability = Literal["full", "normal"]
 MAX_PENDING = 20_000
 """Rows that may wait for their commit; beyond this limit, monitors are not read until there is room."""
+_OF_ONE = 4_096
+"""Characters of a step's signals that count as one row more: what is large takes long to write."""
 _RETRY_AFTER = 1.0
 """Seconds until a failed commit is tried again."""
 _GATHER = 0.01
@@ -35,6 +37,7 @@ _GATHER = 0.01
 PERIOD = 0.04
 """The least seconds between two commits: the writer competes with the event loop for the interpreter."""
 _COLUMNS = {"steps": STEP_COLUMNS, "refused": REFUSED_COLUMNS}
+_SIGNALS = STEP_COLUMNS.index("signals")
 _CHUNK = 512
 """The most rows of one statement."""
 
@@ -105,7 +108,8 @@ class Writer:
 
     def append(self, table: Literal["steps", "refused"], rows: Sequence[Row], done: Callable[[], None]) -> None:
         """Insert rows with the next commit, and call `done` after it."""
-        self._add(table, rows, done, len(rows))
+        large = sum(len(row[_SIGNALS]) // _OF_ONE for row in rows) if table == "steps" else 0
+        self._add(table, rows, done, len(rows) + large)
 
     def execute(self, sql: str, values: Sequence[Any], done: Callable[[], None] | None = None) -> None:
         """Execute a statement with the next commit, after all earlier rows and statements; call `done` after it."""
