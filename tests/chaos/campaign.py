@@ -10,7 +10,7 @@ import asyncio
 import random
 from collections import Counter
 from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -89,13 +89,12 @@ class Mortal(Served):
     """A server whose processes may end by themselves while they start."""
 
     async def start(self) -> None:
-        """Start processes until one accepts work."""
-        while True:
-            try:
-                return await super().start()
-            except Ended:
-                if self.starts > 10_000:
-                    raise
+        """Start processes until one accepts work; where none of a hundred does, something else is wrong."""
+        for _ in range(99):
+            with suppress(Ended):
+                await super().start()
+                return
+        await super().start()
 
 
 async def run_round(
