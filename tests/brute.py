@@ -26,7 +26,7 @@ Values = Mapping[str, Scalar | Fresh]
 
 def truths(formula: Formula, steps: Sequence[TimedSignals], time: Time) -> list[bool]:
     """Whether a formula holds, step by step."""
-    return _truths(formula, steps, time, {})
+    return truths_for(formula, steps, time, {})
 
 
 def judged(formula: Formula, steps: Sequence[TimedSignals], time: Time, begun: int) -> list[bool | None]:
@@ -48,11 +48,12 @@ def presence(formula: Formula) -> int | None:
     return None
 
 
-def _truths(formula: Formula, steps: Sequence[TimedSignals], time: Time, values: Values) -> list[bool]:
+def truths_for(formula: Formula, steps: Sequence[TimedSignals], time: Time, values: Values) -> list[bool]:
+    """Whether a part holds, step by step, for values of its free variables."""
     now = range(len(steps))
 
     def of(part: Formula) -> list[bool]:
-        return _truths(part, steps, time, values)
+        return truths_for(part, steps, time, values)
 
     def within(bound: Bound, i: int) -> list[int]:
         """The past or present steps whose distance from step i lies in the bound."""
@@ -63,7 +64,7 @@ def _truths(formula: Formula, steps: Sequence[TimedSignals], time: Time, values:
 
     match formula:
         case tree.Atom(constraints):
-            return [all(_meets(c, steps[i][1], values) for c in constraints) for i in now]
+            return [all(meets(c, steps[i][1], values) for c in constraints) for i in now]
         case tree.Not(operand):
             return [not holds for holds in of(operand)]
         case tree.And(left, right):
@@ -87,6 +88,8 @@ def _truths(formula: Formula, steps: Sequence[TimedSignals], time: Time, values:
             return [any(rows) for rows in _rows(variable, body, steps, time, values)]
         case tree.Forall(variable, body):
             return [all(rows) for rows in _rows(variable, body, steps, time, values)]
+        case _:
+            raise AssertionError(formula)  # `tests/obligations.py` reads what waits for what comes
 
 
 def _rows(variable: str, body: Formula, steps: Sequence[TimedSignals], time: Time, values: Values) -> list[list[bool]]:
@@ -94,7 +97,7 @@ def _rows(variable: str, body: Formula, steps: Sequence[TimedSignals], time: Tim
     seen: list[tuple[int, Scalar | Fresh]] = [(0, FRESH)]
     for i, (_, signals) in enumerate(steps):
         seen += [(i, v) for v in signals.values() if not any(_equal(v, old) for _, old in seen)]
-    bodies = [(i, _truths(body, steps, time, {**values, variable: value})) for i, value in seen]
+    bodies = [(i, truths_for(body, steps, time, {**values, variable: value})) for i, value in seen]
     return [[body[now] for since, body in bodies if since <= now] for now in range(len(steps))]
 
 
@@ -108,7 +111,8 @@ def _equal(left: Scalar | Fresh, right: Scalar | Fresh) -> bool:
     return left == right
 
 
-def _meets(constraint: Constraint, signals: Mapping[str, Scalar], values: Values) -> bool:
+def meets(constraint: Constraint, signals: Mapping[str, Scalar], values: Values) -> bool:
+    """Whether a step's signals meet a constraint."""
     if constraint.key not in signals:
         return False
     found, wanted = signals[constraint.key], constraint.value

@@ -100,8 +100,8 @@ _RECORD = ("step", "time", "property", "outcome", "stream", "kind", "decision")
 
 
 def _measured(items: Sequence[dict[str, Any]]) -> tuple[str, ...]:
-    """The column of the robustness, if any item has one; sessions closed by an older version lack the key."""
-    return ("robustness",) if any(item.get("robustness") is not None for item in items) else ()
+    """The columns of what some properties alone have, if any item has it."""
+    return tuple(key for key in ("robustness", "pending") if any(item.get(key) is not None for item in items))
 
 
 def _show_records(records: Sequence[dict[str, Any]], *, as_json: bool) -> None:
@@ -117,7 +117,7 @@ def _record_row(record: dict[str, Any], keys: Sequence[str]) -> tuple[str, ...]:
 
 
 def _row(item: dict[str, Any], keys: Sequence[str]) -> tuple[str, ...]:
-    return tuple(_cell(item[key]) for key in keys)
+    return tuple(_cell(item.get(key)) for key in keys)
 
 
 def _cell(value: object) -> str:

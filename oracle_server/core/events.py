@@ -27,6 +27,8 @@ class StreamKey(NamedTuple):
 
 TICKS = StreamKey("", TICK)
 """The stream of ticks, which no monitor observes."""
+ENDED = "end"
+"""The source of the tick at which a session has ended."""
 
 
 class Event(msgspec.Struct, frozen=True, gc=False):

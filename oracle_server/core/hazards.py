@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from oracle_server.core.awaited import awaited, waits
 from oracle_server.core.deadlocks import deadlocks, starvation
 from oracle_server.core.dependencies import GraphNode
 from oracle_server.core.errors import ExpressionError, SpecProblem
@@ -39,6 +40,7 @@ def inspect(
         *_idle_keys(spec),
         *_guards(spec),
         *_external(spec),
+        *awaited(spec),
         *unmet(spec),
         *_gaps(spec),
         *_causes(spec),
@@ -233,6 +235,7 @@ def _guards(spec: Spec) -> Iterator[SpecProblem]:
                 prop.blame == "any"
                 and not prop.blame_given
                 and not (prop.numeric or prop.external)
+                and not waits(prop)
                 and not mendable(spec, prop, name)
             ):
                 yield SpecProblem(

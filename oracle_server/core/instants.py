@@ -10,18 +10,22 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from oracle_server.core.formula.tree import (
+    Always,
     And,
     Atom,
+    Eventually,
     Exists,
     Forall,
     Formula,
     Historically,
     Implies,
+    Next,
     Not,
     Once,
     Or,
     Pre,
     Since,
+    Until,
     children,
     walk,
 )
@@ -30,7 +34,7 @@ from oracle_server.core.worlds import Effort, Truth, Worlds
 
 Row = tuple[Truth, ...]
 """The truth of a part, place by place."""
-TEMPORAL = (Pre, Once, Historically, Since)
+TEMPORAL = (Pre, Once, Historically, Since, Next, Eventually, Always, Until)
 _MOST_UNSEEN = 3
 """Most variables that have values which were not seen at a time."""
 
@@ -129,7 +133,7 @@ class Instants:
             return _quantified(node, row, inner)
         return self._compute(node, lambda part: self._unseen(part, variables))
 
-    def _compute(self, node: Formula, row: Callable[[Formula], Row]) -> Row:  # noqa: C901, PLR0911 -- a case a node
+    def _compute(self, node: Formula, row: Callable[[Formula], Row]) -> Row:  # noqa: C901, PLR0911, PLR0912 -- a case a node
         """The row of a part by those of its operands: of a quantifier, what holds for any value."""
         match node:
             case Atom():
@@ -153,6 +157,14 @@ class Instants:
             case Historically(operand, bound):
                 return _negated(_ever(_negated(row(operand)), now=bound.lower == 0))
             case Since(left, right, bound):
+                return _since(row(left), row(right), now=bound.lower == 0)
+            case Next(operand):
+                return _never(row(operand))
+            case Eventually(operand, bound):
+                return _ever(row(operand), now=bound.lower == 0)
+            case Always(operand, bound):
+                return _negated(_ever(_negated(row(operand)), now=bound.lower == 0))
+            case Until(left, right, bound):
                 return _since(row(left), row(right), now=bound.lower == 0)
 
 

@@ -9,14 +9,16 @@ from functools import partial
 import msgspec
 
 from oracle_server.core.engine import Engine, Measuring
-from oracle_server.core.events import TICKS, Event, Order, Step
+from oracle_server.core.events import ENDED, TICKS, Event, Order, Step
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.holding import Held, together
+from oracle_server.core.owing import about
 from oracle_server.core.past import Past
 from oracle_server.core.plan import Plan, StreamPlan
 from oracle_server.core.presence import grace
 from oracle_server.core.property_state import Names, PropertyState
 from oracle_server.core.recent import Recent
+from oracle_server.core.records import EventRecord
 from oracle_server.core.snapshot import JudgeSnapshot
 from oracle_server.core.verdicts import DENYING, NEGATIVE, Decision, Explanation, Judged, Outcome, Verdict
 
@@ -75,6 +77,7 @@ class Judge:
         self._tick: tuple[int, Mapping[str, Scalar], Names] | None = None
         for i, state in enumerate(self.properties):
             state.past = partial(self._past, i)
+            state.hear(self._last_event)
 
     @property
     def next_deadline(self) -> int | None:
@@ -159,17 +162,46 @@ class Judge:
         signals, failed = together(self._held.values())
         views = self._plan.silent
         self._tick = time, signals, failed
+        for state in self.properties:
+            state.unanswered = ()
+        due = [self._due(state, time) for state in self.properties]
         found = [
-            s.tick(view, time, signals, failed) if self._due(s, time) else s.outcome
-            for s, view in zip(self.properties, views, strict=True)
+            s.tick(view, time, signals, failed) if is_due else s.outcome
+            for s, view, is_due in zip(self.properties, views, due, strict=True)
         ]
         self._tick = None
-        if all(state.outcome is outcome for state, outcome in zip(self.properties, found, strict=True)):
+        changed = any(state.outcome is not outcome for state, outcome in zip(self.properties, found, strict=True))
+        if not changed and not any(s.settles for s, is_due in zip(self.properties, due, strict=True) if is_due):
             return None
+        return self._ticked_with(found, signals, failed, time, now)
+
+    def end(self, now: int) -> Judged | None:
+        """Decide what is open, for properties with `at_end: violated`: nothing will come any more.
+
+        None where no obligation is decided by that.
+        """
+        for state in self.properties:
+            state.unanswered = ()
+        found = [state.end() for state in self.properties]
+        if not any(state.settles for state in self.properties):
+            return None
+        signals, failed = together(self._held.values())
+        return self._ticked_with(found, signals, failed, max(self.present, self._ticked), now, ENDED)
+
+    def _ticked_with(
+        self,
+        found: Sequence[Outcome],
+        signals: Mapping[str, Scalar],
+        failed: Names,
+        time: int,
+        now: int,
+        source: str = "",
+    ) -> Judged:
+        """A recorded tick with these outcomes."""
         self.counters.ticks += 1
         known = zip(self.properties, found, strict=True)
         verdicts = tuple([self._verdict(s, outcome, signals, time) for s, outcome in known])
-        event = Event(TICKS, "", self.counters.ticks, time, now, None)
+        event = Event(TICKS, "", self.counters.ticks, time, now, None, source)
         return self._conclude(Step(event, signals, frozenset(failed), time), None, verdicts, now)
 
     def _due(self, state: PropertyState, time: int) -> bool:
@@ -195,11 +227,13 @@ class Judge:
                 state.keep()
             return judged
         for state, mark in zip(self.properties, marks, strict=True):
-            state.back(mark)
+            state.back(mark, counts=_denies_by(judged.decision, state))
         self.present, self.counters.steps, self._held = present, steps, held
         self._ticked, self._outdated = ticked
         self._recent.remove()
-        verdicts = tuple(msgspec.structs.replace(v, outcome=v.outcome.current) for v in judged.verdicts)
+        denying = frozenset(judged.decision.denied_by if judged.decision else ())
+        owing = {s.property.id for s in self.properties if s.owed is not None} - denying
+        verdicts = tuple(_attempted(v, owes=v.property in owing) for v in judged.verdicts)
         return msgspec.structs.replace(judged, verdicts=verdicts)
 
     def _skip(self, step: Step, now: int) -> Judged:
@@ -240,7 +274,9 @@ class Judge:
                 why = self._explain(state, signals)
             passed_by = state.bypassed and not is_degraded
             verdicts.append(
-                Verdict(n, state.property.id, outcome, is_degraded or passed_by, why, robustness, passed_by)
+                Verdict(
+                    n, state.property.id, outcome, is_degraded or passed_by, why, robustness, passed_by, state.pending
+                )
             )
         return self._conclude(step, number, tuple(verdicts), now, decision)
 
@@ -265,7 +301,9 @@ class Judge:
     def _plain(self, state: PropertyState, n: int, outcome: Outcome, why: Explanation | None = None) -> Verdict:
         is_degraded = self._degraded or state.failures > 0 or state.renewed
         bypassed = state.bypassed and not is_degraded
-        return Verdict(n, state.property.id, outcome, is_degraded or bypassed, why, bypassed=bypassed)
+        return Verdict(
+            n, state.property.id, outcome, is_degraded or bypassed, why, bypassed=bypassed, pending=state.pending
+        )
 
     def _move_on(self, step: Step, stream: StreamPlan) -> None:
         """Time never goes back, and an unordered event is judged at the present.
@@ -327,12 +365,16 @@ class Judge:
         return {**known.values, **signals}, step.failed | (known.failed - signals.keys())
 
     def _explain(self, state: PropertyState, signals: Mapping[str, Scalar]) -> Explanation:
+        unanswered = state.unanswered
+        told = tuple(about(unanswered))
         if state.why is None:
-            return Explanation(state.property.text, signals)
+            return Explanation(state.property.text, signals, about=told, about_count=len(unanswered))
         timed = state.property.time == "seconds"
-        return Explanation(
-            state.property.text, signals, state.why.text, state.why.data(partial(self._recent.recall, timed=timed))
-        )
+        why = state.why.data(partial(self._recent.recall, timed=timed))
+        return Explanation(state.property.text, signals, state.why.text, why, told, len(unanswered))
+
+    def _last_event(self) -> EventRecord:
+        return self._recent.last()
 
     def _past(self, index: int) -> Past:
         """The last steps as one property observed them, and a tick that is being judged."""
@@ -343,6 +385,20 @@ class Judge:
 
 def _denies(outcome: Outcome, *, blamed: bool) -> bool:
     return outcome in DENYING and (blamed or outcome not in NEGATIVE)
+
+
+def _attempted(verdict: Verdict, *, owes: bool) -> Verdict:
+    """A verdict about an attempt that is taken back: it is not final, and no obligation was decided by it.
+
+    `owes`: the property waits for what comes, and did not deny the attempt.
+    """
+    if owes and verdict.outcome in NEGATIVE:
+        return msgspec.structs.replace(verdict, outcome=Outcome.CURRENTLY_TRUE, explanation=None)
+    return msgspec.structs.replace(verdict, outcome=verdict.outcome.current)
+
+
+def _denies_by(decision: Decision | None, state: PropertyState) -> bool:
+    return decision is not None and state.property.id in decision.denied_by
 
 
 def _is_denied(decision: Decision | None) -> bool:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 from oracle_server.core.atoms import Matches
@@ -11,8 +12,11 @@ from oracle_server.core.engine import MAX_WORK, Answer, Engine, Explaining, Meas
 from oracle_server.core.errors import EngineError
 from oracle_server.core.explanation import Why
 from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.lost import lost
+from oracle_server.core.owing import Owed, Owing, Unanswered
 from oracle_server.core.past import NO_PAST, Past
 from oracle_server.core.plan import View
+from oracle_server.core.records import EventRecord
 from oracle_server.core.snapshot import PropertySnapshot
 from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import FINAL, NEGATIVE, Outcome
@@ -30,6 +34,8 @@ class _Mark(NamedTuple):
     outcome: Outcome
     negative: bool
     failures: int
+    violations: int
+    first: tuple[int | None, int | None, int | None]
 
 
 class _Broken:
@@ -78,16 +84,22 @@ class PropertyState:
     unexplained: int = 0
     """How often an explanation failed; engines that never explain are not counted."""
     _inexplicable: str = ""
+    unanswered: Sequence[Unanswered] = ()
+    """The obligations that were decided false at the last step, or by the time that came last."""
+    settles: bool = False
+    """Whether time has decided some, when it came last."""
 
     def step(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names, latest: int = 0) -> Outcome:
         """The outcome at the next step; `latest` is the time (ns) that must have come by then, whatever its stamp."""
-        self.idle_work = 0
+        self.idle_work, self.unanswered = 0, ()
         if self.outcome in FINAL:
             return self.outcome
-        outcome = self._ask_engine(view, time, signals)
+        outcome = self._ask_engine(view, time, signals, failed)
+        self._take_unanswered()
         if outcome is Outcome.UNKNOWN or (failed and not view.reads.isdisjoint(failed)):
             self.failures += view.observed
-            return Outcome.UNKNOWN
+            if not self.unanswered:
+                return Outcome.UNKNOWN
         if outcome in NEGATIVE and max(time, latest) < self.judged_from:
             return Outcome.UNKNOWN
         if self.property.latch and outcome in NEGATIVE:
@@ -110,6 +122,30 @@ class PropertyState:
             return deadline
         return self.judged_from if deadline is None else min(deadline, self.judged_from)
 
+    @builtin_property
+    def owed(self) -> Owed | None:
+        """Its obligations, None where its formula only looks back, or it is not judged any more."""
+        return self.engine.owed if isinstance(self.engine, Owing) else None
+
+    @builtin_property
+    def pending(self) -> int | None:
+        """How many obligations are open, None where it can have none."""
+        if self.owed is None:
+            return None
+        return 0 if self.outcome in FINAL else self.owed.pending
+
+    def hear(self, event: Callable[[], EventRecord]) -> None:
+        """Have its obligations told the event of the present step by this."""
+        if self.owed is not None:
+            self.owed.event = event
+
+    def end(self) -> Outcome:
+        """The outcome once nothing will come any more; that of before where this decides nothing."""
+        self.settles = False
+        if self.property.at_end != "violated" or self.outcome in FINAL or not isinstance(self.engine, Owing):
+            return self.outcome
+        return self._pass(self.engine.end)
+
     def begin(self, time: int) -> None:
         """Begin its grace at a time (ns), that of its session's begin."""
         self.judged_from = time + self.grace if self.grace else 0
@@ -119,6 +155,8 @@ class PropertyState:
         engine = self._revisable()
         if engine is None or self.property.time != "seconds" or self.outcome in FINAL:
             return self.outcome
+        if isinstance(engine, Owing) and engine.owed is not None:
+            return self._pass(partial(engine.pass_time, time))
         engine.mark()
         outcome = self._ask_engine(view, time, signals)
         if outcome in NEGATIVE and time < self.judged_from:
@@ -138,7 +176,7 @@ class PropertyState:
         if engine is None or self.outcome in FINAL:
             return self.outcome
         engine.mark()
-        outcome = self._ask_engine(view, time, signals)
+        outcome = self._ask_engine(view, time, signals, failed)
         self._take_back(engine)
         return outcome if view.reads.isdisjoint(failed) else Outcome.UNKNOWN
 
@@ -147,14 +185,21 @@ class PropertyState:
         engine = self._revisable()
         if engine is not None:
             engine.mark()
-        return _Mark(self.outcome, self.negative, self.failures)
+        first = self.first_violation, self.first_violation_step, self.first_violation_at
+        return _Mark(self.outcome, self.negative, self.failures, self.violations, first)
 
-    def back(self, mark: _Mark) -> None:
-        """Take the step back; a violation stays counted, and an engine that failed at it stays failed."""
+    def back(self, mark: _Mark, *, counts: bool = True) -> None:
+        """Take the step back; a violation stays counted, and an engine that failed at it stays failed.
+
+        Not so of obligations where the property did not deny the step, so that it `counts`: they will be decided yet.
+        """
         engine, failures = self._revisable(), self.failures
         if engine is not None:
             engine.back()
-        self.outcome, self.negative, self.failures = mark
+        self.outcome, self.negative, self.failures, violations, first = mark
+        if self.owed is not None and not counts:
+            self.violations = violations
+            self.first_violation, self.first_violation_step, self.first_violation_at = first
         if self.broken is not None:
             self.outcome, self.failures = Outcome.UNKNOWN, failures
 
@@ -220,7 +265,7 @@ class PropertyState:
             self._explain(outcome)
 
     def _explain(self, outcome: Outcome) -> None:
-        if self.asked or (outcome in NEGATIVE and not self.negative):
+        if self.asked or (outcome in NEGATIVE and (not self.negative or self.unanswered)):
             past = NO_PAST if self.past is None else self.past()
             self.why = None
             if isinstance(self.engine, Explaining):
@@ -247,10 +292,36 @@ class PropertyState:
     def _revisable(self) -> Revisable | None:
         return self.engine if self.broken is None and isinstance(self.engine, Revisable) else None
 
-    def _ask_engine(self, view: View, time: int, signals: Mapping[str, Scalar]) -> Outcome:
+    def _take_unanswered(self) -> None:
+        """Count what obligations were decided with the last step, or by the time that came last."""
+        owed = self.owed
+        if owed is not None:
+            self.unanswered = owed.unanswered()
+            self.failures += owed.lost
+
+    def _pass(self, passes: Callable[[], None]) -> Outcome:
+        """The outcome once time has decided what it does, for good."""
+        try:
+            passes()
+        except Exception as error:  # noqa: BLE001 -- one engine's failure must not end a session
+            self.give_up(str(error) or type(error).__name__)
+            self.failures += 1
+            return Outcome.UNKNOWN
+        self._take_unanswered()
+        self.settles = self.owed is not None and self.owed.closed > 0
+        outcome = self.outcome
+        if self.settles:
+            outcome = Outcome.CURRENTLY_FALSE if self.unanswered else Outcome.CURRENTLY_TRUE
+        if self.settles or self.asked:
+            self._explain(outcome)
+        return Outcome.FALSE if self.property.latch and self.unanswered else outcome
+
+    def _ask_engine(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names = frozenset()) -> Outcome:
         if self.broken is not None:
             return Outcome.UNKNOWN
         try:
+            if failed and not view.reads.isdisjoint(failed) and self.owed is not None:
+                self.engine.lose(lost(view, signals, failed))  # type: ignore[attr-defined]
             return self.engine.step(time, view.matches(signals))
         except Exception as error:  # noqa: BLE001 -- one engine's failure must not end a session
             self.give_up(str(error) or type(error).__name__)
@@ -258,6 +329,9 @@ class PropertyState:
 
     def remember(self, verdict: int, outcome: Outcome) -> bool:
         """Record the outcome of verdict number `verdict`; true where the property became negative with it."""
+        unanswered = len(self.unanswered) if self.outcome not in FINAL else 0
+        if unanswered:
+            return self._count(verdict, outcome, unanswered)
         if outcome is self.outcome:
             return False
         self.outcome = outcome
@@ -267,6 +341,15 @@ class PropertyState:
         if was or not self.negative:
             return False
         self.violations += 1
+        self.first_violation = self.first_violation or verdict
+        return True
+
+    def _count(self, verdict: int, outcome: Outcome, violations: int) -> bool:
+        """Count each obligation that was not answered; true where these are violations."""
+        self.outcome, self.negative = outcome, outcome in NEGATIVE
+        if not self.negative:
+            return False
+        self.violations += violations
         self.first_violation = self.first_violation or verdict
         return True
 

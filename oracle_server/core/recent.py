@@ -48,6 +48,10 @@ class Recent:
         self._steps.pop()
         self._unnumbered = False
 
+    def last(self) -> EventRecord:
+        """The event of the last step; there is one."""
+        return {"step": self._steps[-1][0], **_record(self._steps[-1])}
+
     def snapshot(self) -> list[Any]:
         """The steps as plain data."""
         return [(*rest, sorted(failed)) for *rest, failed in self._steps]

@@ -27,6 +27,12 @@ class EventRecord(TypedDict):
     signals: dict[str, Scalar]
 
 
+class AboutRecord(EventRecord):
+    """The event that triggered an obligation which was not answered, and the `values` of its variables."""
+
+    values: dict[str, Scalar]
+
+
 class FailingRecord(TypedDict):
     """A constraint that a step did not meet: the signal, its value, and what was wanted, compared by `op`.
 
@@ -67,7 +73,10 @@ class WhyRecord(TypedDict):
 
 
 class ExplanationRecord(TypedDict):
-    """An explanation; what `WhyRecord` has is there where the engine can say more."""
+    """An explanation; what `WhyRecord` has is there where the engine can say more.
+
+    `about` and `about_count` are those of the record, which the history keeps here.
+    """
 
     text: str
     formula: str
@@ -75,6 +84,8 @@ class ExplanationRecord(TypedDict):
     values: NotRequired[dict[str, Scalar | None]]
     other_values: NotRequired[int]
     reasons: NotRequired[list[ReasonRecord]]
+    about: NotRequired[list[AboutRecord]]
+    about_count: NotRequired[int]
 
 
 class VerdictRecord(TypedDict):
@@ -82,6 +93,9 @@ class VerdictRecord(TypedDict):
 
     `step` is None for ticks, skipped events and attempts that were taken back, `decision` and `passed` where no
     decision was asked for, `explanation` where the verdict is no violation and none was asked for.
+
+    Of a property that waits for what comes, `pending` is how many of its obligations are open, else None; `about` has
+    the events of those that were not answered here, 100 at most, and `about_count` is how many they are.
     """
 
     n: int
@@ -104,3 +118,6 @@ class VerdictRecord(TypedDict):
     robustness: Number
     violation: bool
     explanation: ExplanationRecord | None
+    pending: int | None
+    about: list[AboutRecord]
+    about_count: int

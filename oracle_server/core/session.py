@@ -12,7 +12,7 @@ from oracle_server.core.asking import Ask, Asking, Waiting
 from oracle_server.core.boot import BootClock
 from oracle_server.core.bypass import Bypass, Bypasses
 from oracle_server.core.engine import Answer, Engine
-from oracle_server.core.events import Event, Order, Step, StreamKey
+from oracle_server.core.events import ENDED, Event, Order, Step, StreamKey
 from oracle_server.core.judge import Judge
 from oracle_server.core.kinds import TICK
 from oracle_server.core.plan import Plan
@@ -149,6 +149,11 @@ class Session:
         self._enough = enough
         return judged
 
+    def end(self, now: int) -> list[Judged]:
+        """After `finish`: nothing will come any more; judge what is open of properties with `at_end: violated`."""
+        self.now = max(self.now, now)
+        return [ended for judge in self.judges.values() if (ended := judge.end(self.now)) is not None]
+
     def take_asks(self) -> list[Ask]:
         """The questions to external oracles that were not taken yet; each is to be answered by `resolve`."""
         return [] if self.asking is None else self.asking.take()
@@ -181,7 +186,8 @@ class Session:
         if step.event.stream.kind == TICK:
             self.now = max(self.now, judged)
             judge = self.judges[order]
-            again, number = judge.tick(step.stamp, judged), step.event.seq
+            ended = step.event.source == ENDED
+            again, number = judge.end(judged) if ended else judge.tick(step.stamp, judged), step.event.seq
             judge.counters.ticks = max(judge.counters.ticks, number)  # each number stands in the history once
             return again
         if order == "publication" and not step.late and self.plan.spec.by_key[step.event.stream].ordered:

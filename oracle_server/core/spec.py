@@ -102,6 +102,7 @@ class Property:
     blame: Literal["any", "caused"] = "any"
     blame_given: bool = False
     latch: bool = False
+    at_end: Literal["ignore", "violated"] = "ignore"
     engine: str = "auto"
     numeric: bool = False
     external: External | None = None

@@ -11,6 +11,7 @@ from typing import Literal
 
 from oracle_server.core.decided import decided, followed
 from oracle_server.core.errors import SpecProblem
+from oracle_server.core.formula.ahead import looks_ahead
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.render import render, render_atom
 from oracle_server.core.formula.tree import (
@@ -173,7 +174,7 @@ class _Seen:
     def _unused_guards(self) -> Iterator[Doubt]:
         """Streams at whose events the property holds, so that it can deny none: not where it was negative before."""
         row = self.known.row(self.prop.formula)
-        if self.prop.latch or all(row):
+        if self.prop.latch or all(row) or looks_ahead(self.prop.formula):
             return
         for name in sorted(self.prop.guards):
             own = [(p, holds) for p, holds in zip(self.places, row, strict=True) if p.stream and p.stream.name == name]

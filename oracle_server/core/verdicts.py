@@ -10,11 +10,11 @@ from typing import Literal, TypedDict
 import msgspec
 
 from oracle_server.core.errors import one_line
-from oracle_server.core.events import Order, Step
+from oracle_server.core.events import ENDED, Order, Step
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.kinds import TICK
 from oracle_server.core.naming import event_name, moment, step_name
-from oracle_server.core.records import ExplanationRecord, Number, VerdictRecord, WhyRecord
+from oracle_server.core.records import AboutRecord, ExplanationRecord, Number, VerdictRecord, WhyRecord
 
 
 class Outcome(StrEnum):
@@ -62,6 +62,9 @@ class Explanation(msgspec.Struct, frozen=True, gc=False):
     signals: Mapping[str, Scalar]
     text: str | None = None
     why: WhyRecord | None = None
+    about: tuple[AboutRecord, ...] = ()
+    about_count: int = 0
+    """The events that triggered obligations which were not answered, and how many they are."""
 
 
 class Verdict(msgspec.Struct, frozen=True, gc=False):
@@ -69,7 +72,7 @@ class Verdict(msgspec.Struct, frozen=True, gc=False):
 
     `degraded`: something before it is known to be lost, skipped or failed, or a stream is bypassed at present;
     `bypassed`: that is the only reason. An explanation is there where the property became negative, and makes the
-    verdict a violation. `robustness` is there where the engine measures it.
+    verdict a violation. `robustness` is there where the engine measures it, `pending` where it has obligations.
     """
 
     n: int
@@ -79,6 +82,7 @@ class Verdict(msgspec.Struct, frozen=True, gc=False):
     explanation: Explanation | None = None
     robustness: float | None = None
     bypassed: bool = False
+    pending: int | None = None
 
 
 class Decision(msgspec.Struct, frozen=True, gc=False):
@@ -117,7 +121,7 @@ class DecisionFrame(TypedDict):
 def record(judged: Judged, verdict: Verdict) -> VerdictRecord:
     """A record of the history as plain data, one per step and property."""
     step, event = judged.step, judged.step.event
-    return {
+    found: VerdictRecord = {
         "n": verdict.n,
         "step": judged.number,
         "property": verdict.property,
@@ -137,8 +141,21 @@ def record(judged: Judged, verdict: Verdict) -> VerdictRecord:
         "passed": None,
         "robustness": json_number(verdict.robustness),
         "violation": verdict.explanation is not None,
-        "explanation": explain(judged, verdict),
+        "explanation": None,
+        "pending": verdict.pending,
+        "about": [],
+        "about_count": 0,
     }
+    return explained(found, explain(judged, verdict))
+
+
+def explained(found: VerdictRecord, explanation: ExplanationRecord | None) -> VerdictRecord:
+    """A record with an explanation; what that has of the record itself is moved there."""
+    if explanation is None or "about" not in explanation:
+        return {**found, "explanation": explanation}
+    rest = explanation.copy()
+    about, count = rest.pop("about"), rest.pop("about_count")
+    return {**found, "explanation": rest, "about": about, "about_count": count}
 
 
 def json_number(value: float | None) -> Number:
@@ -154,7 +171,8 @@ def explain(judged: Judged, verdict: Verdict) -> ExplanationRecord | None:
     if why is None:
         return None
     if event.stream.kind == TICK:
-        where = f"when a deadline ran out at {moment(judged.step.stamp, exact=True)}"
+        how_so = "the session ended" if event.source == ENDED else "a deadline ran out"
+        where = f"when {how_so} at {moment(judged.step.stamp, exact=True)}"
     else:
         at = step_name(judged.number, judged.step.stamp)
         if judged.number is None:
@@ -176,7 +194,11 @@ def explain(judged: Judged, verdict: Verdict) -> ExplanationRecord | None:
             "signals": dict(why.signals),
         },
     }
-    return {**found, **why.why} if why.why else found
+    if why.why:
+        found = {**found, **why.why}
+    if why.about_count:
+        found["about"], found["about_count"] = list(why.about), why.about_count
+    return found
 
 
 def decision_frame(seq: int, decision: Decision, verdicts: Mapping[str, Outcome]) -> DecisionFrame:

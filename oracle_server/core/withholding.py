@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
+from oracle_server.core.formula.ahead import Ahead, Obligation, obligation
 from oracle_server.core.formula.tree import (
+    Always,
     And,
     Atom,
     Exists,
@@ -17,6 +19,7 @@ from oracle_server.core.formula.tree import (
     Or,
     Pre,
     Since,
+    walk,
 )
 from oracle_server.core.plan import can_meet
 from oracle_server.core.spec import Property, Spec
@@ -33,35 +36,56 @@ def mendable(spec: Spec, prop: Property, name: str) -> bool:
     def at_event(atom: Atom) -> bool | None:
         return None if any(can_meet(s, atom) for s in own) else False
 
-    return _present(prop.formula, quiet) is True or _present(prop.formula, at_event) is True
+    found = obligation(prop.formula)
+    if found is not None:
+        return _owes(found, quiet) is True or _owes(found, at_event) is True
+    return present(prop.formula, quiet) is True or present(prop.formula, at_event) is True
 
 
-def _present(node: Formula, atom: Callable[[Atom], bool | None]) -> bool | None:  # noqa: C901, PLR0911
+def _owes(found: Obligation, atom: Callable[[Atom], bool | None]) -> bool | None:
+    """Whether no obligation is decided false now, whenever it was opened."""
+    return _and_all(
+        present(node.operand, atom) if isinstance(node, Always) else None
+        for node in walk(found.goal)
+        if isinstance(node, Ahead)
+    )
+
+
+def _and_all(values: Iterable[bool | None]) -> bool | None:
+    known: bool | None = True
+    for value in values:
+        known = _and(known, value)
+    return known
+
+
+def present(node: Formula, atom: Callable[[Atom], bool | None]) -> bool | None:  # noqa: C901, PLR0911
     """Whether a formula holds now whatever the past was: Kleene's logic over what is known of its atoms now."""
     match node:
         case Atom():
             return atom(node)
         case Not(operand):
-            return _not(_present(operand, atom))
+            return _not(present(operand, atom))
         case And(left, right):
-            return _and(_present(left, atom), _present(right, atom))
+            return _and(present(left, atom), present(right, atom))
         case Or(left, right):
-            return _or(_present(left, atom), _present(right, atom))
+            return _or(present(left, atom), present(right, atom))
         case Implies(left, right):
-            return _or(_not(_present(left, atom)), _present(right, atom))
+            return _or(_not(present(left, atom)), present(right, atom))
         case Pre():
             return None
         case Once(operand, bound):
-            return True if bound.lower == 0 and _present(operand, atom) else None
+            return True if bound.lower == 0 and present(operand, atom) else None
         case Historically(operand, bound):
-            return False if bound.lower == 0 and _present(operand, atom) is False else None
+            return False if bound.lower == 0 and present(operand, atom) is False else None
         case Since(left, right, bound):
-            if bound.lower == 0 and _present(right, atom):
+            if bound.lower == 0 and present(right, atom):
                 return True
-            missing = bound.lower > 0 or _present(right, atom) is False
-            return False if missing and _present(left, atom) is False else None
+            missing = bound.lower > 0 or present(right, atom) is False
+            return False if missing and present(left, atom) is False else None
         case Exists(_, body) | Forall(_, body):
-            return _present(body, atom)
+            return present(body, atom)
+        case _:
+            return None
 
 
 def _not(value: bool | None) -> bool | None:

@@ -80,7 +80,7 @@ function propertyTable({ id, spec, states, clock }) {
       spec[each.id] ? [h("p", { class: "hint" }, spec[each.id].description), h("code", {}, spec[each.id].formula)] : null,
       [each.broken, each.complaint, ...(each.caveats ?? []).map((text) => `degraded: ${text}`)].map((text) => (text ? h("p", { class: "complaint" }, text) : null)),
     ],
-    [badge(each.outcome), each.robustness === null ? null : ` robustness ${each.robustness}`],
+    [badge(each.outcome), each.robustness === null ? null : ` robustness ${each.robustness}`, each.pending ? ` ${each.pending} open` : null],
     count(each.violations),
     first(each) || "–",
     count(each.unknown),

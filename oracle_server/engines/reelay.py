@@ -15,6 +15,7 @@ import reelay
 from oracle_server.core.atoms import Matches
 from oracle_server.core.engine import outcome
 from oracle_server.core.errors import EngineError
+from oracle_server.core.formula.ahead import looks_ahead
 from oracle_server.core.formula.tree import (
     ALL_PAST,
     And,
@@ -45,6 +46,8 @@ _FILLER = "-"
 
 def refusal(formula: Formula, time: str) -> str | None:
     """Why this engine can't judge a formula, None where it can."""
+    if looks_ahead(formula):
+        return "it waits for what comes, which the reelay engine can't; `engine: native` can"
     if time != "steps":
         return "the reelay engine judges `time: steps` only"
     bounds = [n.bound for n in walk(formula) if isinstance(n, Once | Historically | Since)]
@@ -124,7 +127,7 @@ class _Printer:
         self._quantifiers = 0
         self.text = self._print(formula, {})
 
-    def _print(self, node: Formula, names: dict[str, str]) -> str:  # noqa: C901, PLR0911 -- a case a node
+    def _print(self, node: Formula, names: dict[str, str]) -> str:  # noqa: C901, PLR0911, PLR0912 -- a case a node
         match node:
             case Atom():
                 return self._atom(node, names)
@@ -150,6 +153,8 @@ class _Printer:
                 return self._quantified("exists", variable, body, names)
             case Forall(variable, body):
                 return self._quantified("forall", variable, body, names)
+            case _:
+                raise AssertionError(node)  # see `refusal`
 
     def _atom(self, atom: Atom, names: dict[str, str]) -> str:
         key = self._of_atom[atom]

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from oracle_server.core.engine import Engine
 from oracle_server.core.errors import EngineError
+from oracle_server.core.formula.ahead import looks_ahead
 from oracle_server.core.formula.parse import Time, parse_formula
 from oracle_server.core.formula.tree import Formula
 from oracle_server.core.plan import Plan
@@ -20,6 +21,7 @@ from oracle_server.engines.native import NativeEngine
 from oracle_server.engines.reelay import ReelayEngine
 from oracle_server.engines.reelay import refusal as reelay_refusal
 
+_NATIVE = "leave `engine` out, or write `engine: native`"
 _UNSHARED = 10
 """Properties of which each may cost what an engine may; more of them share that of so many."""
 
@@ -93,8 +95,15 @@ def _read_stl(text: str, time: Time) -> Formula:
 
 
 def _reelay_refuses(prop: Property) -> Refusal | None:
+    if looks_ahead(prop.formula):
+        return _both_refuses(prop)
     reason = reelay_refusal(prop.formula, prop.time)
     return None if reason is None else Refusal("time" if prop.time != "steps" else "formula", reason)
+
+
+def _both_refuses(prop: Property) -> Refusal | None:
+    waits = looks_ahead(prop.formula)
+    return Refusal("engine", f"it waits for what comes, which reelay can't; {_NATIVE}") if waits else None
 
 
 def _reelay_can(prop: Property) -> bool:
@@ -106,7 +115,7 @@ ENGINES: Mapping[str, Row] = MappingProxyType(
         "auto": Row(_native, native=True),
         "native": Row(_native, native=True),
         "reelay": Row(_reelay, refuses=_reelay_refuses, goes_back=_never),
-        "both": Row(_both, goes_back=lambda prop: not _reelay_can(prop), native=True),
+        "both": Row(_both, refuses=_both_refuses, goes_back=lambda prop: not _reelay_can(prop), native=True),
         "rtamt": Row(_rtamt, _read_stl, goes_back=_never, explicable=False, numeric=True),
         "external": Row(_external, goes_back=_never, explicable=False),
     }

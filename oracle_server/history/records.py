@@ -13,7 +13,7 @@ from oracle_server.core.kinds import TICK
 from oracle_server.core.records import ExplanationRecord, VerdictRecord
 from oracle_server.core.simulated import TimeBase
 from oracle_server.core.spec import By
-from oracle_server.core.verdicts import UNDECIDED, Decision, Judged, Outcome, Verdict, explain, record
+from oracle_server.core.verdicts import UNDECIDED, Decision, Judged, Outcome, Verdict, explain, explained, record
 
 Document = dict[str, Any]
 
@@ -93,7 +93,8 @@ class StoredStep(msgspec.Struct, frozen=True, gc=False):
     None for ticks, where it was skipped and where it was taken back; `gap` are the sequence numbers before the event
     that never came; `judged` is the time of judgement. `outcomes` and `degraded` have an entry a property,
     `explanations` one for each violation, by the property's index; `bypassed` are the indexes of those degraded only
-    because a stream was bypassed at the time. `passed` and `why` are what the adapter did, None while it is not known.
+    because a stream was bypassed at the time; `pending` are the open obligations of properties that have any, by their
+    indexes. `passed` and `why` are what the adapter did, None while it is not known.
     """
 
     position: int
@@ -110,6 +111,7 @@ class StoredStep(msgspec.Struct, frozen=True, gc=False):
     passed: bool | None = None
     why: str | None = None
     bypassed: tuple[int, ...] = ()
+    pending: Mapping[int, int] = {}
 
     @property
     def lost(self) -> bool:
@@ -136,6 +138,7 @@ def stored(position: int, gap: int, judged: Judged, handling: tuple[bool, str] |
         tuple([v.outcome for v in verdicts]), tuple([v.degraded for v in verdicts]), explanations,
         None if robustness.count(None) == len(robustness) else tuple(robustness), passed, why,
         tuple([i for i, v in enumerate(verdicts) if v.bypassed]),
+        {i: v.pending for i, v in enumerate(verdicts) if v.pending is not None},
     )  # fmt: skip
 
 
@@ -146,10 +149,10 @@ def records(step: StoredStep, properties: tuple[str, ...]) -> list[VerdictRecord
     found = []
     for i, name in enumerate(properties):
         robustness = step.robustness[i] if step.robustness else None
-        verdict = Verdict(first + i, name, step.outcomes[i], step.degraded[i], None, robustness)
-        made = record(judged, verdict)
+        pending = step.pending.get(i)
+        verdict = Verdict(first + i, name, step.outcomes[i], step.degraded[i], None, robustness, pending=pending)
+        made = explained(record(judged, verdict), step.explanations.get(i))
         made["passed"], made["violation"] = step.passed, i in step.explanations
-        made["explanation"] = step.explanations.get(i)
         if step.why in UNDECIDED:
             made["kind"] = "unavailable"
         found.append(made)

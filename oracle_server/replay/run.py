@@ -112,6 +112,7 @@ class Replay:
                 yield from self._settled(session.attach(event.monitor, self.spec.by_key, event.arrived))
             yield from self._settled(session.ingest(event))
         yield from self._settled(session.finish(session.now))
+        yield from session.end(session.now)
 
     def _settled(self, judged: list[Judged]) -> list[Judged]:
         return judged if self._oracles is None else judged + self._oracles.settle()
@@ -226,6 +227,7 @@ class Replay:
                 "first_violation_at": state.first_violation_at,
                 "violations": state.violations,
                 "unknown": state.failures,
+                **({} if state.pending is None else {"pending": state.pending}),
             }
             for order, judge in self._session.judges.items()
             for state in judge.properties

@@ -31,11 +31,12 @@ class CsvReport:
     def judged(self, replay: Replay, judged: Judged) -> None:
         """Write the records of a step, and the heading before the first one."""
         for row in records(replay, judged):
-            if not self._headed:
-                self._out.writerow(("spec", *row))
-                self._headed = True
             why = row["explanation"]
             values: dict[str, object] = {**row, "explanation": why["text"] if why else None}
+            del values["about"]
+            if not self._headed:
+                self._out.writerow(("spec", *values))
+                self._headed = True
             self._out.writerow((replay.spec.id, *map(_csv_cell, values.values())))
 
     def ended(self, replay: Replay) -> None:

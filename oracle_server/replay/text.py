@@ -54,6 +54,9 @@ class TextReport:
         end = conclude(replay)
         if self._signals:
             console.print(_table(end.coverage))
+        pending = {name: state["pending"] for name, state in summary["properties"].items() if state.get("pending")}
+        for name, count in pending.items():
+            self._write(replay, f"{name}: {counted(count, 'obligation')} still open at the end")
         lines = [f"{name} was not judged: {reason}" for name, reason in end.unjudged.items()]
         for line in (*lines, *end.doubts, *end.remarks, *_failures(end.coverage)):
             self._write(replay, one_line(line))

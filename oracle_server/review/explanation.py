@@ -17,6 +17,7 @@ from oracle_server.core.records import ExplanationRecord, VerdictRecord
 from oracle_server.core.session import Session, orders
 from oracle_server.core.spec import SECOND, Property
 from oracle_server.core.verdicts import Outcome, explain
+from oracle_server.core.verdicts import explained as with_explanation
 from oracle_server.engines.native import NativeEngine
 from oracle_server.engines.table import ENGINES
 from oracle_server.history.port import Reading
@@ -57,10 +58,8 @@ async def explained(history: Reading, session: int, n: int) -> VerdictRecord | N
         return record
     _demand_explicable(record, prop, stored, opened.begun)
     target = await _decided(history, session, stored, index, ready)
-    return {
-        **record,
-        "explanation": await _explain(history, session, _Explaining(ready, index, stored.order, target, opened.begun)),
-    }
+    again = _Explaining(ready, index, stored.order, target, opened.begun)
+    return with_explanation(record, await _explain(history, session, again))
 
 
 def _plan(opened: SessionRecord) -> Plan:

@@ -216,6 +216,11 @@ class LiveSession:
             if monitor.expiry:
                 monitor.expiry.cancel()
 
+    def end(self) -> None:
+        """After `close` and `settle`: judge what is still open, since nothing will come any more."""
+        self._deliver(self.core.end(self._enter()))
+        self.ledger.write()
+
     def go_on(self) -> None:
         """Take events again after a close that failed; what ends the session is checked again later."""
         self.closing = False

@@ -149,6 +149,7 @@ class Registry:
             return
         session.close()
         await session.settle()
+        session.end()
         now = session.clock.now()
         successor = await self._successor(session) if session.clock_went_back else None
         state = session_state(session, now) | {"status": "closed", "closed": now, "continued_by": successor}

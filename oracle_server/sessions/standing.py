@@ -25,6 +25,9 @@ def caveats(core: Session, index: int) -> list[str]:
     ]
 
 
+_Mark = tuple[Outcome, int, bool, bool, tuple[str, ...]]
+
+
 class Standing:
     """Follows the properties of the order that decides, from the first monitor on that requests `verdicts` frames."""
 
@@ -33,7 +36,7 @@ class Standing:
         """The frame as of the last commit; None while no monitor has requested it."""
         self._core = core
         self._states = next(iter(core.judges.values())).properties
-        self._mark: tuple[tuple[Outcome, int, bool, tuple[str, ...]], ...] = ()
+        self._mark: tuple[_Mark, ...] = ()
 
     def follow(self, n: int) -> None:
         """Begin to follow; the verdicts up to number `n` are written, if not committed yet."""
@@ -47,11 +50,11 @@ class Standing:
         before, self._mark = self._mark, self._marked()
         return None if self._mark == before else self._frame(n)
 
-    def _marked(self) -> tuple[tuple[Outcome, int, bool, tuple[str, ...]], ...]:
-        """For each property: its outcome, its violations, whether any step could not be judged, and its caveats."""
+    def _marked(self) -> tuple[_Mark, ...]:
+        """For each property: its outcome and violations, whether any step failed, whether it waits, and its caveats."""
         return tuple(
             [
-                (state.outcome, state.violations, state.failures > 0, self._caveats(i, state))
+                (state.outcome, state.violations, state.failures > 0, bool(state.pending), self._caveats(i, state))
                 for i, state in enumerate(self._states)
             ]
         )
@@ -71,6 +74,8 @@ class Standing:
 
 def _standing(state: PropertyState, caveats: Sequence[str]) -> PropertyStanding:
     level, text = _WORDING.get(state.outcome) or _unknown(state)
+    if state.pending:
+        text = f"{text}; answers are awaited"
     if caveats:
         level = "warn" if level == "ok" else level
         text = f"{text}; degraded: {'; '.join(caveats)}"

@@ -63,6 +63,7 @@ def _properties(core: Session) -> Iterator[dict[str, Any]]:
                 "first_violation_step": state.first_violation_step,
                 "first_violation_at": state.first_violation_at,
                 "violations": state.violations,
+                "pending": state.pending,
                 "unknown": state.failures,
                 "broken": state.broken,
                 "complaint": state.complaint,

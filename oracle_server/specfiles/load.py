@@ -209,6 +209,7 @@ def _make(model: PropertyModel, formula: Formula, text: str, external: External 
         blame=model.blame,
         blame_given="blame" in model.model_fields_set,
         latch=model.latch,
+        at_end=model.at_end,
         engine=model.engine,
         numeric=ENGINES[model.engine].numeric,
         external=external,
@@ -224,6 +225,9 @@ def _spec(model: SpecModel, properties: tuple[Property, ...]) -> Spec:
         warnings="none",
         exclude={"description": True, "retention": True, "properties": {"__all__": {"description"}}},
     )
+    for prop in meaning["properties"]:
+        if prop["at_end"] == "ignore":  # so that specs without it keep the digest that older versions gave them
+            del prop["at_end"]
     digest = hashlib.sha256(json.dumps(meaning, sort_keys=True).encode()).hexdigest()
     return Spec(model.id, streams, properties, ordering, model.description, digest, retention)
 

@@ -152,6 +152,7 @@ class PropertyModel(_Model):
     guards: list[RosName] = []
     blame: Literal["any", "caused"] = "any"
     latch: StrictBool = False
+    at_end: Literal["ignore", "violated"] = "ignore"
     engine: EngineName = "auto"
     url: Annotated[str, Field(pattern=r"^wss?://")] | None = None
     timeout: Annotated[Duration, Field(gt=0)] = 10**9

@@ -99,8 +99,11 @@ class Record(BaseModel):
     decision: Literal["allow", "deny"] | None
     passed: bool | None = Field(description="Whether the adapter let an event pass that it asked about")
     robustness: float | Literal["Infinity", "-Infinity"] | None
-    violation: bool = Field(description="Whether the property became negative here")
+    violation: bool = Field(description="Whether the property became negative here, or an obligation was not answered")
     explanation: dict[str, Any] | None
+    pending: int | None = Field(description="Of a property that waits for what comes: how many obligations are open")
+    about: list[dict[str, Any]] = Field(description="The events of those that were not answered here, 100 at most")
+    about_count: int = Field(description="How many were not answered here")
 
 
 class ViolationFrame(Record):

@@ -55,6 +55,8 @@ def rewritten(node: Formula, change: Callable[[Atom], Formula]) -> Formula:
             return replace(node, left=part(left), right=part(right))
         case tree.Exists(_, body) | tree.Forall(_, body):
             return replace(node, body=part(body))
+        case _:
+            raise AssertionError(node)
 
 
 FIELDS: dict[str, tuple[Value, tuple[Scalar, ...]]] = {

@@ -9,7 +9,7 @@ from typing import Any, Literal, NotRequired, Union, get_args, get_origin, get_t
 import pytest
 from pydantic import BaseModel
 
-from oracle_server.core.records import ExplanationRecord
+from oracle_server.core.records import AboutRecord, ExplanationRecord
 from oracle_server.core.verdicts import Outcome
 from oracle_server.wire import frames, outgoing
 
@@ -23,7 +23,7 @@ def plain(hint: Any) -> Any:
     """A type as both ways to write it have it: models and typed dicts by name, outcomes as their texts."""
     if hint is Outcome:
         return str
-    if hint is ExplanationRecord:
+    if hint in (ExplanationRecord, AboutRecord):
         return plain(dict[str, Any])
     if is_typeddict(hint) or (isinstance(hint, type) and issubclass(hint, BaseModel)):
         return hint.__name__

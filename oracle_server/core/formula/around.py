@@ -7,10 +7,15 @@ from collections.abc import Iterator
 
 CLOSING = {"{": "}", "(": ")", "[": "]"}
 """What closes each bracket."""
-OPERATORS = ("not", "and", "or", "implies", "pre", "once", "historically", "since", "forall", "exists")
+OPERATORS = (
+    *("not", "and", "or", "implies", "pre", "once", "historically", "since", "forall", "exists"),
+    *("eventually", "always", "until", "next"),
+)
 """The words of formulas."""
-BOUNDED = ("once", "historically", "since", "P", "H", "S")
+BOUNDED = ("once", "historically", "since", "P", "H", "S", "eventually", "always", "until")
 """Those behind which a bound can stand."""
+AHEAD = ("eventually", "always", "until")
+"""Those of them that wait for what comes."""
 QUANTIFIERS = ("forall", "exists", "A", "E")
 """Those behind which variables stand."""
 

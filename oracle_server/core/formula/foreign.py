@@ -25,20 +25,24 @@ SYMBOLS = {
     "$": "*",
 }
 """What to write for a sign."""
-_AHEAD = "a formula is about what has happened, and is judged at every step; "
-_LEAVE_OUT = f"{_AHEAD}leave it out, or write `historically` for now and ever before"
-_RESPONSE = f"{_AHEAD}that an effect comes within 100 steps is `not (not {{effect}} since[100:] {{cause}})`"
+_LEAVE_OUT = (
+    "a formula is judged at every step; leave it out, or write `historically` for now and ever before, and "
+    "`{cause} -> always[:100] {effect}` for what lasts from a cause on"
+)
+_RESPONSE = "write `{cause} -> eventually[:100] {effect}` for an effect that comes within 100 steps"
 WORDS = {
-    **dict.fromkeys(("always", "globally", "G", "AG", "alw", "[]"), _LEAVE_OUT),
-    **dict.fromkeys(("eventually", "finally", "F", "AF", "ev", "<>", "~>", "|->", "leads_to", "leadsto"), _RESPONSE),
+    **dict.fromkeys(("globally", "G", "AG", "alw", "[]"), _LEAVE_OUT),
+    **dict.fromkeys(("finally", "F", "AF", "ev", "<>", "~>", "|->", "leads_to", "leadsto"), _RESPONSE),
     **dict.fromkeys(
         ("EF", "EG", "EX", "AU", "EU"), "a formula is about the one run that is there, and not about several"
     ),
+    "U": "write `{start} -> {held} until[:100] {stop}`",
     **dict.fromkeys(
-        ("until", "U", "W", "R", "unless", "release"),
-        f"{_AHEAD}write it with `since`, as in `not {{stop}} since {{start}}`",
+        ("W", "R", "unless", "release"),
+        "write it with `until`, as in `{start} -> {held} until {stop}`, or with `since`, as in "
+        "`not {stop} since {start}`",
     ),
-    **dict.fromkeys(("next", "X", "AX"), f"{_AHEAD}the step before is `pre`"),
+    **dict.fromkeys(("X", "AX"), "write `next` for the step after, and `pre` for the one before"),
     **dict.fromkeys(("prev", "previous", "yesterday", "last"), "write `pre` for the step before"),
     **dict.fromkeys(
         ("rise", "rises", "rising", "changed", "start"), "write `{a} and not pre {a}` for where it begins to hold"

@@ -18,6 +18,7 @@ RYE = r"""
 
 ?since: unary
     | since SINCE [bound] unary                           -> since
+    | since UNTIL [bound] unary                           -> until
 
 ?unary: atom
     | "(" implication ")"
@@ -25,6 +26,9 @@ RYE = r"""
     | _PRE unary                                          -> pre
     | ONCE [bound] unary                                  -> once
     | HISTORICALLY [bound] unary                          -> historically
+    | EVENTUALLY [bound] unary                            -> eventually
+    | ALWAYS [bound] unary                                -> always
+    | NEXT unary                                         -> next
     | EXISTS "[" VARIABLE ("," VARIABLE)* "]" "." implication -> exists
     | FORALL "[" VARIABLE ("," VARIABLE)* "]" "." implication -> forall
 
@@ -59,6 +63,10 @@ _PRE: /(pre|Y)\b/
 ONCE: /(once|P)\b/
 HISTORICALLY: /(historically|H)\b/
 SINCE: /(since|S)\b/
+UNTIL: /until\b/
+EVENTUALLY: /eventually\b/
+ALWAYS: /always\b/
+NEXT: /next\b/
 EXISTS: /(exists|E)\b/
 FORALL: /(forall|A)\b/
 _INF: /inf\b/

@@ -6,7 +6,7 @@ import re
 from fractions import Fraction
 from typing import NamedTuple
 
-from oracle_server.core.formula.around import BOUNDED, OPERATORS, QUANTIFIERS, Around
+from oracle_server.core.formula.around import AHEAD, BOUNDED, OPERATORS, QUANTIFIERS, Around
 from oracle_server.core.formula.foreign import UNITS
 
 _SIZES = {"ns": 1, "us": 10**3, "ms": 10**6, "": 10**9, "s": 10**9, "min": 60 * 10**9, "h": 3600 * 10**9}
@@ -37,7 +37,7 @@ def of_bound(found: Around) -> str:
         begun = within if len(within) <= 20 else f"{within[:20]}…"
         return f"the bound that begins with `[{begun}` is not closed: write `{bound or '[2:5]'}`"
     wrong = f"the bound [{within}]" if len(within) <= 40 else "the bound"
-    return f"{wrong} can't be read: {mended(within)}"
+    return f"{wrong} can't be read: {mended(within, ahead=found.opener in AHEAD)}"
 
 
 def of_displaced(found: Around) -> str:
@@ -57,6 +57,8 @@ def of_displaced(found: Around) -> str:
 
 def unbounded(word: str, within: str) -> str:
     """Of a bound behind an operator that has none."""
+    if word == "next":
+        return "`next` has no bound, and means one step after: write `next {…}`, or `eventually[:5] {…}`"
     if word != "pre":
         return f"`{word}` has no bound: `once[1:2] {{…}}` has one"
     ends = re.fullmatch(r"\s*(\d+)\s*(?:[:,]\s*(\d+))?\s*", within)
@@ -66,8 +68,8 @@ def unbounded(word: str, within: str) -> str:
     return f"`pre` has no bound, and means one step before: write `once[{first}:{last}] {{…}}`"
 
 
-def mended(within: str) -> str:
-    """What to write for a bound that can't be read."""
+def mended(within: str, *, ahead: bool = False) -> str:  # noqa: PLR0911 -- a case a mistake
+    """What to write for a bound that can't be read; `ahead`: of what is awaited."""
     ends = _ends(within)
     if isinstance(ends, str):
         return f"there is no unit '{ends}'; there are ns, us, ms, s, min and h"
@@ -76,9 +78,12 @@ def mended(within: str) -> str:
     if not any(end.text for end in ends):
         return f"leave the brackets out for whatever was, or {_EXAMPLES}"
     if any(end.signed for end in ends):
-        return f"it counts back from now, without a sign: write `{_bound(ends)}`"
+        way = "on" if ahead else "back"
+        return f"it counts {way} from now, without a sign: write `{_bound(ends)}`"
     if len(ends) == 1 and not ends[0].order and ends[0].text is not None:
         text = ends[0].text
+        if ahead:
+            return f"write `[:{text}]` for within {text}, or `[{text}:]` for what comes after {text}"
         return f"write `[:{text}]` for up to {text} ago, or `[{text}:]` for at least so long ago"
     spaced = "".join(within.split()) == f"{_bound(ends)}"[1:-1]
     return f"write `{_bound(ends)}`" + (", without spaces" if spaced else "")

@@ -14,7 +14,7 @@ from oracle_server.core.nearest import nearest
 _BETWEEN = "between two parts stands `and`, `or`, `since` or `->`"
 _COMPARE = ("<", "<=", ">", ">=", "==", "!=", "=", ":")
 
-_UNBOUNDED = {"pre": "pre", "Y": "pre", "not": "not", "!": "not"}
+_UNBOUNDED = {"pre": "pre", "Y": "pre", "not": "not", "!": "not", "next": "next"}
 
 
 def misread(text: str, at: int | None) -> FormulaError:
@@ -85,7 +85,17 @@ def _of_brackets(found: Around) -> str:
     mark = found.next()
     if found.inside == "{" and mark == "{" == found.last():
         return "an atom stands in one pair of braces: write `{speed > 1}`"
-    if found.inside == "{" and mark in ("->", "implies", "{", "since", "once", "historically"):
+    if found.inside == "{" and mark in (
+        "->",
+        "implies",
+        "{",
+        "since",
+        "once",
+        "historically",
+        "until",
+        "eventually",
+        "always",
+    ):
         return found.unclosed()
     return _of_closing(found) if mark in ("}", ")", "]") and found.kind() == "mark" else ""
 
@@ -137,9 +147,22 @@ def _of_operator(found: Around) -> str:
     mark, last = found.next(), found.last()
     if found.inside != "{" and re.fullmatch(r"[-=]+>", mark) and mark != "->":
         return f"there is no operator `{mark}`: write `->`"
-    if mark in ("{", "(", "!", "not", "once", "pre", "historically", ",", ";") and last in ("}", ")"):
+    if mark in (
+        "{",
+        "(",
+        "!",
+        "not",
+        "once",
+        "pre",
+        "historically",
+        "eventually",
+        "always",
+        "next",
+        ",",
+        ";",
+    ) and last in ("}", ")"):
         return f"`{mark}` is not expected here: {_BETWEEN}"
-    if mark in ("and", "or", "->", "since", "implies", "&&", "||"):
+    if mark in ("and", "or", "->", "since", "until", "implies", "&&", "||"):
         first = f"after `{last}`" if found.before else "at the beginning"
         return f"something is missing {first}: `{mark}` stands between two parts, as in `{{a}} {mark} {{b}}`"
     return _of_useless_bound(found)
@@ -154,7 +177,8 @@ def _of_useless_bound(found: Around) -> str:
         return unbounded(_UNBOUNDED[last], found.text[found.at + 1 :].partition("]")[0])
     if mark == "[" or (last in BOUNDED and mark in ("<", "<=", ">", ">=", "_", "^")):
         word = last if last in BOUNDED else "once"
-        return f"a bound stands after `once`, `historically` or `since`, in square brackets, as in `{word}[:5] {{…}}`"
+        words = "`once`, `historically`, `since`, `eventually`, `always` or `until`"
+        return f"a bound stands after {words}, in square brackets, as in `{word}[:5] {{…}}`"
     return ""
 
 

@@ -12,9 +12,10 @@ from lark.exceptions import VisitError
 
 from oracle_server.core.errors import FormulaError
 from oracle_server.core.formula import tree
+from oracle_server.core.formula.ahead import check_ahead
 from oracle_server.core.formula.grammar import RYE
 from oracle_server.core.formula.misread import misread
-from oracle_server.core.formula.tree import ALL_PAST, Atom, Bound, Constraint, Formula, Ref
+from oracle_server.core.formula.tree import ALL_PAST, UNBOUNDED, Atom, Bound, Constraint, Formula, Ref
 
 Time = Literal["steps", "seconds"]
 
@@ -48,6 +49,7 @@ def parse_formula(text: str, time: Time = "steps") -> Formula:
         raise
     _check_depth(parsed)
     _check_variables(parsed)
+    check_ahead(parsed)
     return parsed
 
 
@@ -116,6 +118,18 @@ class _Builder(Transformer[Token, Formula]):
 
     def since(self, left: Formula, _word: Token, bound: Bound | None, right: Formula) -> Formula:
         return tree.Since(left, right, bound or ALL_PAST)
+
+    def eventually(self, word: Token, bound: Bound | None, operand: Formula) -> Formula:
+        return tree.Eventually(operand, bound or UNBOUNDED, _place(word))
+
+    def always(self, word: Token, bound: Bound | None, operand: Formula) -> Formula:
+        return tree.Always(operand, bound or UNBOUNDED, _place(word))
+
+    def until(self, left: Formula, word: Token, bound: Bound | None, right: Formula) -> Formula:
+        return tree.Until(left, right, bound or UNBOUNDED, _place(word))
+
+    def next(self, word: Token, operand: Formula) -> Formula:
+        return tree.Next(operand, _place(word))
 
     def exists(self, word: Token, *parts: object) -> Formula:
         return _quantify(tree.Exists, word, parts)

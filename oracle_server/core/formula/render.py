@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import (
+    Always,
     And,
     Any,
     Atom,
     Bound,
     Constraint,
+    Eventually,
     Exists,
     Forall,
     Formula,
     Historically,
     Implies,
+    Next,
     Not,
     Once,
     Or,
@@ -21,6 +24,7 @@ from oracle_server.core.formula.tree import (
     Ref,
     Scalar,
     Since,
+    Until,
 )
 from oracle_server.core.units import span
 
@@ -37,7 +41,7 @@ def render_atom(atom: Atom) -> str:
     return "{" + ", ".join(_constraint(c) for c in atom.constraints) + "}"
 
 
-def _render(node: Formula, tightness: int, time: Time) -> str:  # noqa: C901 -- a case a node
+def _render(node: Formula, tightness: int, time: Time) -> str:  # noqa: C901, PLR0912 -- a case a node
     own = _UNARY
     match node:
         case Atom():
@@ -53,6 +57,15 @@ def _render(node: Formula, tightness: int, time: Time) -> str:  # noqa: C901 -- 
         case Since(left, right, bound):
             own = _SINCE
             text = f"{_render(left, _SINCE, time)} since{_bound(bound, time)} {_render(right, _UNARY, time)}"
+        case Next(operand):
+            text = f"next {_render(operand, _UNARY, time)}"
+        case Eventually(operand, bound):
+            text = f"eventually{_bound(bound, time)} {_render(operand, _UNARY, time)}"
+        case Always(operand, bound):
+            text = f"always{_bound(bound, time)} {_render(operand, _UNARY, time)}"
+        case Until(left, right, bound):
+            own = _SINCE
+            text = f"{_render(left, _SINCE, time)} until{_bound(bound, time)} {_render(right, _UNARY, time)}"
         case And(left, right):
             own = _AND
             text = f"{_render(left, _AND, time)} and {_render(right, _SINCE, time)}"

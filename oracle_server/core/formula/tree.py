@@ -47,13 +47,16 @@ class Constraint:
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """Distances from now, both ends included: judged events under `time: steps`, nanoseconds under `time: seconds`."""
+    """Distances from now, both ends included, back or, of what is awaited, ahead.
+
+    They count judged events under `time: steps`, nanoseconds under `time: seconds`.
+    """
 
     lower: int = 0
     upper: int | None = None
 
 
-ALL_PAST = Bound()
+ALL_PAST = UNBOUNDED = Bound()
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +153,59 @@ class Forall:
     at: Position = field(default=(1, 1), compare=False)
 
 
-Formula = Atom | Not | And | Or | Implies | Pre | Once | Historically | Since | Exists | Forall
+@dataclass(frozen=True, slots=True)
+class Next:
+    """`next φ`: φ holds at the step after this one."""
+
+    operand: Formula
+    at: Position = field(default=(1, 1), compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Eventually:
+    """`eventually[a:b] φ`."""
+
+    operand: Formula
+    bound: Bound = UNBOUNDED
+    at: Position = field(default=(1, 1), compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Always:
+    """`always[a:b] φ`."""
+
+    operand: Formula
+    bound: Bound = UNBOUNDED
+    at: Position = field(default=(1, 1), compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Until:
+    """`φ until[a:b] ψ`."""
+
+    left: Formula
+    right: Formula
+    bound: Bound = UNBOUNDED
+    at: Position = field(default=(1, 1), compare=False)
+
+
+Formula = (
+    Atom
+    | Not
+    | And
+    | Or
+    | Implies
+    | Pre
+    | Once
+    | Historically
+    | Since
+    | Exists
+    | Forall
+    | Next
+    | Eventually
+    | Always
+    | Until
+)
 
 
 def children(node: Formula) -> tuple[Formula, ...]:
@@ -160,7 +215,9 @@ def children(node: Formula) -> tuple[Formula, ...]:
             return ()
         case Not(operand) | Pre(operand) | Once(operand) | Historically(operand):
             return (operand,)
-        case And(left, right) | Or(left, right) | Implies(left, right) | Since(left, right):
+        case Next(operand) | Eventually(operand) | Always(operand):
+            return (operand,)
+        case And(left, right) | Or(left, right) | Implies(left, right) | Since(left, right) | Until(left, right):
             return (left, right)
         case Exists(_, body) | Forall(_, body):
             return (body,)

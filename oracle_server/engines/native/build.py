@@ -6,22 +6,24 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from oracle_server.core.formula import tree
+from oracle_server.core.formula.ahead import Obligation, Path, obligation
 from oracle_server.core.formula.tree import Atom, Bound, Formula
+from oracle_server.engines.native.awaiting import Goals, obligations
 from oracle_server.engines.native.body import Body, Expression, negated, variables_of
 from oracle_server.engines.native.ever import Ever
 from oracle_server.engines.native.guarded import SomeGuarded, guard_of
 from oracle_server.engines.native.latest import Latest
 from oracle_server.engines.native.nodes import AtomNode
+from oracle_server.engines.native.obligations import Obligations
 from oracle_server.engines.native.previous import Previous
 from oracle_server.engines.native.some import Some, SomeOf
 from oracle_server.engines.native.timeline import Timeline
+from oracle_server.engines.native.waiting import Present
 from oracle_server.engines.native.window import Window
 
 Scope = Mapping[str, int]
 """The number of the quantifier that binds each variable: inner ones have larger numbers."""
-Path = tuple[int, ...]
-"""Where a part of the formula stands: which child of which child of the whole."""
-Operator = Ever | Latest | Window | Previous | Some | SomeOf | SomeGuarded
+Operator = Ever | Latest | Window | Previous | Some | SomeOf | SomeGuarded | Obligations
 
 
 @dataclass(slots=True)
@@ -35,6 +37,8 @@ class Network:
     """The node of each part of the formula that has one; of quantifiers that follow each other, the first one."""
     scopes: dict[Path, Scope] = field(default_factory=dict)
     """What quantifiers bind in their bodies."""
+    obligations: Obligations | None = None
+    """The last of the operators, where the formula waits for what comes."""
     root: Body = field(init=False)
 
 
@@ -42,7 +46,8 @@ def build(formula: Formula, timeline: Timeline) -> Network:
     """The nodes of a formula, before its first step."""
     network = Network(timeline)
     builder = _Builder(formula, network)
-    network.root = Body(timeline, builder.expression(formula, {}, ()))
+    found = obligation(formula)
+    network.root = Body(timeline, builder.expression(formula, {}, ()) if found is None else builder.awaiting(found))
     return network
 
 
@@ -64,8 +69,31 @@ class _Builder:
                 return negated(self._some(node, scope, path))
             case tree.Not() | tree.And() | tree.Or() | tree.Implies():
                 return self._boolean(node, scope, path)
-            case _:
+            case tree.Pre() | tree.Once() | tree.Historically() | tree.Since():
                 return self._temporal(node, scope, path)
+            case _:
+                raise AssertionError(node)  # what waits for what comes stands around what only looks back
+
+    def awaiting(self, found: Obligation) -> Obligations:
+        """An obligation, as the last operator."""
+        scope = {name: number for number, name in enumerate(found.variables, 1)}
+        self._quantifiers = len(scope)
+        self._network.scopes[()] = scope
+        goals = Goals(self._timeline, Present(self._timeline), self.expression, self._places, scope)
+        made = self._network.obligations = obligations(found, goals, self._values)
+        self._network.operators.append(made)
+        return made
+
+    def _values(self, operand: Expression) -> Some | SomeGuarded:
+        """The values of all variables for which an expression holds."""
+        guard = guard_of(operand, variables_of(operand))
+        made = (
+            Some(Body(self._timeline, operand), self._timeline)
+            if guard is None
+            else SomeGuarded(guard, operand, self._timeline)
+        )
+        self._network.operators.append(made)
+        return made
 
     def _boolean(self, node: tree.Not | tree.And | tree.Or | tree.Implies, scope: Scope, path: Path) -> Expression:
         match node:

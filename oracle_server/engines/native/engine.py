@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 from oracle_server.core.atoms import Matches
@@ -10,6 +10,7 @@ from oracle_server.core.errors import EngineError
 from oracle_server.core.explanation import Why
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import Formula
+from oracle_server.core.lost import Lost
 from oracle_server.core.past import NO_PAST, Past
 from oracle_server.core.verdicts import Outcome
 from oracle_server.engines.native.build import build
@@ -31,6 +32,8 @@ class NativeEngine:
         self._timeline = Timeline(timed=self._timed, share=share)
         network = self._network = build(formula, self._timeline)
         self._atoms, self._operators = network.atoms, network.operators
+        self.owed = network.obligations
+        """What it waits for; None where its formula only looks back."""
         (self._holds,), (self._settled,) = network.root.at, network.root.settled
         self._can_settle = any(network.root.can_settle[0](frozenset()))
         self._journals: list[list[Callable[[], object]]] = []
@@ -51,6 +54,8 @@ class NativeEngine:
             match = matches[place]
             if match is not None or not atom.idle:
                 atom.take(match)
+        if self.owed is not None:
+            self.owed.number = self._steps
         for operator in self._operators:
             operator.step()
         self._timeline.first = False
@@ -68,8 +73,27 @@ class NativeEngine:
         """The first time (ns) later than `after` at which the outcome may change without a step, None for never."""
         if not self._timed or self._timeline.first:
             return None
+        if self.owed is not None:  # what its parts are at a time without a step is asked by nobody
+            return self.owed.next_deadline(after)
         deadlines = [d for operator in self._operators if (d := operator.next_deadline(after)) is not None]
         return min(deadlines, default=None)
+
+    def lose(self, lost: Collection[Lost]) -> None:
+        """For the next step alone: these atoms, by their places, can't be judged; see `Owing`."""
+        assert self.owed is not None  # noqa: S101 -- it waits for something
+        self.owed.lose(lost)
+        if lost:
+            self._due = 0
+
+    def pass_time(self, time: int) -> None:
+        """Time (ns) has come without a step; see `Owing`."""
+        assert self.owed is not None  # noqa: S101 -- it waits for something
+        self.owed.pass_time(time)
+
+    def end(self) -> None:
+        """Nothing will come any more; see `Owing`."""
+        assert self.owed is not None  # noqa: S101 -- it waits for something
+        self.owed.end()
 
     @property
     def work(self) -> int:

@@ -8,6 +8,7 @@ explained at several steps at once is explained once.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 
 from oracle_server.core.explanation import Failing, Reason, Why
 from oracle_server.core.formula import tree
@@ -19,10 +20,12 @@ from oracle_server.engines.native.ever import Ever
 from oracle_server.engines.native.guarded import SomeGuarded
 from oracle_server.engines.native.keys import key_of, texts_of
 from oracle_server.engines.native.latest import Latest
+from oracle_server.engines.native.obligations import Obligations
 from oracle_server.engines.native.parts import Part, is_simple
 from oracle_server.engines.native.recall import Recall
 from oracle_server.engines.native.saying import Saying
 from oracle_server.engines.native.some import Some, SomeOf
+from oracle_server.engines.native.unanswered import explain_obligations
 from oracle_server.engines.native.window import Window
 from oracle_server.engines.native.wording import Wording, scalar
 
@@ -36,6 +39,8 @@ _MOST_TOLD = 3
 def explain(formula: Formula, network: Network, time: Time, last: int, past: Past) -> Why:
     """Why the formula holds, or does not, at the last step, number `last`; `past` are the remembered steps."""
     part = Part(formula, (), {}, {})
+    if network.obligations is not None:
+        return _explain_obligations(formula, network, network.obligations, time, last, past)
     recall = Recall(formula, network, time, last, past)
     explainer = _Explainer(network, recall, Wording(time, network.timeline.now, recall))
     holds = explainer.holds(part)
@@ -47,6 +52,18 @@ def explain(formula: Formula, network: Network, time: Time, last: int, past: Pas
     inner, others = deciding
     values = {name: scalar(inner.values[i]) for name, i in inner.scope.items() if i in inner.values}
     return Why(holds, values, others, tuple(explainer.reasons(inner, explainer.holds(inner), [last])))
+
+
+def _explain_obligations(
+    formula: Formula, network: Network, owed: Obligations, time: Time, last: int, past: Past
+) -> Why:
+    """The same of a formula that waits for what comes."""
+    reasons = None
+    if owed.at_step:
+        recall = Recall(formula, network, time, last, past)
+        explainer = _Explainer(network, recall, Wording(time, network.timeline.now, recall))
+        reasons = partial(explainer.reasons, holds=False, steps=[last])
+    return explain_obligations(formula, owed, time, reasons)
 
 
 class _Explainer:
@@ -87,6 +104,8 @@ class _Explainer:
                 return [self._since(part, steps, holds)]
             case tree.Once() | tree.Historically():
                 return [self._once(part, steps, holds)]
+            case _:
+                raise AssertionError(part.formula)  # what waits for what comes is explained by its obligations
 
     def deciding(self, part: Part) -> tuple[Part, int] | None:
         """A quantifier's body with values that decide it now, and how many others do; None where all do together."""

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from oracle_server.core.formula import tree
+from oracle_server.core.formula.ahead import Path
 from oracle_server.core.formula.tree import Formula
-from oracle_server.engines.native.build import Network, Path
+from oracle_server.engines.native.build import Network
 from oracle_server.engines.native.keys import Text
 
 Values = Mapping[int, Text]

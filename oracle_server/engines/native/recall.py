@@ -12,10 +12,11 @@ from itertools import product
 
 from oracle_server.core.atoms import Matches
 from oracle_server.core.formula import tree
+from oracle_server.core.formula.ahead import Path
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import Bound, Formula
 from oracle_server.core.past import Past, Seen
-from oracle_server.engines.native.build import Network, Path
+from oracle_server.engines.native.build import Network
 from oracle_server.engines.native.ever import Ever
 from oracle_server.engines.native.keys import Text, key_of
 from oracle_server.engines.native.parts import Part

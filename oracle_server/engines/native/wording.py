@@ -35,7 +35,7 @@ class Wording:
     def formula(self, part: Part) -> str:
         """A part, with values in place of its variables."""
         values = {name: part.values[i] for name, i in part.scope.items() if part.values.get(i) is not None}
-        return render(_with(part.formula, {name: scalar(text) for name, text in values.items()}), self._time)
+        return render(given(part.formula, {name: scalar(text) for name, text in values.items()}), self._time)
 
     def values(self, names: Mapping[str, int], values: Values) -> str:
         """What variables stand for."""
@@ -150,22 +150,28 @@ def _ranges(times: Sequence[int]) -> list[tuple[int, int]]:
     return ranges
 
 
-def _with(formula: Formula, values: Mapping[str, Scalar | None]) -> Formula:
+def given(formula: Formula, values: Mapping[str, Scalar | None]) -> Formula:  # noqa: PLR0911 -- a case a node
     """The formula with values in place of its free variables."""
     match formula:
         case Atom(constraints):
             return Atom(tuple(_given(c, values) for c in constraints))
         case tree.Not(operand) | tree.Pre(operand):
-            return type(formula)(_with(operand, values))
+            return type(formula)(given(operand, values))
         case tree.And(left, right) | tree.Or(left, right) | tree.Implies(left, right):
-            return type(formula)(_with(left, values), _with(right, values))
+            return type(formula)(given(left, values), given(right, values))
         case tree.Once(operand, bound) | tree.Historically(operand, bound):
-            return type(formula)(_with(operand, values), bound)
+            return type(formula)(given(operand, values), bound)
         case tree.Since(left, right, bound):
-            return tree.Since(_with(left, values), _with(right, values), bound)
+            return tree.Since(given(left, values), given(right, values), bound)
+        case tree.Next(operand):
+            return tree.Next(given(operand, values))
+        case tree.Eventually(operand, bound) | tree.Always(operand, bound):
+            return type(formula)(given(operand, values), bound)
+        case tree.Until(left, right, bound):
+            return tree.Until(given(left, values), given(right, values), bound)
         case tree.Exists(variable, body) | tree.Forall(variable, body):
             inner = {name: value for name, value in values.items() if name != variable}
-            return type(formula)(variable, _with(body, inner))
+            return type(formula)(variable, given(body, inner))
 
 
 def _given(constraint: Constraint, values: Mapping[str, Scalar | None]) -> Constraint:

@@ -17,6 +17,7 @@ _STEPS = {
     4: "ALTER TABLE steps ADD COLUMN robustness TEXT;",
     5: "ALTER TABLE sessions ADD COLUMN begun INTEGER;"
     "ALTER TABLE monitors ADD COLUMN bypasses TEXT NOT NULL DEFAULT '[]';",
+    6: "ALTER TABLE steps ADD COLUMN pending TEXT;",
 }
 """By the version that they start from: statements that lead to the next one."""
 

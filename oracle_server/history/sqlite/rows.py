@@ -50,6 +50,7 @@ def step_row(session: int, stored: StoredStep) -> Row:
         _degraded(stored),
         text({str(i): why for i, why in stored.explanations.items()}) if stored.explanations else None,
         None if stored.robustness is None else text([json_number(value) for value in stored.robustness]),
+        text({str(i): count for i, count in stored.pending.items()}) if stored.pending else None,
     )  # fmt: skip
 
 
@@ -72,6 +73,7 @@ def step_of(row: Row) -> StoredStep:
         {int(i): it for i, it in why.items()}, _robustness(r["robustness"]),
         None if r["passed"] is None else bool(r["passed"]), r["why"],
         tuple([i for i, digit in enumerate(r["degraded"]) if digit == _BYPASSED]),
+        {int(i): count for i, count in _decode(r["pending"]).items()} if r["pending"] else {},
     )  # fmt: skip
 
 

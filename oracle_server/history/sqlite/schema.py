@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-VERSION = 6
+VERSION = 7
 
 DDL = """
 CREATE TABLE IF NOT EXISTS sessions (
@@ -49,6 +49,7 @@ CREATE TABLE IF NOT EXISTS steps (
     degraded TEXT NOT NULL,      -- a character a property: 0, 1, or 2 for one that is only while a stream is bypassed
     explanations TEXT,           -- JSON, by the property's place; NULL where none became negative
     robustness TEXT,             -- JSON: a number, "Infinity", "-Infinity" or null a property; NULL where there is none
+    pending TEXT,                -- JSON, by the property's place: open obligations; NULL where no property has any
     PRIMARY KEY (session, position)
 ) WITHOUT ROWID;
 CREATE UNIQUE INDEX IF NOT EXISTS steps_by_seq ON steps (session, monitor, seq, ord);
@@ -85,7 +86,7 @@ CREATE TABLE IF NOT EXISTS refused (
 STEP_COLUMNS = (
     "session", "position", "ord", "number", "stream", "kind", "monitor", "seq", "gap", "stamp", "arrived", "judged",
     "late", "skewed", "forced", "lost", "source", "call", "ask", "decision", "denied_by", "passed", "why", "signals",
-    "failed", "outcomes", "degraded", "explanations", "robustness",
+    "failed", "outcomes", "degraded", "explanations", "robustness", "pending",
 )  # fmt: skip
 REFUSED_COLUMNS = ("session", "monitor", "seq", "gap", "at", "code", "message")
 SESSION_COLUMNS = ("number", "id", "spec", "text", "digest", "properties", "private", "opened", "asked", "begun")

@@ -83,6 +83,8 @@ def changed(node: Formula, change: Callable[[Atom], Formula]) -> Formula:  # noq
             return Exists(variable, changed(body, change), at)
         case Forall(variable, body, at):
             return Forall(variable, changed(body, change), at)
+        case _:
+            raise AssertionError(node)  # see `read`
 
 
 def _misread(text: str) -> bool:

@@ -1,0 +1,63 @@
+"""What `check` refuses or warns of in properties that wait for what comes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from oracle_server.core.errors import SpecProblem
+from oracle_server.core.formula.ahead import Ahead, Obligation, obligation
+from oracle_server.core.formula.render import render
+from oracle_server.core.formula.tree import Always, walk
+from oracle_server.core.spec import Property, Spec
+from oracle_server.core.withholding import present
+
+
+def awaited(spec: Spec) -> Iterator[SpecProblem]:
+    """The problems of a spec's obligations."""
+    for i, prop in enumerate(spec.properties):
+        found = None if prop.external or prop.numeric else obligation(prop.formula)
+        if found is None:
+            yield from _idle(i, prop)
+            continue
+        yield from _guards(i, prop, found)
+        yield from _trigger(i, prop, found)
+
+
+def waits(prop: Property) -> bool:
+    """Whether a property waits for more than what is asked by `always`."""
+    found = None if prop.external or prop.numeric else obligation(prop.formula)
+    return found is not None and _beyond_always(found)
+
+
+def _beyond_always(found: Obligation) -> bool:
+    return any(isinstance(node, Ahead) and not isinstance(node, Always) for node in walk(found.goal))
+
+
+def _idle(i: int, prop: Property) -> Iterator[SpecProblem]:
+    if prop.at_end != "ignore":
+        message = (
+            f"`at_end` has no effect on '{prop.id}', which does not wait for what comes, so that nothing is open when "
+            "the session ends; leave it out"
+        )
+        yield SpecProblem(("properties", i, "at_end"), message)
+
+
+def _guards(i: int, prop: Property, found: Obligation) -> Iterator[SpecProblem]:
+    """Guards of what is not decided by the guarded event itself, as a broken `always` is."""
+    for name in sorted(prop.guards) if _beyond_always(found) else ():
+        message = (
+            f"'{prop.id}' waits for what comes, and can't decide about {name} when it passes; only what is asked by "
+            "`always` can, as in `{stop} -> always[:5] {speed: 0}`; leave the guard out"
+        )
+        yield SpecProblem(("properties", i, "guards"), message)
+
+
+def _trigger(i: int, prop: Property, found: Obligation) -> Iterator[SpecProblem]:
+    """A trigger that may hold at any event, whatever that says."""
+    if found.trigger is None or present(found.trigger, lambda _: False) is False:
+        return
+    message = (
+        f"property '{prop.id}': `{render(found.trigger, prop.time)}` can hold at any event, whatever that is, and asks "
+        "anew at each step at which it does; write an atom of the event that asks, as in `{goal: *} and … -> …`"
+    )
+    yield SpecProblem(("properties", i, "formula"), message, severity="warning")

@@ -1,0 +1,191 @@
+"""Obligations: `forall[x]. φ -> ψ`, where ψ waits for what comes: their parts, and what is refused of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from oracle_server.core.errors import FormulaError
+from oracle_server.core.formula import tree
+from oracle_server.core.formula.tree import Formula, children, walk
+
+Ahead = tree.Next | tree.Eventually | tree.Always | tree.Until
+Path = tuple[int, ...]
+"""Where a part stands: which child of which child of the whole."""
+WORDS: dict[type[Formula], str] = {
+    tree.Next: "next",
+    tree.Eventually: "eventually",
+    tree.Always: "always",
+    tree.Until: "until",
+}
+_PAST = {tree.Pre: "pre", tree.Once: "once", tree.Historically: "historically", tree.Since: "since"}
+_NEGATED = {
+    tree.Next: "write `next not …`",
+    tree.Eventually: "write `always not …`",
+    tree.Always: "write `eventually not …`",
+    tree.Until: "write what must come instead, as in `always not …`",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Obligation:
+    """At each step at which `trigger` holds for some values of the variables, `goal` is asked for, for these.
+
+    Without a trigger it is asked for at every step. The paths are where both stand in the whole formula.
+    """
+
+    variables: tuple[str, ...]
+    trigger: Formula | None
+    goal: Formula
+    body_path: Path
+    trigger_path: Path
+    goal_path: Path
+
+
+def looks_ahead(formula: Formula) -> bool:
+    """Whether a formula waits for what comes."""
+    return any(isinstance(node, Ahead) for node in walk(formula))
+
+
+def obligation(formula: Formula) -> Obligation | None:
+    """A formula as an obligation, None where it only looks back."""
+    if not looks_ahead(formula):
+        return None
+    variables, body, path = list[str](), formula, tuple[int, ...]()
+    while isinstance(body, tree.Forall):
+        variables.append(body.variable)
+        body, path = body.body, (*path, 0)
+    if isinstance(body, tree.Implies) and looks_ahead(body.right):
+        return Obligation(tuple(variables), body.left, body.right, path, (*path, 0), (*path, 1))
+    return Obligation(tuple(variables), None, body, path, path, path)
+
+
+def unbounded(goal: Formula) -> Ahead | None:
+    """A part of what is awaited that time never decides, None where there is none."""
+    bounded = (tree.Eventually, tree.Always, tree.Until)
+    return next((node for node in walk(goal) if isinstance(node, bounded) and node.bound.upper is None), None)
+
+
+def check_ahead(formula: Formula) -> None:
+    """Refuse what is no obligation although it waits for what comes. Raises `FormulaError` with its place."""
+    found = obligation(formula)
+    if found is None:
+        return
+    if found.trigger is not None and (early := _first(found.trigger)) is not None:
+        _refuse(
+            early,
+            f"`{_word(early)}` stands before `->`: what is asked for at a step must be known there; write it behind "
+            "`->`, as in `{goal} -> eventually[:60] {done}`",
+        )
+    _check_goal(found.goal)
+    endless = unbounded(found.goal)
+    if found.trigger is None and endless is not None:
+        word = _word(endless)
+        alone = "`{a}` alone is asked at every step" if word == "always" else f"`{word}[:60] …` has one"
+        _refuse(
+            endless,
+            f"without an upper bound each step would wait for ever: {alone}; write `… -> {word} …` for what begins "
+            "with an event",
+        )
+    needed = needs(found.trigger) if found.trigger is not None else frozenset()
+    for name in found.variables:
+        if name not in needed:
+            first = _first(found.goal)
+            assert first is not None  # noqa: S101 -- else it is no obligation
+            where = "no `->` binds it" if found.trigger is None else "what stands before `->` can hold without it"
+            _refuse(
+                first,
+                f"for which values of '{name}' is `{_word(first)}` asked for? {where}; write an atom that has it, as "
+                f"in `forall[{name}]. {{goal: *{name}}} -> {_word(first)} …`",
+            )
+
+
+def needs(formula: Formula) -> frozenset[str]:  # noqa: PLR0911 -- a case a node
+    """The free variables for whose values that no event has had a formula can't hold."""
+    match formula:
+        case tree.Atom():
+            return frozenset(name for _, name in formula.refs)
+        case tree.And(left, right):
+            return needs(left) | needs(right)
+        case tree.Or(left, right):
+            return needs(left) & needs(right)
+        case tree.Implies(left, right):
+            return _excludes(left) & needs(right)
+        case tree.Not(operand):
+            return _excludes(operand)
+        case tree.Pre(operand) | tree.Once(operand):
+            return needs(operand)
+        case tree.Historically(operand, bound):
+            return needs(operand) if not bound.lower else frozenset()
+        case tree.Since(_, right):
+            return needs(right)
+        case tree.Exists(variable, body) | tree.Forall(variable, body):
+            return needs(body) - {variable}
+        case _:
+            return frozenset()
+
+
+def _excludes(formula: Formula) -> frozenset[str]:  # noqa: PLR0911 -- a case a node
+    """The free variables for whose values that no event has had a formula always holds."""
+    match formula:
+        case tree.Not(operand):
+            return needs(operand)
+        case tree.And(left, right):
+            return _excludes(left) & _excludes(right)
+        case tree.Or(left, right):
+            return _excludes(left) | _excludes(right)
+        case tree.Implies(left, right):
+            return needs(left) | _excludes(right)
+        case tree.Historically(operand):
+            return _excludes(operand)
+        case tree.Once(operand, bound) | tree.Since(_, operand, bound):
+            return _excludes(operand) if not bound.lower else frozenset()
+        case tree.Exists(variable, body) | tree.Forall(variable, body):
+            return _excludes(body) - {variable}
+        case _:
+            return frozenset()
+
+
+def _check_goal(node: Formula) -> None:
+    """Refuse what is awaited where it is not put together of `and`, `or` and what waits."""
+    if not looks_ahead(node):
+        return
+    match node:
+        case tree.Not(operand):
+            below = _first(operand)
+            assert below is not None  # noqa: S101 -- it looks ahead
+            _refuse(below, f"`not` can't stand before what waits for what comes: {_NEGATED[type(below)]}")
+        case tree.Pre() | tree.Once() | tree.Historically() | tree.Since():
+            below = _first(node)
+            assert below is not None  # noqa: S101 -- it looks ahead
+            past, word = _PAST[type(node)], _word(below)
+            _refuse(
+                below,
+                f"`{word}` stands within `{past}`, which is judged when it is asked, and not later; write it the "
+                f"other way round, `{past}` within `{word}`, as in `{{a}} -> eventually[:5] once[:2] {{b}}`",
+            )
+        case tree.Exists(variable) | tree.Forall(variable):
+            word = "exists" if isinstance(node, tree.Exists) else "forall"
+            raise FormulaError(
+                f"`{word}[{variable}].` stands around what waits for what comes; `forall[{variable}].` stands in front "
+                f"of all of it, as in `forall[{variable}]. {{goal: *{variable}}} -> eventually[:60] "
+                f"{{done: *{variable}}}`",
+                *node.at,
+            )
+        case tree.Implies(left, _) if (early := _first(left)) is not None:
+            _refuse(early, f"`{_word(early)}` stands before `->`; what is asked for there must be known at once")
+        case _:
+            for child in children(node):
+                _check_goal(child)
+
+
+def _first(formula: Formula) -> Ahead | None:
+    """The first part that waits for what comes."""
+    return next((node for node in walk(formula) if isinstance(node, Ahead)), None)
+
+
+def _word(node: Ahead) -> str:
+    return WORDS[type(node)]
+
+
+def _refuse(node: Ahead, message: str) -> None:
+    raise FormulaError(message, *node.at)

@@ -1,0 +1,63 @@
+"""What an engine tells of the obligations of its formula: those that are open, and those that were not answered."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import NamedTuple, Protocol, runtime_checkable
+
+from oracle_server.core.engine import Engine
+from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.lost import Lost
+from oracle_server.core.records import AboutRecord, EventRecord
+
+MOST_TOLD = 100
+"""Obligations that a record tells of; of others it has the count."""
+
+
+class Unanswered(NamedTuple):
+    """An obligation that was decided false: the event that triggered it, and the values of its variables."""
+
+    event: EventRecord
+    values: Mapping[str, Scalar]
+
+
+class Owed(Protocol):
+    """The obligations of one formula in one session."""
+
+    event: Callable[[], EventRecord]
+    """Tells the event of the present step; it is kept as long as what it triggered is open."""
+    pending: int
+    """How many are open."""
+    lost: int
+    """How many can't be decided any more, as of the last step or the time that came last."""
+    closed: int
+    """How many were decided with the last step, or by the time that came last."""
+
+    def unanswered(self) -> Sequence[Unanswered]:
+        """Those that were decided false, the oldest first."""
+        ...
+
+
+@runtime_checkable
+class Owing(Engine, Protocol):
+    """An engine whose formula may wait for what comes."""
+
+    owed: Owed | None
+    """None where its formula only looks back."""
+
+    def lose(self, lost: Collection[Lost]) -> None:
+        """For the next step alone: these atoms can't be judged."""
+        ...
+
+    def pass_time(self, time: int) -> None:
+        """Time (ns) has come without a step: what it decides is decided for good."""
+        ...
+
+    def end(self) -> None:
+        """Nothing will come any more: all that is open is decided."""
+        ...
+
+
+def about(unanswered: Sequence[Unanswered]) -> list[AboutRecord]:
+    """What a record tells of obligations that were not answered."""
+    return [{**each.event, "values": dict(each.values)} for each in unanswered[:MOST_TOLD]]

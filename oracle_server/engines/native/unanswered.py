@@ -1,0 +1,90 @@
+"""Why obligations were not answered: the event that triggered each, its values, and the steps that were looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from oracle_server.core.explanation import Reason, Why
+from oracle_server.core.formula import tree
+from oracle_server.core.formula.ahead import looks_ahead, obligation
+from oracle_server.core.formula.parse import Time
+from oracle_server.core.formula.render import render
+from oracle_server.core.formula.tree import Formula
+from oracle_server.core.naming import event_name, moment, step_name
+from oracle_server.engines.native.keys import texts_of
+from oracle_server.engines.native.obligations import Decided, Obligations
+from oracle_server.engines.native.parts import Part
+from oracle_server.engines.native.wording import given
+
+_MOST_TOLD = 3
+Reasons = Callable[[Part], list[Reason]]
+"""Why a part that only looks back does not hold at the present step."""
+
+
+def explain_obligations(formula: Formula, owed: Obligations, time: Time, reasons: Reasons | None) -> Why:
+    """Why obligations were decided false with the last step, or that none was.
+
+    Without `reasons` time alone has decided.
+    """
+    failed = owed.failed
+    if not failed:
+        text = f"none of its obligations failed here; {owed.pending} of them are open"
+        return Why(True, {}, 0, (Reason(render(formula, time), True, text),))
+    told = _Telling(formula, owed, time, reasons)
+    return Why(False, owed.values(failed[0].key), len(failed) - 1, tuple(map(told.reason, failed[:_MOST_TOLD])))
+
+
+class _Telling:
+    def __init__(self, formula: Formula, owed: Obligations, time: Time, reasons: Reasons | None) -> None:
+        found = obligation(formula)
+        assert found is not None  # noqa: S101 -- it has obligations
+        self._found, self._owed, self._time, self._reasons = found, owed, time, reasons
+
+    def reason(self, failed: Decided) -> Reason:
+        """Why one obligation was not answered."""
+        goal = given(self._found.goal, dict(self._owed.values(failed.key)))
+        event = failed.event
+        at = step_name(event.get("step"), event["stamp"])
+        name = event_name(event["stream"], event["kind"], event["seq"], event["monitor"])
+        text = f"asked for at {at}, {name}; {self._outcome(failed)}"
+        return Reason(render(goal, self._time), False, text, parts=self._parts(failed), told=True)
+
+    def _outcome(self, failed: Decided) -> str:
+        goal = self._found.goal
+        if self._owed.ended:
+            return "it had not come when the session ended"
+        match goal:
+            case tree.Eventually(_, bound):
+                return f"at none of {self._looked_at(failed, bound)}"
+            case tree.Always(operand) if not looks_ahead(operand) and self._reasons:
+                return "it fails at this step"
+            case tree.Next(operand) if not looks_ahead(operand):
+                return "it fails at this step, the one after"
+            case _:
+                return "it can't hold any more"
+
+    def _looked_at(self, failed: Decided, bound: tree.Bound) -> str:
+        """The steps within a bound that has passed."""
+        time, number = failed.start
+        if bound.upper is None:
+            return "the steps since"
+        if self._time == "steps":
+            first, last = number + bound.lower, number + bound.upper
+            return f"steps {first}–{last}" if last > first else f"step {first}"  # noqa: RUF001 -- a range
+        until = moment(time + bound.upper, failed.event["stamp"])
+        if bound.lower:
+            return f"the steps from {moment(time + bound.lower, failed.event['stamp'])} until {until}"
+        count = self._owed.number - number + (self._reasons is None)  # a step that is later is not among them
+        return f"{count} step{'s' if count != 1 else ''} until {until}"
+
+    def _parts(self, failed: Decided) -> tuple[Reason, ...]:
+        """Why the operand does not hold at the present step, where that decides."""
+        if self._reasons is None:
+            return ()
+        scope = {name: number for number, name in enumerate(self._found.variables, 1)}
+        values = dict(enumerate(texts_of(failed.key), 1)) if scope else {}
+        part = Part(self._found.goal, self._found.goal_path, scope, values)
+        match self._found.goal:
+            case tree.Always(operand) | tree.Next(operand) if not looks_ahead(operand):
+                return tuple(self._reasons(part.child(operand)))
+        return ()

@@ -1,0 +1,206 @@
+"""What the nodes of an obligation have in common: values, the present moment, and changes that can be taken back.
+
+A node is an operator, for all keys: what it waits for at a key is a *row*. The node above asks it about the present
+step; it answers at once, or `OPEN`, and then tells its answer later. All changes are noted in the timeline's journal.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections import deque
+from collections.abc import Iterable, MutableMapping, MutableSequence
+from functools import partial
+from typing import Any, Protocol, TypeVar
+
+from oracle_server.core.errors import EngineError
+from oracle_server.engines.native.keys import Key
+from oracle_server.engines.native.timeline import Timeline
+
+FALSE, TRUE, LOST, OPEN = range(4)
+"""What is known about a step. `LOST`: it can't be judged any more, since something failed."""
+NEGATED = (TRUE, FALSE, LOST, OPEN)
+MAX_OPEN = 100_000
+"""Steps about which all nodes of a property together may wait: each takes some hundred bytes."""
+
+Moment = tuple[int, int]
+"""A step: its time, as the timeline has it, and its number."""
+_K = TypeVar("_K")
+_V = TypeVar("_V")
+
+
+def all_of(values: Iterable[int]) -> int:
+    """What a conjunction comes to: false where one is, else open where one is, else lost where one is."""
+    found = TRUE
+    for value in values:
+        if value == FALSE:
+            return FALSE
+        if value == OPEN or (value == LOST and found == TRUE):
+            found = value
+    return found
+
+
+def any_of(values: Iterable[int]) -> int:
+    """What a disjunction comes to."""
+    return NEGATED[all_of([NEGATED[value] for value in values])]
+
+
+class Present:
+    """The present step, or the time that has come without one, and what takes back changes.
+
+    `now` is its time, and `moment` the last step's; `ended`: nothing will come any more.
+    """
+
+    __slots__ = ("ended", "moment", "now", "opened", "slack", "timeline")
+
+    def __init__(self, timeline: Timeline) -> None:
+        self.timeline = timeline
+        self.now, self.moment = 0, (0, 0)
+        self.ended = False
+        self.opened = 0
+        """How many steps all nodes wait about."""
+        self.slack = 0 if timeline.timed else -1
+        """In time what is exactly so far ahead is awaited; the last of some steps decides when it is judged."""
+
+    def is_over(self, start: Moment, upper: int | None) -> bool:
+        """Whether nothing that comes can be within a bound of a step."""
+        return self.ended or (upper is not None and self.now > start[0] + upper + self.slack)
+
+    def note(self, undo: Any) -> None:
+        """Note what takes a change back."""
+        if self.timeline.journal is not None:
+            self.timeline.journal.append(undo)
+
+    def insert(self, items: list[Moment], place: int, item: Moment) -> None:
+        """Insert into a list."""
+        items.insert(place, item)
+        if self.timeline.journal is not None:
+            self.timeline.journal.append(partial(items.__delitem__, place))
+
+    def cut(self, items: list[Moment], low: int, high: int) -> list[Moment]:
+        """Take a part out of a list."""
+        taken = items[low:high]
+        del items[low:high]
+        if self.timeline.journal is not None:
+            self.timeline.journal.append(partial(items.__setitem__, slice(low, low), taken))
+        return taken
+
+    def put(self, items: MutableMapping[_K, _V], key: _K, value: _V) -> None:
+        """Set a value in a dictionary."""
+        if self.timeline.journal is not None:
+            had = key in items
+            self.timeline.journal.append(
+                partial(items.__setitem__, key, items[key]) if had else partial(items.pop, key)
+            )
+        items[key] = value
+
+    def pop(self, items: MutableMapping[_K, _V], key: _K) -> _V:
+        """Take a value out of a dictionary."""
+        value = items.pop(key)
+        if self.timeline.journal is not None:
+            self.timeline.journal.append(partial(items.__setitem__, key, value))
+        return value
+
+    def append(self, items: MutableSequence[_V], item: _V) -> None:
+        """Append to a list or queue."""
+        items.append(item)
+        if self.timeline.journal is not None:
+            self.timeline.journal.append(items.pop)
+
+    def count(self, steps: int) -> None:
+        """Count steps that are waited about, or not any more. Raises `EngineError` where there are too many."""
+        self.opened += steps
+        if self.opened > MAX_OPEN:
+            raise EngineError(f"more than {MAX_OPEN:,} of its obligations are open at once; give them an upper bound, "
+                              "or a smaller one")  # fmt: skip
+
+
+class Above(Protocol):
+    """Who asks a node."""
+
+    def resolved(self, key: Key, slot: int, about: Moment, value: int) -> None:
+        """Take an answer that was open; `slot` is the node's place among the operands."""
+        ...
+
+
+class Awaited(Protocol):
+    """A part of what is awaited."""
+
+    above: Above
+    slot: int
+
+    def step(self, key: Key, ask: bool) -> int:
+        """Take the present step; the answer about it where it is asked for."""
+        ...
+
+    def cancel(self, key: Key, about: Moment) -> None:
+        """Forget an open question."""
+        ...
+
+    def passed(self, key: Key) -> None:
+        """Settle what time has decided."""
+        ...
+
+    def quiet(self, key: Key) -> int | None:
+        """The answer about a step at which no operand changes; None where it is open, or something changes with it."""
+        ...
+
+    def is_still(self, key: Key) -> bool:
+        """Whether a step at which no operand changes changes nothing."""
+        ...
+
+    def snapshot(self) -> Any:
+        """All rows as plain data."""
+        ...
+
+    def restore(self, data: Any) -> None:
+        """Take over a snapshot."""
+        ...
+
+
+class Deadlines:
+    """When the starts of a node are over, the earliest first; those that were met meanwhile are skipped."""
+
+    __slots__ = ("_present", "_starts", "_upper", "queue")
+
+    def __init__(self, present: Present, upper: int | None) -> None:
+        self._present, self._upper = present, upper
+        self.queue: deque[tuple[Key, Moment]] = deque()
+
+    def add(self, key: Key, start: Moment) -> None:
+        """A start that is over some time."""
+        if self._upper is not None:
+            self._present.append(self.queue, (key, start))
+
+    @property
+    def first(self) -> int | None:
+        """The last time at which the earliest one is not over."""
+        if not self.queue or self._upper is None:
+            return None
+        return self.queue[0][1][0] + self._upper + self._present.slack
+
+    def take(self) -> list[Key]:
+        """The keys at which some are over."""
+        found: dict[Key, None] = {}
+        while self.queue and self._present.is_over(self.queue[0][1], self._upper):
+            found[self._pop()[0]] = None
+        return list(found)
+
+    def drop(self, rows: MutableMapping[Key, Any]) -> None:
+        """Skip those of which no row waits any more."""
+        while self.queue:
+            key, start = self.queue[0]
+            row = rows.get(key)
+            if row is not None and place_of(row.starts, start) is not None:
+                return
+            self._pop()
+
+    def _pop(self) -> tuple[Key, Moment]:
+        entry = self.queue.popleft()
+        self._present.note(partial(self.queue.appendleft, entry))
+        return entry
+
+
+def place_of(items: list[Moment], item: Moment) -> int | None:
+    """Where an item stands in an ascending list, None where it does not."""
+    place = bisect_left(items, item)
+    return place if place < len(items) and items[place] == item else None

@@ -1,0 +1,234 @@
+"""Obligations in a session: violations, what they are about, ticks, failures, undo, latches, restarts and the end."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from oracle_server.core.session import Session
+from oracle_server.core.spec import Property, StreamSpec
+from oracle_server.core.verdicts import Judged, Outcome, record
+from oracle_server.engines.native import NativeEngine
+from tests.core.sessions import STREAMS, A, B, Feed, open_session, prop
+
+ANSWER = "forall[g]. {goal: *g} -> eventually[:10ns] {done: *g}"
+
+
+def native(property_: Property) -> NativeEngine:
+    return NativeEngine(property_.formula, property_.time)
+
+
+def opened(*properties: Property, streams: list[StreamSpec] | None = None, **ordering: Any) -> Session:
+    given = STREAMS if streams is None else streams
+    return open_session(
+        list(properties), attach={"m": [A, B]}, streams=given, maker=native, by="arrival", **ordering
+    )  # fmt: skip
+
+
+def timed(**more: Any) -> Property:
+    return prop("p", ANSWER, time="seconds", **more)
+
+
+def records(judged: list[Judged]) -> list[dict[str, Any]]:
+    return [dict(record(j, v)) for j in judged for v in j.verdicts]
+
+
+def about(found: dict[str, Any]) -> list[tuple[int, dict[str, Any]]]:
+    return [(each["step"], each["values"]) for each in found["about"]]
+
+
+def test_each_trigger_that_was_not_answered_is_a_violation_and_none_is_masked() -> None:
+    session = opened(timed())
+    feed = Feed(session)
+    judged = feed(A, 1, {"goal": "g1"}) + feed(A, 2, {"goal": "g2"}) + feed(A, 3, {"goal": "g1"})
+    assert [r["pending"] for r in records(judged)] == [1, 2, 3]
+    assert {r["outcome"] for r in records(judged)} == {"currently_true"}
+    judged = session.advance(100)
+    found = records(judged)
+    assert [(r["kind"], r["stamp"], r["outcome"], about(r), r["pending"]) for r in found] == [
+        ("tick", 12, "currently_false", [(1, {"g": "g1"})], 2),
+        ("tick", 13, "currently_false", [(2, {"g": "g2"})], 1),
+        ("tick", 14, "currently_false", [(3, {"g": "g1"})], 0),
+    ]
+    (state,) = session.judges["arrival"].properties
+    assert (state.violations, state.first_violation, state.first_violation_at) == (3, 4, 12)
+    assert found[0]["about"][0] == {
+        "step": 1, "stream": "/a", "kind": "topic", "monitor": "m", "seq": 1, "stamp": 1,
+        "signals": {"goal": "g1", "topic": "/a", "kind": "topic", "monitor": "m"}, "values": {"g": "g1"},
+    }  # fmt: skip
+    assert "about" not in found[0]["explanation"]
+    assert session.next_deadline is None
+
+
+def test_an_answer_meets_all_that_wait_for_it_and_the_record_tells_them_apart() -> None:
+    session = opened(prop("p", "forall[g]. {goal: *g} -> {held} until[:5] {done: *g}"))
+    feed = Feed(session)
+    judged = feed(A, 1, {"goal": 1, "held": True}) + feed(A, 2, {"goal": 1, "held": True})
+    judged += feed(A, 3, {"goal": 2, "held": True}) + feed(B, 4, {"done": 1}) + feed(B, 5, {})
+    found = records(judged)
+    assert [r["outcome"] for r in found][:3] == ["currently_true"] * 3
+    assert [about(r) for r in found[3:]] == [[(3, {"g": 2})], []]
+    assert found[3]["violation"]
+    assert found[4]["outcome"] == "currently_true"
+
+
+def test_a_record_has_at_most_a_hundred_of_them_and_their_count() -> None:
+    session = opened(prop("p", "{a} -> always[:1000] not {b}"))
+    feed = Feed(session)
+    for n in range(1, 151):
+        feed(A, n, {"a": True})
+    (found,) = records(feed(B, 200, {"b": True}))
+    assert [len(found["about"]), found["about_count"], found["pending"]] == [100, 150, 0]
+    assert [each["step"] for each in found["about"]] == list(range(1, 101))
+    assert session.judges["arrival"].properties[0].violations == 150
+
+
+def test_what_can_not_be_judged_is_lost_and_no_violation() -> None:
+    streams = [StreamSpec("/a"), StreamSpec("/b", signals={"done": "msg.done", "v": "1 / msg.v"})]
+    session = opened(prop("p", "{goal} -> eventually[:2] {done, v: 1}"), streams=streams)
+    feed = Feed(session)
+    judged = feed(A, 1, {"goal": True}) + feed(B, 2, {"done": True, "v": 0}) + feed(A, 3) + feed(A, 4)
+    found = records(judged)
+    assert [r["outcome"] for r in found] == ["currently_true", "unknown", "currently_true", "currently_true"]
+    assert [r["degraded"] for r in found] == [False, False, True, True]
+    assert [r["pending"] for r in found] == [1, 1, 0, 0]
+    (state,) = session.judges["arrival"].properties
+    assert (state.violations, state.failures) == (0, 2)
+
+
+def test_a_step_that_decides_one_false_is_negative_though_it_failed() -> None:
+    streams = [StreamSpec("/a"), StreamSpec("/b", signals={"stop": "msg.stop", "v": "1 / msg.v"})]
+    session = opened(prop("p", "{goal} -> always[:5] (not {stop} or {v: 1})"), streams=streams)
+    feed = Feed(session)
+    (found,) = records(feed(A, 1, {"goal": True}) + feed(B, 2, {"stop": True, "v": 0}))[1:]
+    assert found["outcome"] == "unknown", "the operand reads what failed"
+    session = opened(prop("p", "{goal} -> next {a} and always[:5] not {v: 7}"), streams=streams)
+    feed = Feed(session)
+    (found,) = records(feed(A, 1, {"goal": True}) + feed(B, 2, {"stop": True, "v": 0}))[1:]
+    assert found["outcome"] == "currently_false"
+    assert session.judges["arrival"].properties[0].failures == 1
+
+
+def test_a_trigger_that_can_not_be_judged_asks_for_nothing() -> None:
+    streams = [StreamSpec("/a", signals={"v": "1 / msg.v"}), StreamSpec("/b")]
+    session = opened(prop("p", "{topic: /a} and not {v > 5} -> next {ok}"), streams=streams)
+    feed = Feed(session)
+    found = records(feed(A, 1, {"v": 0}) + feed(B, 2, {}))
+    assert [(r["outcome"], r["pending"]) for r in found] == [("unknown", 0), ("currently_true", 0)]
+
+
+def test_a_latch_ends_it() -> None:
+    session = opened(timed(latch=True))
+    feed = Feed(session)
+    feed(A, 1, {"goal": 1})
+    feed(A, 2, {"goal": 2})
+    judged = session.advance(50) + feed(A, 60, {"goal": 3})
+    found = records(judged)
+    assert [(r["outcome"], r["violation"], r["pending"]) for r in found] == [("false", True, 0), ("false", False, 0)]
+    assert session.judges["arrival"].properties[0].violations == 1
+    assert session.next_deadline is None
+
+
+@pytest.mark.parametrize("answered", [True, False])
+def test_what_a_denied_event_opened_or_met_comes_back(answered: bool) -> None:
+    streams = [StreamSpec("/a", action="filter", on_deny="undo"), StreamSpec("/b")]
+    guard = prop("guard", "{topic: /a} -> {ok}", guards=frozenset({"/a"}))
+    session = opened(prop("p", "forall[g]. {goal: *g} -> eventually[:3] {done: *g}"), guard, streams=streams)
+    feed = Feed(session)
+    feed(A, 1, {"goal": 1, "ok": True}, ask=True)
+    denied = records(feed(A, 2, {"goal": 2, "done": 1, "ok": False}, ask=True))
+    assert [(r["property"], r["outcome"], r["step"]) for r in denied] == [
+        ("p", "currently_true", None), ("guard", "currently_false", None)
+    ]  # fmt: skip
+    assert session.judges["arrival"].properties[0].pending == 1
+    judged = feed(B, 3, {"done": 1} if answered else {}) + feed(B, 4, {}) + feed(B, 5, {}) + feed(B, 6, {})
+    failed = [about(r) for r in records(judged) if r["violation"]]
+    assert failed == ([] if answered else [[(1, {"g": 1})]])
+
+
+def test_what_only_an_attempt_has_reached_is_counted_once_it_is_reached() -> None:
+    streams = [StreamSpec("/a", action="filter", on_deny="undo"), StreamSpec("/b")]
+    guard = prop("guard", "{topic: /a} -> {ok}", guards=frozenset({"/a"}))
+    session = opened(prop("p", "{goal} -> eventually[:1] {done}"), guard, streams=streams)
+    feed = Feed(session)
+    feed(B, 1, {"goal": True})
+    (attempt, _) = records(feed(A, 2, {"ok": False}, ask=True))
+    assert (attempt["outcome"], attempt["violation"], attempt["step"]) == ("currently_true", False, None)
+    assert session.judges["arrival"].properties[0].violations == 0
+    (reached, _) = records(feed(B, 3, {}))
+    assert (reached["outcome"], about(reached)) == ("currently_false", [(1, {})])
+    assert session.judges["arrival"].properties[0].violations == 1
+
+
+def test_a_guard_denies_what_breaks_it() -> None:
+    streams = [StreamSpec("/a", action="filter", on_deny="undo"), StreamSpec("/b")]
+    lasts = prop("p", "{stop} -> always[:10] ({topic: /a} -> {v: 0})", guards=frozenset({"/a"}))
+    session = opened(lasts, streams=streams)
+    feed = Feed(session)
+    judged = feed(A, 1, {"v": 3}, ask=True) + feed(B, 2, {"stop": True}) + feed(A, 3, {"v": 3}, ask=True)
+    judged += feed(A, 4, {"v": 3}, ask=True) + feed(A, 5, {"v": 0}, ask=True)
+    assert [j.decision.choice for j in judged if j.decision] == ["allow", "deny", "deny", "allow"]
+    found = records(judged)
+    assert [r["violation"] for r in found] == [False, False, True, True, False]
+    assert [about(r) for r in found[2:4]] == [[(2, {})]] * 2
+    assert found[-1]["pending"] == 1
+
+
+@pytest.mark.parametrize("at_end", ["ignore", "violated"])
+def test_what_is_open_at_the_end(at_end: Any) -> None:
+    session = opened(
+        prop("p", "{goal} -> eventually {done}", at_end=at_end), prop("q", "{goal} -> always {ok: *}", at_end=at_end)
+    )
+    feed = Feed(session)
+    feed(A, 1, {"goal": True, "ok": 1})
+    found = records(session.finish(9) + session.end(9))
+    if at_end == "ignore":
+        assert found == []
+        assert [s.pending for s in session.judges["arrival"].properties] == [1, 1]
+    else:
+        assert [(r["kind"], r["outcome"], about(r)) for r in found] == [
+            ("tick", "currently_false", [(1, {})]), ("tick", "currently_true", [])
+        ]  # fmt: skip
+        assert "when the session ended" in found[0]["explanation"]["text"]
+        assert [s.pending for s in session.judges["arrival"].properties] == [0, 0]
+
+
+def test_a_session_goes_on_from_its_snapshot_and_from_its_records() -> None:
+    session, again = opened(timed()), opened(timed())
+    feed = Feed(session)
+    judged = feed(A, 1, {"goal": 1}) + feed(A, 3, {"goal": 2}) + feed(B, 4, {"done": 2})
+    judged += session.advance(15)
+    for item in judged:
+        got = again.rejudge("arrival", item.step, item.judged)
+        assert got is not None
+        assert got.verdicts == item.verdicts
+    other = opened(timed())
+    other.restore(json.loads(json.dumps(session.snapshot())), len(judged) + 1)
+    for one in (session, again, other):
+        assert [s.violations for s in one.judges["arrival"].properties] == [1]
+        feed = Feed(one)
+        feed.seqs["m"] = iter(range(10, 99))  # type: ignore[assignment]
+        found = records(feed(A, 20, {"goal": 3}) + one.advance(40))
+        assert [(r["n"], r["outcome"], about(r)) for r in found] == [
+            (5, "currently_true", []), (6, "currently_false", [(4, {"g": 3})])
+        ]  # fmt: skip
+
+
+def test_too_many_open_ones_end_it() -> None:
+    property_ = prop("p", "{a} -> eventually {b}")
+    session = opened(property_)
+    feed = Feed(session)
+    (state,) = session.judges["arrival"].properties
+    engine = NativeEngine(property_.formula)
+    for n in range(100_000):
+        engine.step(n, [(), None])
+    state.engine = engine
+    state.hear(session.judges["arrival"]._recent.last)
+    assert state.pending == 100_000
+    (found,) = records(feed(A, 1, {"a": True}))
+    assert found["outcome"] == Outcome.UNKNOWN
+    assert state.broken is not None
+    assert "more than 100,000 of its obligations are open at once" in state.broken
+    assert state.pending is None

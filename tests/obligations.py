@@ -1,0 +1,133 @@
+"""The table of obligations read literally over a prefix: slow, plain, and what the engine is compared with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import accumulate
+from typing import Literal, NamedTuple
+
+from oracle_server.core.formula import tree
+from oracle_server.core.formula.ahead import looks_ahead, obligation
+from oracle_server.core.formula.parse import Time
+from oracle_server.core.formula.tree import Atom, Bound, Formula, Scalar
+from tests.brute import Values, meets, truths_for
+
+Value = Literal["true", "false", "lost", "open"]
+_TURNED: dict[Value, Value] = {"true": "false", "false": "true", "lost": "lost", "open": "open"}
+
+
+class Item(NamedTuple):
+    """A step with its signals and the names of those that failed, or a tick, where `signals` is None."""
+
+    time: int
+    signals: Mapping[str, Scalar] | None
+    failed: frozenset[str] = frozenset()
+
+
+def decisions(
+    formula: Formula, items: Sequence[Item], time: Time, keys: Sequence[Values], *, ended: bool = False
+) -> dict[tuple[int, int], Value]:
+    """What is known of each obligation after some items: by the number of its step and of its values among `keys`."""
+    found = obligation(formula)
+    assert found is not None
+    steps = [(n, item) for n, item in enumerate(items) if item.signals is not None]
+    reached = list(accumulate((item.time for item in items), max))
+    known: dict[tuple[int, int], Value] = {}
+    for k, values in enumerate(keys):
+        table = _Table([i for _, i in steps], [n for n, _ in steps], reached, time, values, ended)
+        asked = table.past(found.trigger) if found.trigger else ["true"] * len(steps)
+        answers = table.about(found.goal)
+        known |= {(i, k): answers(i) for i in range(len(steps)) if asked[i] == "true"}
+    return known
+
+
+def _all(values: Sequence[Value]) -> Value:
+    return next((v for v in ("false", "open", "lost") if v in values), "true")
+
+
+def _any(values: Sequence[Value]) -> Value:
+    return _TURNED[_all([_TURNED[v] for v in values])]
+
+
+class _Table(NamedTuple):
+    steps: list[Item]
+    places: list[int]
+    reached: list[int]
+    """When each item is, ticks too: a step that comes when time has gone on further is one at that time."""
+    time: Time
+    values: Values
+    ended: bool
+
+    def past(self, formula: Formula) -> list[Value]:
+        """Of a part that only looks back: lost where an atom of it can't be judged."""
+        held = truths_for(formula, [(s.time, s.signals or {}) for s in self.steps], self.time, self.values)
+        lost = [any(self._fails(atom, s, bound) for atom, bound in _atoms(formula)) for s in self.steps]
+        return ["lost" if gone else "true" if h else "false" for h, gone in zip(held, lost, strict=True)]
+
+    def about(self, node: Formula) -> Callable[[int], Value]:
+        """What is known of a part about each step."""
+        if not looks_ahead(node):
+            return self.past(node).__getitem__
+        parts = [self.about(child) for child in tree.children(node)]
+        memo: dict[int, Value] = {}
+
+        def found(i: int) -> Value:
+            if i not in memo:
+                memo[i] = self._value(node, parts, i)
+            return memo[i]
+
+        return found
+
+    def _value(self, node: Formula, parts: Sequence[Callable[[int], Value]], i: int) -> Value:
+        match node:
+            case tree.And():
+                return _all([part(i) for part in parts])
+            case tree.Or():
+                return _any([part(i) for part in parts])
+            case tree.Implies():
+                return _any([_TURNED[parts[0](i)], parts[1](i)])
+            case tree.Next():
+                return parts[0](i + 1) if i + 1 < len(self.steps) else "false" if self.ended else "open"
+            case tree.Eventually(_, b):
+                return _any([*(parts[0](j) for j in self._within(i, b)), self._rest(i, b)])
+            case tree.Always(_, b):
+                return _all([*(parts[0](j) for j in self._within(i, b)), _TURNED[self._rest(i, b)]])
+            case tree.Until(_, _, b):
+                return self._until(i, b, parts[0], parts[1])
+        raise AssertionError(node)
+
+    def _until(self, i: int, b: Bound, left: Callable[[int], Value], right: Callable[[int], Value]) -> Value:
+        ways = [_all([right(j), *(left(k) for k in range(i, j))]) for j in self._within(i, b)]
+        return _any([*ways, _all([self._rest(i, b), *(left(k) for k in range(i, len(self.steps)))])])
+
+    def _within(self, i: int, b: Bound) -> list[int]:
+        at = [n if self.time == "steps" else self.reached[place] for n, place in enumerate(self.places)]
+        return [
+            j for j in range(i, len(at)) if b.lower <= at[j] - at[i] and (b.upper is None or at[j] - at[i] <= b.upper)
+        ]
+
+    def _rest(self, i: int, b: Bound) -> Value:
+        """False where nothing that comes can be within a bound: what has come later than it, with a step or without."""
+        if self.ended:
+            return "false"
+        if b.upper is None:
+            return "open"
+        if self.time == "steps":
+            return "false" if len(self.steps) - 1 >= i + b.upper else "open"
+        return "false" if self.reached[-1] > self.reached[self.places[i]] + b.upper else "open"
+
+    def _fails(self, atom: Atom, step: Item, bound: frozenset[str]) -> bool:
+        """Whether an atom can't be judged: it reads what failed, and all else of it is met."""
+        rest = [c for c in atom.constraints if c.key not in step.failed]
+        free = [c for c in rest if not (isinstance(c.value, tree.Ref) and c.value.name in bound)]
+        there = all(c.key in (step.signals or {}) for c in rest)
+        met = there and all(meets(c, step.signals or {}, self.values) for c in free)
+        return met and len(rest) < len(atom.constraints)
+
+
+def _atoms(formula: Formula, bound: frozenset[str] = frozenset()) -> list[tuple[Atom, frozenset[str]]]:
+    """The atoms of a part, each with the variables that it binds itself."""
+    if isinstance(formula, Atom):
+        return [(formula, bound)]
+    inner = bound | {formula.variable} if isinstance(formula, tree.Exists | tree.Forall) else bound
+    return [each for child in tree.children(formula) for each in _atoms(child, inner)]
