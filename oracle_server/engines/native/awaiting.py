@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.ahead import Obligation, Path, looks_ahead
@@ -12,6 +13,7 @@ from oracle_server.engines.native.body import Body, Expression, negated
 from oracle_server.engines.native.eventually import Eventually
 from oracle_server.engines.native.guarded import SomeGuarded
 from oracle_server.engines.native.joined import Joined, Leaf, Next
+from oracle_server.engines.native.keys import Key
 from oracle_server.engines.native.obligations import Obligations
 from oracle_server.engines.native.some import Some
 from oracle_server.engines.native.timeline import Timeline
@@ -80,15 +82,24 @@ class Goals:
 def obligations(found: Obligation, goals: Goals, some: Callable[[Expression], Some | SomeGuarded]) -> Obligations:
     """The node of an obligation; `some` makes an operator of what is true for some values of the variables."""
     goal = goals.node(found.goal, found.goal_path)
-    leaves = list(goals.leaves)
-    if found.trigger is None:
-        return Obligations(found.variables, goals.present, None, None, goal, leaves, goals.waiting)
-    expression = goals.express(found.trigger, goals.scope, found.trigger_path)
-    losing = goals.leaf(found.trigger, expression)
-    if found.variables:
-        return Obligations(found.variables, goals.present, some(expression), losing, goal, leaves, goals.waiting)
-    at = Body(goals.timeline, expression).at[0]
-    return Obligations(found.variables, goals.present, lambda: at(()), losing, goal, leaves, goals.waiting)
+    leaves, losing, trigger = [*goals.leaves], None, _always
+    if found.trigger is not None:
+        expression = goals.express(found.trigger, goals.scope, found.trigger_path)
+        losing = goals.leaf(found.trigger, expression)
+        if found.variables:
+            quantified = some(expression)
+            trigger = partial(quantified.keys, ())
+        else:
+            trigger = partial(_where, Body(goals.timeline, expression).at[0])
+    return Obligations(found.variables, goals.present, trigger, losing, goal, leaves, goals.waiting)
+
+
+def _always() -> Collection[Key]:
+    return ((),)
+
+
+def _where(at: Callable[[Key], bool]) -> Collection[Key]:
+    return ((),) if at(()) else ()
 
 
 def _reads(formula: Formula, scope: Scope) -> Iterator[tuple[Atom, tuple[int, ...]]]:

@@ -11,10 +11,12 @@ from functools import partial
 from typing import Any
 
 from oracle_server.core.formula.tree import Bound
+from oracle_server.engines.native.joined import Leaf
 from oracle_server.engines.native.keys import Key, read_key
 from oracle_server.engines.native.waiting import (
     FALSE,
     LOST,
+    MAX_OPEN,
     NEGATED,
     OPEN,
     TRUE,
@@ -23,20 +25,30 @@ from oracle_server.engines.native.waiting import (
     Deadlines,
     Moment,
     Present,
+    moments,
     place_of,
 )
 
 
 class Row:
-    """What is awaited at one key: `starts`, of which the first `over` wait for open answers alone.
+    """What is awaited at one key: `starts`, and more where an answer of the operand is open or lost."""
+
+    __slots__ = ("more", "starts")
+
+    def __init__(self) -> None:
+        self.starts: list[Moment] = []
+        self.more: More | None = None
+
+
+class More:
+    """Of the starts, the first `over` wait for open answers alone.
 
     `pending` are the steps about which the operand's answer is open, and `lost` those about which it is lost.
     """
 
-    __slots__ = ("lost", "over", "pending", "starts")
+    __slots__ = ("lost", "over", "pending")
 
     def __init__(self) -> None:
-        self.starts: list[Moment] = []
         self.pending: list[Moment] = []
         self.lost: list[Moment] = []
         self.over = 0
@@ -55,19 +67,20 @@ class Eventually:
         self.rows: dict[Key, Row] = {}
         self.deadlines = Deadlines(present, bound.upper)
         operand.above, operand.slot = self, 0
+        self._leaf = operand if isinstance(operand, Leaf) else None
+        self._holds = _never if self._leaf is None else self._leaf.holds
+        """The operand where it answers at once."""
         self._asked: Moment | None = None
         self._answer = OPEN
 
     def step(self, key: Key, ask: bool) -> int:
         """Take the present step; see `Awaited`."""
-        row, present, moment = self.rows.get(key), self._present, self._present.moment
+        row, leaf = self.rows.get(key), self._leaf
+        if leaf is not None and not leaf.lost and (row is None or row.more is None):
+            return self._step_at_once(key, row, ask)
+        moment = self._present.moment
         if ask:
-            if row is None:
-                row = Row()
-                present.put(self.rows, key, row)
-            present.count(1)
-            present.append(row.starts, moment)
-            self.deadlines.add(key, moment)
+            row = self._wait(key, row)
             self._asked, self._answer = moment, OPEN
         elif row is None:
             return OPEN
@@ -77,7 +90,52 @@ class Eventually:
             self._take(key, row, moment, NEGATED[value] if self._dual else value)
         self._close(key, row)
         self._asked = None
-        return self._answer
+        return self._answer if ask else OPEN
+
+    def _step_at_once(self, key: Key, row: Row | None, ask: bool) -> int:
+        """The same where the operand answers at once, and nothing was open or lost; `passed` ends what is over."""
+        met = self._holds(key) is not self._dual
+        if met and row is not None:
+            low, high = self._reach(row, self._present.moment)
+            if high - low == len(row.starts):
+                self._meet(key, row)
+            else:
+                self._decide(key, row, low, high)
+        if not ask:
+            return OPEN
+        if met and not self._lower:
+            return FALSE if self._dual else TRUE
+        self._wait(key, self.rows.get(key))
+        return OPEN
+
+    def _meet(self, key: Key, row: Row) -> None:
+        """Decide all starts of a key."""
+        del self.rows[key]
+        if self._present.timeline.journal is not None:
+            self._present.timeline.journal.append(partial(self.rows.__setitem__, key, row))
+        self._present.opened -= len(row.starts)
+        self.deadlines.stale = True
+        value, resolved, slot = FALSE if self._dual else TRUE, self.above.resolved, self.slot
+        for start in row.starts:
+            resolved(key, slot, start, value)
+
+    def _wait(self, key: Key, row: Row | None) -> Row:
+        """Wait about the present step."""
+        present = self._present
+        journal, moment = present.timeline.journal, present.moment
+        if row is None:
+            row = self.rows[key] = Row()
+            if journal is not None:
+                journal.append(partial(self.rows.pop, key))
+        row.starts.append(moment)
+        if journal is not None:
+            journal.append(row.starts.pop)
+        if self._upper is not None:
+            self.deadlines.add(key, moment)
+        present.opened += 1
+        if present.opened > MAX_OPEN:
+            present.refuse()
+        return row
 
     def _take(self, key: Key, row: Row, moment: Moment, value: int) -> None:
         """Take the operand's answer about the present step; what it told before may have decided some."""
@@ -86,30 +144,32 @@ class Eventually:
         low, high = self._reach(row, moment)
         if value == TRUE:
             self._decide(key, row, low, high)
-        elif value == LOST and low < high:
-            self._present.append(row.lost, moment)
-        elif value == OPEN and low < high:
-            self._present.append(row.pending, moment)
+        elif low < high:
+            more = self._more(row)
+            self._present.append(more.lost if value == LOST else more.pending, moment)
         elif value == OPEN:
             self._operand.cancel(key, moment)
 
     def resolved(self, key: Key, slot: int, about: Moment, value: int) -> None:  # noqa: ARG002 -- there is one
         """Take an answer that was open."""
         row = self.rows.get(key)
-        place = None if row is None else place_of(row.pending, about)
-        if row is None or place is None:
+        if row is None or row.more is None:
             return
-        self._present.cut(row.pending, place, place + 1)
+        more = row.more
+        place = place_of(more.pending, about)
+        if place is None:
+            return
+        self._present.cut(more.pending, place, place + 1)
         value = NEGATED[value] if self._dual else value
         low, high = self._reach(row, about)
         if value == TRUE:
             self._decide(key, row, low, high)
             return
         if value == LOST:
-            self._present.insert(row.lost, bisect_left(row.lost, about), about)
-        for start in row.starts[low : min(high, row.over)]:  # some of those that are over waited for this alone
+            self._present.insert(more.lost, bisect_left(more.lost, about), about)
+        for start in row.starts[low : min(high, more.over)]:  # some of those that are over waited for this alone
             place = place_of(row.starts, start)
-            if place is not None and place < row.over and not self._any(row.pending, start):
+            if place is not None and place < more.over and not self._any(more.pending, start):
                 self._settle(key, row, place)
         self._tidy(key, row)
 
@@ -134,22 +194,22 @@ class Eventually:
 
     def is_still(self, key: Key) -> bool:
         """Whether its operand decides nothing as it is."""
-        if key not in self.rows:
-            return True
-        return self._operand.quiet(key) == self._neutral and self._operand.is_still(key)
+        return key not in self.rows or (self._operand.quiet(key) == self._neutral and self._operand.is_still(key))
 
     def snapshot(self) -> Any:
         """All rows as plain data."""
-        rows = [(key, row.starts, row.pending, row.lost, row.over) for key, row in self.rows.items()]
+        rows = [(key, row.starts, _data(row.more)) for key, row in self.rows.items()]
         return [rows, list(self.deadlines.queue), self._operand.snapshot()]
 
     def restore(self, data: Any) -> None:
         """Take over a snapshot."""
         rows, queue, operand = data
-        for key, starts, pending, lost, over in rows:
+        for key, starts, more in rows:
             row = self.rows[read_key(key)] = Row()
-            row.starts, row.pending, row.lost = ([(t, n) for t, n in found] for found in (starts, pending, lost))
-            row.over = over
+            row.starts = moments(starts)
+            if more is not None:
+                row.more = More()
+                row.more.pending, row.more.lost, row.more.over = moments(more[0]), moments(more[1]), more[2]
         self.deadlines.queue.extend((read_key(key), (t, n)) for key, (t, n) in queue)
         self._operand.restore(operand)
 
@@ -175,18 +235,20 @@ class Eventually:
     def _close(self, key: Key, row: Row) -> None:
         """Settle those that are over, but for those that wait for open answers."""
         present = self._present
-        while row.over < len(row.starts) and present.is_over(row.starts[row.over], self._upper):
-            if row.pending and self._any(row.pending, row.starts[row.over]):
-                self._set_over(row, row.over + 1)
+        while (over := row.more.over if row.more else 0) < len(row.starts):
+            if not present.is_over(row.starts[over], self._upper):
+                break
+            if row.more is not None and self._any(row.more.pending, row.starts[over]):
+                self._set_over(row.more, over + 1)
             else:
-                self._settle(key, row, row.over)
+                self._settle(key, row, over)
         if not row.starts:
             self._tidy(key, row)
 
     def _settle(self, key: Key, row: Row, place: int) -> None:
         """Decide a start that nothing met."""
         start = row.starts[place]
-        value = LOST if row.lost and self._any(row.lost, start) else FALSE
+        value = LOST if row.more is not None and self._any(row.more.lost, start) else FALSE
         self._remove(row, place, place + 1)
         self._tell(key, start, value)
 
@@ -206,23 +268,30 @@ class Eventually:
         if low >= high:
             return []
         self._present.count(low - high)
-        if row.over > low:
-            self._set_over(row, row.over - (min(high, row.over) - low))
+        self.deadlines.stale = True
+        if row.more is not None and row.more.over > low:
+            self._set_over(row.more, row.more.over - (min(high, row.more.over) - low))
         return self._present.cut(row.starts, low, high)
 
-    def _set_over(self, row: Row, over: int) -> None:
-        self._present.note(partial(setattr, row, "over", row.over))
-        row.over = over
+    def _set_over(self, more: More, over: int) -> None:
+        self._present.note(partial(setattr, more, "over", more.over))
+        more.over = over
+
+    def _more(self, row: Row) -> More:
+        if row.more is None:
+            row.more = More()
+            self._present.note(partial(setattr, row, "more", None))
+        return row.more
 
     def _tidy(self, key: Key, row: Row) -> None:
         """Let go of what no start waits for any more."""
-        present = self._present
-        if row.pending or row.lost:
-            present.timeline.spend((len(row.pending) + len(row.lost)) // 16)
-            for about in row.lost.copy():
-                self._drop(row, row.lost, about)
-            for about in row.pending.copy():
-                if self._drop(row, row.pending, about):
+        present, more = self._present, row.more
+        if more is not None:
+            present.timeline.spend((len(more.pending) + len(more.lost)) // 16)
+            for about in more.lost.copy():
+                self._drop(row, more.lost, about)
+            for about in more.pending.copy():
+                if self._drop(row, more.pending, about):
                     self._operand.cancel(key, about)
         if not row.starts and self.rows.get(key) is row:
             present.pop(self.rows, key)
@@ -234,3 +303,11 @@ class Eventually:
             return False
         self._present.cut(steps, place, place + 1)
         return True
+
+
+def _never(_: Key) -> bool:
+    return False
+
+
+def _data(more: More | None) -> Any:
+    return None if more is None else (more.pending, more.lost, more.over)

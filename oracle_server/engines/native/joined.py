@@ -38,7 +38,8 @@ class Leaf:
         self.places = [v - 1 for v in body.variables]
         self.pick: Callable[[Key], Key] | None = picker(self.places, size)
         self.body = body
-        self._at = body.at[0]
+        self.holds = _holds(body.at[0], self.pick)
+        """Whether it holds for a key, as far as it can be judged."""
         self.lost: list[Pattern] = []
         """For which values it can't be judged at the present step."""
 
@@ -61,7 +62,7 @@ class Leaf:
         """Whether it holds at the present step, or can't be judged."""
         if self.lost and any(fits(pattern, key) for pattern in self.lost):
             return LOST
-        return int(self._at(key if self.pick is None else self.pick(key)))
+        return int(self.holds(key))
 
     def step(self, key: Key, ask: bool) -> int:
         """The answer about the present step."""
@@ -75,7 +76,7 @@ class Leaf:
 
     def quiet(self, key: Key) -> int | None:
         """Its value, as long as it does not change."""
-        return int(self._at(key if self.pick is None else self.pick(key)))
+        return int(self.holds(key))
 
     def is_still(self, key: Key) -> bool:  # noqa: ARG002 -- at all of them
         """Nothing is open."""
@@ -87,6 +88,10 @@ class Leaf:
 
     def restore(self, data: Any) -> None:
         """Nothing was open."""
+
+
+def _holds(at: Callable[[Key], bool], pick: Callable[[Key], Key] | None) -> Callable[[Key], bool]:
+    return at if pick is None else lambda key: at(pick(key))
 
 
 def fits(pattern: Pattern, key: Key) -> bool:

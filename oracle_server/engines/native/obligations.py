@@ -9,22 +9,23 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
+
+import msgspec
 
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.owing import Unanswered
 from oracle_server.core.records import EventRecord
+from oracle_server.engines.native.body import NOTHING
 from oracle_server.engines.native.eventually import Eventually
-from oracle_server.engines.native.guarded import SomeGuarded
 from oracle_server.engines.native.joined import Leaf, Pattern, fits
 from oracle_server.engines.native.keys import Key, Region, Variables, is_fresh, key_of, read_key, texts_of
-from oracle_server.engines.native.some import Some
 from oracle_server.engines.native.timeline import FEW, Timeline
 from oracle_server.engines.native.until import Until
 from oracle_server.engines.native.waiting import FALSE, LOST, OPEN, Awaited, Moment, Present
 
 
-class Decided(NamedTuple):
+class Decided(msgspec.Struct, frozen=True, gc=False):
     """An obligation that was decided: the step that triggered it, for which values, what came of it, and its event.
 
     `value` is `TRUE`, `FALSE` or `LOST`.
@@ -36,13 +37,11 @@ class Decided(NamedTuple):
     event: EventRecord
 
 
-class Opened:
+class Opened(msgspec.Struct, gc=False):
     """The event of a step of which some obligations are open, and how many."""
 
-    __slots__ = ("count", "event")
-
-    def __init__(self, event: EventRecord, count: int = 0) -> None:
-        self.event, self.count = event, count
+    event: EventRecord
+    count: int = 0
 
 
 class Obligations:
@@ -56,7 +55,7 @@ class Obligations:
         self,
         names: Sequence[str],
         present: Present,
-        trigger: Some | SomeGuarded | Callable[[], bool] | None,
+        trigger: Callable[[], Collection[Key]],
         losing: Leaf | None,
         goal: Awaited,
         leaves: Sequence[Leaf],
@@ -64,13 +63,15 @@ class Obligations:
     ) -> None:
         """`leaves` are the parts of `goal` that look back, and `waiting` those with deadlines.
 
-        `names` are those of the variables. `trigger` tells its keys, or whether it holds where there are no variables;
-        None: each step is one. `losing` is the same as a part that can fail.
+        `names` are those of the variables. `trigger` tells the keys at which the present step is one, `losing` is the
+        same as a part that can fail.
         """
         self.event: Callable[[], EventRecord] = _no_event
         """Tells the present step's event."""
         self.decided: list[Decided] = []
-        """What was decided with the last step, or the time that came last."""
+        """What was decided with the last step, or by the time that came last."""
+        self.broken = False
+        """Whether some of it is false."""
         self.ended = False
         """Whether nothing will come any more."""
         self.at_step = False
@@ -83,6 +84,10 @@ class Obligations:
         self._names, self._present, self._trigger, self._losing = names, present, trigger, losing
         self._goal, self._leaves, self._waiting = goal, leaves, waiting
         self._timeline: Timeline = present.timeline
+        self._keyed = bool(names)
+        alone = len(names) == 1 and len(leaves) == 1 and leaves[0].pick is None
+        self._plain = leaves[0] if alone else None
+        """The only part, where it has the only variable."""
         self._counts: dict[Key, int] = {}
         """How many are open at each key."""
         self._opened: dict[int, Opened] = {}
@@ -105,26 +110,30 @@ class Obligations:
 
     def step(self) -> None:
         """Take the present step."""
-        present, timeline = self._present, self._timeline
-        self._begin(timeline.now, at_step=True)
+        present, goal, counts = self._present, self._goal, self._counts
+        self._begin(self._timeline.now)
         present.moment = (present.now, self.number)
-        keys = self._woken() if self._counts else ()
-        triggered = self._keys()
-        goal, looked = self._goal, [*triggered]
+        keys = (self._woken() if self._keyed else _UNKEYED) if counts else ()
+        triggered = self._keys() if self._loses else self._trigger()
         for key in keys:
             if key not in triggered:
-                looked.append(key)
                 goal.step(key, False)
         for key in triggered:
-            self._open(key)
             value = goal.step(key, True)
-            if value != OPEN:
-                self.resolved(key, 0, present.moment, value)
-        self._expire()
-        counts = self._counts
-        self._awake = (
-            frozenset([key for key in looked if key in counts and not goal.is_still(key)]) if looked else _NONE
-        )
+            if value == OPEN:
+                self._open(key)
+            else:
+                self.decided.append(Decided(present.moment, key, value, self.event()))
+                self.broken = self.broken or value == FALSE
+        for node in self._waiting:
+            queue = node.deadlines.queue
+            if queue and (node.deadlines.stale or queue[0][1][0] + node.deadlines.reach < present.now):
+                self._expire()
+                break
+        if self._keyed:
+            awake = [key for key in keys if key in counts and not goal.is_still(key)]
+            awake += [key for key in triggered if key in counts and not goal.is_still(key)]
+            self._awake = frozenset(awake) if awake else _NONE
         self._triggered = bool(triggered)
         if self._loses:
             self._triggered = self._triggered or (self._losing is not None and bool(self._losing.lost))
@@ -132,12 +141,14 @@ class Obligations:
 
     def pass_time(self, time: int) -> None:
         """Time has come without a step: what is over is decided."""
-        self._begin(time, at_step=False)
+        self._begin(time)
+        self.at_step = False
         self._expire()
 
     def end(self) -> None:
         """Nothing will come any more: all that is open is decided."""
-        self._begin(self._present.now, at_step=False)
+        self._begin(self._present.now)
+        self.at_step = False
         self.ended = self._present.ended = True
         for key in list(self._counts):
             self._goal.passed(key)
@@ -145,20 +156,20 @@ class Obligations:
 
     def resolved(self, key: Key, slot: int, about: Moment, value: int) -> None:  # noqa: ARG002 -- there is one
         """An obligation is decided."""
-        present, number = self._present, about[1]
+        present, counts, number = self._present, self._counts, about[1]
         opened = self._opened[number]
         self.decided.append(Decided(about, key, value, opened.event))
+        self.broken = self.broken or value == FALSE
         self.pending -= 1
         if opened.count == 1:
             present.pop(self._opened, number)
         else:
             present.note(partial(setattr, opened, "count", opened.count))
             opened.count -= 1
-        left = self._counts[key] - 1
-        if left:
-            present.put(self._counts, key, left)
+        if counts[key] > 1:
+            present.put(counts, key, counts[key] - 1)
             return
-        present.pop(self._counts, key)
+        present.pop(counts, key)
         for index in self._within.values():
             index.remove(key)
             present.note(partial(index.add, key))
@@ -166,7 +177,10 @@ class Obligations:
     @property
     def failed(self) -> list[Decided]:
         """What was decided false with the last step, or by the time that came last, the oldest first."""
-        return sorted([each for each in self.decided if each.value == FALSE]) if self.decided else []
+        if not self.broken:
+            return []
+        found = [each for each in self.decided if each.value == FALSE]
+        return sorted(found, key=lambda each: (each.start, texts_of(each.key)))
 
     @property
     def lost(self) -> int:
@@ -180,7 +194,7 @@ class Obligations:
 
     def unanswered(self) -> Sequence[Unanswered]:
         """Those of them that were decided false, the oldest first."""
-        return [Unanswered(each.event, self.values(each.key)) for each in self.failed] if self.decided else ()
+        return [Unanswered(each.event, self.values(each.key)) for each in self.failed] if self.broken else ()
 
     def values(self, key: Key) -> dict[str, Scalar]:
         """The values of the variables at a key."""
@@ -188,11 +202,13 @@ class Obligations:
 
     def at(self, key: Key) -> bool:  # noqa: ARG002 -- it has one value
         """Whether none was decided false with this step."""
-        return all(each.value != FALSE for each in self.decided)
+        return not self.broken
 
     def due(self) -> int | None:
         """When this must be stepped even if nothing changes below."""
         if self._awake or self._triggered or self.decided:
+            return 0
+        if not self._keyed and self._counts and not self._goal.is_still(()):
             return 0
         return min((first + 1 for first in self._firsts()), default=None)
 
@@ -255,55 +271,58 @@ class Obligations:
         """Neither."""
         return False, False
 
-    def _begin(self, now: int, *, at_step: bool) -> None:
+    def _begin(self, now: int) -> None:
         """Time goes on, with a step or without one; what that changes here can be taken back."""
         present = self._present
-        if self._timeline.journal is not None:
-            saved = (self.decided, self.pending, self._awake, self._triggered, self.at_step)
-            clock = (present.now, present.moment, present.opened)
-            self._timeline.journal.append(partial(self._back, saved, clock))
-        self.decided, self.at_step, self.ended = [], at_step, False
+        journal = self._timeline.journal
+        if journal is not None:
+            saved = self.decided, self.broken, self.pending, self._awake, self._triggered, self.at_step
+            clock = present.now, present.moment, present.opened
+            journal.append(partial(self._back, saved, clock))
+        if self.decided or journal is not None:
+            self.decided, self.broken = [], False
+        if not self.at_step:
+            self.at_step, self.ended = True, False
         present.now = max(present.now, now)  # a step that comes when time has gone on further opens nothing again
 
-    def _back(
-        self, saved: tuple[list[Decided], int, frozenset[Key], bool, bool], clock: tuple[int, Moment, int]
-    ) -> None:
-        self.decided, self.pending, self._awake, self._triggered, self.at_step = saved
+    def _back(self, saved: _Saved, clock: tuple[int, Moment, int]) -> None:
+        self.decided, self.broken, self.pending, self._awake, self._triggered, self.at_step = saved
         self._present.now, self._present.moment, self._present.opened = clock
 
     def _keys(self) -> Collection[Key]:
         """The keys at which the present step is a trigger; not those at which that can't be judged."""
-        keys = self._candidates()
-        if keys and self._losing is not None and self._losing.lost:
+        keys = self._trigger()
+        if self._losing is not None and self._losing.lost:
             return [key for key in keys if not any(fits(pattern, key) for pattern in self._losing.lost)]
         return keys
 
-    def _candidates(self) -> Collection[Key]:
-        trigger = self._trigger
-        if trigger is None:
-            return _UNKEYED
-        if isinstance(trigger, Some | SomeGuarded):
-            return trigger.keys(())
-        return _UNKEYED if trigger() else ()
-
     def _open(self, key: Key) -> None:
-        present, number = self._present, self._present.moment[1]
+        """Something is open about the present step."""
+        counts, number, journal = self._counts, self._present.moment[1], self._timeline.journal
         opened = self._opened.get(number)
         if opened is None:
-            opened = Opened(self.event())
-            present.put(self._opened, number, opened)
+            opened = self._opened[number] = Opened(self.event())
+            if journal is not None:
+                journal.append(partial(self._opened.pop, number))
         opened.count += 1
         self.pending += 1
-        count = self._counts.get(key, 0)
-        present.put(self._counts, key, count + 1)
+        count = counts.get(key, 0)
+        counts[key] = count + 1
+        if journal is not None:
+            journal.append(partial(counts.__setitem__, key, count) if count else partial(counts.pop, key))
         if not count:
             for index in self._within.values():
                 index.add(key)
-                present.note(partial(index.remove, key))
+                self._present.note(partial(index.remove, key))
 
     def _woken(self) -> Collection[Key]:
         """The keys with something open that are to be looked at."""
-        counts, found = self._counts, set(self._awake)
+        counts = self._counts
+        if self._plain is not None and not self._awake and not self._loses:
+            changed = self._plain.body.touched(NOTHING)
+            if None not in changed:
+                return [key for key in changed if key in counts]
+        found = set(self._awake)
         for leaf in self._leaves:
             for keys in (self._of(leaf), self._matching(leaf.lost)) if leaf.lost else (self._of(leaf),):
                 if keys is counts:
@@ -333,12 +352,11 @@ class Obligations:
     def _expire(self) -> None:
         """Decide what is over, and skip deadlines of what was decided before."""
         for node in self._waiting:
-            first = node.deadlines.first
-            if first is not None and first < self._present.now:
+            if node.deadlines.queue:
                 for key in node.deadlines.take():
                     self._goal.passed(key)
         for node in self._waiting:
-            if node.deadlines.queue:
+            if node.deadlines.stale:
                 node.deadlines.drop(node.rows)
 
     def _firsts(self) -> Iterator[int]:
@@ -374,10 +392,14 @@ class _Within:
 
 _NONE: frozenset[Key] = frozenset()
 _UNKEYED: Collection[Key] = ((),)
+_Saved = tuple[list[Decided], bool, int, frozenset[Key], bool, bool]
+
+
+_NO_EVENT: EventRecord = {"stream": "", "kind": "topic", "stamp": 0, "monitor": "", "seq": 0, "signals": {}}
 
 
 def _no_event() -> EventRecord:
-    return {"stream": "", "kind": "topic", "stamp": 0, "monitor": "", "seq": 0, "signals": {}}
+    return _NO_EVENT
 
 
 def _moment(data: Sequence[int]) -> Moment:

@@ -23,6 +23,7 @@ from oracle_server.engines.native.waiting import (
     Present,
     all_of,
     any_of,
+    moments,
     place_of,
 )
 
@@ -70,7 +71,8 @@ class Until:
                 present.put(self.rows, key, row)
             present.count(1)
             present.append(row.starts, moment)
-            self.deadlines.add(key, moment)
+            if self._upper is not None:
+                self.deadlines.add(key, moment)
             self._asked, self._answer = moment, OPEN
         elif row is None:
             return OPEN
@@ -137,6 +139,7 @@ class Until:
         if row is not None and place is not None:
             self._present.cut(row.starts, place, place + 1)
             self._present.count(-1)
+            self.deadlines.stale = True
             self._tidy(key, row)
 
     def quiet(self, key: Key) -> int | None:  # noqa: ARG002 -- each step is waited about
@@ -160,7 +163,7 @@ class Until:
         rows, queue, left, right = data
         for key, starts, lefts, rights in rows:
             row = self.rows[read_key(key)] = Row()
-            row.starts = [(t, n) for t, n in starts]
+            row.starts = moments(starts)
             row.left = {(t, n): value for (t, n), value in lefts}
             row.right = {(t, n): value for (t, n), value in rights}
         self.deadlines.queue.extend((read_key(key), (t, n)) for key, (t, n) in queue)
@@ -188,6 +191,7 @@ class Until:
         if low >= high:
             return
         self._present.count(low - high)
+        self.deadlines.stale = True
         for start in self._present.cut(row.starts, low, high):
             self._tell(key, start, value)
 

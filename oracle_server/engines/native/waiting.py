@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Iterable, MutableMapping, MutableSequence
+from collections.abc import Collection, Iterable, Mapping, MutableMapping, MutableSequence, Sequence
 from functools import partial
-from typing import Any, Protocol, TypeVar
+from typing import Any, NoReturn, Protocol, TypeVar
 
 from oracle_server.core.errors import EngineError
 from oracle_server.engines.native.keys import Key
@@ -110,8 +110,13 @@ class Present:
         """Count steps that are waited about, or not any more. Raises `EngineError` where there are too many."""
         self.opened += steps
         if self.opened > MAX_OPEN:
-            raise EngineError(f"more than {MAX_OPEN:,} of its obligations are open at once; give them an upper bound, "
-                              "or a smaller one")  # fmt: skip
+            self.refuse()
+
+    def refuse(self) -> NoReturn:
+        """Raise the `EngineError` of too many."""
+        raise EngineError(
+            f"more than {MAX_OPEN:,} of its obligations are open at once; give them an upper bound, or a smaller one"
+        )
 
 
 class Above(Protocol):
@@ -160,39 +165,47 @@ class Awaited(Protocol):
 class Deadlines:
     """When the starts of a node are over, the earliest first; those that were met meanwhile are skipped."""
 
-    __slots__ = ("_present", "_starts", "_upper", "queue")
+    __slots__ = ("_present", "queue", "reach", "stale")
 
     def __init__(self, present: Present, upper: int | None) -> None:
-        self._present, self._upper = present, upper
+        self._present = present
+        self.reach = 0 if upper is None else upper + present.slack
+        """How much later than a start the last time is at which it is not over, where there is one."""
         self.queue: deque[tuple[Key, Moment]] = deque()
+        self.stale = False
+        """Whether a start was met since the queue was looked through."""
 
     def add(self, key: Key, start: Moment) -> None:
-        """A start that is over some time."""
-        if self._upper is not None:
-            self._present.append(self.queue, (key, start))
+        """A start, which is over some time."""
+        self.queue.append((key, start))
+        if self._present.timeline.journal is not None:
+            self._present.timeline.journal.append(self.queue.pop)
 
     @property
     def first(self) -> int | None:
         """The last time at which the earliest one is not over."""
-        if not self.queue or self._upper is None:
-            return None
-        return self.queue[0][1][0] + self._upper + self._present.slack
+        return self.queue[0][1][0] + self.reach if self.queue else None
 
-    def take(self) -> list[Key]:
-        """The keys at which some are over."""
+    def take(self) -> Collection[Key]:
+        """The keys at which some are over; there are deadlines."""
+        queue, now, reach = self.queue, self._present.now, self.reach
         found: dict[Key, None] = {}
-        while self.queue and self._present.is_over(self.queue[0][1], self._upper):
+        while queue and queue[0][1][0] + reach < now:
             found[self._pop()[0]] = None
         return list(found)
 
-    def drop(self, rows: MutableMapping[Key, Any]) -> None:
+    def drop(self, rows: Mapping[Key, Waits]) -> None:
         """Skip those of which no row waits any more."""
-        while self.queue:
-            key, start = self.queue[0]
+        self.stale = False
+        queue = self.queue
+        while queue:
+            key, start = queue[0]
             row = rows.get(key)
-            if row is not None and place_of(row.starts, start) is not None:
+            if row is not None and (row.starts[0] == start or place_of(row.starts, start) is not None):
                 return
-            self._pop()
+            queue.popleft()
+            if self._present.timeline.journal is not None:
+                self._present.timeline.journal.append(partial(queue.appendleft, (key, start)))
 
     def _pop(self) -> tuple[Key, Moment]:
         entry = self.queue.popleft()
@@ -200,7 +213,18 @@ class Deadlines:
         return entry
 
 
+class Waits(Protocol):
+    """A row: the steps about which something is awaited at a key."""
+
+    starts: list[Moment]
+
+
 def place_of(items: list[Moment], item: Moment) -> int | None:
     """Where an item stands in an ascending list, None where it does not."""
     place = bisect_left(items, item)
     return place if place < len(items) and items[place] == item else None
+
+
+def moments(data: Iterable[Sequence[int]]) -> list[Moment]:
+    """Moments out of plain data, where tuples are lists."""
+    return [(time, number) for time, number in data]
