@@ -223,6 +223,7 @@ class Connection:
                 self._registry.counters.attachments += 1
                 log.info("monitor attached", session=session.id, monitor=monitor.name)
                 await self._registry.flush()  # after a restart, the server waits for all monitors that were greeted
+                session.check_kept()
         except TimeoutError:
             message = f"the session was not committed within {_ANSWER_WITHIN:.0f} s; attach again later"
             raise WireError("history_unavailable", message, fatal=True) from None
