@@ -228,6 +228,8 @@ class Connection:
             message = f"the session was not committed within {_ANSWER_WITHIN:.0f} s; attach again later"
             raise WireError("history_unavailable", message, fatal=True) from None
         except WireError as error:
+            if error.code == "spec_mismatch":  # perhaps with a spec that the token may not know, opened meanwhile
+                await self._check_grant(wanted)
             if error.code == "unknown_spec" and wanted.spec is not None and grant_of(self._socket).bound:
                 raise WireError(error.code, f"there is no spec '{wanted.spec}'", fatal=True) from None
             raise
