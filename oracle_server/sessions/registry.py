@@ -31,7 +31,7 @@ from oracle_server.sessions.runs import successors
 from oracle_server.sessions.shares import Shares
 from oracle_server.sessions.status import session_state
 from oracle_server.sessions.unrestored import Unrestored
-from oracle_server.specfiles.library import Entry, Library, UnknownSpecError
+from oracle_server.specfiles.library import Entry, Library, UnknownSpecError, Unsound
 from oracle_server.specfiles.load import parse_spec
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import Attach
@@ -81,7 +81,7 @@ class Registry:
         The places of their monitors are kept until `accept_work`, however long this takes.
         """
         self._last = await self._history.last_number()
-        plans = _Plans(self._library)
+        plans = _Plans(await self._library.in_thread(self._library.listed))
         for opened in await self._history.open_sessions():
             try:
                 await self._restore(opened, await asyncio.to_thread(plans.of, opened))
@@ -116,11 +116,13 @@ class Registry:
         Raises `UnknownSpecError`, `SpecError` or `SessionExistsError`, `HistoryError` where the history fails, and
         `WireError` where the server stops.
         """
+        with contextlib.suppress(OracleError):  # told below; others are not kept waiting while a changed file is read
+            await self._library.find(spec_id)
         async with self._opening:
             with reading_for():  # whoever asks: attaches wait for this, too
                 if session_id is not None and await self.known(session_id) is not None:  # whatever spec is asked for
                     raise SessionExistsError(f"a session '{session_id}' exists already")
-                entry = self._library.get(spec_id)
+                entry = await self._library.find(spec_id)
                 session_id = session_id or await self._new_name(spec_id)
             return await self._open(entry, session_id, private=private, by=by)
 
@@ -253,7 +255,7 @@ class Registry:
         if wanted.spec is None:
             raise WireError("unknown_spec", "name a spec: there is no session to join", fatal=True)
         try:
-            claimed(self._library.get(wanted.spec).plan.spec, wanted.streams)
+            claimed((await self._library.find(wanted.spec)).plan.spec, wanted.streams)
             return await self.create(wanted.spec, wanted.session, private=wanted.session is None)
         except SessionExistsError:
             return await self._session_for(wanted)
@@ -361,8 +363,8 @@ class Registry:
 class _Plans:
     """The plans of sessions that are restored: most have a spec of the library, or the same as another one."""
 
-    def __init__(self, library: Library) -> None:
-        known = [entry for entry in library.listed() if isinstance(entry, Entry)]
+    def __init__(self, listed: list[Entry | Unsound]) -> None:
+        known = [entry for entry in listed if isinstance(entry, Entry)]
         self._made: dict[str, Plan | OracleError] = {entry.file.text: entry.plan for entry in known}
 
     def of(self, opened: SessionRecord) -> Plan:
