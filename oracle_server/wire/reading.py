@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import msgspec
 from pydantic import TypeAdapter, ValidationError
 
-from oracle_server.wire.data import DataDecoder, Decoders, decoded, whole
+from oracle_server.wire.data import DataDecoder, Decoders, decoded, resting, whole
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import (
     MAX_DEPTH,
@@ -77,7 +77,9 @@ def event_in(raw: msgspec.Raw, decoders: Decoders, *, suspicious: bool) -> Quick
 def event_of(value: Any, *, suspicious: bool) -> QuickEvent:
     """An event that is decoded already, checked. Raises `WireError`."""
     event = _checked(value)
-    _require_fit(event.data, event.seq, odd=suspicious)
+    reason = _unfit(event.data, odd=suspicious)
+    if reason is not None:
+        raise WireError("bad_event", reason, seq=event.seq)
     return event
 
 
@@ -90,20 +92,26 @@ def _with_data(event: RawEvent, decoders: Decoders, *, odd: bool) -> QuickEvent:
 
 def _data(raw: msgspec.Raw, decoder: DataDecoder, seq: int, *, odd: bool) -> dict[str, Any]:
     try:
-        data = decoded(decoder, raw)
+        found = resting(memoryview(raw).nbytes, _decoded_fit, decoder, raw, odd)
     except _UNREADABLE as error:
         if not _is_object(raw):
             raise WireError("bad_event", "data: Input should be a valid dictionary", seq=seq) from None
         raise _malformed(error) from None
-    _require_fit(data, seq, odd=odd)
-    return data
+    if isinstance(found, str):
+        raise WireError("bad_event", found, seq=seq)
+    return found
 
 
-def _require_fit(data: dict[str, Any], seq: int, *, odd: bool) -> None:
-    """Raise a `WireError` where an event's data can't be judged."""
-    reason = (_crowd(data) if odd else None) or _flaw(data, MAX_DEPTH)
-    if reason:
-        raise WireError("bad_event", reason, seq=seq)
+def _decoded_fit(decoder: DataDecoder, raw: msgspec.Raw, odd: bool) -> dict[str, Any] | str:
+    """An event's data, or why it can't be judged: it is let go of here, before the garbage collector looks at it."""
+    data = decoder.decode(raw)
+    reason = _unfit(data, odd=odd)
+    return data if reason is None else reason
+
+
+def _unfit(data: dict[str, Any], *, odd: bool) -> str | None:
+    """Why an event's data can't be judged, None where it can."""
+    return (_crowd(data) if odd else None) or _flaw(data, MAX_DEPTH)
 
 
 def _decode_slowly(text: str, decoders: Decoders, *, odd: bool) -> Frame:
