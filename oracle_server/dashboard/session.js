@@ -57,7 +57,7 @@ function headline({ spec, status, clock, opened, closed, trouble, waiting, count
 }
 
 function headed(state) {
-  const counted = Object.entries(state.counters).filter(([name, value]) => value || name === "steps");
+  const counted = Object.entries(state.counters).filter(([name, value]) => value || (name === "steps" && value !== null));
   return [
     h("p", {},
       h("strong", { class: state.status }, state.status), ` since ${moment(state.closed ?? state.opened)}, judged by `,
