@@ -1,13 +1,14 @@
 """What a step of each engine costs, and what a property takes: native beside reelay, in turns, in one run.
 
-    python benchmarks/engine.py [--json] [--quick] [--large] [--growth]
+    python benchmarks/engine.py [--json] [--quick] [--large] [--growth] [--obligations]
 
 Each formula is stepped through events that meet its atoms in turn, one atom at an event, every value fresh until there
 are as many as the line says, and then the same ones again. *µs* is the mean of a step, the best of three turns; *ratio*
 native by reelay. *ms* is the making of a fresh engine, *kB* what idle ones take of the process's memory, each.
 Times are the processor's, so that other programs do not count. With `--large` up to 10^6 distinct values, for which
 reelay takes a gigabyte. `--growth` tells instead what 10^5 and 10^6 steps of bounded formulas with fresh values all
-along have added to the process, in the native engine.
+along have added to the process, in the native engine. `--obligations` steps what waits for what comes beside the same
+asked of the past, in turns, through the same events, and with ten and 99,000 open.
 """
 
 from __future__ import annotations
@@ -58,6 +59,25 @@ BOUNDED: dict[str, tuple[Time, str]] = {
 }
 
 
+OBLIGATIONS: dict[str, tuple[Time, str, str]] = {
+    "eventually": ("steps", "{a} -> eventually[:2] {b}", "not (not {b} since[2:] {a})"),
+    "eventually, in time": ("seconds", "{a} -> eventually[:2ms] {b}", "not (not {b} since[2ms:] {a})"),
+    "always": ("steps", "{a} -> always[:2] not {b}", "not (not {b} since[2:] {a})"),
+    "until": ("steps", "{a} -> not {c} until[:2] {b}", "not (not {b} since[2:] {a})"),
+    "by key": (
+        "steps",
+        "forall[i]. {a: *i} -> eventually[:100] {b: *i}",
+        "forall[i]. not (not {b: *i} since[100:] {a: *i})",
+    ),
+    "by key, in time": (
+        "seconds",
+        "forall[i]. {a: *i} -> eventually[:100ms] {b: *i}",
+        "forall[i]. not (not {b: *i} since[100ms:] {a: *i})",
+    ),
+}
+"""What waits for what comes, and the same asked of the past."""
+
+
 @dataclass(frozen=True)
 class Line:
     """One formula with so many distinct values over so many steps."""
@@ -82,9 +102,13 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="measure little: to see that it runs")
     parser.add_argument("--large", action="store_true", help="measure 10^6 distinct values too")
     parser.add_argument("--growth", action="store_true", help="measure what 10^6 steps add to the process")
+    parser.add_argument("--obligations", action="store_true", help="measure what waits for what comes")
     args = parser.parse_args()
     if args.growth:
         show_growth()
+        return
+    if args.obligations:
+        show_obligations(2_000 if args.quick else 60_000)
         return
     idle = {name: (taken(NativeEngine, f), taken(ReelayEngine, f)) for name, f in formulas()}
     steps = 2_000 if args.quick else 30_000
@@ -103,6 +127,42 @@ def main() -> None:
         kb = "{:.0f} / {:.0f}".format(*idle[line.what])
         told = f"{line.what:32} {line.values:8} {line.steps:8} {line.native:10.2f} {line.reelay:10.2f}"
         print(f"{told} {line.ratio:6.2f} {making:>14} {kb:>14}")
+
+
+def show_obligations(steps: int) -> None:
+    """Step obligations, and the same asked of the past, in turns; then with few and with many open."""
+    print(f"{'obligation':32} {'µs':>8} {'past µs':>8} {'ratio':>6}")
+    for name, (clock, ahead, past) in OBLIGATIONS.items():
+        turns = [(clocked(ahead, clock, steps), clocked(past, clock, steps)) for _ in range(3)]
+        one, other = (min(times) for times in zip(*turns, strict=True))
+        print(f"{name:32} {one:8.2f} {other:8.2f} {one / other:6.2f}", flush=True)
+    print(f"{'open':32} {'µs':>8}")
+    for count in (10, 99_000):
+        print(f"{count:<32} {min(opened(count, steps) for _ in range(3)):8.2f}", flush=True)
+
+
+def clocked(text: str, clock: Time, steps: int) -> float:
+    """Microseconds that a step takes, the steps a millisecond apart."""
+    formula = parse_formula(text, clock)
+    engine, events = NativeEngine(formula, clock), list(stream(formula, 100, steps))
+    begun = time.process_time()
+    for n, found in enumerate(events):
+        engine.step(n * 10**6, found)
+    return (time.process_time() - begun) / steps * 1e6
+
+
+def opened(count: int, steps: int) -> float:
+    """The same by key where so many are open, and each step opens another one or answers that."""
+    engine = NativeEngine(parse_formula("forall[i]. {a: *i} -> eventually[:10000000] {b: *i}"))
+    for n in range(count):
+        engine.step(n, [(f"o{n}",), None])
+    events: list[list[Match]] = [[None, None] for _ in range(steps)]
+    for n, found in enumerate(events):
+        found[n % 2] = (f"v{n // 2}",)
+    begun = time.process_time()
+    for n, found in enumerate(events, count):
+        engine.step(n, found)
+    return (time.process_time() - begun) / steps * 1e6
 
 
 def show_growth() -> None:

@@ -232,3 +232,78 @@ def test_too_many_open_ones_end_it() -> None:
     assert state.broken is not None
     assert "more than 100,000 of its obligations are open at once" in state.broken
     assert state.pending is None
+
+
+def test_a_step_that_comes_after_its_deadline_was_judged_changes_nothing_and_is_no_second_violation() -> None:
+    streams = [StreamSpec("/a"), StreamSpec("/b", ordered=False)]
+    session = open_session([timed()], attach={"m": [A, B]}, streams=streams, maker=native)
+    feed = Feed(session)
+    judged = feed(A, 1, {"goal": 1}) + session.clock("m", [], 5) + session.advance(100)
+    judged += feed(B, 9, {"done": 1}, arrived=101) + feed(B, 10, {}, arrived=102) + session.advance(300)
+    assert [(r["kind"], r["violation"]) for r in records(judged)] == [
+        ("topic", False), ("tick", True), ("topic", False), ("topic", False)
+    ]  # fmt: skip
+    assert session.judges["publication"].properties[0].violations == 1
+
+
+def told(session: Session, judged: list[Judged]) -> str:
+    (text,) = [r["explanation"]["text"] for r in records(judged) if r["violation"]]
+    return str(text)
+
+
+SECOND = 10**9
+WITHIN = "forall[g]. {goal: *g} -> eventually[:10s] {done: *g}"
+
+
+@pytest.mark.parametrize(
+    ("formula", "time", "steps", "says"),
+    [
+        (
+            "forall[g]. {goal: *g} -> eventually[:2] {done: *g}", "steps", [{"goal": "a"}, {"done": "b"}, {}],
+            'p does not hold at step 3 (3.000 s), /a (topic 3 of m): for g = "a": eventually[:2] {done: "a"}: asked '
+            "for at step 1 (1.000 s), /a (topic 1 of m); at none of steps 1\u20133",
+        ),
+        (
+            WITHIN, "seconds", [{"goal": 1}, {}, {}],
+            "p does not hold when a deadline ran out at 11.000000001 s: for g = 1: eventually[:10s] {done: 1}: asked "
+            "for at step 1 (1.000 s), /a (topic 1 of m); at none of 3 steps until 11.000 s",
+        ),
+        (
+            "{stop} -> always[:5] {v: 0}", "steps", [{"stop": True, "v": 0}, {"v": 2}],
+            "it fails at this step; {v: 0}: v = 2, wanted 0, at step 2 (2.000 s)",
+        ),
+        (
+            "{stop} -> next {v: 0}", "steps", [{"stop": True, "v": 0}, {"v": 2}],
+            "it fails at this step, the one after; {v: 0}: v = 2, wanted 0, at step 2 (2.000 s)",
+        ),
+        (
+            "{a} -> {b} until[:5] {c}", "steps", [{"a": True, "b": True}, {}],
+            "its left side fails at this step; {b}: `b` is absent, at step 2 (2.000 s)",
+        ),
+        (
+            "{a} -> {b} until[:1] {c}", "steps", [{"a": True, "b": True}, {"b": True}],
+            "asked for at step 1 (1.000 s), /a (topic 1 of m); at none of steps 1\u20132",
+        ),
+        (
+            "{a} -> next next (next {b} and {c})", "steps", [{"a": True}, {}, {}], "it can't hold any more",
+        ),
+    ],
+)  # fmt: skip
+def test_a_violation_says_who_asked_for_what_and_how_many_steps_were_looked_at(
+    formula: str, time: Any, steps: list[dict[str, Any]], says: str
+) -> None:
+    session = opened(prop("p", formula, time=time))
+    feed = Feed(session)
+    judged = [j for n, data in enumerate(steps, 1) for j in feed(A, n * SECOND, data)]
+    judged += session.advance(100 * SECOND) if time == "seconds" else []
+    assert says in told(session, judged)
+
+
+def test_an_explanation_tells_of_three_and_counts_the_others() -> None:
+    session = opened(prop("p", "{a} -> eventually[:100] {b}", at_end="violated"))
+    feed = Feed(session)
+    for n in range(1, 8):
+        feed(A, n, {"a": True})
+    (found,) = records(session.finish(9) + session.end(9))
+    assert [reason["holds"] for reason in found["explanation"]["reasons"]] == [False] * 3
+    assert (found["explanation"]["other_values"], found["about_count"]) == (6, 7)

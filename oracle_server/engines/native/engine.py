@@ -88,6 +88,7 @@ class NativeEngine:
     def pass_time(self, time: int) -> None:
         """Time (ns) has come without a step; see `Owing`."""
         assert self.owed is not None  # noqa: S101 -- it waits for something
+        self.owed.number, self._due = self._steps, 0
         self.owed.pass_time(time)
 
     def end(self) -> None:

@@ -108,10 +108,13 @@ class Obligations:
         for leaf in (*self._leaves, *([self._losing] if self._losing else ())):
             leaf.lose(lost)
 
-    def step(self) -> None:
+    def step(self) -> None:  # noqa: C901 -- written out, since each step goes this way
         """Take the present step."""
         present, goal, counts = self._present, self._goal, self._counts
-        self._begin(self._timeline.now)
+        if self._timeline.journal is not None or self.decided or not self.at_step:
+            self._begin(self._timeline.now)
+        elif self._timeline.now > present.now:
+            present.now = self._timeline.now
         present.moment = (present.now, self.number)
         keys = (self._woken() if self._keyed else _UNKEYED) if counts else ()
         triggered = self._keys() if self._loses else self._trigger()
@@ -131,13 +134,18 @@ class Obligations:
                 self._expire()
                 break
         if self._keyed:
-            awake = [key for key in keys if key in counts and not goal.is_still(key)]
-            awake += [key for key in triggered if key in counts and not goal.is_still(key)]
-            self._awake = frozenset(awake) if awake else _NONE
+            self._awake = self._restless(keys, triggered)
         self._triggered = bool(triggered)
         if self._loses:
             self._triggered = self._triggered or (self._losing is not None and bool(self._losing.lost))
             self.lose(())
+
+    def _restless(self, keys: Collection[Key], triggered: Collection[Key]) -> frozenset[Key]:
+        """Of the keys that were looked at, those that can't sleep: an operand is not neutral there."""
+        counts, is_still = self._counts, self._goal.is_still
+        awake = [key for key in keys if key in counts and not is_still(key)]
+        awake += [key for key in triggered if key in counts and not is_still(key)]
+        return frozenset(awake) if awake else _NONE
 
     def pass_time(self, time: int) -> None:
         """Time has come without a step: what is over is decided."""
@@ -181,6 +189,10 @@ class Obligations:
             return []
         found = [each for each in self.decided if each.value == FALSE]
         return sorted(found, key=lambda each: (each.start, texts_of(each.key)))
+
+    def is_over(self, start: Moment, upper: int | None) -> bool:
+        """Whether nothing that comes can be within a bound of a step."""
+        return self._present.is_over(start, upper)
 
     @property
     def lost(self) -> int:

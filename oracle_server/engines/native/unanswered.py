@@ -49,7 +49,7 @@ class _Telling:
         text = f"asked for at {at}, {name}; {self._outcome(failed)}"
         return Reason(render(goal, self._time), False, text, parts=self._parts(failed), told=True)
 
-    def _outcome(self, failed: Decided) -> str:
+    def _outcome(self, failed: Decided) -> str:  # noqa: PLR0911 -- a case an operator
         goal = self._found.goal
         if self._owed.ended:
             return "it had not come when the session ended"
@@ -60,8 +60,16 @@ class _Telling:
                 return "it fails at this step"
             case tree.Next(operand) if not looks_ahead(operand):
                 return "it fails at this step, the one after"
+            case tree.Until(left, right, bound) if not looks_ahead(left) and not looks_ahead(right):
+                if self._is_over(failed, bound):
+                    return f"at none of {self._looked_at(failed, bound)}"
+                return "its left side fails at this step"
             case _:
                 return "it can't hold any more"
+
+    def _is_over(self, failed: Decided, bound: tree.Bound) -> bool:
+        """Whether the bound had passed; before that a left side alone that fails decides."""
+        return self._reasons is None or self._owed.is_over(failed.start, bound.upper)
 
     def _looked_at(self, failed: Decided, bound: tree.Bound) -> str:
         """The steps within a bound that has passed."""
@@ -87,4 +95,6 @@ class _Telling:
         match self._found.goal:
             case tree.Always(operand) | tree.Next(operand) if not looks_ahead(operand):
                 return tuple(self._reasons(part.child(operand)))
+            case tree.Until(left, right, bound) if not looks_ahead(left) and not looks_ahead(right):
+                return () if self._is_over(failed, bound) else tuple(self._reasons(part.child(left)))
         return ()

@@ -10,6 +10,7 @@ from bisect import bisect_left, bisect_right
 from typing import Any
 
 from oracle_server.core.formula.tree import Bound
+from oracle_server.engines.native.joined import Leaf
 from oracle_server.engines.native.keys import Key, read_key
 from oracle_server.engines.native.timeline import FEW
 from oracle_server.engines.native.waiting import (
@@ -59,32 +60,60 @@ class Until:
         left.slot, right.slot = _LEFT, _RIGHT
         self._asked: Moment | None = None
         self._answer = OPEN
+        self._leaves = (left, right) if isinstance(left, Leaf) and isinstance(right, Leaf) else None
+        """The operands where they answer at once."""
         self._busy = False
         """Whether operands are being asked: what they tell meanwhile is looked at when both are known."""
 
     def step(self, key: Key, ask: bool) -> int:
         """Take the present step; see `Awaited`."""
-        row, present, moment = self.rows.get(key), self._present, self._present.moment
+        row, moment, leaves = self.rows.get(key), self._present.moment, self._leaves
+        if leaves is not None and (row is None or not (row.left or row.right)):
+            left, right = leaves
+            if not left.lost and not right.lost:
+                return self._step_at_once(key, row, left.holds(key), right.holds(key), ask)
         if ask:
-            if row is None:
-                row = Row()
-                present.put(self.rows, key, row)
-            present.count(1)
-            present.append(row.starts, moment)
-            if self._upper is not None:
-                self.deadlines.add(key, moment)
+            row = self._wait(key, row)
             self._asked, self._answer = moment, OPEN
         elif row is None:
             return OPEN
         low, high = self._reach(row, moment)
         within = low < high
         self._busy = True
-        left = self._left.step(key, True)
-        right = self._right.step(key, within)
+        answers = self._left.step(key, True), self._right.step(key, within)
         self._busy = False
-        self._take(key, row, left, right if within else FALSE)
+        self._take(key, row, answers[0], answers[1] if within else FALSE)
         self._asked = None
         return self._answer
+
+    def _step_at_once(self, key: Key, row: Row | None, left: bool, right: bool, ask: bool) -> int:
+        """The same where the operands answer at once, and nothing was open or lost; `passed` ends what is over."""
+        if row is not None and (right or not left):
+            if right:
+                self._decide(key, row, *self._reach(row, self._present.moment), TRUE)
+            if not left:
+                self._decide(key, row, 0, len(row.starts), FALSE)
+            self._tidy(key, row)
+        if not ask:
+            return OPEN
+        if right and not self._lower:
+            return TRUE
+        if not left:
+            return FALSE
+        self._wait(key, self.rows.get(key))
+        return OPEN
+
+    def _wait(self, key: Key, row: Row | None) -> Row:
+        """Wait about the present step."""
+        present = self._present
+        if row is None:
+            row = Row()
+            present.put(self.rows, key, row)
+        present.append(row.starts, present.moment)
+        if self._upper is not None:
+            self.deadlines.add(key, present.moment)
+        present.count(1)
+        return row
 
     def _take(self, key: Key, row: Row, left: int, right: int) -> None:
         """Take the operands' answers about the present step."""
