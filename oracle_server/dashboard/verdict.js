@@ -79,6 +79,17 @@ function described(record, clock) {
     record.computing ? h("p", { class: "hint" }, "The explanation is being computed: the session is judged again up to this verdict.") : null,
     record.refusal ? h("p", { class: "complaint" }, record.refusal) : null,
     explanation ? why(explanation) : null,
+    record.about?.length ? unanswered(record, clock) : null,
+  ];
+}
+
+/** The events that asked for what did not come. */
+function unanswered({ about, about_count: count }, clock) {
+  const rest = count > about.length ? ` (the first ${about.length})` : "";
+  return [
+    h("p", {}, `Not answered: ${count}${rest}`),
+    h("ul", { class: "reasons" }, about.map((each) => h("li", { class: "fails" },
+      `${event(each)} at ${place(each.step, each.stamp, clock)}`, signals("values", each.values)))),
   ];
 }
 

@@ -103,7 +103,7 @@ class Trace:
     def _event(self, line: Line, name: str, place: str, fault: str) -> Event | None:
         """The event of a line on a stream of this name, None where the spec has none."""
         if line.kind == TICK:
-            return Event(TICKS, "", line.seq or 0, line.stamp, line.arrived or 0, line.message())
+            return Event(TICKS, "", line.seq or 0, line.stamp, line.arrived or 0, line.message(), line.source)
         key = find_stream(name, line.kind, self.spec.by_key)
         if key is None:
             self.ignored[str(StreamKey(line.stream, line.kind))] += 1

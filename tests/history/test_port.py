@@ -241,6 +241,7 @@ def marked(**fields: object) -> StoredStep:
         msgspec.structs.replace(marked(), number=None),  # an attempt that was taken back
         msgspec.structs.replace(step(1), degraded=(True, True), bypassed=(1,)),
         msgspec.structs.replace(step(1), degraded=(False, True), bypassed=(1,)),
+        msgspec.structs.replace(step(1), pending={1: 7}),
     ],
 )
 async def test_a_step_is_kept_whole(history: History, kept: StoredStep) -> None:
