@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import NamedTuple
 
@@ -86,8 +86,14 @@ class PropertyState:
     _inexplicable: str = ""
     unanswered: Sequence[Unanswered] = ()
     """The obligations that were decided false at the last step, or by the time that came last."""
+    owed: Owed | None = field(init=False, default=None)
+    """Its obligations, None where its formula only looks back, or it is not judged any more."""
     settles: bool = False
     """Whether time has decided some, when it came last."""
+
+    def __post_init__(self) -> None:
+        """Find out whether its engine has obligations: that is asked at each step."""
+        self.owed = self.engine.owed if isinstance(self.engine, Owing) else None
 
     def step(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names, latest: int = 0) -> Outcome:
         """The outcome at the next step; `latest` is the time (ns) that must have come by then, whatever its stamp."""
@@ -123,11 +129,6 @@ class PropertyState:
         return self.judged_from if deadline is None else min(deadline, self.judged_from)
 
     @builtin_property
-    def owed(self) -> Owed | None:
-        """Its obligations, None where its formula only looks back, or it is not judged any more."""
-        return self.engine.owed if isinstance(self.engine, Owing) else None
-
-    @builtin_property
     def pending(self) -> int | None:
         """How many obligations are open, None where it can have none."""
         if self.owed is None:
@@ -155,7 +156,7 @@ class PropertyState:
         engine = self._revisable()
         if engine is None or self.property.time != "seconds" or self.outcome in FINAL:
             return self.outcome
-        if isinstance(engine, Owing) and engine.owed is not None:
+        if self.owed is not None and isinstance(engine, Owing):
             return self._pass(partial(engine.pass_time, time))
         engine.mark()
         outcome = self._ask_engine(view, time, signals)
@@ -287,7 +288,7 @@ class PropertyState:
     def give_up(self, reason: str) -> None:
         """Stop judging, for this reason."""
         self.broken = reason
-        self.engine = _Broken(self.complaint)
+        self.engine, self.owed = _Broken(self.complaint), None
 
     def _revisable(self) -> Revisable | None:
         return self.engine if self.broken is None and isinstance(self.engine, Revisable) else None
@@ -320,8 +321,8 @@ class PropertyState:
         if self.broken is not None:
             return Outcome.UNKNOWN
         try:
-            if failed and not view.reads.isdisjoint(failed) and self.owed is not None:
-                self.engine.lose(lost(view, signals, failed))  # type: ignore[attr-defined]
+            if failed and self.owed and isinstance(self.engine, Owing) and not view.reads.isdisjoint(failed):
+                self.engine.lose(lost(view, signals, failed))
             return self.engine.step(time, view.matches(signals))
         except Exception as error:  # noqa: BLE001 -- one engine's failure must not end a session
             self.give_up(str(error) or type(error).__name__)

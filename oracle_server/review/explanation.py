@@ -10,7 +10,7 @@ from functools import partial
 from oracle_server.core.atoms import Matches
 from oracle_server.core.engine import Engine
 from oracle_server.core.errors import OracleError
-from oracle_server.core.events import Order
+from oracle_server.core.events import ENDED, Order
 from oracle_server.core.plan import Plan, judged_by, plan
 from oracle_server.core.presence import grace
 from oracle_server.core.records import ExplanationRecord, VerdictRecord
@@ -88,7 +88,12 @@ def _demand_explicable(record: VerdictRecord, prop: Property, stored: StoredStep
 async def _decided(history: Reading, session: int, stored: StoredStep, index: int, ready: Plan) -> int:
     """The position of the step that decides a verdict: the one that made it final, or the last that was judged."""
     found = await history.first_final(session, stored.order, index, stored.position)
-    if found is None and stored.is_tick and ready.spec.properties[index].time == "steps":  # it ignores ticks
+    if (
+        found is None
+        and stored.is_tick
+        and stored.step.event.source != ENDED
+        and ready.spec.properties[index].time == "steps"
+    ):  # it ignores ticks
         undoing = [key for key, stream in ready.streams.items() if stream.undoes]
         found = await history.last_counted(session, stored.order, stored.position, undoing)
     return found or stored.position
