@@ -11,7 +11,9 @@ from msgspec.structs import replace
 
 from oracle_server.core.events import StreamKey
 from oracle_server.core.session import Session
+from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import Judged
+from oracle_server.engines.native import NativeEngine
 from tests.core.sessions import MODE, A, B, Digest, Feed, Maker, U, degraded, open_session, prop, reelay
 
 
@@ -72,9 +74,15 @@ def undegraded(judged: Judged) -> Judged:
     return replace(judged, verdicts=tuple(replace(v, degraded=False) for v in judged.verdicts))
 
 
-def check_rejudging(before: list[Happening], after: list[Happening], maker: Maker, ordering: dict[str, Any]) -> None:
-    there = open_session(PROPERTIES, attach={}, maker=maker, **ordering)
-    back = open_session(PROPERTIES, attach={}, maker=maker, **ordering)
+def check_rejudging(
+    before: list[Happening],
+    after: list[Happening],
+    maker: Maker,
+    ordering: dict[str, Any],
+    properties: list[Property] = PROPERTIES,
+) -> None:
+    there = open_session(properties, attach={}, maker=maker, **ordering)
+    back = open_session(properties, attach={}, maker=maker, **ordering)
     judged = run(there, before, 1_000)
     again = [again for j in judged if (again := back.rejudge(j.order, j.step, j.judged))]
     assert [undegraded(j) for j in again] == [undegraded(j) for j in judged]
@@ -100,6 +108,29 @@ def test_judging_again_comes_back_to_where_it_was(
     """With engines that tell any difference in what they are told; and so does all that comes after."""
     ordering = {"by": by, "late": late, "capacity": capacity, "max_delay": max_delay, "max_skew": 30}
     check_rejudging(before, after, lambda _: Digest(), ordering)
+
+
+OWING = [
+    prop("e", "{v: 1} -> eventually[5ns:30ns] {v: 2}", time="seconds"),
+    prop("a", '{v: 2} -> always[:3] not {v: "1"}', guards=frozenset({"/a"})),
+    prop("n", "forall[x]. {v: *x} -> next next {v: 1} or always[:20ns] eventually[:10ns] {mode: *x}", time="seconds"),
+    prop("u", "{v: 1} -> ({mode: *} until[:60ns] {v: 2})", time="seconds", latch=True),
+]
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    before=happenings,
+    after=happenings,
+    by=st.sampled_from(("publication", "arrival", "both")),
+    late=st.sampled_from(("judge", "skip")),
+    max_delay=st.sampled_from((0, 20, 50)),
+)
+def test_judging_again_what_must_follow(
+    before: list[Happening], after: list[Happening], by: str, late: str, max_delay: int
+) -> None:
+    ordering = {"by": by, "late": late, "max_delay": max_delay, "max_skew": 30}
+    check_rejudging(before, after, lambda p: NativeEngine(p.formula, p.time), ordering, OWING)
 
 
 @settings(max_examples=10, deadline=None)

@@ -88,8 +88,15 @@ class NativeEngine:
     def pass_time(self, time: int) -> None:
         """Time (ns) has come without a step; see `Owing`."""
         assert self.owed is not None  # noqa: S101 -- it waits for something
-        self.owed.number, self._due = self._steps, 0
+        self.mark()
+        self.owed.number = self._steps
         self.owed.pass_time(time)
+        if self.owed.closed:
+            self.keep()
+        else:  # it is recorded nowhere, so that a restored session knows nothing of it
+            self.back()
+            self.owed.forget()
+        self._due = 0
 
     def end(self) -> None:
         """Nothing will come any more; see `Owing`."""

@@ -153,6 +153,10 @@ class Obligations:
         self.at_step = False
         self._expire()
 
+    def forget(self) -> None:
+        """Tell no more of what was decided before."""
+        self.decided, self.broken = [], False
+
     def end(self) -> None:
         """Nothing will come any more: all that is open is decided."""
         self._begin(self._present.now)
@@ -226,8 +230,8 @@ class Obligations:
 
     def next_deadline(self, after: int) -> int | None:
         """The first time later than `after` at which time alone decides something."""
-        first = min(self._firsts(), default=None)
-        return None if first is None else max(first, after) + 1
+        found = [later for node in self._waiting if (later := node.deadlines.later(after)) is not None]
+        return min(found, default=None)
 
     def snapshot(self) -> Any:
         """The state as plain data."""

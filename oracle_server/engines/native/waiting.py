@@ -186,6 +186,11 @@ class Deadlines:
         """The last time at which the earliest one is not over."""
         return self.queue[0][1][0] + self.reach if self.queue else None
 
+    def later(self, after: int) -> int | None:
+        """The first time later than this one at which some are over that were not before."""
+        place = bisect_left(self.queue, after - self.reach, key=_time)
+        return self.queue[place][1][0] + self.reach + 1 if place < len(self.queue) else None
+
     def take(self) -> Collection[Key]:
         """The keys at which some are over; there are deadlines."""
         queue, now, reach = self.queue, self._present.now, self.reach
@@ -217,6 +222,10 @@ class Waits(Protocol):
     """A row: the steps about which something is awaited at a key."""
 
     starts: list[Moment]
+
+
+def _time(entry: tuple[Key, Moment]) -> int:
+    return entry[1][0]
 
 
 def place_of(items: list[Moment], item: Moment) -> int | None:
