@@ -23,6 +23,7 @@ from oracle_server.engines.native.keys import Key, Region, Variables, is_fresh, 
 from oracle_server.engines.native.timeline import FEW, Timeline
 from oracle_server.engines.native.until import Until
 from oracle_server.engines.native.waiting import FALSE, LOST, OPEN, Awaited, Moment, Present
+from oracle_server.engines.native.within import Within
 
 
 class Decided(msgspec.Struct, frozen=True, gc=False):
@@ -98,7 +99,7 @@ class Obligations:
         """Whether the last step was a trigger, or may have been one."""
         self._loses = False
         """Whether there is something that can't be judged at the present step."""
-        self._within = {id(leaf): _Within(leaf.places) for leaf in leaves if leaf.pick and leaf.places}
+        self._within = {id(leaf): Within(leaf.places) for leaf in leaves if leaf.pick and leaf.places}
         """The keys with something open by the values of a part's own variables, where it has some of them only."""
         goal.above, goal.slot = self, 0
 
@@ -377,33 +378,6 @@ class Obligations:
 
     def _firsts(self) -> Iterator[int]:
         return (first for node in self._waiting if (first := node.deadlines.first) is not None)
-
-
-class _Within:
-    """Keys by the values at some of their places."""
-
-    def __init__(self, places: Sequence[int]) -> None:
-        self._places = places
-        self._by: dict[Key, dict[Key, None]] = {}
-
-    def add(self, key: Key) -> None:
-        """Take in a key."""
-        self._by.setdefault(self._part(key), {})[key] = None
-
-    def remove(self, key: Key) -> None:
-        """Forget a key."""
-        part = self._part(key)
-        del self._by[part][key]
-        if not self._by[part]:
-            del self._by[part]
-
-    def keys(self, part: Key) -> Collection[Key]:
-        """The keys with these values."""
-        return self._by.get(part, ())
-
-    def _part(self, key: Key) -> Key:
-        texts = texts_of(key)
-        return key_of([texts[place] for place in self._places])
 
 
 _NONE: frozenset[Key] = frozenset()
