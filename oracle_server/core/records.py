@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal, NotRequired, TypedDict
 
-from oracle_server.core.events import Order
+from oracle_server.core.events import Order, Released
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.kinds import RecordKind, StepKind
 
@@ -77,18 +77,37 @@ class ExplanationRecord(TypedDict):
     reasons: NotRequired[list[ReasonRecord]]
 
 
+class CauseRecord(TypedDict):
+    """A late event that a revision was made for; `stamp` is in nanoseconds."""
+
+    monitor: str
+    seq: int
+    stream: str
+    kind: StepKind
+    stamp: int | None
+
+
+RevisesRecord = TypedDict("RevisesRecord", {"from": int, "to": int})
+"""The numbers of the first and the last verdict that a revision changes."""
+
+
 class VerdictRecord(TypedDict):
     """The verdict of one property at one step; `stamp`, `arrived` and `judged` are in nanoseconds.
 
     `step` is None for ticks, skipped events and attempts that were taken back, `decision` and `passed` where no
     decision was asked for, `explanation` where the verdict is no violation and none was asked for.
+
+    `released` is why the order of publication released the event, missing where it was not in that order. Of specs that
+    revise: `place` is the step's place in what stood at the record, `unheard` the streams that the property reads and
+    that had not been heard beyond the step, while they may still be; `revised` is the number of the revision by which
+    the record is as it stands. A revision (`kind`) has `revises`; its `outcome` is None where those are retracted.
     """
 
     n: int
     step: int | None
     property: str
     order: Order
-    outcome: str
+    outcome: str | None
     stream: str
     kind: RecordKind
     monitor: str
@@ -104,3 +123,11 @@ class VerdictRecord(TypedDict):
     robustness: Number
     violation: bool
     explanation: ExplanationRecord | None
+    released: NotRequired[Released]
+    place: NotRequired[int]
+    unheard: NotRequired[list[str]]
+    revised: NotRequired[int]
+    revises: NotRequired[RevisesRecord]
+    retracted: NotRequired[bool]
+    because: NotRequired[list[CauseRecord]]
+    causes: NotRequired[int]

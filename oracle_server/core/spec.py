@@ -23,13 +23,17 @@ SILENT = Atom(())
 
 @dataclass(frozen=True, slots=True)
 class Ordering:
-    """How the events of a session's monitors are put in order; durations in nanoseconds."""
+    """How the events of a session's monitors are put in order; durations in nanoseconds.
+
+    With `late: revise`, an event that is late by no more than `horizon` is put in its place.
+    """
 
     by: By = "publication"
     max_delay: int | None = SECOND // 5
-    late: Literal["judge", "skip"] = "judge"
+    late: Literal["judge", "skip", "revise"] = "judge"
     max_skew: int = SECOND
     capacity: int = 10_000
+    horizon: int = 2 * SECOND
 
 
 @dataclass(frozen=True, slots=True)

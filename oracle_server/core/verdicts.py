@@ -93,7 +93,8 @@ class Judged(msgspec.Struct, frozen=True, gc=False):
 
     `number` counts the session's judged events, and is None for ticks, where the event was skipped as late, and where
     it was denied and taken back;
-    `judged` is the time of judgement in nanoseconds; `decision` is None where nothing was asked.
+    `judged` is the time of judgement in nanoseconds; `decision` is None where nothing was asked. `place` is that of a
+    late event which was put in its place among the steps, None where that is its number.
     """
 
     step: Step
@@ -102,6 +103,7 @@ class Judged(msgspec.Struct, frozen=True, gc=False):
     judged: int
     verdicts: tuple[Verdict, ...]
     decision: Decision | None
+    place: int | None = None
 
 
 class DecisionFrame(TypedDict):
