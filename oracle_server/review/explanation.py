@@ -20,7 +20,8 @@ from oracle_server.core.verdicts import Outcome, explain
 from oracle_server.engines.native import NativeEngine
 from oracle_server.engines.table import ENGINES
 from oracle_server.history.port import Reading
-from oracle_server.history.records import SessionRecord, SnapshotRecord, StoredStep, records
+from oracle_server.history.records import SessionRecord, SnapshotRecord, StoredStep
+from oracle_server.history.views import records
 from oracle_server.review.beginning import begin
 from oracle_server.specfiles.load import parse_spec
 
