@@ -8,7 +8,7 @@ from functools import partial
 
 from oracle_server.core.numbering import JUDGED
 from oracle_server.core.session import Session
-from oracle_server.core.verdicts import Judged, record
+from oracle_server.core.verdicts import Judged
 from oracle_server.history.port import History
 from oracle_server.history.records import MonitorRecord, Refusal, SessionRecord, stored
 from oracle_server.process.clock import Clock
@@ -21,9 +21,10 @@ from oracle_server.sessions.monitor import Monitor
 from oracle_server.sessions.shares import Share
 from oracle_server.sessions.snapshots import Snapshots
 from oracle_server.sessions.standing import Standing
+from oracle_server.sessions.telling import News, for_log, news, tell
 from oracle_server.sessions.violations import ViolationLog
 from oracle_server.wire.errors import WireError
-from oracle_server.wire.frames import VerdictsFrame, ViolationFrame
+from oracle_server.wire.frames import VerdictsFrame
 from oracle_server.wire.incoming import AnyEvent, Handling, QuickHandling
 
 _WRITE_AFTER = 0.01
@@ -72,7 +73,7 @@ class Ledger:
         """Write all queued steps to the history."""
         judged, self._unwritten = self._unwritten, []
         steps, used = [], []
-        violations: list[ViolationFrame] = []
+        told: list[News] = []
         for item in judged:
             self._position += 1
             event, gap, handling = item.step.event, 0, None
@@ -84,11 +85,11 @@ class Ledger:
                     handling = monitor.handlings.pop(event.seq, None)
                     used.append((monitor, event.seq, gap, JUDGED))
             steps.append(stored(self._position, gap, item, handling))
-            violations += [{"type": "violation", **record(item, v)} for v in item.verdicts if v.explanation]
+            told += news(item)
         if steps:
             self._counters.add_steps([step.outcomes for step in steps])
             standing, position = self._standing.changed(self._last_verdict), self._position
-            done = partial(self._share.run, self._committed, used, position, violations, standing)
+            done = partial(self._share.run, self._committed, used, position, told, standing)
             self._history.append(self._session, steps, done)
             if self.snapshots.is_due(self._position):
                 self._share.run_for_server(self.save)
@@ -149,17 +150,12 @@ class Ledger:
     def _last_verdict(self) -> int:
         return self._position * self._width
 
-    def _committed(
-        self, used: list[_Used], position: int, violations: list[ViolationFrame], standing: VerdictsFrame | None
-    ) -> None:
+    def _committed(self, used: list[_Used], position: int, told: list[News], standing: VerdictsFrame | None) -> None:
         self.snapshots.committed(position)
         self.commits.notify()
         self._settle(used)
-        self._violations.add(violations)
-        for frame in violations:
-            for monitor in self._monitors.values():
-                if monitor.outbox:
-                    monitor.outbox.send(frame)
+        self._violations.add(for_log(told))
+        tell(self._monitors.values(), told)
         self._announce(standing)
 
     def _announce(self, standing: VerdictsFrame | None) -> None:

@@ -28,7 +28,7 @@ from oracle_server.sessions.monitor import Monitor, Outbox, check_time, claimed
 from oracle_server.sessions.shares import Share
 from oracle_server.wire.data import DataDecoder, data_decoder, nothing
 from oracle_server.wire.errors import WireError
-from oracle_server.wire.incoming import AnyClock, AnyEvent, Attach, Handling, QuickHandling, ReportMessage
+from oracle_server.wire.incoming import REVISIONS, AnyClock, AnyEvent, Attach, Handling, QuickHandling, ReportMessage
 
 log = structlog.get_logger()
 
@@ -84,7 +84,7 @@ class LiveSession:
             monitor.numbering.restart()
         monitor.instance, monitor.outbox, monitor.streams, monitor.detaching = wanted.instance, outbox, streams, False
         monitor.clock = wanted.clock
-        monitor.verdicts = wanted.verdicts
+        monitor.verdicts, monitor.revisions = wanted.verdicts, REVISIONS in wanted.features
         if wanted.verdicts:
             self.ledger.follow_verdicts()
         self._set_attached(monitor, attached=True)
