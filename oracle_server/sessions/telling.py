@@ -12,12 +12,12 @@ from oracle_server.wire.frames import RevisionFrame, ViolationFrame
 News = ViolationFrame | RevisionFrame
 
 
-def news(row: Judged | Revision) -> list[News]:
+def news(row: Judged) -> list[News]:
     """The frames of a row: a `violation` for each property that becomes negative by it, a `revision` for each change.
 
     A change by which a violation appears is both.
     """
-    if isinstance(row, Judged):
+    if not isinstance(row, Revision):
         return [{"type": "violation", **record(row, v)} for v in row.verdicts if v.explanation]
     found: list[News] = []
     for change in row.changes:
