@@ -119,7 +119,7 @@ class DecisionFrame(TypedDict):
 def record(judged: Judged, verdict: Verdict) -> VerdictRecord:
     """A record of the history as plain data, one per step and property."""
     step, event = judged.step, judged.step.event
-    return {
+    made: VerdictRecord = {
         "n": verdict.n,
         "step": judged.number,
         "property": verdict.property,
@@ -141,6 +141,11 @@ def record(judged: Judged, verdict: Verdict) -> VerdictRecord:
         "violation": verdict.explanation is not None,
         "explanation": explain(judged, verdict),
     }
+    if step.released is not None:
+        made["released"] = step.released
+    if judged.place is not None:
+        made["place"] = judged.place
+    return made
 
 
 def json_number(value: float | None) -> Number:

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import msgspec
 
 from oracle_server.core.bypass import Bypass
-from oracle_server.core.events import Order, Step, StreamKey
+from oracle_server.core.events import Event, Order, Step, StreamKey
 from oracle_server.core.kinds import TICK
-from oracle_server.core.records import ExplanationRecord, VerdictRecord
+from oracle_server.core.records import ExplanationRecord
+from oracle_server.core.revisions import Change, Revision, Standing
 from oracle_server.core.simulated import TimeBase
 from oracle_server.core.spec import By
-from oracle_server.core.verdicts import UNDECIDED, Decision, Judged, Outcome, Verdict, explain, record
+from oracle_server.core.verdicts import Decision, Judged, Outcome, explain
 
 Document = dict[str, Any]
 
@@ -86,14 +88,34 @@ class Extent(NamedTuple):
     last: int
 
 
+class StoredRevision(msgspec.Struct, frozen=True, gc=False):
+    """What a `Revision` changes, an entry a property, and the late events that it names of `causes`, as they are kept.
+
+    What stands since then is kept with the steps that it revises.
+    """
+
+    changes: tuple[Change | None, ...]
+    because: tuple[Event, ...]
+    causes: int
+
+
+class Restated(NamedTuple):
+    """What stands of a step since revisions, and their numbers: by the property's index, that of the last one."""
+
+    standing: Standing
+    revised: Mapping[int, int]
+
+
 class StoredStep(msgspec.Struct, frozen=True, gc=False):
-    """A judged step as it is kept, without the event's data.
+    """A judged step as it is kept, without the event's data; or a revision, which takes its place in the sequence.
 
     `position` counts 1, 2, 3… in the sequence in which the session judged, over all orders; `number` is the step's own,
     None for ticks, where it was skipped and where it was taken back; `gap` are the sequence numbers before the event
     that never came; `judged` is the time of judgement. `outcomes` and `degraded` have an entry a property,
     `explanations` one for each violation, by the property's index; `bypassed` are the indexes of those degraded only
     because a stream was bypassed at the time. `passed` and `why` are what the adapter did, None while it is not known.
+    `place` is that of a late event which was put in its place among the steps. `standing` and `revised` are as in
+    `Restated`, of a step that was revised. A `revision` has no outcomes of its own.
     """
 
     position: int
@@ -110,6 +132,10 @@ class StoredStep(msgspec.Struct, frozen=True, gc=False):
     passed: bool | None = None
     why: str | None = None
     bypassed: tuple[int, ...] = ()
+    place: int | None = None
+    standing: Standing | None = None
+    revised: Mapping[int, int] = {}
+    revision: StoredRevision | None = None
 
     @property
     def lost(self) -> bool:
@@ -120,6 +146,13 @@ class StoredStep(msgspec.Struct, frozen=True, gc=False):
     def is_tick(self) -> bool:
         """Whether it is a deadline that ran out, and no event."""
         return self.step.event.stream.kind == TICK
+
+    @property
+    def tells_violations(self) -> bool:
+        """Whether any violation was said, appeared or is retracted by it, or stands at it."""
+        if self.revision is not None:
+            return any(c is not None and (c.violation or c.retracted) for c in self.revision.changes)
+        return bool(self.explanations or (self.standing is not None and self.standing.explanations))
 
 
 def stored(position: int, gap: int, judged: Judged, handling: tuple[bool, str] | None = None) -> StoredStep:
@@ -135,22 +168,35 @@ def stored(position: int, gap: int, judged: Judged, handling: tuple[bool, str] |
         position, judged.order, judged.number, judged.step, gap, judged.judged, judged.decision,
         tuple([v.outcome for v in verdicts]), tuple([v.degraded for v in verdicts]), explanations,
         None if robustness.count(None) == len(robustness) else tuple(robustness), passed, why,
-        tuple([i for i, v in enumerate(verdicts) if v.bypassed]),
+        tuple([i for i, v in enumerate(verdicts) if v.bypassed]), judged.place,
     )  # fmt: skip
 
 
-def records(step: StoredStep, properties: tuple[str, ...]) -> list[VerdictRecord]:
-    """The verdict records of a stored step, one a property."""
-    judged = Judged(step.step, step.number, step.order, step.judged, (), step.decision)
-    first = (step.position - 1) * len(properties) + 1
-    found = []
-    for i, name in enumerate(properties):
-        robustness = step.robustness[i] if step.robustness else None
-        verdict = Verdict(first + i, name, step.outcomes[i], step.degraded[i], None, robustness)
-        made = record(judged, verdict)
-        made["passed"], made["violation"] = step.passed, i in step.explanations
-        made["explanation"] = step.explanations.get(i)
-        if step.why in UNDECIDED:
-            made["kind"] = "unavailable"
-        found.append(made)
-    return found
+def stored_revision(position: int, revision: Revision) -> StoredStep:
+    """A revision as it is kept, as the row at a position."""
+    kept = StoredRevision(revision.changes, tuple([_named(event) for event in revision.because]), revision.causes)
+    return StoredStep(
+        position, revision.order, None, revision.step, 0, revision.judged, None, (), (), revision=kept
+    )  # fmt: skip
+
+
+def _named(event: Event) -> Event:
+    """What is kept of a late event with a revision: the rest of it has a row of its own."""
+    return Event(event.stream, event.monitor, event.seq, event.stamp, event.arrived, None)
+
+
+def restated(revisions: Iterable[Revision], width: int) -> dict[int, Restated]:
+    """What stands of steps since some revisions in a row, by their positions, in a session of `width` properties."""
+    standing: dict[int, Standing] = {}
+    revised: defaultdict[int, dict[int, int]] = defaultdict(dict)
+    passed: Mapping[int, Standing] = {}
+    for revision in revisions:
+        passed = revision.standing or passed
+        standing |= revision.standing
+        for i, change in enumerate(revision.changes):
+            if change is not None:
+                for n in range(change.first, change.last + 1, width):
+                    position = (n - 1) // width + 1
+                    if position in passed:
+                        revised[position][i] = change.n
+    return {position: Restated(stands, revised[position]) for position, stands in standing.items()}

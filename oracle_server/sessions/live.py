@@ -18,6 +18,7 @@ from oracle_server.core.simulated import ClockReading, SimulatedTime
 from oracle_server.core.verdicts import Judged, decision_frame
 from oracle_server.history.port import History
 from oracle_server.history.records import MonitorRecord, SessionRecord
+from oracle_server.history.views import Doubts
 from oracle_server.process.clock import Clock
 from oracle_server.remote.live import Oracles
 from oracle_server.review.restore import Restored
@@ -28,7 +29,7 @@ from oracle_server.sessions.monitor import Monitor, Outbox, check_time, claimed
 from oracle_server.sessions.shares import Share
 from oracle_server.wire.data import DataDecoder, data_decoder, nothing
 from oracle_server.wire.errors import WireError
-from oracle_server.wire.incoming import AnyClock, AnyEvent, Attach, Handling, QuickHandling, ReportMessage
+from oracle_server.wire.incoming import REVISIONS, AnyClock, AnyEvent, Attach, Handling, QuickHandling, ReportMessage
 
 log = structlog.get_logger()
 
@@ -84,7 +85,7 @@ class LiveSession:
             monitor.numbering.restart()
         monitor.instance, monitor.outbox, monitor.streams, monitor.detaching = wanted.instance, outbox, streams, False
         monitor.clock = wanted.clock
-        monitor.verdicts = wanted.verdicts
+        monitor.verdicts, monitor.revisions = wanted.verdicts, REVISIONS in wanted.features
         if wanted.verdicts:
             self.ledger.follow_verdicts()
         self._set_attached(monitor, attached=True)
@@ -258,14 +259,25 @@ class LiveSession:
             monitor.gaps[step.event.seq] = gap
             self._deliver(self.core.hold(step))
 
+    @property
+    def doubts(self) -> Doubts | None:
+        """Which verdicts may still be revised, None where none ever is."""
+        lateness = self.core.lateness
+        if lateness is None:
+            return None
+        return Doubts(lateness.judge.newest - lateness.judge.horizon, self.core.plan.readers)
+
     def counts(self) -> Counter[str]:
-        """The session's counts so far, in the order that decides, by the names of the metrics."""
-        judge = next(iter(self.core.judges.values()))
-        names = ("late", "skewed", "skipped", "lost", "denied")
-        found = Counter({name: getattr(judge.counters, name) for name in names})
+        """The session's counts so far, in the order that decides, by the names of the metrics.
+
+        None ever falls: violations are those that were told, also the `retracted` ones.
+        """
+        properties, counters = next(iter(self.core.judges.values())).told
+        names = ("late", "skewed", "skipped", "lost", "denied", "revised", "retracted")
+        found = Counter({name: getattr(counters, name) for name in names})
         found["duplicates"] = sum(count.duplicates for count in self.core.counts.values())
         found["refused"] = self.ledger.refused
-        found["violations"] = sum(p.violations for p in judge.properties)
+        found["violations"] = sum(p.violations for p in properties) + counters.retracted
         found["engine_failures"] = sum(p.broken is not None for j in self.core.judges.values() for p in j.properties)
         return found
 

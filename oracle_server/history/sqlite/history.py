@@ -21,13 +21,13 @@ from oracle_server.history.records import (
     Extent,
     MonitorRecord,
     Refusal,
+    Restated,
     SessionRecord,
     SnapshotRecord,
     StoredStep,
 )
 from oracle_server.history.sqlite.reader import Reader
 from oracle_server.history.sqlite.rows import (
-    LETTERS,
     Row,
     conditions,
     document_of,
@@ -41,7 +41,8 @@ from oracle_server.history.sqlite.rows import (
     text,
 )
 from oracle_server.history.sqlite.schema import MONITOR_COLUMNS, REFUSED_COLUMNS, SESSION_COLUMNS, STEP_COLUMNS
-from oracle_server.history.sqlite.writer import Durability, Writer
+from oracle_server.history.sqlite.standing import LETTERS, RESTATE, restate_text
+from oracle_server.history.sqlite.writer import Durability, Statement, Writer
 
 T = TypeVar("T")
 
@@ -152,9 +153,16 @@ class SqliteHistory:
         sql = _insert("INSERT OR REPLACE INTO monitors", MONITOR_COLUMNS)
         self._writer.execute(sql, monitor_row(session, monitor), done)
 
-    def append(self, session: int, steps: Sequence[StoredStep], done: Done) -> None:
-        """Keep steps that were judged."""
-        self._writer.append("steps", [step_row(session, step) for step in steps], done)
+    def append(
+        self, session: int, steps: Sequence[StoredStep], done: Done, restated: Mapping[int, Restated] | None = None
+    ) -> None:
+        """Keep steps that were judged, and what stands of earlier ones."""
+        rows = [step_row(session, step) for step in steps]
+        if restated:
+            then = Statement(RESTATE, (restate_text(session, restated),), len(restated))
+            self._writer.append("steps", rows, done, then)
+        else:
+            self._writer.append("steps", rows, done)
 
     def refuse(self, session: int, refusal: Refusal, done: Done) -> None:
         """Keep that an event was refused."""
@@ -270,7 +278,8 @@ class SqliteHistory:
 
     async def by_arrival(self, session: int) -> AsyncGenerator[list[StoredStep], None]:
         """All steps by pages, by arrival."""
-        keys = "SELECT session, position FROM steps WHERE session = ? ORDER BY arrived, monitor, seq, position"
+        where = "session = ? AND revision IS NULL"
+        keys = f"SELECT session, position FROM steps WHERE {where} ORDER BY arrived, monitor, seq, position"  # noqa: S608
         columns = ",".join(f"steps.{name}" for name in STEP_COLUMNS)
         page = (
             f"SELECT {columns} FROM sorted JOIN steps USING (session, position) "  # noqa: S608

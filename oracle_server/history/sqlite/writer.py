@@ -16,7 +16,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import structlog
 
@@ -42,6 +42,14 @@ _CHUNK = 512
 """The most rows of one statement."""
 
 log = structlog.get_logger()
+
+
+class Statement(NamedTuple):
+    """A statement with its values, and how many rows it writes."""
+
+    sql: str
+    values: Sequence[Any]
+    rows: int
 
 
 @dataclass(slots=True)
@@ -106,14 +114,23 @@ class Writer:
         """Seconds for which the oldest row has waited for its commit."""
         return time.monotonic() - self._uncommitted[0] if self._uncommitted else 0.0
 
-    def append(self, table: Literal["steps", "refused"], rows: Sequence[Row], done: Callable[[], None]) -> None:
-        """Insert rows with the next commit, and call `done` after it."""
+    def append(
+        self,
+        table: Literal["steps", "refused"],
+        rows: Sequence[Row],
+        done: Callable[[], None],
+        then: Statement | None = None,
+    ) -> None:
+        """Insert rows with the next commit, execute a statement in the same one, and call `done` after it."""
         large = sum(len(row[_SIGNALS]) // _OF_ONE for row in rows) if table == "steps" else 0
-        self._add(table, rows, done, len(rows) + large)
+        work: list[tuple[str, Any]] = [(table, rows)]
+        if then is not None:
+            work.append((then.sql, then.values))
+        self._add(work, done, len(rows) + large + (then.rows if then else 0))
 
     def execute(self, sql: str, values: Sequence[Any], done: Callable[[], None] | None = None) -> None:
         """Execute a statement with the next commit, after all earlier rows and statements; call `done` after it."""
-        self._add(sql, values, done, 1)
+        self._add([(sql, values)], done, 1)
 
     async def flush(self) -> None:
         """Wait until everything queued so far is committed."""
@@ -130,10 +147,11 @@ class Writer:
             self._thread.join()
         self._writer.close()
 
-    def _add(self, what: str, values: Any, done: Callable[[], None] | None, size: int) -> None:
+    def _add(self, work: list[tuple[str, Any]], done: Callable[[], None] | None, size: int) -> None:
+        """Take work that is committed at once: a batch is handed over by the loop, and never within this."""
         if not self._batch.work:
             self._uncommitted.append(time.monotonic())
-        self._batch.work.append((what, values))
+        self._batch.work.extend(work)
         self._batch.size += size
         if done is not None:
             self._batch.callbacks.append(done)
