@@ -282,6 +282,11 @@ class Connection:
             self._fail()
             return True
 
+    @property
+    def rest(self) -> float:
+        """For how many seconds nothing more should be read from the socket."""
+        return 0.0 if self._attached is None else self._attached[0].share.rest
+
     def take(self, process: Callable[[bytes], None], data: bytes) -> None:
         """Process data from the socket, and charge the session for it."""
         assert self._attached is not None  # noqa: S101 -- only called once attached

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import chain
 from typing import Any, NamedTuple
 
 import msgspec
@@ -35,7 +36,8 @@ _HEAD = EventMessage.model_fields.keys() - {"data"}
 _NO_DATA = msgspec.Raw()
 _UNREADABLE = (msgspec.MsgspecError, ValueError, RecursionError)
 _LOWEST, _HIGHEST = -(2**63), 2**64 - 1
-_INTEGERS = range(_LOWEST, _HIGHEST + 1)
+_LARGE = 2**14
+"""Bytes from which on data is looked through level by level."""
 _TAGS = frozenset({"attach", "events", "outcome", "outcomes", "clock", "report", "detach"})
 
 
@@ -93,7 +95,7 @@ def _data(raw: msgspec.Raw, decoder: DataDecoder, seq: int, *, odd: bool) -> dic
         if not _is_object(raw):
             raise WireError("bad_event", "data: Input should be a valid dictionary", seq=seq) from None
         raise _malformed(error) from None
-    _require_fit(data, seq, odd=odd)
+    _require_fit(data, seq, odd=odd or memoryview(raw).nbytes > _LARGE)
     return data
 
 
@@ -188,18 +190,22 @@ def _fits(data: dict[str, Any] | list[Any], depth: int) -> bool:
 
 
 def _unfit(data: dict[str, Any]) -> str | None:
-    """Why an event's data can't be judged, None where it can."""
-    level: list[Any] = [data]
+    """Why an event's data can't be judged, None where it can; level by level, which is fast where there is much."""
+    dicts: list[Any] = [data]
+    lists: list[Any] = []
     keys = 0
     for _ in range(MAX_DEPTH):
-        keys += sum(len(outer) for outer in level if isinstance(outer, dict))
+        keys += sum(map(len, dicts))
         if keys > MAX_KEYS:
             return f"data: more than {MAX_KEYS} keys"
-        values = [v for outer in level for v in (outer.values() if isinstance(outer, dict) else outer)]
-        if any(type(v) is int and v not in _INTEGERS for v in values):
+        values = [*chain.from_iterable(map(dict.values, dicts)), *chain.from_iterable(lists)]
+        kinds = {*map(type, values)}
+        whole_numbers = [v for v in values if type(v) is int] if int in kinds else ()
+        if whole_numbers and not _LOWEST <= min(whole_numbers) <= max(whole_numbers) <= _HIGHEST:
             return "data: an integer of more than 64 bits"
-        level = [v for v in values if isinstance(v, dict | list)]
-        if not level:
+        dicts = [v for v in values if type(v) is dict] if dict in kinds else []
+        lists = [v for v in values if type(v) is list] if list in kinds else []
+        if not dicts and not lists:
             return None
     return f"data: nested more than {MAX_DEPTH} deep"
 
