@@ -8,7 +8,7 @@ from functools import partial
 
 import msgspec
 
-from oracle_server.core.engine import Engine, Measuring
+from oracle_server.core.engine import MAX_WORK, MAX_WORK_TOGETHER, Engine, Measuring
 from oracle_server.core.events import TICKS, Event, Order, Step
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.holding import Held, together
@@ -16,7 +16,7 @@ from oracle_server.core.past import Past
 from oracle_server.core.plan import Plan, StreamPlan
 from oracle_server.core.presence import grace
 from oracle_server.core.property_state import Names, PropertyState
-from oracle_server.core.recent import Recent
+from oracle_server.core.recent import EFFORT_TOGETHER, Recent
 from oracle_server.core.snapshot import JudgeSnapshot
 from oracle_server.core.verdicts import DENYING, NEGATIVE, Decision, Explanation, Judged, Outcome, Verdict
 
@@ -66,6 +66,12 @@ class Judge:
             for p, e in zip(plan.spec.properties, engines, strict=True)
         ]
         self.counters = Counters()
+        self._allowed = MAX_WORK_TOGETHER // (2 if ordering.by == "both" else 1)
+        """What a step may cost all properties; one that is judged in two orders has two halves."""
+        self._explained = 0
+        """What explanations have cost at the present step or tick."""
+        self._idle_work = 0
+        """What the ticks since the last step have cost all properties."""
         self.present = 0
         """The time of the last step, in nanoseconds."""
         self._ticked = 0
@@ -158,11 +164,14 @@ class Judge:
         self._ticked, self._outdated = time, False
         signals, failed = together(self._held.values())
         views = self._plan.silent
-        self._tick = time, signals, failed
-        found = [
-            s.tick(view, time, signals, failed) if self._due(s, time) else s.outcome
-            for s, view in zip(self.properties, views, strict=True)
-        ]
+        self._tick, self._explained = (time, signals, failed), 0
+        found = []
+        for state, view in zip(self.properties, views, strict=True):
+            if not self._due(state, time):
+                found.append(state.outcome)
+                continue
+            found.append(state.tick(view, time, signals, failed, MAX_WORK - self._idle_work))
+            self._idle_work += state.work
         self._tick = None
         if all(state.outcome is outcome for state, outcome in zip(self.properties, found, strict=True)):
             return None
@@ -222,9 +231,11 @@ class Judge:
         number: int | None = self.counters.steps
         outcomes, worse, time, degraded = [], [], self.present, self._degraded
         latest = step.event.arrived - self._slack  # a clock that is far behind must not prolong a grace
+        allowed, self._idle_work, self._explained = self._allowed, 0, 0
         for state, view in zip(self.properties, stream.views, strict=True):
             worse.append(degraded or state.failures > 0 or state.renewed)
-            outcomes.append(state.step(view, time, signals, failed, latest))
+            outcomes.append(state.step(view, time, signals, failed, latest, allowed))
+            allowed -= state.work
         decision = self._decide(step, outcomes, blameless)
         if revisable and _is_denied(decision):
             self._recent.unnumber()
@@ -334,11 +345,19 @@ class Judge:
             state.property.text, signals, state.why.text, state.why.data(partial(self._recent.recall, timed=timed))
         )
 
-    def _past(self, index: int) -> Past:
-        """The last steps as one property observed them, and a tick that is being judged."""
+    def _past(self, index: int) -> Past | None:
+        """The last steps as one property observed them, and a tick that is being judged.
+
+        None where the others' explanations have cost enough, unless this one was asked for.
+        """
+        if self._explained >= EFFORT_TOGETHER and not self.properties[index].asked:
+            return None
         views = self._plan.streams
         tick = None if self._tick is None else (self._tick[0], self._plan.silent[index], *self._tick[1:])
-        return self._recent.past(lambda stream: views[stream].views[index], tick)
+        return self._recent.past(lambda stream: views[stream].views[index], tick, self._note_effort)
+
+    def _note_effort(self, effort: int) -> None:
+        self._explained += effort
 
 
 def _denies(outcome: Outcome, *, blamed: bool) -> bool:
