@@ -11,7 +11,7 @@ import msgspec
 import pytest
 
 from oracle_server.history.port import Done
-from oracle_server.history.records import SessionRecord, StoredStep
+from oracle_server.history.records import Restated, SessionRecord, StoredStep
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.process.clock import Clock
 from oracle_server.sessions import live as live_module

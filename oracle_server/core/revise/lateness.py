@@ -59,9 +59,13 @@ class Lateness:
             outputs += self.judge.go_on(now, enough) if self.judge.is_going else []
         return outputs
 
+    def expire(self, now: int) -> None:
+        """Let what is late wait no longer for others."""
+        self._due = now if self._waiting else None
+
     def finish(self, now: int) -> list[Judged]:
         """Put all in place now."""
-        self._due = now if self._waiting else None
+        self.expire(now)
         return self.go_on(now, lambda: False)
 
     def _begin(self, now: int) -> list[Judged]:
