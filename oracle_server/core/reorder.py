@@ -251,7 +251,7 @@ class ReorderBuffer(Generic[T]):
             return "frontier"
         if self._limit is None or self._limit < stamp:
             return "max_delay"
-        return "clock" if self._frontiers[self._slowest].is_told(stamp) else "frontier"
+        return "clock" if any(frontier.is_told(stamp) for frontier in self._frontiers.values()) else "frontier"
 
     def _release(self) -> list[Released[T]]:
         released: list[Released[T]] = []
