@@ -17,7 +17,7 @@ def news(row: Judged | Revision) -> list[News]:
 
     A change by which a violation appears is both.
     """
-    if isinstance(row, Judged):
+    if not isinstance(row, Revision):
         return [{"type": "violation", **record(row, v)} for v in row.verdicts if v.explanation]
     found: list[News] = []
     for change in row.changes:
