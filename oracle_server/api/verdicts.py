@@ -14,7 +14,7 @@ from pydantic import BaseModel, Field
 from starlette.responses import StreamingResponse
 
 from oracle_server.api.explaining import Explainer
-from oracle_server.api.known import demand_session
+from oracle_server.api.known import demand_session, doubts_of
 from oracle_server.api.leaving import unless_left
 from oracle_server.api.questions import Outcomes, paged
 from oracle_server.edge.scopes import needs
@@ -45,9 +45,8 @@ def router(registry: Registry, history: History) -> APIRouter:
     explainer = Explainer(history)
 
     async def page(request: Request, session_id: str, question: Question) -> Response:
-        known = await demand_session(request, registry, session_id)
-
-        items, after = await unless_left(request, find_as(history, known, question, encode_bytes))
+        known, doubts = await demand_session(request, registry, session_id), doubts_of(registry, session_id)
+        items, after = await unless_left(request, find_as(history, known, question, encode_bytes, doubts))
         body = b'{"items":[%b],"next":%b}' % (b",".join(items), encode_bytes(after))
         return Response(body, media_type="application/json")
 
@@ -64,7 +63,10 @@ def router(registry: Registry, history: History) -> APIRouter:
     async def list_violations(
         request: Request, session_id: str, question: Annotated[Question, Depends(paged)]
     ) -> Response:
-        """List the verdicts at which a property became negative, with their explanations."""
+        """List the verdicts at which a property became negative, with their explanations.
+
+        With `as=all`, revisions too by which one appears, or is `retracted`.
+        """
         return await page(request, session_id, replace(question, violations=True))
 
     @routes.get("/sessions/{session_id}/verdicts/{n}/explanation", response_model=Record)

@@ -51,6 +51,26 @@ class Revisable(Engine, Protocol):
 
 
 @runtime_checkable
+class Rewindable(Revisable, Protocol):
+    """An engine that can go back to any of its last steps, once it was told to `record` what that takes."""
+
+    def record(self) -> None:
+        """From now on, keep what is needed to go back."""
+        ...
+
+    def rewind(self, step: int, time: int, before: int) -> None:
+        """Go back to a step, as it was after it: by its number, 0 for the beginning, its time (ns) and the last one's.
+
+        No mark may be open, and no later step may be one that was forgotten.
+        """
+        ...
+
+    def forget(self, step: int, time: int) -> None:
+        """Keep no more than is needed to go back to a step, by its number and time (ns)."""
+        ...
+
+
+@runtime_checkable
 class Savable(Engine, Protocol):
     """An engine whose state can be saved, and restored in another one."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import msgspec
 
@@ -15,9 +16,10 @@ from oracle_server.core.holding import Held, together
 from oracle_server.core.past import Past
 from oracle_server.core.plan import Plan, StreamPlan
 from oracle_server.core.presence import grace
-from oracle_server.core.property_state import Names, PropertyState
+from oracle_server.core.property_state import Mark, Names, PropertyState
 from oracle_server.core.recent import Recent
 from oracle_server.core.snapshot import JudgeSnapshot
+from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import DENYING, NEGATIVE, Decision, Explanation, Judged, Outcome, Verdict
 
 _NO_ONE = frozenset[int]()
@@ -36,6 +38,17 @@ class Counters:
     denied: int = 0
 
 
+class _Before(NamedTuple):
+    """What a step that is taken back must not change."""
+
+    marks: list[Mark]
+    present: int
+    steps: int
+    held: dict[str, Held]
+    ticked: int
+    outdated: bool
+
+
 class Judge:
     """The state of one session in one order of events."""
 
@@ -49,7 +62,7 @@ class Judge:
         decides: bool = True,
     ) -> None:
         """Judge with one fresh engine a property; verdicts are numbered from `numbers`."""
-        self._plan = plan
+        self.plan = plan
         self._order = order
         self._numbers = numbers
         self._decides = decides
@@ -62,8 +75,7 @@ class Judge:
         """How much later than its stamp an event arrives (ns), where clocks are in step."""
         self._unordered = not any(stream.ordered for stream in plan.spec.streams)
         self.properties = [
-            PropertyState(p, e, grace=grace(p.formula, p.time))
-            for p, e in zip(plan.spec.properties, engines, strict=True)
+            self._state(p, e, grace(p.formula, p.time)) for p, e in zip(plan.spec.properties, engines, strict=True)
         ]
         self.counters = Counters()
         self.present = 0
@@ -76,10 +88,13 @@ class Judge:
         for i, state in enumerate(self.properties):
             state.past = partial(self._past, i)
 
+    def _state(self, prop: Property, engine: Engine, grace: int) -> PropertyState:
+        return PropertyState(prop, engine, grace=grace)
+
     @property
     def next_deadline(self) -> int | None:
         """When time alone may change an outcome next, in nanoseconds; None for never."""
-        if not self._plan.timed:
+        if not self.plan.timed:
             return None
         if self._outdated:
             return self._ticked
@@ -145,7 +160,7 @@ class Judge:
             self._count(step)
         if step.skipped:
             return self._skip(step, now)
-        if event.ask and self._decides and self._plan.streams[event.stream].undoes:
+        if event.ask and self._decides and self.plan.streams[event.stream].undoes:
             return self._try(step, now)
         return self._judge(step, now)
 
@@ -157,7 +172,7 @@ class Judge:
         """
         self._ticked, self._outdated = time, False
         signals, failed = together(self._held.values())
-        views = self._plan.silent
+        views = self.plan.silent
         self._tick = time, signals, failed
         found = [
             s.tick(view, time, signals, failed) if self._due(s, time) else s.outcome
@@ -185,19 +200,28 @@ class Judge:
 
     def _try(self, step: Step, now: int) -> Judged:
         """Judge a step, and take it back where it is denied, as if it had never happened."""
-        marks = [state.mark() for state in self.properties]
-        present, steps, held = self.present, self.counters.steps, self._held
-        ticked = self._ticked, self._outdated
-        self._held = {m: h.copy() if m == step.event.monitor else h for m, h in held.items()}
+        before = self._attempt(step)
         judged = self._judge(step, now, revisable=True)
-        if not _is_denied(judged.decision):
-            for state in self.properties:
-                state.keep()
-            return judged
+        if is_denied(judged.decision):
+            return self._take_back(judged, before)
+        for state in self.properties:
+            state.keep()
+        return judged
+
+    def _attempt(self, step: Step) -> _Before:
+        """Begin a step that may be taken back."""
+        before = _Before(
+            [state.mark() for state in self.properties],
+            self.present, self.counters.steps, self._held, self._ticked, self._outdated,
+        )  # fmt: skip
+        self._held = {m: h.copy() if m == step.event.monitor else h for m, h in self._held.items()}
+        return before
+
+    def _take_back(self, judged: Judged, before: _Before) -> Judged:
+        """Take the last step back, as if it had never happened; what was judged of it is not final."""
+        marks, self.present, self.counters.steps, self._held, self._ticked, self._outdated = before
         for state, mark in zip(self.properties, marks, strict=True):
             state.back(mark)
-        self.present, self.counters.steps, self._held = present, steps, held
-        self._ticked, self._outdated = ticked
         self._recent.remove()
         verdicts = tuple(msgspec.structs.replace(v, outcome=v.outcome.current) for v in judged.verdicts)
         return msgspec.structs.replace(judged, verdicts=verdicts)
@@ -210,7 +234,7 @@ class Judge:
 
     def _judge(self, step: Step, now: int, *, revisable: bool = False) -> Judged:
         """Judge a step; `revisable`: it is taken back where it is denied."""
-        stream = self._plan.streams[step.event.stream]
+        stream = self.plan.streams[step.event.stream]
         self.counters.steps += 1
         before = self.present
         self._move_on(step, stream)
@@ -226,7 +250,7 @@ class Judge:
             worse.append(degraded or state.failures > 0 or state.renewed)
             outcomes.append(state.step(view, time, signals, failed, latest))
         decision = self._decide(step, outcomes, blameless)
-        if revisable and _is_denied(decision):
+        if revisable and is_denied(decision):
             self._recent.unnumber()
             number = None
         verdicts = []
@@ -252,7 +276,7 @@ class Judge:
         return frozenset(
             i
             for i in stream.blames
-            if self.properties[i].silent(self._plan.silent[i], self.present, held.values, held.failed) in NEGATIVE
+            if self.properties[i].silent(self.plan.silent[i], self.present, held.values, held.failed) in NEGATIVE
         )
 
     def _verdict(self, state: PropertyState, outcome: Outcome, signals: Mapping[str, Scalar], time: int) -> Verdict:
@@ -298,14 +322,14 @@ class Judge:
         now: int,
         decision: Decision | None = None,
     ) -> Judged:
-        self.counters.denied += _is_denied(decision)
+        self.counters.denied += is_denied(decision)
         return Judged(step, number, self._order, now, verdicts, decision)
 
     def _decide(self, step: Step, outcomes: Sequence[Outcome], blameless: frozenset[int] = _NO_ONE) -> Decision | None:
         """The decision on an event, by the outcomes of all properties; None where none is wanted."""
         if not (step.event.ask and self._decides):
             return None
-        guards = self._plan.streams[step.event.stream].guards
+        guards = self.plan.streams[step.event.stream].guards
         denying = [i for i in guards if _denies(outcomes[i], blamed=i not in blameless)]
         denied_by = tuple(self.properties[i].property.id for i in denying)
         return Decision("deny" if denied_by else "allow", denied_by)
@@ -336,8 +360,8 @@ class Judge:
 
     def _past(self, index: int) -> Past:
         """The last steps as one property observed them, and a tick that is being judged."""
-        views = self._plan.streams
-        tick = None if self._tick is None else (self._tick[0], self._plan.silent[index], *self._tick[1:])
+        views = self.plan.streams
+        tick = None if self._tick is None else (self._tick[0], self.plan.silent[index], *self._tick[1:])
         return self._recent.past(lambda stream: views[stream].views[index], tick)
 
 
@@ -345,5 +369,5 @@ def _denies(outcome: Outcome, *, blamed: bool) -> bool:
     return outcome in DENYING and (blamed or outcome not in NEGATIVE)
 
 
-def _is_denied(decision: Decision | None) -> bool:
+def is_denied(decision: Decision | None) -> bool:
     return decision is not None and decision.choice == "deny"

@@ -24,7 +24,7 @@ builtin_property = property
 """`property`, which is a field here."""
 
 
-class _Mark(NamedTuple):
+class Mark(NamedTuple):
     """The part of a property's state that a step which is taken back must not change."""
 
     outcome: Outcome
@@ -142,14 +142,14 @@ class PropertyState:
         self._take_back(engine)
         return outcome if view.reads.isdisjoint(failed) else Outcome.UNKNOWN
 
-    def mark(self) -> _Mark:
+    def mark(self) -> Mark:
         """Remember how the property stands, and begin a step that may be taken back."""
         engine = self._revisable()
         if engine is not None:
             engine.mark()
-        return _Mark(self.outcome, self.negative, self.failures)
+        return Mark(self.outcome, self.negative, self.failures)
 
-    def back(self, mark: _Mark) -> None:
+    def back(self, mark: Mark) -> None:
         """Take the step back; a violation stays counted, and an engine that failed at it stays failed."""
         engine, failures = self._revisable(), self.failures
         if engine is not None:

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 import msgspec
 
-from oracle_server.core.events import Event, Order, Step
+from oracle_server.core.events import Event
 from oracle_server.core.records import CauseRecord, ExplanationRecord, VerdictRecord
-from oracle_server.core.verdicts import Choice, Outcome
+from oracle_server.core.verdicts import Choice, Judged, Outcome
 
 MOST_CAUSES = 10
 """Late events that one revision names; of more it has the count only."""
@@ -46,19 +46,16 @@ class Standing(msgspec.Struct, frozen=True, gc=False):
     explanations: Mapping[int, ExplanationRecord] = {}
 
 
-class Revision(msgspec.Struct, frozen=True, gc=False):
-    """A row of the history that changes what stands: at most one `Change` a property, by its index.
+class Revision(Judged, frozen=True, gc=False, kw_only=True):
+    """A row that is no step: it changes what stands, by at most one `Change` a property, by its index.
 
-    `first` is the number of the row: as every row it takes as many numbers as there are properties. `step` stands for
-    it among the rows; its stamp is that of the oldest event in `because`, the late events, of which it names the first
-    `MOST_CAUSES` of `causes`. `standing` is what stands of whole steps, by the row (1, 2, 3…) at which each was said;
-    of several revisions that are made together the first one has it.
+    As a step it has no verdicts, no number and no decision. `first` is the number of the row: as every row it takes as
+    many numbers as there are properties. The stamp of its step is that of the oldest event in `because`, the late
+    events, of which it names the first `MOST_CAUSES` of `causes`. `standing` is what stands of whole steps, by the row
+    (1, 2, 3…) at which each was said; of several revisions that are made together the first one has it.
     """
 
-    step: Step
     first: int
-    order: Order
-    judged: int
     changes: tuple[Change | None, ...]
     because: tuple[Event, ...]
     causes: int

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import msgspec
 
+from oracle_server.core.arriving import Arriving
 from oracle_server.core.asking import Ask, Asking, Waiting
-from oracle_server.core.boot import BootClock
 from oracle_server.core.bypass import Bypass, Bypasses
 from oracle_server.core.engine import Answer, Engine
 from oracle_server.core.events import Event, Order, Step, StreamKey
@@ -17,10 +17,11 @@ from oracle_server.core.judge import Judge
 from oracle_server.core.kinds import TICK
 from oracle_server.core.plan import Plan
 from oracle_server.core.reorder import Released, ReorderBuffer, Source
+from oracle_server.core.revise.judge import RevisingJudge
+from oracle_server.core.revise.lateness import Lateness
 from oracle_server.core.simulated import ClockReading, SimulatedTime
 from oracle_server.core.snapshot import SessionSnapshot
 from oracle_server.core.spec import SECOND, Spec
-from oracle_server.core.stamps import Stamp, since_boot_in, stamp_in
 from oracle_server.core.tally import HoldTimes, StreamCounts
 from oracle_server.core.verdicts import FINAL, Judged
 
@@ -47,10 +48,16 @@ class Session:
         ordering = plan.spec.ordering
         numbers = itertools.count(1)
         self.plan = plan
-        self.judges = {
-            order: Judge(plan, own, order, numbers, decides=order == orders(plan.spec)[0])
-            for order, own in zip(orders(plan.spec), engines, strict=True)
-        }
+        self.lateness: Lateness | None = None
+        """What comes late and is put in its place; None where the spec does not revise."""
+        self.judges: dict[Order, Judge] = {}
+        for order, own in zip(orders(plan.spec), engines, strict=True):
+            if ordering.late == "revise":
+                revising = self.judges[order] = RevisingJudge(plan, own, order, numbers)
+                revising.ticking = ticking and plan.timed
+                self.lateness = Lateness(revising)
+            else:
+                self.judges[order] = Judge(plan, own, order, numbers, decides=order == orders(plan.spec)[0])
         self.buffer: ReorderBuffer[Step] = ReorderBuffer(ordering.max_delay, ordering.capacity)
         self.counts: defaultdict[Source, StreamCounts] = defaultdict(StreamCounts)
         self.holds = HoldTimes()
@@ -61,11 +68,9 @@ class Session:
         if begun is not None:
             self._begin(begun)
         self._ticking = ticking and plan.timed
-        self.simulated: SimulatedTime | None = None
-        """The time of the simulation that the session runs in; None where its time is the server's."""
+        self._arriving = Arriving(plan)
         self.asking = Asking() if plan.external else None
         """What waits for external oracles; None where the spec has none."""
-        self._boots: defaultdict[str, BootClock] = defaultdict(lambda: BootClock(ordering.max_skew))
         self.suspended = False
         """Whether events are skipped, since their verdicts could not be kept."""
         self._enough: Callable[[], bool] = _never
@@ -73,11 +78,21 @@ class Session:
         """Since when all monitors are connected again (ns); None while some are awaited after a restart."""
 
     @property
+    def simulated(self) -> SimulatedTime | None:
+        """The time of the simulation that the session runs in; None where its time is the server's."""
+        return self._arriving.simulated
+
+    @simulated.setter
+    def simulated(self, time: SimulatedTime | None) -> None:
+        self._arriving.simulated = time
+
+    @property
     def next_deadline(self) -> int | None:
         """When `advance` should be called next, None while nothing waits for time to pass."""
         if self.buffer.due is not None:
             return self.now
-        deadline = self.buffer.next_deadline
+        late = None if self.lateness is None else self.lateness.next_deadline(self.now)
+        deadline = min((d for d in (self.buffer.next_deadline, late) if d is not None), default=None)
         if not self._ticking or self.simulated is not None or self.asking:
             return deadline
         waits = {order: self._longest_wait(order) for order in self.judges}
@@ -114,11 +129,11 @@ class Session:
         judged = self.advance(event.arrived)
         if event.lost:
             self._note_loss(event)
-        step = self._step(event)
+        step = self._arriving.step(event)
         if self.begun is None:
             self._begin(step.event.arrived)
         if "arrival" in self.judges:
-            judged += [self._judge_one("arrival", step)] if self.asking is None else self._ask("arrival", step)
+            judged += self._judge_one("arrival", step) if self.asking is None else self._ask("arrival", step)
         if "publication" in self.judges:
             judged += self._order(step)
         return judged + self._run_out() if self._ticking else judged
@@ -140,12 +155,16 @@ class Session:
         self.now = max(self.now, now)
         released = self.buffer.advance(self.now)
         judged = self._judge(released) if released else []
+        if self.lateness is not None:
+            judged += self.lateness.go_on(self.now, self._enough)
         return judged + self._run_out() if self._ticking else judged
 
     def finish(self, now: int) -> list[Judged]:
         """Judge all that is held, in order."""
         enough, self._enough = self._enough, _never
         judged = self.advance(now) + self._judge(self.buffer.flush())
+        if self.lateness is not None:
+            judged += self.lateness.finish(self.now)
         self._enough = enough
         return judged
 
@@ -236,7 +255,7 @@ class Session:
     def _order(self, step: Step, put: Put | None = None) -> list[Judged]:
         event = step.event
         if not self.plan.spec.by_key[event.stream].ordered:
-            return [self._judge_one("publication", step)] if self.asking is None else self._ask("publication", step)
+            return self._judge_one("publication", step) if self.asking is None else self._ask("publication", step)
         source = (event.monitor, event.stream)
         return self._judge((put or self.buffer.push)(step, source, event.source, step.time, self.now))
 
@@ -255,13 +274,11 @@ class Session:
                 self.counts[event.monitor, event.stream].late += 1
         if self.asking is not None:
             return [judged for r in released for judged in self._ask_released(r)]
-        if not self._ticking:
-            return [self._judge_one("publication", r.item, late=r.late, forced=r.forced) for r in released]
         judged: list[Judged] = []
         for r in released:
-            if not r.late:
+            if self._ticking and not r.late and self.lateness is None:
                 judged += self._ticks("publication", r.item.time - 1)
-            judged.append(self._judge_one("publication", r.item, late=r.late, forced=r.forced))
+            judged += self._judge_one("publication", r.item, late=r.late, forced=r.forced)
         return judged
 
     def _run_out(self) -> list[Judged]:
@@ -302,7 +319,9 @@ class Session:
         return self._tick_until(order, until)
 
     def _tick_until(self, order: Order, until: int) -> list[Judged]:
-        judge, judged = self.judges[order], []
+        judge, judged = self.judges[order], list[Judged]()
+        if self.lateness is not None:
+            return [] if self.suspended else self.lateness.judge.tick_until(until, self.now)
         while not self.suspended and (deadline := judge.next_deadline) is not None and deadline <= until:
             tick = judge.tick(deadline, self.now)
             if tick is not None:
@@ -325,10 +344,12 @@ class Session:
         self.counts[event.monitor, event.stream].lost += event.lost
         self.note_refusal()
 
-    def _judge_one(self, order: Order, step: Step, *, late: bool = False, forced: bool = False) -> Judged:
+    def _judge_one(self, order: Order, step: Step, *, late: bool = False, forced: bool = False) -> list[Judged]:
         if late or forced or self.suspended:
             step = self._marked(step, late=late, forced=forced)
-        return self.judges[order].judge(step, self.now)
+        if self.lateness is not None:
+            return self.lateness.take(step, self.now, self._enough)
+        return [self.judges[order].judge(step, self.now)]
 
     def _marked(self, step: Step, *, late: bool, forced: bool) -> Step:
         skipped = self.suspended or (late and self.plan.spec.ordering.late == "skip")
@@ -364,28 +385,6 @@ class Session:
             step = msgspec.structs.replace(item.step, skipped=True) if self.suspended else item.step
             judged.append(self.judges[item.order].judge(step, self.now))
         return judged
-
-    def _step(self, event: Event) -> Step:
-        stream = self.plan.streams[event.stream]
-        signals, failed = stream.project(event.data)
-        stamp = self._stamp(event, stream.spec.stamp)
-        if self.simulated is not None:
-            event = msgspec.structs.replace(event, arrived=self.simulated.arrival(stamp), received=event.arrived)
-        stamp = stamp or event.arrived
-        skewed = stamp - event.arrived > self.plan.spec.ordering.max_skew
-        return Step(event, signals, failed, stamp, skewed)
-
-    def _stamp(self, event: Event, where: Stamp | None) -> int | None:
-        """An event's publication time (ns): what the monitor said, or what the server reads of the message itself."""
-        if where is None or where.plain:
-            return event.stamp or stamp_in(event.data, where)
-        if where.epoch == "unix":
-            return stamp_in(event.data, where) or event.stamp
-        since_boot = since_boot_in(event.data, where)
-        if since_boot is None:
-            return event.stamp
-        known = event.stamp or (self.simulated and self.simulated.now) or event.arrived
-        return self._boots[event.monitor].place((event.stream, event.source), since_boot, known)
 
 
 def _never() -> bool:

@@ -70,5 +70,8 @@ def records(
 
 
 def _revised(step: StoredStep, kept: StoredRevision, first: int) -> list[VerdictRecord]:
-    revision = Revision(step.step, first, step.order, step.judged, kept.changes, kept.because, kept.causes)
+    revision = Revision(
+        step.step, None, step.order, step.judged, (), None,
+        first=first, changes=kept.changes, because=kept.because, causes=kept.causes,
+    )  # fmt: skip
     return [revision_record(revision, change) for change in kept.changes if change is not None]

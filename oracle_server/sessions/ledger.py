@@ -7,10 +7,19 @@ from collections.abc import Mapping
 from functools import partial
 
 from oracle_server.core.numbering import JUDGED
+from oracle_server.core.revisions import Revision
 from oracle_server.core.session import Session
 from oracle_server.core.verdicts import Judged
 from oracle_server.history.port import History
-from oracle_server.history.records import MonitorRecord, Refusal, SessionRecord, stored
+from oracle_server.history.records import (
+    MonitorRecord,
+    Refusal,
+    SessionRecord,
+    StoredStep,
+    restated,
+    stored,
+    stored_revision,
+)
 from oracle_server.process.clock import Clock
 from oracle_server.review.restore import Restored
 from oracle_server.sessions.backlog import Backlog
@@ -64,7 +73,7 @@ class Ledger:
         self.snapshots.resume(restored.position, restored.saved)
 
     def add(self, judged: list[Judged]) -> None:
-        """Queue judged steps; many are written together, within `_WRITE_AFTER`."""
+        """Queue judged steps; many are written together, within `_WRITE_AFTER`, and all of one call are."""
         if not self._unwritten:
             asyncio.get_running_loop().call_later(_WRITE_AFTER, self._share.run, self.write)
         self._unwritten += judged
@@ -72,27 +81,18 @@ class Ledger:
     def write(self) -> None:
         """Write all queued steps to the history."""
         judged, self._unwritten = self._unwritten, []
-        steps, used = [], []
-        told: list[News] = []
-        for item in judged:
-            self._position += 1
-            event, gap, handling = item.step.event, 0, None
-            if event.monitor:
-                monitor = self._monitors[event.monitor]
-                gap = monitor.gaps.get(event.seq, 0)
-                if item.order == self._deciding:
-                    monitor.gaps.pop(event.seq, None)
-                    handling = monitor.handlings.pop(event.seq, None)
-                    used.append((monitor, event.seq, gap, JUDGED))
-            steps.append(stored(self._position, gap, item, handling))
-            told += news(item)
-        if steps:
-            self._counters.add_steps([step.outcomes for step in steps])
-            standing, position = self._standing.changed(self._last_verdict), self._position
-            done = partial(self._share.run, self._committed, used, position, told, standing)
-            self._history.append(self._session, steps, done)
-            if self.snapshots.is_due(self._position):
-                self._share.run_for_server(self.save)
+        if not judged:
+            return
+        used: list[_Used] = []
+        steps = [self._stored(item, used) for item in judged]
+        told = [frame for item in judged for frame in news(item)]
+        self._counters.add_steps([step.outcomes for step in steps if step.revision is None])
+        standing, position = self._standing.changed(self._last_verdict), self._position
+        done = partial(self._share.run, self._committed, used, position, told, standing)
+        stands = restated([item for item in judged if isinstance(item, Revision)], self._width)
+        self._history.append(self._session, steps, done, stands)
+        if self.snapshots.is_due(self._position):
+            self._share.run_for_server(self.save)
 
     def restate(self, monitor: MonitorRecord) -> None:
         """Write what a monitor reports of its streams, and send how the properties then stand."""
@@ -145,6 +145,21 @@ class Ledger:
         """Send the last committed `verdicts` frame to a monitor, if it requested these frames."""
         if monitor.verdicts and monitor.outbox and self._standing.committed:
             monitor.outbox.send(self._standing.committed)
+
+    def _stored(self, item: Judged, used: list[_Used]) -> StoredStep:
+        """The next row, and in `used` the number that its event uses up."""
+        self._position += 1
+        if isinstance(item, Revision):
+            return stored_revision(self._position, item)
+        event, gap, handling = item.step.event, 0, None
+        if event.monitor:
+            monitor = self._monitors[event.monitor]
+            gap = monitor.gaps.get(event.seq, 0)
+            if item.order == self._deciding:
+                monitor.gaps.pop(event.seq, None)
+                handling = monitor.handlings.pop(event.seq, None)
+                used.append((monitor, event.seq, gap, JUDGED))
+        return stored(self._position, gap, item, handling)
 
     @property
     def _last_verdict(self) -> int:

@@ -18,6 +18,7 @@ from oracle_server.core.simulated import ClockReading, SimulatedTime
 from oracle_server.core.verdicts import Judged, decision_frame
 from oracle_server.history.port import History
 from oracle_server.history.records import MonitorRecord, SessionRecord
+from oracle_server.history.views import Doubts
 from oracle_server.process.clock import Clock
 from oracle_server.remote.live import Oracles
 from oracle_server.review.restore import Restored
@@ -257,6 +258,14 @@ class LiveSession:
             monitor.unsettled += 1
             monitor.gaps[step.event.seq] = gap
             self._deliver(self.core.hold(step))
+
+    @property
+    def doubts(self) -> Doubts | None:
+        """Which verdicts may still be revised, None where none ever is."""
+        ordering, present = self.spec.ordering, self.core.buffer.present
+        if ordering.late != "revise" or present is None:
+            return None
+        return Doubts(present - ordering.horizon, self.core.plan.readers)
 
     def counts(self) -> Counter[str]:
         """The session's counts so far, in the order that decides, by the names of the metrics."""

@@ -12,7 +12,7 @@ from oracle_server.wire.frames import RevisionFrame, ViolationFrame
 News = ViolationFrame | RevisionFrame
 
 
-def news(row: Judged | Revision) -> list[News]:
+def news(row: Judged) -> list[News]:
     """The frames of a row: a `violation` for each property that becomes negative by it, a `revision` for each change.
 
     A change by which a violation appears is both.

@@ -72,8 +72,8 @@ def revision(
     late = Event(StreamKey("/a", "topic"), "m", 1000 + position, stamp, 10 * position, {"large": "data"})
     event = Event(REVISIONS, "", -position, stamp, 10 * position, None)
     return Revision(
-        Step(event, {}, frozenset(), stamp, skipped=True), (position - 1) * len(PROPERTIES) + 1, "publication",
-        100 * position, changes, (late,), 1, standing or {},
+        Step(event, {}, frozenset(), stamp, skipped=True), None, "publication", 100 * position, (), None,
+        first=(position - 1) * len(PROPERTIES) + 1, changes=changes, because=(late,), causes=1, standing=standing or {},
     )  # fmt: skip
 
 

@@ -28,7 +28,7 @@ QUIET = Change(12, "r", 6, 9, None, degraded=True)
 
 def revision(*changes: Change | None) -> Revision:
     step = Step(Event(REVISIONS, "", -1, 30, 500, {}), {}, frozenset(), 30)
-    return Revision(step, 10, "publication", 501, changes, (LATE,), 1)
+    return Revision(step, None, "publication", 501, (), None, first=10, changes=changes, because=(LATE,), causes=1)
 
 
 def test_a_revision_is_a_frame_for_each_of_its_changes_and_a_violation_that_appears_one_more() -> None:

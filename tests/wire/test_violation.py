@@ -55,8 +55,10 @@ def revised(outcome: Outcome | None, *, violation: bool) -> VerdictRecord:
         change = Change(
             9, "p", 2, 4, outcome, degraded=False, violation=True, explanation=violations()[0]["explanation"]
         )
-    row = Revision(Step(Event(REVISIONS, "", -1, 30, 500, {}), {}, frozenset(), 30), 9, "publication", 501, (change,),
-                   (late,), 12)  # fmt: skip
+    row = Revision(
+        Step(Event(REVISIONS, "", -1, 30, 500, {}), {}, frozenset(), 30), None, "publication", 501, (), None,
+        first=9, changes=(change,), because=(late,), causes=12,
+    )  # fmt: skip
     return revision_record(row, change)
 
 

@@ -56,6 +56,25 @@ class Timeline:
             if len(self._times) % _TRIM == 0 and self.journal is None:
                 del self._times[: bisect_left(self._times, time - self._horizon)]
 
+    def pass_by(self, time: int) -> None:
+        """Go on to the next step, at which nothing changes, without noting how to take that back; see `place`."""
+        if self.work or self._debt:
+            self._debt, self.work = self._owed, 0
+        self.before, self.now = self.now, time
+        if self._horizon is not None:
+            self._times.append(time)
+
+    def place(self, time: int, before: int, steps: int) -> None:
+        """Go back to a step at a time, whose last one was at `before`; so many steps since were not taken back yet."""
+        self.before, self.now = before, time
+        if self._horizon is not None and steps:
+            del self._times[-steps:]
+
+    def trim(self, time: int) -> None:
+        """Forget what no window can reach from a time on."""
+        if self._horizon is not None:
+            del self._times[: bisect_left(self._times, time - self._horizon)]
+
     def spend(self, keys: int) -> None:
         """Count keys that a node looks at. Raises `EngineError` where a step, or all of them, cost too much."""
         self.work += keys

@@ -1,0 +1,302 @@
+"""A judge that goes back: it puts late events in their places, and judges what comes after them again."""
+
+from __future__ import annotations
+
+from collections import defaultdict, deque
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+import msgspec
+
+from oracle_server.core.engine import Engine, Rewindable
+from oracle_server.core.events import Order, Step
+from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.judge import Judge
+from oracle_server.core.plan import Plan, StreamPlan
+from oracle_server.core.property_state import Names
+from oracle_server.core.recent import SIZE, Recent
+from oracle_server.core.revise.changes import Again, revisions
+from oracle_server.core.revise.finality import RevisableState
+from oracle_server.core.revise.kept import MOST, Keeping, Kept, Point
+from oracle_server.core.spec import Property
+from oracle_server.core.verdicts import Decision, Judged, Verdict
+
+_FORGET_AFTER = 64
+"""Rows that are no longer kept, after which the engines forget them: many at once cost less."""
+
+
+class Late(NamedTuple):
+    """A late step that is put in its place."""
+
+    step: Step
+
+
+class Until(NamedTuple):
+    """Deadlines up to a time (ns) are to be judged."""
+
+    time: int
+
+
+class RevisingJudge(Judge):
+    """Judges in the order of publication, and again where a late event is put in its place.
+
+    What is to be judged waits in `ahead` while a pass goes on; what was judged in it is returned at its end, with the
+    revisions, so that both are kept together or not at all.
+    """
+
+    def __init__(self, plan: Plan, engines: Sequence[Engine], order: Order, numbers: Iterator[int]) -> None:
+        """Judge with one fresh engine a property, each of which can go back; verdicts are numbered from `numbers`."""
+        self.horizon = plan.spec.ordering.horizon
+        super().__init__(plan, engines, order, numbers)
+        self._states = [state for state in self.properties if isinstance(state, RevisableState)]
+        self._recent = Recent(SIZE, spare=MOST)
+        self.keeping = Keeping(self.horizon, self._point(None))
+        self.newest = 0
+        """The time of the newest step (ns)."""
+        self.ticking = False
+        """Whether deadlines are judged."""
+        self._level = 0
+        """Up to when (ns) deadlines were judged, in so far as there were any."""
+        self._deadline = 0
+        """The latest deadline that was judged (ns); a step that is no younger is late."""
+        self._numbered = 0
+        """How many steps were judged."""
+        self._position = 0
+        """The position of the last row that is no revision."""
+        self._ahead: deque[Kept | Late | Step | Until] = deque()
+        self._causes: list[Step] = []
+        self._outputs: list[Judged] = []
+        self._stood: dict[int, Kept] = {}
+        """The rows that are judged again in this pass, by position."""
+        self._stands: dict[int, tuple[Judged, Decision | None]] = {}
+        self._old_ticks: defaultdict[int, list[Kept]] = defaultdict(list)
+        self._unforgotten = 0
+        for state in self.properties:
+            _rewindable(state.engine).record()
+
+    def _state(self, prop: Property, engine: Engine, grace: int) -> RevisableState:
+        return RevisableState(prop, engine, grace=grace, horizon=self.horizon)
+
+    @property
+    def is_going(self) -> bool:
+        """Whether a pass goes on."""
+        return bool(self._ahead)
+
+    def is_late(self, step: Step) -> bool:
+        """Whether a step is older than what was judged, where a deadline counts as younger than a step at its time."""
+        return step.time < self.newest or step.time <= self._deadline
+
+    def has_place(self, step: Step) -> bool:
+        """Whether a late step can still be put in its place."""
+        return step.time >= max(self.newest - self.horizon, self.keeping.floor)
+
+    def take(self, step: Step, now: int) -> list[Judged]:
+        """Judge a step behind all others, and the deadlines before it; while a pass goes on it waits for that."""
+        if self._ahead:
+            self._ahead.append(step)
+            return []
+        return [*self._judge_deadlines(self._level_before(step), now), self._judge_first(step, now)]
+
+    def tick_until(self, until: int, now: int) -> list[Judged]:
+        """Judge the deadlines up to a time (ns); while a pass goes on they wait for that."""
+        if self._ahead:
+            self._ahead.append(Until(until))
+            return []
+        return self._judge_deadlines(until, now)
+
+    def place(self, late: Sequence[Step]) -> None:
+        """Begin a pass that puts late steps in their places; each of them has one, and no pass goes on."""
+        self._causes = sorted(late, key=lambda step: step.time)  # a stable sort: of equal times by arrival
+        steps = deque(self._causes)
+        taken = self.keeping.after(steps[0].time)
+        self._go_back(taken)
+        for row in reversed(taken):
+            while steps and steps[0].time < row.key:
+                self._ahead.append(Late(steps.popleft()))
+            if not row.is_tick:
+                self._ahead.append(row)
+        self._ahead.extend(map(Late, steps))
+        self._ahead.append(Until(self._level))
+
+    def go_on(self, now: int, enough: Callable[[], bool]) -> list[Judged]:
+        """Go on with the pass until enough was done; what was judged in it is returned at its end."""
+        while self._ahead:
+            item = self._ahead.popleft()
+            match item:
+                case Until(time):
+                    self._outputs += self._judge_deadlines(time, now)
+                case Kept():
+                    self._outputs += self._judge_deadlines(item.level, now)
+                    self._judge_again(item)
+                case Late(step):
+                    self._outputs += self._judge_deadlines(step.time - 1, now)
+                    self._outputs.append(self._judge_first(step, now, placed=True))
+                case _:
+                    self._outputs += self._judge_deadlines(self._level_before(item), now)
+                    self._outputs.append(self._judge_first(item, now))
+            if enough():
+                break
+        return [] if self._ahead else self._end(now)
+
+    def _end(self, now: int) -> list[Judged]:
+        """End the pass: what was judged in it, and the revisions of what stood before."""
+        again = [
+            Again(position, row.preceding, row.judged, *self._stands.get(position, (None, None)))
+            for position, row in sorted(self._stood.items())
+        ]
+        outputs, self._outputs = self._outputs, []
+        names = [state.property.id for state in self.properties]
+        outputs += revisions(again, names, [step.event for step in self._causes], now, self._numbers)
+        self._stood, self._stands = {}, {}
+        self._old_ticks.clear()
+        return outputs
+
+    def _level_before(self, step: Step) -> int:
+        """Up to when deadlines are judged before a step that is judged behind all others."""
+        return step.time - 1 if self._is_ordered(step) and not step.late else self._level
+
+    def _is_ordered(self, step: Step) -> bool:
+        return self.plan.streams[step.event.stream].spec.ordered
+
+    def _judge_deadlines(self, until: int, now: int) -> list[Judged]:
+        outputs: list[Judged] = []
+        if not self.ticking:
+            return outputs
+        self._level = max(self._level, until)
+        while (deadline := self.next_deadline) is not None and deadline <= until:
+            self._deadline = max(self._deadline, deadline)
+            tick = self._judge_deadline(deadline, now)
+            if tick is not None:
+                outputs.append(tick)
+        return outputs
+
+    def _judge_deadline(self, time: int, now: int) -> Judged | None:
+        """Judge a deadline; None where it changes nothing, and where it was told before."""
+        known = self._old_ticks.get(time)
+        if not known:
+            tick = self.tick(time, now)
+            if tick is not None:
+                self._keep(tick, time, time)
+            return tick
+        old = known[0]
+        numbers, ticks, degraded = self._numbers, self.counters.ticks, self._degraded
+        self._numbers, self._degraded = _numbers(old), False
+        tick = self.tick(time, old.judged.judged)
+        self._numbers, self.counters.ticks, self._degraded = numbers, ticks, degraded
+        if tick is not None:
+            del known[0]
+            tick = msgspec.structs.replace(tick, step=old.step, verdicts=_merged(old.judged.verdicts, tick.verdicts))
+            self._stands[old.position] = tick, None
+            self._keep(tick, time, time, old)
+        return None
+
+    def _judge_first(self, step: Step, now: int, *, placed: bool = False) -> Judged:
+        """Judge a step for the first time: in its place, or behind all others."""
+        level, steps, place = self._level_before(step), self.counters.steps, None
+        judged = self.judge(step, now)
+        undone = self.counters.steps == steps
+        self._numbered += not undone
+        if placed:
+            level, place, number = step.time - 1, steps + 1, None if undone else self._numbered
+            judged = msgspec.structs.replace(judged, number=number, place=place)
+            self._renumber(judged)
+        if not step.skipped:
+            in_order = placed or (self._is_ordered(step) and not step.late)
+            self._keep(judged, step.time if in_order else self.present, level, undone=undone)
+        self._position = self._position_of(judged)
+        return judged
+
+    def _judge_again(self, row: Kept) -> None:
+        """Judge a kept step again, as it was decided."""
+        numbers, degraded, denied = self._numbers, self._degraded, self.counters.denied
+        self._numbers, self._degraded = _numbers(row), False
+        for state, verdict in zip(self._states, row.judged.verdicts, strict=True):
+            state.repeated = None if state.broken is None else verdict.outcome
+        if row.undone:
+            before = self._attempt(row.step)
+            judged = self._take_back(self._judge(row.step, row.judged.judged, revisable=True), before)
+        else:
+            judged = self._judge(row.step, row.judged.judged)
+        self._numbers, self._degraded, self.counters.denied = numbers, degraded, denied
+        for state in self._states:
+            state.repeated = None
+        stands = msgspec.structs.replace(row.judged, verdicts=_merged(row.judged.verdicts, judged.verdicts))
+        self._renumber(stands)
+        decided, would = row.judged.decision, judged.decision
+        other = would if decided is not None and would is not None and would.choice != decided.choice else None
+        self._stands[row.position] = stands, other
+        self._keep(stands, row.key, row.level, row, undone=row.undone)
+
+    def _renumber(self, judged: Judged) -> None:
+        """Name a first violation by the number that its step was judged with, which is not its place."""
+        for state, verdict in zip(self.properties, judged.verdicts, strict=True):
+            state.note_first(verdict.n, judged.number, judged.step.stamp)
+
+    def _go_back(self, taken: Sequence[Kept]) -> None:
+        """Go back to before these rows, the last of which comes first."""
+        for row in taken:
+            self._stood[row.position] = row
+            if row.is_tick:
+                self._old_ticks[row.step.stamp].insert(0, row)
+        point = self.keeping.last
+        self._recent.remove(self.counters.steps - point.steps)
+        for state, stand in zip(self._states, point.properties, strict=True):
+            if state.broken is None and not state.said:
+                _rewindable(state.engine).rewind(point.steps, point.present, point.before)
+            state.put(stand)
+        self.present, self._ticked, self._outdated = point.present, point.ticked, point.outdated
+        self.counters.steps, self._held = point.steps, dict(point.held)
+
+    def _keep(self, judged: Judged, key: int, level: int, old: Kept | None = None, *, undone: bool = False) -> None:
+        position = self._position_of(judged) if old is None else old.position
+        preceding = self._position if old is None else old.preceding
+        key = max(key, self.keeping.key) if old is None else old.key
+        self.newest = max(self.newest, self.present)
+        row = Kept(judged, key, level, position, preceding, self._point(self.keeping.last), undone)
+        if old is None:
+            self._position = position
+        self._unforgotten += self.keeping.add(row, self.newest)
+        if self._unforgotten >= _FORGET_AFTER:
+            self._unforgotten, base = 0, self.keeping.base
+            for state in self.properties:
+                if state.broken is None:
+                    _rewindable(state.engine).forget(base.steps, base.present)
+
+    def _point(self, last: Point | None) -> Point:
+        """How the judge stands, where it stood so after the row before."""
+        before = 0
+        if last is not None:
+            before = last.present if self.counters.steps > last.steps else last.before
+        stands = None if last is None else last.properties
+        if stands is None or not all(s.stands_as(p) for s, p in zip(self._states, stands, strict=True)):
+            stands = tuple([state.stand() for state in self._states])
+        return Point(self.present, before, self._ticked, self._outdated, self.counters.steps, self._held, stands)
+
+    def _position_of(self, judged: Judged) -> int:
+        return (judged.verdicts[0].n - 1) // len(self.properties) + 1
+
+    def _signals(self, step: Step, stream: StreamPlan) -> tuple[dict[str, Scalar], Names]:
+        if stream.spec.hold:  # what the points refer to must not change
+            self._held = {m: h.copy() if m == step.event.monitor else h for m, h in self._held.items()}
+        return super()._signals(step, stream)
+
+
+def _rewindable(engine: Engine) -> Rewindable:
+    assert isinstance(engine, Rewindable)  # noqa: S101 -- others are refused with the spec
+    return engine
+
+
+def _numbers(row: Kept) -> Iterator[int]:
+    return iter([verdict.n for verdict in row.judged.verdicts])
+
+
+def _merged(old: tuple[Verdict, ...], new: tuple[Verdict, ...]) -> tuple[Verdict, ...]:
+    """Verdicts that stand: degraded where they were, and where they are by more than what is bypassed at present."""
+    return tuple([_merge(was, verdict) for was, verdict in zip(old, new, strict=True)])
+
+
+def _merge(old: Verdict, new: Verdict) -> Verdict:
+    degraded = old.degraded or (new.degraded and not new.bypassed)
+    if new.outcome is old.outcome and degraded is old.degraded and new.explanation is old.explanation:
+        return old
+    return msgspec.structs.replace(new, degraded=degraded, bypassed=old.bypassed)
