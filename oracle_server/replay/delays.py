@@ -16,6 +16,7 @@ _HANDFUL = 5
 """So many events of a stream that are not in their place are no matter, however few events it has."""
 
 _LATE = "late, up to", "behind what was judged before"
+_PLACED = "late, up to", "behind what was judged before, and put in their place: what was said was put right"
 _SKEWED = "skewed, up to", "ahead of the arrival, and ordered by that"
 
 
@@ -38,7 +39,7 @@ class Delays:
         """Begin with nothing judged."""
         self._ordered = {stream.key for stream in spec.streams if stream.ordered}
         self._events: Counter[StreamKey] = Counter()
-        self._late, self._skewed = _Displaced(), _Displaced()
+        self._late, self._placed, self._skewed = _Displaced(), _Displaced(), _Displaced()
         self._present = 0
 
     def note(self, judged: Judged) -> None:
@@ -50,15 +51,18 @@ class Delays:
         if step.skewed:
             self._skewed.add(stream, step.stamp - step.event.arrived)
         if step.late:
-            self._late.add(stream, self._present - step.time)
+            found = self._late if judged.place is None else self._placed
+            found.add(stream, self._present - step.time)
         self._present = max(self._present, step.time)
 
     def notes(self) -> Iterator[Note]:
         """What is to be said of each stream; where most of its events are not in their place that is a doubt."""
+        all_found = (self._late, *_LATE), (self._placed, *_PLACED), (self._skewed, *_SKEWED)
         for stream, events in self._events.items():
-            for found, before, after in (self._late, *_LATE), (self._skewed, *_SKEWED):
+            for found, before, after in all_found:
                 count = found.count[stream]
                 if count:
                     by = f"{found.most[stream] / SECOND:.6g} s"
                     text = f"{stream}: {part_of(count, events)} {before} {by} {after}"
-                    yield Note(text, doubt=count > max(_HANDFUL, events // 2))
+                    displaced = found is not self._placed
+                    yield Note(text, doubt=displaced and count > max(_HANDFUL, events // 2))

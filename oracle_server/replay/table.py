@@ -5,16 +5,24 @@ from __future__ import annotations
 import csv
 from typing import IO
 
+import msgspec
+
 from oracle_server.core.errors import one_line
+from oracle_server.core.records import VerdictRecord
 from oracle_server.core.verdicts import Judged
 from oracle_server.replay.lines import records
 from oracle_server.replay.run import Replay
+
+_COLUMNS = tuple(VerdictRecord.__annotations__)
+"""All fields that a record may have, so that each column has one meaning in all rows."""
 
 
 def _csv_cell(value: object) -> object:
     """A value that a spreadsheet takes for what it is: it runs a text that begins like a formula."""
     if isinstance(value, bool):
         return str(value).lower()
+    if isinstance(value, dict | list):
+        return msgspec.json.encode(value).decode()
     if not isinstance(value, str):
         return value
     text = one_line(value)
@@ -32,11 +40,11 @@ class CsvReport:
         """Write the records of a step, and the heading before the first one."""
         for row in records(replay, judged):
             if not self._headed:
-                self._out.writerow(("spec", *row))
+                self._out.writerow(("spec", *_COLUMNS))
                 self._headed = True
             why = row["explanation"]
             values: dict[str, object] = {**row, "explanation": why["text"] if why else None}
-            self._out.writerow((replay.spec.id, *map(_csv_cell, values.values())))
+            self._out.writerow((replay.spec.id, *(_csv_cell(values.get(name)) for name in _COLUMNS)))
 
     def ended(self, replay: Replay) -> None:
         """Write nothing: the table has no summary."""
