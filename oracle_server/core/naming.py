@@ -61,7 +61,7 @@ def event_name(stream: str, kind: str, seq: int, monitor: str) -> str:
     return f"{stream} ({kind} {seq} of {monitor})"
 
 
-def cause_name(record: VerdictRecord) -> str:
+def cause_name(record: VerdictRecord | Mapping[str, Any]) -> str:
     """The late events that a revision was made for, by its record: the first one with its delay, and how many more."""
     cause, *_ = record["because"]
     count, name = record["causes"], event_name(cause["stream"], cause["kind"], cause["seq"], cause["monitor"])

@@ -21,7 +21,7 @@ from oracle_server.engines.native import NativeEngine
 from oracle_server.engines.table import ENGINES
 from oracle_server.history.port import Reading
 from oracle_server.history.records import SessionRecord, SnapshotRecord, StoredStep
-from oracle_server.history.views import records
+from oracle_server.history.views import View, records
 from oracle_server.review.beginning import begin
 from oracle_server.specfiles.load import parse_spec
 
@@ -38,11 +38,12 @@ class NoExplanationError(OracleError):
     """A verdict can't be explained."""
 
 
-async def explained(history: Reading, session: int, n: int) -> VerdictRecord | None:
+async def explained(history: Reading, session: int, n: int, view: View = "standing") -> VerdictRecord | None:
     """Verdict record `n` of a session with its explanation, None where there is no such record.
 
-    A verdict that was final already is explained by the step that made it final. This takes as long as judging all
-    steps before it, in a thread, and can be cancelled. Raises `NoExplanationError` or `HistoryError`.
+    It is explained as it stands, or was said at first. A verdict that was final already is explained by the step that
+    made it final. This takes as long as judging all steps before it, in a thread, and can be cancelled. Raises
+    `NoExplanationError` or `HistoryError`.
     """
     opened = await history.session(session)
     if opened is None:
@@ -51,7 +52,14 @@ async def explained(history: Reading, session: int, n: int) -> VerdictRecord | N
     stored = await history.step(session, before + 1)
     if stored is None:
         return None
-    record = records(stored, opened.properties)[index]
+    record = next((r for r in records(stored, opened.properties, view) if r["n"] == n), None)
+    if record is None and stored.revision is None:
+        raise NoExplanationError(f"verdict {n} does not stand: its deadline would not have run out; ask with as=first")
+    if record is None or (record["explanation"] is not None and ("revised" in record or "revises" in record)):
+        return record
+    if "revises" in record:
+        first = record["revises"]["from"]
+        raise NoExplanationError(f"verdict {n} is a revision; ask why verdict {first} stands as it does")
     ready = await history.in_thread(partial(_plan, opened))
     prop = ready.spec.properties[index]
     if not ENGINES[prop.engine].explicable and record["explanation"] is not None:

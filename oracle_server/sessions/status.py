@@ -1,4 +1,4 @@
-"""The state of a session, as plain data for HTTP."""
+"""The state of a session, as plain data for HTTP: what stands."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 
 from oracle_server.core.events import Step
 from oracle_server.core.reorder import Source
+from oracle_server.core.revise.lateness import Lateness
 from oracle_server.core.session import Session
 from oracle_server.core.tally import BOUNDS, HoldTimes, StreamCounts
 from oracle_server.core.verdicts import json_number
@@ -33,6 +34,7 @@ def session_state(session: LiveSession, now: int) -> dict[str, Any]:
         "awaited": _awaited(core.buffer.awaited),
         "waiting": _waiting(core, now),
         "hold": _hold(core.holds),
+        "revising": None if core.lateness is None else _revising(core.lateness),
         "properties": list(_properties(core)),
         "disagree": _disagree(core),
         "counters": _counters(session),
@@ -136,6 +138,21 @@ def _age(step: Step, now: int) -> int:
     """The time since an event arrived, in ms."""
     event = step.event
     return max(0, now - event.came) // 10**6
+
+
+def _revising(lateness: Lateness) -> dict[str, Any]:
+    """How late events are put in their places; `shorter`: more steps than are kept lie within the horizon (ns)."""
+    judge = lateness.judge
+    return {
+        "horizon": judge.horizon,
+        "kept": len(judge.keeping),
+        "shorter": judge.keeping.crowded,
+        "placed": lateness.placed,
+        "beyond": lateness.beyond,
+        "passes": lateness.passes,
+        "waiting": lateness.waiting,
+        "going": judge.is_going,
+    }
 
 
 def _hold(holds: HoldTimes) -> dict[str, Any]:

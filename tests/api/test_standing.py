@@ -32,16 +32,16 @@ async def opened(asked: Asked) -> tuple[LiveSession, Kept]:
     return live, outbox
 
 
-async def revise(asked: Asked, live: LiveSession, n: int, *, first: int, outcome: Outcome, **more: Any) -> None:
+async def revise(asked: Asked, live: LiveSession, n: int, *, first: int, outcome: Outcome | None, **more: Any) -> None:
     """Let a late event come by which the verdict `first` is another one, as revision `n`."""
-    event = Event(REVISIONS, "", -n, 10, 20, None)
+    event, whys = Event(REVISIONS, "", -n, 10, 20, None), {0: more["explanation"]} if "explanation" in more else {}
     change = msgspec.structs.replace(Change(n, "a_is_small", first, first, outcome, degraded=False), **more)
     live.ledger.add(
         [
             Revision(
                 Step(event, {}, frozenset(), 10), None, "publication", live.clock.now(), (), None,
                 first=n, changes=(change,), because=(event,), causes=1,
-                standing={first: Standing((outcome,), (False,))},
+                standing={first: Standing((outcome,), (False,), whys)},
             )
         ]
     )  # fmt: skip
@@ -162,3 +162,33 @@ async def test_who_begins_to_follow_later_reads_what_stands_and_why(asked: Asked
     stream = Streamed(asked)
     assert await stream.until(4) == [*[(n, outcome) for n, outcome, _ in STANDS], (4, "currently_true")]
     stream.end()
+
+
+async def explained(asked: Asked, n: int, **query: str) -> tuple[int, Any]:
+    answer = await asked.http.get(f"{ROOT}/verdicts/{n}/explanation", params=query)
+    return answer.status_code, answer.json()
+
+
+async def test_a_violation_that_appeared_is_explained_as_it_stands(asked: Asked) -> None:
+    live, _ = await opened(asked)
+    _, second = await explained(asked, 2)
+    why = second["explanation"] | {"text": "as the revision says"}
+    violation = {"outcome": Outcome.CURRENTLY_FALSE, "violation": True, "explanation": why}
+    await revise(asked, live, 4, first=3, **violation)
+    for n in (3, 4):
+        assert (await explained(asked, n))[1]["explanation"] == why
+    _, first = await explained(asked, 3, **{"as": "first"})
+    assert (first["outcome"], first["violation"]) == ("currently_true", False)
+    assert first["explanation"]["text"].startswith("a_is_small holds at step 3 ")
+
+
+async def test_what_is_no_verdict_of_a_step_is_not_explained(asked: Asked) -> None:
+    live, _ = await opened(asked)
+    await revise(asked, live, 4, first=2, outcome=Outcome.CURRENTLY_TRUE, retracted=True)
+    await revise(asked, live, 5, first=3, outcome=None)
+    status, told = await explained(asked, 4)
+    assert (status, told["detail"]) == (409, "verdict 4 is a revision; ask why verdict 2 stands as it does")
+    status, told = await explained(asked, 3)
+    assert (status, "does not stand" in told["detail"]) == (409, True)
+    assert (await explained(asked, 3, **{"as": "first"}))[0] == 200
+    assert (await explained(asked, 6))[0] == 404
