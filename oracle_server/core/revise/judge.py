@@ -17,7 +17,7 @@ from oracle_server.core.property_state import Names
 from oracle_server.core.recent import SIZE, Recent
 from oracle_server.core.revise.changes import Again, revisions
 from oracle_server.core.revise.finality import RevisableState
-from oracle_server.core.revise.kept import MOST, Keeping, Kept, Point
+from oracle_server.core.revise.kept import MOST, Keeping, Kept, Point, key_of
 from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import Decision, Judged, Verdict
 
@@ -70,6 +70,8 @@ class RevisingJudge(Judge):
         """The rows that are judged again in this pass, by position."""
         self._stands: dict[int, tuple[Judged, Decision | None]] = {}
         self._old_ticks: defaultdict[int, list[Kept]] = defaultdict(list)
+        self._not_before = 0
+        """What is judged again without being in order is judged at no earlier time (ns) than it was."""
         self._unforgotten = 0
         for state in self.properties:
             _rewindable(state.engine).record()
@@ -88,7 +90,7 @@ class RevisingJudge(Judge):
 
     def has_place(self, step: Step) -> bool:
         """Whether a late step can still be put in its place."""
-        return step.time >= max(self.newest - self.horizon, self.keeping.floor)
+        return step.time >= self.newest - self.horizon and key_of(step.time) >= self.keeping.floor
 
     def take(self, step: Step, now: int) -> list[Judged]:
         """Judge a step behind all others, and the deadlines before it; while a pass goes on it waits for that."""
@@ -99,10 +101,14 @@ class RevisingJudge(Judge):
 
     def tick_until(self, until: int, now: int) -> list[Judged]:
         """Judge the deadlines up to a time (ns); while a pass goes on they wait for that."""
-        if self._ahead:
+        if not self._ahead:
+            return self._judge_deadlines(until, now)
+        last = self._ahead[-1]
+        if isinstance(last, Until):
+            self._ahead[-1] = Until(max(until, last.time))
+        else:
             self._ahead.append(Until(until))
-            return []
-        return self._judge_deadlines(until, now)
+        return []
 
     def place(self, late: Sequence[Step]) -> None:
         """Begin a pass that puts late steps in their places; each of them has one, and no pass goes on."""
@@ -111,7 +117,7 @@ class RevisingJudge(Judge):
         taken = self.keeping.after(steps[0].time)
         self._go_back(taken)
         for row in reversed(taken):
-            while steps and steps[0].time < row.key:
+            while steps and key_of(steps[0].time) < row.key:
                 self._ahead.append(Late(steps.popleft()))
             if not row.is_tick:
                 self._ahead.append(row)
@@ -176,7 +182,7 @@ class RevisingJudge(Judge):
         if not known:
             tick = self.tick(time, now)
             if tick is not None:
-                self._keep(tick, time, time)
+                self._keep(tick, key_of(time, tick=True), time)
             return tick
         old = known[0]
         numbers, ticks, degraded = self._numbers, self.counters.ticks, self._degraded
@@ -187,7 +193,7 @@ class RevisingJudge(Judge):
             del known[0]
             tick = msgspec.structs.replace(tick, step=old.step, verdicts=_merged(old.judged.verdicts, tick.verdicts))
             self._stands[old.position] = tick, None
-            self._keep(tick, time, time, old)
+            self._keep(tick, old.key, time, old)
         return None
 
     def _judge_first(self, step: Step, now: int, *, placed: bool = False) -> Judged:
@@ -202,7 +208,7 @@ class RevisingJudge(Judge):
             self._renumber(judged)
         if not step.skipped:
             in_order = placed or (self._is_ordered(step) and not step.late)
-            self._keep(judged, step.time if in_order else self.present, level, undone=undone)
+            self._keep(judged, key_of(step.time if in_order else self.present), level, undone=undone)
         self._position = self._position_of(judged)
         return judged
 
@@ -212,12 +218,13 @@ class RevisingJudge(Judge):
         self._numbers, self._degraded = _numbers(row), False
         for state, verdict in zip(self._states, row.judged.verdicts, strict=True):
             state.repeated = None if state.broken is None else verdict.outcome
+        self._not_before = row.point.present
         if row.undone:
             before = self._attempt(row.step)
             judged = self._take_back(self._judge(row.step, row.judged.judged, revisable=True), before)
         else:
             judged = self._judge(row.step, row.judged.judged)
-        self._numbers, self._degraded, self.counters.denied = numbers, degraded, denied
+        self._not_before, self._numbers, self._degraded, self.counters.denied = 0, numbers, degraded, denied
         for state in self._states:
             state.repeated = None
         stands = msgspec.structs.replace(row.judged, verdicts=_merged(row.judged.verdicts, judged.verdicts))
@@ -274,6 +281,10 @@ class RevisingJudge(Judge):
 
     def _position_of(self, judged: Judged) -> int:
         return (judged.verdicts[0].n - 1) // len(self.properties) + 1
+
+    def _move_on(self, step: Step, stream: StreamPlan) -> None:
+        super()._move_on(step, stream)
+        self.present = max(self.present, self._not_before)
 
     def _signals(self, step: Step, stream: StreamPlan) -> tuple[dict[str, Scalar], Names]:
         if stream.spec.hold:  # what the points refer to must not change

@@ -17,6 +17,11 @@ MOST = 10_000
 """Rows that are kept; where there are more, the horizon is shorter."""
 
 
+def key_of(time: int, *, tick: bool = False) -> int:
+    """Where something at a time (ns) stands among the rows: a deadline behind all steps at its time."""
+    return 2 * time + tick
+
+
 class Point(NamedTuple):
     """How a judge stood after a row; times in nanoseconds. `before` is the time of the step before the last one."""
 
@@ -33,7 +38,7 @@ class Point(NamedTuple):
 class Kept:
     """A row as it stands.
 
-    `key` is its time among the rows (ns), never less than that of the one before; `level`: deadlines up to then (ns)
+    `key` is where it stands, as by `key_of`, and never less than that of the row before; `level`: deadlines up to then (ns)
     were judged before it. `preceding` is the position of the row said before it. `undone`: it was denied, and taken
     back.
     """
@@ -66,7 +71,7 @@ class Keeping:
         self.base = begin
         """How the judge stood before the first of them."""
         self.floor = 0
-        """The time of the last row that is not kept any more: what is older can't be put in its place."""
+        """The key of the last row that is not kept any more: what is older can't be put in its place."""
         self.crowded = False
         """Whether the rows of a horizon were more than are kept."""
         self.placed: list[int] = []
@@ -87,12 +92,12 @@ class Keeping:
 
     @property
     def key(self) -> int:
-        """The time of the last row among the rows (ns)."""
+        """The key of the last row."""
         return self.rows[-1].key if self.rows else self.floor
 
     def add(self, row: Kept, newest: int) -> bool:
         """Keep a row, and let go of those that are more than a horizon older than the newest; whether any was."""
-        rows, limit = self.rows, newest - self._horizon
+        rows, limit = self.rows, key_of(newest - self._horizon)
         rows.append(row)
         kept = len(rows)
         while rows[0].key < limit or len(rows) > self._most:
@@ -106,8 +111,8 @@ class Keeping:
         return len(rows) < kept
 
     def after(self, time: int) -> list[Kept]:
-        """Take away the rows after a time (ns), and deadlines at that time; the last one first."""
-        taken = []
-        while self.rows and (self.rows[-1].key > time or (self.rows[-1].key == time and self.rows[-1].is_tick)):
+        """Take away the rows behind a step at a time (ns); the last one first."""
+        taken, key = [], key_of(time)
+        while self.rows and self.rows[-1].key > key:
             taken.append(self.rows.pop())
         return taken
