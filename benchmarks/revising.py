@@ -5,7 +5,8 @@
 *A step*: the same events, none of them late, judged by a session's judge with and without; the best of three turns, in
 turns. *Late*: an event that comes 1,000 steps late, or 100 of them at once, beside judging 1,000 steps as they come
 with `late: revise`. *A kept step*: what the judge's memory grows by for each step that it may have to judge again.
-Times are the processor's, so that other programs do not count. What a server takes is in `oracle.py`.
+Times are the processor's, so that other programs do not count, and garbage is collected as seldom as in the server.
+What a server takes is in `oracle.py`.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from oracle_server.core.plan import Plan, plan
 from oracle_server.core.revise.judge import RevisingJudge
 from oracle_server.core.spec import SECOND
 from oracle_server.engines.table import make_engines
+from oracle_server.process.garbage import collect_rarely
 from oracle_server.specfiles.load import parse_spec
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -58,6 +60,7 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON document")
     parser.add_argument("--quick", action="store_true", help="measure little: to see that it runs")
     args = parser.parse_args()
+    collect_rarely()
     number, turns = (3_000, 1) if args.quick else (9_000, 3)
     battery = (ROOT / "specs" / "battery_uav.yaml").read_text()
     lines: list[Line] = []
