@@ -262,10 +262,10 @@ class LiveSession:
     @property
     def doubts(self) -> Doubts | None:
         """Which verdicts may still be revised, None where none ever is."""
-        ordering, present = self.spec.ordering, self.core.buffer.present
-        if ordering.late != "revise" or present is None:
+        lateness = self.core.lateness
+        if lateness is None:
             return None
-        return Doubts(present - ordering.horizon, self.core.plan.readers)
+        return Doubts(lateness.judge.newest - lateness.judge.horizon, self.core.plan.readers)
 
     def counts(self) -> Counter[str]:
         """The session's counts so far, in the order that decides, by the names of the metrics."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
 import msgspec
@@ -31,6 +31,10 @@ Row = tuple[Any, ...]
 
 _BYPASSED = "2"
 """Stands for `degraded` where that ends with a bypass."""
+_NONE = frozenset[str]()
+_UNREVISED: Mapping[int, int] = {}
+_PLAIN = (None,) * 5
+"""The columns of a step that was not revised."""
 
 _encode = msgspec.json.Encoder().encode
 _decode = msgspec.json.decode
@@ -44,15 +48,18 @@ def text(value: object) -> str:
 def step_row(session: int, stored: StoredStep) -> Row:
     """A step as a row of its table, in the order of `STEP_COLUMNS`."""
     step, event = stored.step, stored.step.event
+    plain = stored.standing is None and stored.revision is None  # as nearly all are, and each is written
     return (
         session, stored.position, stored.order, _number(stored), event.stream.name, event.stream.kind, event.monitor,
         event.seq, stored.gap, step.stamp, event.arrived, stored.judged, step.late, step.skewed, step.forced,
         event.lost, event.source, event.call, event.ask, stored.decision.choice if stored.decision else None,
         text(stored.decision.denied_by) if stored.decision else "[]", stored.passed, stored.why,
         _encode(step.signals).decode(), "[]" if not step.failed else text(sorted(step.failed)),
-        letters(_told(stored)), _degraded(stored), _explanations(stored),
+        letters(stored.outcomes if plain else _told(stored)), _degraded(stored),
+        whys_text(stored.explanations) if stored.explanations or (not plain and stored.tells_violations) else None,
         None if stored.robustness is None else text([json_number(value) for value in stored.robustness]),
-        step.released, text(sorted(step.unheard)) if step.unheard else None, stored.place, *standing_columns(stored),
+        step.released, text(sorted(step.unheard)) if step.unheard else None, stored.place,
+        *(_PLAIN if plain else standing_columns(stored)),
     )  # fmt: skip
 
 
@@ -65,16 +72,18 @@ def step_of(row: Row) -> StoredStep:
     )  # fmt: skip
     step = Step(
         event, _decode(r["signals"]), frozenset(_decode(r["failed"])), r["stamp"], bool(r["skewed"]), bool(r["late"]),
-        bool(r["forced"]), r["number"] is None, r["released"], frozenset(_decode(r["unheard"]) if r["unheard"] else ()),
+        bool(r["forced"]), r["number"] is None, r["released"],
+        frozenset(_decode(r["unheard"])) if r["unheard"] else _NONE,
     )  # fmt: skip
-    revision = revision_of(r)
+    revision = None if r["revision"] is None else revision_of(r["revision"])
     return StoredStep(
         r["position"], r["ord"], r["number"] or None, step, r["gap"], r["judged"],
         None if r["decision"] is None else Decision(r["decision"], tuple(_decode(r["denied_by"]))),
         () if revision else cast("tuple[Outcome, ...]", outcomes_of(r["outcomes"])), degraded_of(r["degraded"]),
         whys_of(r["explanations"]), _robustness(r["robustness"]), None if r["passed"] is None else bool(r["passed"]),
-        r["why"], tuple([i for i, digit in enumerate(r["degraded"]) if digit == _BYPASSED]), r["place"], standing_of(r),
-        revised_of(r), revision,
+        r["why"], tuple([i for i, digit in enumerate(r["degraded"]) if digit == _BYPASSED]), r["place"],
+        None if r["standing"] is None else standing_of(r), revised_of(r["revised"]) if r["revised"] else _UNREVISED,
+        revision,
     )  # fmt: skip
 
 
@@ -83,11 +92,6 @@ def _told(stored: StoredStep) -> Sequence[Outcome | None]:
     if stored.revision is None:
         return stored.outcomes
     return [None if change is None else change.outcome for change in stored.revision.changes]
-
-
-def _explanations(stored: StoredStep) -> str | None:
-    """The explanations of a row; none of them, but no NULL either, where it is to be found among the violations."""
-    return whys_text(stored.explanations) if stored.tells_violations else None
 
 
 def _degraded(stored: StoredStep) -> str:

@@ -56,31 +56,27 @@ def restate_text(session: int, restated: Mapping[int, Restated]) -> str:
 
 
 def standing_columns(stored: StoredStep) -> tuple[str | None, ...]:
-    """The columns `standing` to `revision` of a step's row."""
+    """The columns `standing` to `revision` of a row."""
     standing = (None, None, None) if stored.standing is None else _standing(stored.standing)
     revised = whys_text(stored.revised) if stored.revised else None
     return (*standing, revised, None if stored.revision is None else _revision_text(stored.revision))
 
 
-def standing_of(row: Mapping[str, Any]) -> Standing | None:
-    """What stands of a step by its row."""
-    if row["standing"] is None:
-        return None
+def standing_of(row: Mapping[str, Any]) -> Standing:
+    """What stands of a step that was revised, by its row."""
     return Standing(
         outcomes_of(row["standing"]), degraded_of(row["standing_degraded"]), whys_of(row["standing_explanations"])
     )
 
 
-def revised_of(row: Mapping[str, Any]) -> dict[int, int]:
-    """The numbers of the revisions by which a step stands as it does, by its row."""
-    return {int(i): n for i, n in _decode(row["revised"]).items()} if row["revised"] else {}
+def revised_of(text: str) -> dict[int, int]:
+    """The numbers of the revisions by which a step stands as it does."""
+    return {int(i): n for i, n in _decode(text).items()}
 
 
-def revision_of(row: Mapping[str, Any]) -> StoredRevision | None:
-    """The revision of a row, None where it is a step's."""
-    if row["revision"] is None:
-        return None
-    kept = _decode(row["revision"])
+def revision_of(text: str) -> StoredRevision:
+    """A revision of its text."""
+    kept = _decode(text)
     return StoredRevision(
         tuple([None if change is None else _change(change) for change in kept["changes"]]),
         tuple([_event(*event) for event in kept["because"]]),
@@ -110,7 +106,7 @@ def whys_text(values: Mapping[int, object]) -> str:
 
 def whys_of(text: str | None) -> dict[int, ExplanationRecord]:
     """Explanations by the property's place, back."""
-    return {int(i): why for i, why in _decode(text).items()} if text else {}
+    return {} if text is None else {int(i): why for i, why in _decode(text).items()}
 
 
 def _standing(standing: Standing) -> tuple[str, str, str | None]:
