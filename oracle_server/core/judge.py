@@ -27,7 +27,10 @@ _NO_ONE = frozenset[int]()
 
 @dataclass(slots=True)
 class Counters:
-    """What a judge has counted; `steps` are judged events, `skipped` those that were not, `ticks` the recorded ones."""
+    """What a judge has counted; `steps` are judged events, `skipped` those that were not, `ticks` the recorded ones.
+
+    `revised` are the changes of what stood, and `retracted` the violations among what did not stand then.
+    """
 
     steps: int = 0
     ticks: int = 0
@@ -36,6 +39,15 @@ class Counters:
     skipped: int = 0
     lost: int = 0
     denied: int = 0
+    revised: int = 0
+    retracted: int = 0
+
+
+class Told(NamedTuple):
+    """How a judge stands for those who ask at any time."""
+
+    properties: Sequence[PropertyState]
+    counters: Counters
 
 
 class _Before(NamedTuple):
@@ -90,6 +102,11 @@ class Judge:
 
     def _state(self, prop: Property, engine: Engine, grace: int) -> PropertyState:
         return PropertyState(prop, engine, grace=grace)
+
+    @property
+    def told(self) -> Told:
+        """How its properties stand, and what it has counted."""
+        return Told(self.properties, self.counters)
 
     @property
     def next_deadline(self) -> int | None:
@@ -370,4 +387,5 @@ def _denies(outcome: Outcome, *, blamed: bool) -> bool:
 
 
 def is_denied(decision: Decision | None) -> bool:
+    """Whether an event was asked about, and denied."""
     return decision is not None and decision.choice == "deny"

@@ -268,13 +268,16 @@ class LiveSession:
         return Doubts(lateness.judge.newest - lateness.judge.horizon, self.core.plan.readers)
 
     def counts(self) -> Counter[str]:
-        """The session's counts so far, in the order that decides, by the names of the metrics."""
-        judge = next(iter(self.core.judges.values()))
-        names = ("late", "skewed", "skipped", "lost", "denied")
-        found = Counter({name: getattr(judge.counters, name) for name in names})
+        """The session's counts so far, in the order that decides, by the names of the metrics.
+
+        None ever falls: violations are those that were told, also the `retracted` ones.
+        """
+        properties, counters = next(iter(self.core.judges.values())).told
+        names = ("late", "skewed", "skipped", "lost", "denied", "revised", "retracted")
+        found = Counter({name: getattr(counters, name) for name in names})
         found["duplicates"] = sum(count.duplicates for count in self.core.counts.values())
         found["refused"] = self.ledger.refused
-        found["violations"] = sum(p.violations for p in judge.properties)
+        found["violations"] = sum(p.violations for p in properties) + counters.retracted
         found["engine_failures"] = sum(p.broken is not None for j in self.core.judges.values() for p in j.properties)
         return found
 

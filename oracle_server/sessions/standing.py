@@ -25,6 +25,10 @@ def caveats(core: Session, index: int) -> list[str]:
     ]
 
 
+_Mark = tuple[Outcome, int, int | None, bool, tuple[str, ...]]
+"""A property's outcome, its violations and the first one, whether any step could not be judged, and its caveats."""
+
+
 class Standing:
     """Follows the properties of the order that decides, from the first monitor on that requests `verdicts` frames."""
 
@@ -32,8 +36,8 @@ class Standing:
         self.committed: VerdictsFrame | None = None
         """The frame as of the last commit; None while no monitor has requested it."""
         self._core = core
-        self._states = next(iter(core.judges.values())).properties
-        self._mark: tuple[tuple[Outcome, int, bool, tuple[str, ...]], ...] = ()
+        self._judge = next(iter(core.judges.values()))
+        self._mark: tuple[_Mark, ...] = ()
 
     def follow(self, n: int) -> None:
         """Begin to follow; the verdicts up to number `n` are written, if not committed yet."""
@@ -47,11 +51,14 @@ class Standing:
         before, self._mark = self._mark, self._marked()
         return None if self._mark == before else self._frame(n)
 
-    def _marked(self) -> tuple[tuple[Outcome, int, bool, tuple[str, ...]], ...]:
-        """For each property: its outcome, its violations, whether any step could not be judged, and its caveats."""
+    @property
+    def _states(self) -> Sequence[PropertyState]:
+        return self._judge.told.properties
+
+    def _marked(self) -> tuple[_Mark, ...]:
         return tuple(
             [
-                (state.outcome, state.violations, state.failures > 0, self._caveats(i, state))
+                (state.outcome, state.violations, state.first_violation, state.failures > 0, self._caveats(i, state))
                 for i, state in enumerate(self._states)
             ]
         )
@@ -60,12 +67,12 @@ class Standing:
         return tuple(caveats(self._core, index)) if state.bypassed else ()
 
     def _frame(self, n: int) -> VerdictsFrame:
-        states = enumerate(self._states)
+        states = self._states
         return {
             "type": "verdicts",
             "n": n,
-            "worst": worst(state.outcome for state in self._states).value,
-            "properties": {state.property.id: _standing(state, self._caveats(i, state)) for i, state in states},
+            "worst": worst(state.outcome for state in states).value,
+            "properties": {s.property.id: _standing(s, self._caveats(i, s)) for i, s in enumerate(states)},
         }
 
 

@@ -56,7 +56,7 @@ def _monitors(session: LiveSession) -> Iterator[dict[str, Any]]:
 def _properties(core: Session) -> Iterator[dict[str, Any]]:
     """Each property, in each order."""
     for order, judge in core.judges.items():
-        for i, state in enumerate(judge.properties):
+        for i, state in enumerate(judge.told.properties):
             yield {
                 "id": state.property.id,
                 "order": order,
@@ -77,9 +77,9 @@ def _counters(session: LiveSession) -> dict[str, int]:
     """The counts of the order that decides, as in the metrics: each event once."""
     core, counts = session.core, session.counts()
     return {
-        "steps": max(judge.counters.steps for judge in core.judges.values()),
+        "steps": max(judge.told.counters.steps for judge in core.judges.values()),
         "held": len(core.buffer),
-        **{name: counts[name] for name in ("refused", "late", "skewed", "skipped", "lost", "denied")},
+        **{name: counts[name] for name in ("refused", "late", "skewed", "skipped", "lost", "denied", "revised")},
     }
 
 
@@ -164,5 +164,5 @@ def _hold(holds: HoldTimes) -> dict[str, Any]:
 
 def _disagree(core: Session) -> list[str]:
     """The properties with different violations in the two orders: a sign of a slow network, not of a faulty node."""
-    judged = [judge.properties for judge in core.judges.values()]
+    judged = [judge.told.properties for judge in core.judges.values()]
     return [states[0].property.id for states in zip(*judged, strict=True) if len({s.violations for s in states}) > 1]

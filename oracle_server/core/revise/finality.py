@@ -86,8 +86,13 @@ class RevisableState(PropertyState):
         self._marked.pop()
 
     def stands_as(self, stand: Stand) -> bool:
-        """Whether it stands so: nothing else changes while its outcome, its failures and what is final do not."""
-        return self.outcome is stand.outcome and self.failures == stand.failures and self.final is stand.final
+        """Whether it stands so: nothing else changes while its outcome, its counts and what is final do not."""
+        return (
+            self.outcome is stand.outcome
+            and self.violations == stand.violations  # those of attempts that were taken back stay counted
+            and self.failures == stand.failures
+            and self.final is stand.final
+        )
 
     def stand(self) -> Stand:
         """How it stands."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterator, Sequence
+from copy import copy
 from typing import NamedTuple
 
 import msgspec
@@ -11,7 +12,7 @@ import msgspec
 from oracle_server.core.engine import Engine, Rewindable
 from oracle_server.core.events import Order, Step
 from oracle_server.core.formula.tree import Scalar
-from oracle_server.core.judge import Judge
+from oracle_server.core.judge import Judge, Told
 from oracle_server.core.plan import Plan, StreamPlan
 from oracle_server.core.property_state import Names
 from oracle_server.core.recent import SIZE, Recent
@@ -73,11 +74,17 @@ class RevisingJudge(Judge):
         self._not_before = 0
         """What is judged again without being in order is judged at no earlier time (ns) than it was."""
         self._unforgotten = 0
+        self._told: Told | None = None
         for state in self.properties:
             _rewindable(state.engine).record()
 
     def _state(self, prop: Property, engine: Engine, grace: int) -> RevisableState:
         return RevisableState(prop, engine, grace=grace, horizon=self.horizon)
+
+    @property
+    def told(self) -> Told:
+        """How its properties stand, and what it has counted: while a pass goes on, as before it."""
+        return self._told or super().told
 
     @property
     def is_going(self) -> bool:
@@ -112,6 +119,7 @@ class RevisingJudge(Judge):
 
     def place(self, late: Sequence[Step]) -> None:
         """Begin a pass that puts late steps in their places; each of them has one, and no pass goes on."""
+        self._told = Told([copy(state) for state in self.properties], copy(self.counters))
         self._causes = sorted(late, key=lambda step: step.time)  # a stable sort: of equal times by arrival
         steps = deque(self._causes)
         taken = self.keeping.after(steps[0].time)
@@ -152,8 +160,12 @@ class RevisingJudge(Judge):
         ]
         outputs, self._outputs = self._outputs, []
         names = [state.property.id for state in self.properties]
-        outputs += revisions(again, names, [step.event for step in self._causes], now, self._numbers)
-        self._stood, self._stands = {}, {}
+        made = revisions(again, names, [step.event for step in self._causes], now, self._numbers)
+        changes = [change for row in made for change in row.changes if change is not None]
+        self.counters.revised += len(changes)
+        self.counters.retracted += sum(change.retracted for change in changes)
+        outputs += made
+        self._stood, self._stands, self._told = {}, {}, None
         self._old_ticks.clear()
         return outputs
 
