@@ -8,6 +8,7 @@ import msgspec
 
 from oracle_server.core.kinds import UNAVAILABLE
 from oracle_server.core.records import VerdictRecord
+from oracle_server.core.revisions import Revision, revision_record
 from oracle_server.core.verdicts import UNDECIDED, Judged, record
 from oracle_server.replay.conclusion import conclude
 from oracle_server.replay.run import Replay
@@ -38,7 +39,9 @@ class JsonReport:
 
 
 def records(replay: Replay, judged: Judged) -> list[VerdictRecord]:
-    """The verdict records of a step, with what the adapter did with its event if that is recorded."""
+    """The verdict records of a step, with what the adapter did with its event if that is recorded; or of a revision."""
+    if isinstance(judged, Revision):
+        return [revision_record(judged, change) for change in judged.changes if change is not None]
     rows = [record(judged, verdict) for verdict in judged.verdicts]
     event = judged.step.event
     if not replay.passed or not judged.decision:

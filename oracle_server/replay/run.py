@@ -16,6 +16,7 @@ from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.kinds import TICK
 from oracle_server.core.plan import plan
 from oracle_server.core.ranges import ValueKind
+from oracle_server.core.revisions import Revision
 from oracle_server.core.session import Session, orders
 from oracle_server.core.spec import By, Spec
 from oracle_server.core.typed import StreamTypes
@@ -80,7 +81,7 @@ class Replay:
         self._oracles: OfflineOracles | None = None
 
     def __iter__(self) -> Iterator[Judged]:
-        """The judged steps, in order. Raises `TraceError` where the recording can't be used."""
+        """The judged steps, in order, and revisions of them. Raises `TraceError` where the recording can't be used."""
         recorded = iter(self.recording)
         first = next(recorded, None)
         if first is None:
@@ -88,15 +89,19 @@ class Replay:
         judge = self._in_recorded_order if first.places and not self._reorder else self._as_new
         try:
             for item in judge(first, recorded):
-                if self.comparison.is_waiting:
-                    self.comparison.compare(item)
-                self._unjudged.note(item)
-                self.delays.note(item)
-                self.forced += item.step.forced
+                if not isinstance(item, Revision):
+                    self._note(item)
                 yield item
         finally:
             if self._oracles is not None:
                 self._oracles.close()
+
+    def _note(self, judged: Judged) -> None:
+        if self.comparison.is_waiting:
+            self.comparison.compare(judged)
+        self._unjudged.note(judged)
+        self.delays.note(judged)
+        self.forced += judged.step.forced
 
     def _as_new(self, first: Recorded, rest: Iterator[Recorded]) -> Iterator[Judged]:
         session = self._session = self._open(first.begun)

@@ -8,7 +8,8 @@ from rich.console import Console
 from rich.table import Table
 
 from oracle_server.core.errors import one_line
-from oracle_server.core.naming import first_name
+from oracle_server.core.naming import first_name, retraction_text
+from oracle_server.core.revisions import Revision, revision_record
 from oracle_server.core.units import counted
 from oracle_server.core.verdicts import Judged, explain
 from oracle_server.replay.conclusion import conclude
@@ -23,7 +24,9 @@ class TextReport:
         self._out, self._several, self._signals = out, several, signals
 
     def judged(self, replay: Replay, judged: Judged) -> None:
-        """Write violations, and differences from recorded verdicts."""
+        """Write violations, those that a revision takes back, and differences from recorded verdicts."""
+        if isinstance(judged, Revision):
+            self._revised(replay, judged)
         for verdict in judged.verdicts:
             why = explain(judged, verdict)
             if why is not None:
@@ -60,6 +63,14 @@ class TextReport:
 
     def finish(self) -> None:
         """Write nothing more."""
+
+    def _revised(self, replay: Replay, revision: Revision) -> None:
+        for change in revision.changes:
+            if change is not None and change.retracted:
+                text = one_line(retraction_text(revision_record(revision, change)))
+                self._write(replay, f"retracted: {text} (#{change.n})")
+            if change is not None and change.explanation is not None:
+                self._write(replay, f"violation: {one_line(change.explanation['text'])} (#{change.n})")
 
     def _write(self, replay: Replay, line: str) -> None:
         self._out.write(f"{replay.spec.id}: {line}\n" if self._several else f"{line}\n")
