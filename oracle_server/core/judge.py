@@ -387,4 +387,5 @@ def _denies(outcome: Outcome, *, blamed: bool) -> bool:
 
 
 def is_denied(decision: Decision | None) -> bool:
+    """Whether an event was asked about, and denied."""
     return decision is not None and decision.choice == "deny"

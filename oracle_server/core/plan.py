@@ -127,10 +127,12 @@ def plan(spec: Spec) -> Plan:
 
 
 def judged_by(ready: Plan, by: By | None) -> Plan:
-    """A plan that judges in another order than its spec asks for, None for the same."""
+    """A plan that judges in another order than its spec asks for, None for the same; only by publication it revises."""
     if by is None:
         return ready
     ordering = replace(ready.spec.ordering, by=by)
+    if by != "publication" and ordering.late == "revise":
+        ordering = replace(ordering, late="judge")
     return replace(ready, spec=replace(ready.spec, ordering=ordering))
 
 

@@ -27,6 +27,7 @@ from oracle_server.core.verdicts import FINAL, Judged
 
 Put = Callable[[Step, Source, str, int, int], list[Released[Step]]]
 _NEVER = 2**63
+_NONE = frozenset[str]()
 _LOOK_AGAIN = SECOND
 """How long expired deadlines wait while nothing can be judged, in nanoseconds."""
 
@@ -272,13 +273,11 @@ class Session:
             self.holds.add(self.now - event.came)
             if r.late:
                 self.counts[event.monitor, event.stream].late += 1
-        if self.asking is not None:
-            return [judged for r in released for judged in self._ask_released(r)]
         judged: list[Judged] = []
-        for r in released:
-            if self._ticking and not r.late and self.lateness is None:
-                judged += self._ticks("publication", r.item.time - 1)
-            judged += self._judge_one("publication", r.item, late=r.late, forced=r.forced)
+        for step in map(self._marked, released):
+            if self._ticking and not step.late and self.lateness is None:
+                judged += self._ticks("publication", step.time - 1)
+            judged += self._judge_one("publication", step) if self.asking is None else self._ask("publication", step)
         return judged
 
     def _run_out(self) -> list[Judged]:
@@ -320,8 +319,8 @@ class Session:
 
     def _tick_until(self, order: Order, until: int) -> list[Judged]:
         judge, judged = self.judges[order], list[Judged]()
-        if self.lateness is not None:
-            return [] if self.suspended else self.lateness.judge.tick_until(until, self.now)
+        if isinstance(judge, RevisingJudge):
+            return [] if self.suspended else judge.tick_until(until, self.now)
         while not self.suspended and (deadline := judge.next_deadline) is not None and deadline <= until:
             tick = judge.tick(deadline, self.now)
             if tick is not None:
@@ -344,21 +343,22 @@ class Session:
         self.counts[event.monitor, event.stream].lost += event.lost
         self.note_refusal()
 
-    def _judge_one(self, order: Order, step: Step, *, late: bool = False, forced: bool = False) -> list[Judged]:
-        if late or forced or self.suspended:
-            step = self._marked(step, late=late, forced=forced)
+    def _judge_one(self, order: Order, step: Step) -> list[Judged]:
+        if self.suspended:
+            step = msgspec.structs.replace(step, skipped=True)
         if self.lateness is not None:
             return self.lateness.take(step, self.now, self._enough)
         return [self.judges[order].judge(step, self.now)]
 
-    def _marked(self, step: Step, *, late: bool, forced: bool) -> Step:
-        skipped = self.suspended or (late and self.plan.spec.ordering.late == "skip")
-        return msgspec.structs.replace(step, late=late, forced=forced, skipped=skipped)
-
-    def _ask_released(self, released: Released[Step]) -> list[Judged]:
+    def _marked(self, released: Released[Step]) -> Step:
+        """A released step with what the order knows of it."""
         step, late = released.item, released.late
-        ticks = self._ticks("publication", step.time - 1) if self._ticking and not late else []
-        return ticks + self._ask("publication", self._marked(step, late=late, forced=released.forced))
+        skipped = late and self.plan.spec.ordering.late == "skip"
+        heard = self.lateness is None or released.why in ("frontier", "clock")
+        return Step(
+            step.event, step.signals, step.failed, step.stamp, step.skewed, late, released.why == "capacity", skipped,
+            released.why, _NONE if heard else self.buffer.unheard(step.time),
+        )  # fmt: skip
 
     def _ask(self, order: Order, step: Step) -> list[Judged]:
         """Ask external oracles about a step whose turn has come, and judge it where it waits for none."""

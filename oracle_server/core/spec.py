@@ -16,6 +16,8 @@ from oracle_server.core.stamps import Stamp
 IDENTIFIER = r"^[A-Za-z0-9_.-]{1,64}$"
 """What specs, properties, sessions and tokens may be called."""
 SECOND = 10**9
+HORIZON = 2 * SECOND
+LONGEST_HORIZON = 3600 * SECOND
 By = Literal["publication", "arrival", "both"]
 SILENT = Atom(())
 """The formula of a property that an external oracle judges; nothing reads it."""
@@ -33,7 +35,7 @@ class Ordering:
     late: Literal["judge", "skip", "revise"] = "judge"
     max_skew: int = SECOND
     capacity: int = 10_000
-    horizon: int = 2 * SECOND
+    horizon: int = HORIZON
 
 
 @dataclass(frozen=True, slots=True)

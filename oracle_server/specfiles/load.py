@@ -99,7 +99,13 @@ def parse_spec(
         raise SpecError(_sorted([*findings, Finding(file, *document.place(("properties",)), message)]))
     known, typed = stream_types(spec, types, ros) if types is not None else (None, [])
     typed = [replace(problem, kind="type") for problem in typed]
-    problems = [*typed, *inspect(spec, graph, known), *_engines(spec), *(_on_ros(spec, ros, typed) if ros else ())]
+    problems = [
+        *typed,
+        *inspect(spec, graph, known),
+        *_engines(spec),
+        *_revising(spec),
+        *(_on_ros(spec, ros, typed) if ros else ()),
+    ]
     told = {(p.path, p.within) for p in problems if p.kind == "type" and p.within and p.severity == "error"}
     problems = [p for p in problems if p.kind == "type" or (p.path, p.within) not in told]
     if findings:  # what is doubtful may be so because of them
@@ -261,12 +267,34 @@ def _engines(spec: Spec) -> Iterator[SpecProblem]:
             yield SpecProblem(("properties", i, refusal.key), f"property '{prop.id}': {refusal.reason}")
         if row.goes_back(prop):
             continue
+        if spec.ordering.late == "revise":
+            yield SpecProblem(
+                ("properties", i, "engine"),
+                f"property '{prop.id}': `late: revise` judges again what came after a late event, and `engine: "
+                f"{prop.engine}` can't go back; `native` can, or write `late: judge` under `ordering`",
+            )
         native = f"needs an engine that can take steps back, and `engine: {prop.engine}` can't; `native` can"
         if prop.blame == "caused":
             yield SpecProblem(("properties", i, "blame"), f"`blame: caused` {native}")
         for j, stream in enumerate(spec.streams):
             if stream.on_deny == "undo" and stream.traits.leads:
                 yield SpecProblem(("streams", j, "on_deny"), f"`on_deny: undo` {native} (property '{prop.id}')")
+
+
+def _revising(spec: Spec) -> Iterator[SpecProblem]:
+    """What keeps `late: revise` from being what it says."""
+    if spec.ordering.late != "revise":
+        return
+    if spec.ordering.by != "publication":
+        yield SpecProblem(
+            ("ordering", "late"),
+            f"`late: revise` puts right the order of publication alone, and `by` is {spec.ordering.by}; leave `by` "
+            "out, or write `late: judge`",
+        )
+    elif not any(stream.ordered for stream in spec.streams):
+        yield SpecProblem(
+            ("ordering", "late"), "no stream is ordered, so that nothing comes late; leave out `late: revise`"
+        )
 
 
 def _on_ros(spec: Spec, ros: Ros, typed: Iterable[SpecProblem]) -> Iterator[SpecProblem]:

@@ -11,14 +11,16 @@ from pydantic import (
     ConfigDict,
     Discriminator,
     Field,
+    SerializerFunctionWrapHandler,
     StrictBool,
     StrictInt,
     StrictStr,
     Tag,
     model_serializer,
+    model_validator,
 )
 
-from oracle_server.core.spec import IDENTIFIER
+from oracle_server.core.spec import HORIZON, IDENTIFIER, LONGEST_HORIZON
 from oracle_server.core.stamps import Epoch, Unit
 from oracle_server.core.units import duration, size
 from oracle_server.engines.table import ENGINES
@@ -63,9 +65,23 @@ class OrderingModel(_Model):
 
     by: Literal["publication", "arrival", "both"] = "publication"
     max_delay: Delay = 200 * 10**6
-    late: Literal["judge", "skip"] = "judge"
+    late: Literal["judge", "skip", "revise"] = "judge"
     max_skew: Duration = 10**9
     capacity: Annotated[int, Field(strict=True, ge=1, le=1_000_000)] = 10_000
+    horizon: Annotated[Duration, Field(gt=0, le=LONGEST_HORIZON)] = HORIZON
+
+    @model_validator(mode="after")
+    def _reasonable(self) -> OrderingModel:
+        if "horizon" in self.model_fields_set and self.late != "revise":
+            raise ValueError("`horizon` is that of `late: revise`: write that too, or leave `horizon` out")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _meaning(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        meaning: dict[str, Any] = plain(self)
+        if self.late != "revise":
+            del meaning["horizon"]
+        return meaning
 
 
 class StampModel(_Model):

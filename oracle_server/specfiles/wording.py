@@ -47,6 +47,7 @@ _TAKES: Mapping[str, str] = {
     "latency": _DURATION,
     "decide_within": _DURATION,
     "max_skew": _DURATION,
+    "horizon": f"{_DURATION}, longer than 0s and at most an hour",
     "timeout": f"{_DURATION}, longer than 0s",
     "age": _DURATION,
     "max_delay": f"{_DURATION}, or none",

@@ -9,7 +9,7 @@ import itertools
 import random
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from oracle_server.core.events import Event, Step, StreamKey
 from oracle_server.core.formula.parse import Time
@@ -20,7 +20,7 @@ from oracle_server.core.revisions import Revision, Standing
 from oracle_server.core.session import Session
 from oracle_server.core.simulated import ClockReading
 from oracle_server.core.spec import Ordering, Property, Spec, StreamSpec
-from oracle_server.core.verdicts import FINAL, Judged, Outcome
+from oracle_server.core.verdicts import FINAL, Judged, Outcome, explain
 from oracle_server.engines.native import NativeEngine
 from tests import generate
 from tests.strategies import SECOND, START
@@ -42,15 +42,15 @@ def case(rng: random.Random, time: Time, *, horizon: int = 60 * SECOND) -> Case:
     for name in "pq":
         formula = generate.formula(rng, time, rng.randint(2, 4))
         guards = frozenset({"/a"}) if asks and rng.random() < 0.7 else frozenset()
-        blame = "caused" if guards and rng.random() < 0.3 else "any"
+        blame: Literal["any", "caused"] = "caused" if guards and rng.random() < 0.3 else "any"
         properties.append(
             Property(
                 name, formula, render(formula, time), time=time, guards=guards, latch=rng.random() < 0.2, blame=blame
             )
         )
-    undo = "undo" if rng.random() < 0.6 else "keep"
+    undo: Literal["undo", "keep"] = "undo" if asks and rng.random() < 0.6 else "keep"
     streams = (
-        StreamSpec("/a", action="filter" if asks else "log", on_deny=undo if asks else "keep"),
+        StreamSpec("/a", action="filter" if asks else "log", on_deny=undo),
         StreamSpec("/b"),
         StreamSpec("/h", hold=frozenset({"c"})),
         StreamSpec("/u", ordered=False),
@@ -113,11 +113,10 @@ class Book:
 
     def stands(self, position: int) -> Standing:
         row = self.first[position]
-        said = {i: {} for i, v in enumerate(row.verdicts) if v.explanation}
-        return self.standing.get(
-            position,
-            Standing(tuple([v.outcome for v in row.verdicts]), tuple([v.degraded for v in row.verdicts]), said),  # type: ignore[arg-type]
-        )
+        found = ((i, explain(row, v)) for i, v in enumerate(row.verdicts))
+        whys = {i: why for i, why in found if why is not None}
+        said = Standing(tuple([v.outcome for v in row.verdicts]), tuple([v.degraded for v in row.verdicts]), whys)
+        return self.standing.get(position, said)
 
 
 class Line(NamedTuple):
@@ -195,7 +194,12 @@ class Run:
             stands = self.book.stands(position)
             if stands.outcomes[0] is not None:
                 event = row.step.event
-                lines.append((position, Line(event.monitor, event.seq, row.step.stamp, stands.outcomes, frozenset(stands.explanations))))
+                lines.append(
+                    (
+                        position,
+                        Line(event.monitor, event.seq, row.step.stamp, stands.outcomes, frozenset(stands.explanations)),
+                    )
+                )
         return [line for _, line in lines]
 
 
@@ -212,7 +216,9 @@ class Sorted(Judge):
 def reference(run: Run) -> list[Line]:
     """The same events in the order of publication, decided as they were, judged by a judge that can't go back."""
     spec = run.case.spec
-    judge = Sorted(plan(spec), [NativeEngine(p.formula, p.time) for p in spec.properties], "publication", itertools.count(1))
+    judge = Sorted(
+        plan(spec), [NativeEngine(p.formula, p.time) for p in spec.properties], "publication", itertools.count(1)
+    )
     judge.begin(START)
     rows = [row for row in run.book.first.values() if row.step.event.monitor]
     order = sorted(
@@ -224,7 +230,9 @@ def reference(run: Run) -> list[Line]:
     def add(judged: Judged) -> None:
         event = judged.step.event
         whys = frozenset(i for i, v in enumerate(judged.verdicts) if v.explanation)
-        lines.append(Line(event.monitor, event.seq, judged.step.stamp, tuple([v.outcome for v in judged.verdicts]), whys))
+        lines.append(
+            Line(event.monitor, event.seq, judged.step.stamp, tuple([v.outcome for v in judged.verdicts]), whys)
+        )
 
     def until(time: int) -> None:
         while (deadline := judge.next_deadline) is not None and deadline <= time:

@@ -70,7 +70,7 @@ def revisions(
                 because=tuple(because[:MOST_CAUSES]),
                 causes=len(because),
                 standing={} if row else _standing(again),
-            )  # fmt: skip
+            )
         )
     return rows
 

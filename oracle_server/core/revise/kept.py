@@ -38,9 +38,9 @@ class Point(NamedTuple):
 class Kept:
     """A row as it stands.
 
-    `key` is where it stands, as by `key_of`, and never less than that of the row before; `level`: deadlines up to then (ns)
-    were judged before it. `preceding` is the position of the row said before it. `undone`: it was denied, and taken
-    back.
+    `key` is where it stands, as by `key_of`, and never less than that of the row before; `level`: deadlines up to then
+    (ns) were judged before it. `preceding` is the position of the row said before it. `undone`: it was denied, and
+    taken back.
     """
 
     judged: Judged

@@ -1,4 +1,4 @@
-"""The runs of steps at which the right side of a `since` held, as far as they can still count, and how to undo changes."""
+"""The runs of steps at which the right side of a `since` held, as far as they still count, and their changes undone."""
 
 from __future__ import annotations
 
