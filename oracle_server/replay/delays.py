@@ -16,7 +16,6 @@ _HANDFUL = 5
 """So many events of a stream that are not in their place are no matter, however few events it has."""
 
 _LATE = "late, up to", "behind what was judged before"
-_PLACED = "late, up to", "behind what was judged before, and put in their place: what was said was put right"
 _SKEWED = "skewed, up to", "ahead of the arrival, and ordered by that"
 
 
@@ -57,12 +56,15 @@ class Delays:
 
     def notes(self) -> Iterator[Note]:
         """What is to be said of each stream; where most of its events are not in their place that is a doubt."""
-        all_found = (self._late, *_LATE), (self._placed, *_PLACED), (self._skewed, *_SKEWED)
         for stream, events in self._events.items():
-            for found, before, after in all_found:
+            for found, before, after in (self._late, *_LATE), (self._skewed, *_SKEWED):
                 count = found.count[stream]
                 if count:
                     by = f"{found.most[stream] / SECOND:.6g} s"
                     text = f"{stream}: {part_of(count, events)} {before} {by} {after}"
-                    displaced = found is not self._placed
-                    yield Note(text, doubt=displaced and count > max(_HANDFUL, events // 2))
+                    yield Note(text, doubt=count > max(_HANDFUL, events // 2))
+            count = self._placed.count[stream]
+            if count:
+                most = self._placed.most[stream]  # 0 where only a deadline was judged before
+                by = f", up to {most / SECOND:.6g} s {_LATE[1]}" if most else ""
+                yield Note(f"{stream}: {part_of(count, events)} late{by}; what was said without that was put right")

@@ -3,30 +3,40 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Iterator
 from typing import IO
 
-import msgspec
-
 from oracle_server.core.errors import one_line
+from oracle_server.core.naming import cause_name
 from oracle_server.core.records import VerdictRecord
 from oracle_server.core.verdicts import Judged
 from oracle_server.replay.lines import records
 from oracle_server.replay.run import Replay
-
-_COLUMNS = tuple(VerdictRecord.__annotations__)
-"""All fields that a record may have, so that each column has one meaning in all rows."""
 
 
 def _csv_cell(value: object) -> object:
     """A value that a spreadsheet takes for what it is: it runs a text that begins like a formula."""
     if isinstance(value, bool):
         return str(value).lower()
-    if isinstance(value, dict | list):
-        return msgspec.json.encode(value).decode()
     if not isinstance(value, str):
         return value
     text = one_line(value)
     return f"'{text}" if text[:1] in ("=", "+", "-", "@") else text
+
+
+_COLUMNS = tuple(name for name in VerdictRecord.__annotations__ if name not in ("unheard", "causes"))
+"""The fields that records of a replay may have; `because` tells how many causes there are."""
+
+
+def _csv_row(row: VerdictRecord) -> Iterator[object]:
+    """What stands in the columns of a record; of what is several values, a text."""
+    values: dict[str, object] = {**row}
+    if why := row["explanation"]:
+        values["explanation"] = why["text"]
+    if "revises" in row:
+        values["revises"] = f"{row['revises']['from']} to {row['revises']['to']}"
+        values["because"] = cause_name(row)
+    return (_csv_cell(values.get(name)) for name in _COLUMNS)
 
 
 class CsvReport:
@@ -42,9 +52,7 @@ class CsvReport:
             if not self._headed:
                 self._out.writerow(("spec", *_COLUMNS))
                 self._headed = True
-            why = row["explanation"]
-            values: dict[str, object] = {**row, "explanation": why["text"] if why else None}
-            self._out.writerow((replay.spec.id, *(_csv_cell(values.get(name)) for name in _COLUMNS)))
+            self._out.writerow((replay.spec.id, *_csv_row(row)))
 
     def ended(self, replay: Replay) -> None:
         """Write nothing: the table has no summary."""

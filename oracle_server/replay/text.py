@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 
 from oracle_server.core.errors import one_line
-from oracle_server.core.naming import cause_name, first_name
+from oracle_server.core.naming import first_name, retraction_text
 from oracle_server.core.units import counted
 from oracle_server.core.verdicts import Judged
 from oracle_server.replay.conclusion import conclude
@@ -29,10 +29,7 @@ class TextReport:
         for row, text in violations(judged):
             self._write(replay, f"violation{order}: {one_line(text)} (#{row['n']})")
         for row in retractions(judged):
-            text = (
-                f"{row['property']} is not violated at verdict #{row['revises']['from']}: {one_line(cause_name(row))}"
-            )
-            self._write(replay, f"retracted: {text}")
+            self._write(replay, f"retracted: {one_line(retraction_text(row))} (#{row['n']})")
         self._differences(replay)
 
     def _differences(self, replay: Replay) -> None:
