@@ -38,7 +38,7 @@ async def move(monitor: Monitor) -> None:
 
 async def test_who_asks_is_told_what_is_revised_and_others_what_they_always_were(server: Server, session: str) -> None:
     async with (
-        attached(server, "m1", session=session, spec="revising", features=["revisions"]) as new,
+        attached(server, "m1", session=session, spec="moving", features=["revisions"]) as new,
         attached(server, "m2", session=session, streams=[]) as old,
     ):
         await stand_still(new)
@@ -55,7 +55,7 @@ async def test_who_asks_is_told_what_is_revised_and_others_what_they_always_were
 
 
 async def test_how_properties_stand_goes_by_what_stands(server: Server, session: str) -> None:
-    async with attached(server, session=session, spec="revising", verdicts=True) as monitor:
+    async with attached(server, session=session, spec="moving", verdicts=True) as monitor:
         assert (await monitor.expect("verdicts"))["worst"] == "unknown"
         await stand_still(monitor)
         assert (await monitor.expect("verdicts"))["properties"]["moves"]["violations"] == 1
@@ -68,7 +68,7 @@ async def test_how_properties_stand_goes_by_what_stands(server: Server, session:
 async def test_people_are_told_what_was_taken_back_on_the_robot_and_in_the_log(server: Server, session: str) -> None:
     screen = Screen()
     board = Board("m1", screen)
-    async with attached(server, session=session, spec="revising", features=["revisions"]) as monitor:
+    async with attached(server, session=session, spec="moving", features=["revisions"]) as monitor:
         board.on_state("attached", session)
         await stand_still(monitor)
         board.on_violation(await monitor.expect("violation"))

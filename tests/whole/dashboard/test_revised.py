@@ -16,7 +16,7 @@ CAUSE = re.compile(r"^/odom \(topic 3 of m1\) came \d+ ms late \(#4\)$")
 async def test_a_revised_verdict_is_shown_as_it_stands_and_a_retracted_violation_struck_through(
     server: Server, session: str, page: Page
 ) -> None:
-    async with attached(server, session=session, spec="revising", features=["revisions"]) as monitor:
+    async with attached(server, session=session, spec="moving", features=["revisions"]) as monitor:
         await stand_still(monitor)
         await page.goto(f"{server.url}/#/sessions/{session}?n=2")
         verdict = page.locator(".verdict")
