@@ -14,14 +14,14 @@ from oracle_server.core.bypass import Bypass, Bypasses
 from oracle_server.core.engine import Answer, Engine
 from oracle_server.core.events import Event, Order, Step, StreamKey
 from oracle_server.core.judge import Judge
-from oracle_server.core.kinds import TICK
 from oracle_server.core.plan import Plan
 from oracle_server.core.reorder import Released, ReorderBuffer, Source
+from oracle_server.core.resumable import Resumable
 from oracle_server.core.revise.judge import RevisingJudge
 from oracle_server.core.revise.lateness import Lateness
+from oracle_server.core.revise.saving import SavableJudge
 from oracle_server.core.simulated import ClockReading, SimulatedTime
-from oracle_server.core.snapshot import SessionSnapshot
-from oracle_server.core.spec import SECOND, Spec
+from oracle_server.core.spec import SECOND, orders
 from oracle_server.core.tally import HoldTimes, StreamCounts
 from oracle_server.core.verdicts import FINAL, Judged
 
@@ -32,7 +32,7 @@ _LOOK_AGAIN = SECOND
 """How long expired deadlines wait while nothing can be judged, in nanoseconds."""
 
 
-class Session:
+class Session(Resumable):
     """Judges the events of its monitors against the properties of one spec.
 
     Every method takes the present time in nanoseconds and returns what was judged, in order. Time never goes back: an
@@ -54,7 +54,7 @@ class Session:
         self.judges: dict[Order, Judge] = {}
         for order, own in zip(orders(plan.spec), engines, strict=True):
             if ordering.late == "revise":
-                revising = self.judges[order] = RevisingJudge(plan, own, order, numbers)
+                revising = self.judges[order] = SavableJudge(plan, own, order, numbers)
                 revising.ticking = ticking and plan.timed
                 self.lateness = Lateness(revising)
             else:
@@ -193,57 +193,6 @@ class Session:
         for index, answer in answers.items():
             self.judges[order].properties[index].receive(answer)
 
-    def rejudge(self, order: Order, step: Step, judged: int) -> Judged | None:
-        """Judge again what was judged before, in the same sequence, to restore a session.
-
-        None where a tick changed an outcome then, and does not now.
-        """
-        if step.event.stream.kind == TICK:
-            self.now = max(self.now, judged)
-            judge = self.judges[order]
-            again, number = judge.tick(step.stamp, judged), step.event.seq
-            judge.counters.ticks = max(judge.counters.ticks, number)  # each number stands in the history once
-            return again
-        if order == "publication" and not step.late and self.plan.spec.by_key[step.event.stream].ordered:
-            self.buffer.present = step.time
-        self.now = max(self.now, judged)
-        if step.event.lost and order == orders(self.plan.spec)[-1]:  # which noted it first
-            self._note_loss(step.event)
-        if order == orders(self.plan.spec)[0]:
-            self.counts[step.event.monitor, step.event.stream].late += step.late
-        return self.judges[order].judge(step, judged)
-
-    def snapshot(self) -> SessionSnapshot | None:
-        """All that later verdicts depend on except what is held in the order, as plain data.
-
-        None where an engine can't be saved, or where events are judged in two orders, and may be judged in one only.
-        """
-        if len(self.judges) > 1:
-            return None
-        judges = {order: saved for order, judge in self.judges.items() if (saved := judge.snapshot()) is not None}
-        if not judges:
-            return None
-        counts = [(m, stream, count.late, count.lost) for (m, stream), count in self.counts.items()]
-        return {"judges": judges, "present": self.buffer.present, "now": self.now, "counts": counts}
-
-    def restore(self, data: SessionSnapshot, first: int) -> None:
-        """Continue from a snapshot, before the first event; verdicts are numbered from `first`.
-
-        Raises `EngineError` where an engine can't use it.
-        """
-        numbers = itertools.count(first)
-        for order, judge in self.judges.items():
-            judge.restore(data["judges"][order], numbers)
-        self.buffer.present, self.now = data["present"], data["now"]
-        for monitor, stream, late, lost in data["counts"]:
-            self.counts[monitor, StreamKey(*stream)] = StreamCounts(late, lost)
-
-    def give_up(self, first: int, reason: str) -> None:
-        """Stop judging, for this reason; verdicts, all unknown, are numbered from `first`."""
-        numbers = itertools.count(first)
-        for judge in self.judges.values():
-            judge.give_up(reason, numbers)
-
     def hold(self, step: Step) -> list[Judged]:
         """Put a step back into the order of publication, where it was before and was not judged yet."""
         return self._order(step, self.buffer.put_back)
@@ -333,16 +282,6 @@ class Session:
         for judge in self.judges.values():
             judge.bypass(self.bypasses.properties)
 
-    def note_refusal(self) -> None:
-        """Note that an event was lost because it could not be read."""
-        for judge in self.judges.values():
-            judge.degrade()
-
-    def _note_loss(self, event: Event) -> None:
-        """Held events may be younger than what was lost: verdicts are degraded as soon as the loss is known."""
-        self.counts[event.monitor, event.stream].lost += event.lost
-        self.note_refusal()
-
     def _judge_one(self, order: Order, step: Step) -> list[Judged]:
         if self.suspended:
             step = msgspec.structs.replace(step, skipped=True)
@@ -389,9 +328,3 @@ class Session:
 
 def _never() -> bool:
     return False
-
-
-def orders(spec: Spec) -> tuple[Order, ...]:
-    """The orders that a session of a spec judges in; the first one decides."""
-    by = spec.ordering.by
-    return ("publication", "arrival") if by == "both" else (by,)

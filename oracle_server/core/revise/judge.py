@@ -19,6 +19,7 @@ from oracle_server.core.recent import SIZE, Recent
 from oracle_server.core.revise.changes import Again, revisions
 from oracle_server.core.revise.finality import RevisableState
 from oracle_server.core.revise.kept import MOST, Keeping, Kept, Point, key_of
+from oracle_server.core.revisions import Revision
 from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import Decision, Judged, Verdict
 
@@ -76,7 +77,7 @@ class RevisingJudge(Judge):
         self._unforgotten = 0
         self._told: Told | None = None
         for state in self.properties:
-            _rewindable(state.engine).record()
+            rewindable(state.engine).record()
 
     def _state(self, prop: Property, engine: Engine, grace: int) -> RevisableState:
         return RevisableState(prop, engine, grace=grace, horizon=self.horizon)
@@ -119,7 +120,7 @@ class RevisingJudge(Judge):
 
     def place(self, late: Sequence[Step]) -> None:
         """Begin a pass that puts late steps in their places; each of them has one, and no pass goes on."""
-        self._told = Told([copy(state) for state in self.properties], copy(self.counters))
+        self._begin_pass()
         self._causes = sorted(late, key=lambda step: step.time)  # a stable sort: of equal times by arrival
         steps = deque(self._causes)
         taken = self.keeping.after(steps[0].time)
@@ -131,6 +132,10 @@ class RevisingJudge(Judge):
                 self._ahead.append(row)
         self._ahead.extend(map(Late, steps))
         self._ahead.append(Until(self._level))
+
+    def _begin_pass(self) -> None:
+        self._told = Told([copy(state) for state in self.properties], copy(self.counters))
+        self._causes = []
 
     def go_on(self, now: int, enough: Callable[[], bool]) -> list[Judged]:
         """Go on with the pass until enough was done; what was judged in it is returned at its end."""
@@ -159,15 +164,19 @@ class RevisingJudge(Judge):
             for position, row in sorted(self._stood.items())
         ]
         outputs, self._outputs = self._outputs, []
-        names = [state.property.id for state in self.properties]
-        made = revisions(again, names, [step.event for step in self._causes], now, self._numbers)
-        changes = [change for row in made for change in row.changes if change is not None]
-        self.counters.revised += len(changes)
-        self.counters.retracted += sum(change.retracted for change in changes)
-        outputs += made
+        if self._causes:
+            names = [state.property.id for state in self.properties]
+            made = revisions(again, names, [step.event for step in self._causes], now, self._numbers)
+            self._count_changes(made)
+            outputs += made
         self._stood, self._stands, self._told = {}, {}, None
         self._old_ticks.clear()
         return outputs
+
+    def _count_changes(self, made: Sequence[Revision]) -> None:
+        changes = [change for row in made for change in row.changes if change is not None]
+        self.counters.revised += len(changes)
+        self.counters.retracted += sum(change.retracted for change in changes)
 
     def _level_before(self, step: Step) -> int:
         """Up to when deadlines are judged before a step that is judged behind all others."""
@@ -192,10 +201,7 @@ class RevisingJudge(Judge):
         """Judge a deadline; None where it changes nothing, and where it was told before."""
         known = self._old_ticks.get(time)
         if not known:
-            tick = self.tick(time, now)
-            if tick is not None:
-                self._keep(tick, key_of(time, tick=True), time)
-            return tick
+            return self._judge_new_deadline(time, now)
         old = known[0]
         numbers, ticks, degraded = self._numbers, self.counters.ticks, self._degraded
         self._numbers, self._degraded = _numbers(old), False
@@ -207,6 +213,12 @@ class RevisingJudge(Judge):
             self._stands[old.position] = tick, None
             self._keep(tick, old.key, time, old)
         return None
+
+    def _judge_new_deadline(self, time: int, now: int) -> Judged | None:
+        tick = self.tick(time, now)
+        if tick is not None:
+            self._keep(tick, key_of(time, tick=True), time)
+        return tick
 
     def _judge_first(self, step: Step, now: int, *, placed: bool = False) -> Judged:
         """Judge a step for the first time: in its place, or behind all others."""
@@ -261,7 +273,7 @@ class RevisingJudge(Judge):
         self._recent.remove(self.counters.steps - point.steps)
         for state, stand in zip(self._states, point.properties, strict=True):
             if state.broken is None and not state.said:
-                _rewindable(state.engine).rewind(point.steps, point.present, point.before)
+                rewindable(state.engine).rewind(point.steps, point.present, point.before)
             state.put(stand)
         self.present, self._ticked, self._outdated = point.present, point.ticked, point.outdated
         self.counters.steps, self._held = point.steps, dict(point.held)
@@ -279,7 +291,7 @@ class RevisingJudge(Judge):
             self._unforgotten, base = 0, self.keeping.base
             for state in self.properties:
                 if state.broken is None:
-                    _rewindable(state.engine).forget(base.steps, base.present)
+                    rewindable(state.engine).forget(base.steps, base.present)
 
     def _point(self, last: Point | None) -> Point:
         """How the judge stands, where it stood so after the row before."""
@@ -304,7 +316,8 @@ class RevisingJudge(Judge):
         return super()._signals(step, stream)
 
 
-def _rewindable(engine: Engine) -> Rewindable:
+def rewindable(engine: Engine) -> Rewindable:
+    """An engine of a spec that revises."""
     assert isinstance(engine, Rewindable)  # noqa: S101 -- others are refused with the spec
     return engine
 

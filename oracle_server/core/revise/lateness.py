@@ -7,7 +7,7 @@ from collections.abc import Callable
 import msgspec
 
 from oracle_server.core.events import Step
-from oracle_server.core.revise.judge import RevisingJudge
+from oracle_server.core.revise.saving import SavableJudge
 from oracle_server.core.verdicts import Judged
 
 TOGETHER = 10**7
@@ -17,7 +17,7 @@ TOGETHER = 10**7
 class Lateness:
     """Gives a judge the steps that the order releases, and those that are late together."""
 
-    def __init__(self, judge: RevisingJudge) -> None:
+    def __init__(self, judge: SavableJudge) -> None:
         self.judge = judge
         self.placed = 0
         """How many late events were put in their places."""
