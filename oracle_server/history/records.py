@@ -15,7 +15,7 @@ from oracle_server.core.records import ExplanationRecord
 from oracle_server.core.revisions import Change, Revision, Standing
 from oracle_server.core.simulated import TimeBase
 from oracle_server.core.spec import By
-from oracle_server.core.verdicts import Decision, Judged, Outcome, explain
+from oracle_server.core.verdicts import Decision, Judged, Outcome, Verdict, explain
 
 Document = dict[str, Any]
 
@@ -178,6 +178,23 @@ def stored_revision(position: int, revision: Revision) -> StoredStep:
     return StoredStep(
         position, revision.order, None, revision.step, 0, revision.judged, None, (), (), revision=kept
     )  # fmt: skip
+
+
+def recorded(step: StoredStep, properties: tuple[str, ...]) -> Judged:
+    """What was judged, as it was said at first, of a step as it is kept; or the revision."""
+    first = (step.position - 1) * len(properties) + 1
+    if step.revision is not None:
+        kept = step.revision
+        return Revision(
+            step.step, None, step.order, step.judged, (), None,
+            first=first, changes=kept.changes, because=kept.because, causes=kept.causes,
+        )  # fmt: skip
+    said = zip(properties, step.outcomes, step.degraded, strict=True)
+    verdicts = [
+        Verdict(first + i, name, outcome, degraded, bypassed=i in step.bypassed)
+        for i, (name, outcome, degraded) in enumerate(said)
+    ]
+    return Judged(step.step, step.number, step.order, step.judged, tuple(verdicts), step.decision, step.place)
 
 
 def _named(event: Event) -> Event:

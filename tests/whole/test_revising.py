@@ -89,3 +89,23 @@ async def test_a_late_event_that_is_acked_has_put_the_verdicts_right_for_good(st
     with closing(sqlite3.connect(server.data / "history.sqlite")) as database:
         rows = database.execute("SELECT position, kind, seq, place, standing FROM steps ORDER BY position").fetchall()
     assert rows[2:] == [(3, "topic", 3, None, "t"), (4, "topic", 4, 3, None), (5, "revision", -5, None, None)]
+
+
+async def test_what_stands_is_explained_by_what_came_late(server: Server, session: str) -> None:
+    async with attached(server, session=session, spec="revising") as monitor:
+        await put_right(monitor)
+        explained = f"sessions/{session}/verdicts/3/explanation"
+        stands, said = server.get(explained), server.get(explained, **{"as": "first"})
+        late = server.get(f"sessions/{session}/verdicts/4/explanation")
+    assert (stands["outcome"], said["outcome"]) == ("currently_true", "currently_false")
+    assert 4 in seqs(stands["explanation"]["reasons"])
+    assert said["explanation"]["text"].startswith("b_after_a does not hold at step 3 ")
+    assert 4 not in seqs(said["explanation"]["reasons"])
+    assert late["explanation"]["event"]["seq"] == 4
+    assert "which came late" in late["explanation"]["text"]
+
+
+def seqs(reasons: list[dict[str, Any]]) -> set[int]:
+    """The numbers of the events that reasons name."""
+    found = {reason["event"]["seq"] for reason in reasons if reason.get("event")}
+    return found.union(*(seqs(reason.get("reasons", [])) for reason in reasons))
