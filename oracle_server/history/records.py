@@ -217,3 +217,22 @@ def restated(revisions: Iterable[Revision], width: int) -> dict[int, Restated]:
                     if position in passed:
                         revised[position][i] = change.n
     return {position: Restated(stands, revised[position]) for position, stands in standing.items()}
+
+
+def recorded(stored: StoredStep, properties: tuple[str, ...]) -> Judged:
+    """A stored row as it was judged, or rather as it stands; a revision without what it changes in other rows."""
+    first, revision = (stored.position - 1) * len(properties) + 1, stored.revision
+    if revision is not None:
+        return Revision(
+            step=stored.step, number=None, order=stored.order, judged=stored.judged, verdicts=(), decision=None,
+            first=first, changes=revision.changes, because=revision.because, causes=revision.causes,
+        )  # fmt: skip
+    stands = stored.standing
+    outcomes, degraded = (stored.outcomes, stored.degraded) if stands is None else (stands.outcomes, stands.degraded)
+    verdicts = [
+        Verdict(first + i, name, outcomes[i] or Outcome.UNKNOWN, degraded[i], bypassed=i in stored.bypassed)
+        for i, name in enumerate(properties)
+    ]
+    return Judged(
+        stored.step, stored.number, stored.order, stored.judged, tuple(verdicts), stored.decision, stored.place
+    )

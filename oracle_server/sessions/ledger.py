@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 
 from oracle_server.core.numbering import JUDGED
@@ -48,9 +48,13 @@ class Ledger:
 
     def __init__(
         self, opened: SessionRecord, core: Session, history: History, clock: Clock, counters: Counters,
-        backlog: Backlog, share: Share, monitors: Mapping[str, Monitor],
+        backlog: Backlog, share: Share, monitors: Mapping[str, Monitor], arm: Callable[[], None],
     ) -> None:  # fmt: skip
-        """Write for a session; `monitors` is the session's own mapping, to which later monitors are added."""
+        """Write for a session; `monitors` is the session's own mapping, to which later monitors are added.
+
+        It calls `arm` where the session may be due earlier than it was.
+        """
+        self._arm = arm
         self.commits = Commits()
         self.snapshots = Snapshots(
             opened.id, opened.number, core, history, backlog, partial(share.run_for_server, self.save)
@@ -104,6 +108,7 @@ class Ledger:
         """Take a snapshot, so that a restart judges only later steps again."""
         self.write()
         self.snapshots.save(self._position, self._monitors)
+        self._arm()
 
     def refuse(self, monitor: Monitor, seq: int, gap: int, code: str, message: str) -> WireError:
         """Record the refusal of an event, which uses up its number and the gap before it.

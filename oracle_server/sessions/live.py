@@ -50,7 +50,7 @@ class LiveSession:
         core.divide(share.is_over)
         self.share = share
         """What it takes of the event loop's time; while it rests, its monitors are not read."""
-        self.ledger = Ledger(record, core, history, clock, counters, backlog, share, self.monitors)
+        self.ledger = Ledger(record, core, history, clock, counters, backlog, share, self.monitors, self._arm)
         self.closing = False
         self.clock_went_back = False
         """Whether its simulation was restarted, so that it ignores all further events."""

@@ -6,10 +6,13 @@ What stands is read of what the session said, as a history would: row by row, wi
 from __future__ import annotations
 
 import itertools
+import json
 import random
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
+
+import msgspec
 
 from oracle_server.core.events import Event, Step, StreamKey
 from oracle_server.core.formula.parse import Time
@@ -83,16 +86,19 @@ class Book:
     first: dict[int, Judged] = field(default_factory=dict)
     standing: dict[int, Standing] = field(default_factory=dict)
     revisions: list[Revision] = field(default_factory=list)
+    rows: dict[int, Judged] = field(default_factory=dict)
 
     def take(self, judged: Iterable[Judged]) -> None:
         for row in judged:
+            n = row.first if isinstance(row, Revision) else row.verdicts[0].n
+            assert (n - 1) // self.width == len(self.rows), "rows are numbered on"
+            self.rows[len(self.rows) + 1] = row
             if isinstance(row, Revision):
                 self.revise(row)
             else:
                 ns = [v.n for v in row.verdicts]
-                position = (ns[0] - 1) // self.width + 1
+                position = len(self.rows)
                 assert ns == list(range((position - 1) * self.width + 1, position * self.width + 1))
-                assert position not in self.first
                 self.first[position] = row
 
     def revise(self, row: Revision) -> None:
@@ -135,6 +141,9 @@ class Run:
 
     case: Case
     divided: bool = False
+    restarts: float = 0.0
+    """How likely it is to be restarted before an event."""
+    saved: tuple[int, str] | None = None
     book: Book = field(init=False)
     levels: dict[tuple[str, int], int] = field(default_factory=dict)
     keys: dict[tuple[str, int], int] = field(default_factory=dict)
@@ -143,32 +152,59 @@ class Run:
     def __post_init__(self) -> None:
         spec = self.case.spec
         self.book = Book(len(spec.properties))
-        engines = [[NativeEngine(p.formula, p.time) for p in spec.properties]]
-        self.session = Session(plan(spec), engines)
+        self.session = self.fresh()
+        self.attach(START)
+
+    def fresh(self) -> Session:
+        spec = self.case.spec
+        session = Session(plan(spec), [[NativeEngine(p.formula, p.time) for p in spec.properties]], begun=START)
         if self.divided:
-            self.session.divide(lambda: True)
+            session.divide(lambda: True)
+        return session
+
+    def attach(self, now: int) -> None:
         for monitor in "mn":
-            self.session.attach(monitor, [A, B, H, U], START)
+            self.take(self.session.attach(monitor, [A, B, H, U], now))
+
+    def save(self) -> None:
+        """Take a snapshot, as a server does now and then."""
+        if self.session.can_be_saved:
+            data = self.session.snapshot()
+            assert data is not None
+            assert "revising" in data
+            self.saved = data["revising"]["position"], json.dumps(data)
+
+    def restart(self, now: int, sent: list[Event]) -> None:
+        """Kill the session, restore it from what was said, and send again what it had not judged."""
+        self.session = self.fresh()
+        position = 0
+        if self.saved is not None:
+            position, data = self.saved
+            self.session.restore(json.loads(data), position * self.book.width + 1)
+        for at in range(position + 1, len(self.book.rows) + 1):
+            self.session.rejudge_row(self.book.rows[at], at)
+        self.attach(now)
+        known = {(row.step.event.monitor, row.step.event.seq) for row in self.book.first.values()}
+        for event in sent:
+            if (event.monitor, event.seq) not in known:
+                self.ingest(msgspec.structs.replace(event, arrived=now))
 
     def judge(self, rng: random.Random) -> None:
-        assert self.session.lateness is not None
-        judge = self.session.lateness.judge
-        for event in self.case.events:
+        for i, event in enumerate(self.case.events):
             self.take(self.advance(event.arrived))
             self.settle(rng)
-            self.take(self.session.advance(event.arrived))
-            identity = (event.monitor, event.seq)
-            if event.stream == U:
-                self.levels[identity] = judge._level
-            self.take(self.session.ingest(event))
-            if event.stream == U:
-                self.settle(rng)
-                (row,) = [r for r in judge.keeping if (r.step.event.monitor, r.step.event.seq) == identity]
-                self.keys[identity], self.presents[identity] = row.key, row.point.present
+            if rng.random() < self.restarts:
+                self.save()
+            if rng.random() < self.restarts:
+                self.restart(event.arrived, self.case.events[:i])
+            self.ingest(event)
             if rng.random() < 0.3:
                 clock = ClockReading(event.stream, event.arrived - SECOND)
                 self.take(self.session.clock(event.monitor, [clock], event.arrived))
         self.take(self.session.finish(self.case.events[-1].arrived + 10 * SECOND))
+
+    def ingest(self, event: Event) -> None:
+        self.take(self.session.ingest(event))
 
     def advance(self, now: int) -> Iterator[Judged]:
         """Let time pass as the server's timer does."""
@@ -185,7 +221,16 @@ class Run:
             self.take(self.session.advance(self.session.now))
 
     def take(self, judged: Iterable[Judged]) -> None:
+        """Note what was said, and where a step without order has its place."""
+        judged = list(judged)
         self.book.take(judged)
+        assert self.session.lateness is not None
+        for row in self.session.lateness.judge.keeping if any(j.step.event.stream == U for j in judged) else ():
+            event = row.step.event
+            if event.stream == U and (event.monitor, event.seq) not in self.keys:
+                identity = event.monitor, event.seq
+                self.levels[identity], self.keys[identity] = row.level, row.key
+                self.presents[identity] = row.point.present
 
     def stands(self) -> list[Line]:
         """What stands, in the order of publication."""

@@ -97,10 +97,11 @@ class SavableJudge(RevisingJudge):
         step, placed = recorded.step, recorded.place is not None
         in_order = placed or (self._is_ordered(step) and not step.late)
         waited = step.event.arrived - max(1, self.plan.spec.ordering.max_delay or 0)
+        present = self.present or min(step.time, step.event.arrived)  # as where it was judged first
         undoes = self.plan.streams[step.event.stream].undoes
         row = Kept(
             recorded,
-            key_of(step.time) if in_order else max(self.keeping.key, key_of(self.present)),
+            key_of(step.time) if in_order else max(self.keeping.key, key_of(present)),
             step.time - 1 if in_order else max(self._level, waited),
             position,
             self._position,
