@@ -137,7 +137,7 @@ def test_a_text_says_what_was_taken_back_where_all_is_wanted(
     said = capsys.readouterr().out
     assert "violation: moves does not hold at step 12" in said
     assert (
-        ": /odom (topic 18 of replay) came 550 ms late"
+        ": /odom (topic 18 of replay) came 540 ms late"
         in said.split("retracted: moves is not violated at verdict #23")[1]
     )
 
