@@ -88,20 +88,27 @@ class Replay:
         self._oracles: OfflineOracles | None = None
 
     def __iter__(self) -> Iterator[Judged]:
-        """The judged steps, in order. Raises `TraceError` where the recording can't be used."""
+        """The judged steps, in order, as `view` has them where the spec revises. Raises `TraceError` as `outputs`."""
+        groups = self.outputs()
+        if self.revises:
+            yield from self._settling.told(groups)
+            return
+        for judged in itertools.chain.from_iterable(groups):
+            self._note(judged)
+            yield judged
+
+    def outputs(self) -> Iterator[list[Judged]]:
+        """What the session gives as the recording goes on, revisions included; what belongs together is in one list.
+
+        Raises `TraceError` where the recording can't be used.
+        """
         recorded = iter(self.recording)
         first = next(recorded, None)
         if first is None:
             return
         judge = self._in_recorded_order if first.places and not self._reorder else self._as_new
-        groups = judge(first, recorded)
         try:
-            if self.revises:
-                yield from self._settling.told(groups)
-            else:
-                for item in itertools.chain.from_iterable(groups):
-                    self._note(item)
-                    yield item
+            yield from judge(first, recorded)
         finally:
             if self._oracles is not None:
                 self._oracles.close()
