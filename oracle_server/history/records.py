@@ -180,23 +180,6 @@ def stored_revision(position: int, revision: Revision) -> StoredStep:
     )  # fmt: skip
 
 
-def recorded(step: StoredStep, properties: tuple[str, ...]) -> Judged:
-    """What was judged, as it was said at first, of a step as it is kept; or the revision."""
-    first = (step.position - 1) * len(properties) + 1
-    if step.revision is not None:
-        kept = step.revision
-        return Revision(
-            step.step, None, step.order, step.judged, (), None,
-            first=first, changes=kept.changes, because=kept.because, causes=kept.causes,
-        )  # fmt: skip
-    said = zip(properties, step.outcomes, step.degraded, strict=True)
-    verdicts = [
-        Verdict(first + i, name, outcome, degraded, bypassed=i in step.bypassed)
-        for i, (name, outcome, degraded) in enumerate(said)
-    ]
-    return Judged(step.step, step.number, step.order, step.judged, tuple(verdicts), step.decision, step.place)
-
-
 def _named(event: Event) -> Event:
     """What is kept of a late event with a revision: the rest of it has a row of its own."""
     return Event(event.stream, event.monitor, event.seq, event.stamp, event.arrived, None)
