@@ -17,6 +17,7 @@ from oracle_server.core.kinds import TICK
 from oracle_server.core.plan import plan
 from oracle_server.core.ranges import ValueKind
 from oracle_server.core.revise.judge import RevisingJudge
+from oracle_server.core.revise.recurring import Recurring, Row
 from oracle_server.core.session import Session
 from oracle_server.core.spec import By, Spec, orders
 from oracle_server.core.typed import StreamTypes
@@ -169,18 +170,19 @@ class Replay:
         ordering = replace(self.spec.ordering, by="both" if len(used) > 1 else used.pop())
         self.spec = replace(self.spec, ordering=ordering)
         session = self._session = self._open(first.begun)
+        again = _Again(session)
         waiting: list[tuple[int, Place, Step]] = []
-        upcoming = itertools.count(1)
         for recorded in itertools.chain((first,), rest):
             event = self._take(recorded)
             while waiting and waiting[0][1].judged < event.arrived:
-                yield _rejudge(session, next(upcoming), *heapq.heappop(waiting))
+                yield again.judge(*heapq.heappop(waiting))
             signals, failed = _project(session, event)
             step = Step(event, signals, failed, event.stamp or event.arrived)
             for place in recorded.places:
                 heapq.heappush(waiting, (place.position, place, step))
         while waiting:
-            yield _rejudge(session, next(upcoming), *heapq.heappop(waiting))
+            yield again.judge(*heapq.heappop(waiting))
+        yield again.finish()
 
     def _take(self, recorded: Recorded) -> Event:
         event = recorded.event
@@ -317,20 +319,39 @@ def _project(session: Session, event: Event) -> tuple[Mapping[str, Scalar], froz
     return session.plan.streams[event.stream].project(event.data)
 
 
-def _rejudge(session: Session, upcoming: int, position: int, place: Place, step: Step) -> list[Judged]:
-    if upcoming == 1 and position > 1:
-        raise TraceError(
-            f"the session's first steps are not in the recording, which begins with step {position}, so that its "
-            "verdicts would differ; use --by to judge the recorded events afresh"
-        )
-    if place.degraded:
-        session.judges[place.order].degrade()
-    bypassed = [i for i, p in enumerate(session.plan.spec.properties) if p.id in place.bypassed]
-    session.judges[place.order].bypass(bypassed)
-    for index in session.plan.external:
-        session.receive(place.order, {index: place.said.get(session.plan.spec.properties[index].id, _NOT_KEPT)})
-    placed = Step(
-        step.event, step.signals, step.failed, step.stamp, place.skewed, place.late, place.forced, place.skipped
-    )
-    judged = session.rejudge(place.order, placed, place.judged)
-    return [] if judged is None else [judged]
+class _Again:
+    """Judges the rows of a session's trace again, in the sequence in which they were judged."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._recurring = None if session.lateness is None else Recurring(session.lateness.judge)
+        self._begun = False
+
+    def judge(self, position: int, place: Place, step: Step) -> list[Judged]:
+        """Judge a row."""
+        session = self._session
+        if not self._begun and position > 1:
+            raise TraceError(
+                f"the session's first steps are not in the recording, which begins with step {position}, so that its "
+                "verdicts would differ; use --by to judge the recorded events afresh"
+            )
+        self._begun = True
+        if place.degraded:
+            session.judges[place.order].degrade()
+        bypassed = [i for i, p in enumerate(session.plan.spec.properties) if p.id in place.bypassed]
+        session.judges[place.order].bypass(bypassed)
+        for index in session.plan.external:
+            session.receive(place.order, {index: place.said.get(session.plan.spec.properties[index].id, _NOT_KEPT)})
+        placed = Step(
+            step.event, step.signals, step.failed, step.stamp, place.skewed, place.late, place.forced, place.skipped,
+            place.released,
+        )  # fmt: skip
+        if self._recurring is not None:
+            session.note_again(placed, place.judged)
+            return self._recurring.take(Row(position, placed, place.judged, place.place is not None))
+        judged = session.rejudge(place.order, placed, place.judged)
+        return [] if judged is None else [judged]
+
+    def finish(self) -> list[Judged]:
+        """Judge what was kept to be judged with a later row."""
+        return [] if self._recurring is None else self._recurring.finish()

@@ -132,9 +132,13 @@ class RevisingJudge(Judge):
             self._ahead.append(Until(until))
         return []
 
-    def place(self, late: Sequence[Step]) -> None:
-        """Begin a pass that puts late steps in their places; each of them has one, and no pass goes on."""
+    def place(self, late: Sequence[Step], level: int = 0) -> None:
+        """Begin a pass that puts late steps in their places; each of them has one, and no pass goes on.
+
+        Deadlines up to `level` (ns) are judged in it, if these are not yet.
+        """
         self._begin_pass()
+        self._level = max(self._level, level)
         self._causes = sorted(late, key=lambda step: step.time)  # a stable sort: of equal times by arrival
         steps = deque(self._causes)
         taken = self.keeping.after(steps[0].time)
