@@ -9,23 +9,21 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
-from oracle_server.core.engine import Answer
-from oracle_server.core.errors import TraceError
 from oracle_server.core.events import Event, Step, StreamKey
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.kinds import TICK
 from oracle_server.core.plan import plan
 from oracle_server.core.ranges import ValueKind
 from oracle_server.core.revise.judge import RevisingJudge
-from oracle_server.core.revise.recurring import Recurring, Row
 from oracle_server.core.session import Session
 from oracle_server.core.spec import By, Spec, orders
 from oracle_server.core.typed import StreamTypes
 from oracle_server.core.units import counted
-from oracle_server.core.verdicts import Judged, Outcome
+from oracle_server.core.verdicts import Judged
 from oracle_server.engines.table import make_engines
 from oracle_server.history.views import View
 from oracle_server.remote.offline import OfflineOracles
+from oracle_server.replay.again import Again
 from oracle_server.replay.comparison import Comparison
 from oracle_server.replay.coverage import Counting, Coverage, counted_names
 from oracle_server.replay.delays import Delays
@@ -36,7 +34,6 @@ from oracle_server.replay.units import Units
 from oracle_server.replay.unjudged import Unjudged
 
 _FOR_EVER = 2**63
-_NOT_KEPT = Answer(Outcome.UNKNOWN, "was not asked: a session's trace has no messages, only their signals")
 
 
 class Replay:
@@ -170,7 +167,7 @@ class Replay:
         ordering = replace(self.spec.ordering, by="both" if len(used) > 1 else used.pop())
         self.spec = replace(self.spec, ordering=ordering)
         session = self._session = self._open(first.begun)
-        again = _Again(session)
+        again = Again(session)
         waiting: list[tuple[int, Place, Step]] = []
         for recorded in itertools.chain((first,), rest):
             event = self._take(recorded)
@@ -317,41 +314,3 @@ def _project(session: Session, event: Event) -> tuple[Mapping[str, Scalar], froz
     if event.stream.kind == TICK:
         return {}, frozenset()
     return session.plan.streams[event.stream].project(event.data)
-
-
-class _Again:
-    """Judges the rows of a session's trace again, in the sequence in which they were judged."""
-
-    def __init__(self, session: Session) -> None:
-        self._session = session
-        self._recurring = None if session.lateness is None else Recurring(session.lateness.judge)
-        self._begun = False
-
-    def judge(self, position: int, place: Place, step: Step) -> list[Judged]:
-        """Judge a row."""
-        session = self._session
-        if not self._begun and position > 1:
-            raise TraceError(
-                f"the session's first steps are not in the recording, which begins with step {position}, so that its "
-                "verdicts would differ; use --by to judge the recorded events afresh"
-            )
-        self._begun = True
-        if place.degraded:
-            session.judges[place.order].degrade()
-        bypassed = [i for i, p in enumerate(session.plan.spec.properties) if p.id in place.bypassed]
-        session.judges[place.order].bypass(bypassed)
-        for index in session.plan.external:
-            session.receive(place.order, {index: place.said.get(session.plan.spec.properties[index].id, _NOT_KEPT)})
-        placed = Step(
-            step.event, step.signals, step.failed, step.stamp, place.skewed, place.late, place.forced, place.skipped,
-            place.released,
-        )  # fmt: skip
-        if self._recurring is not None:
-            session.note_again(placed, place.judged)
-            return self._recurring.take(Row(position, placed, place.judged, place.place is not None))
-        judged = session.rejudge(place.order, placed, place.judged)
-        return [] if judged is None else [judged]
-
-    def finish(self) -> list[Judged]:
-        """Judge what was kept to be judged with a later row."""
-        return [] if self._recurring is None else self._recurring.finish()

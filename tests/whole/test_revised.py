@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import asyncio
+import json
+from pathlib import Path
 from typing import Any
 
 from oracle_adapter.board import Board
 
 from tests.whole.client import Monitor, attached, make_clock, make_event
-from tests.whole.harness import Server
+from tests.whole.harness import Server, run
 
 WORDS = "moves is not violated at step 2 (00:00:00.100Z) (#2): /odom (topic 3 of m1) came "
 
@@ -77,3 +80,21 @@ async def test_people_are_told_what_was_taken_back_on_the_robot_and_in_the_log(s
     assert screen.errors[1].startswith(f"retracted: {WORDS}")
     said = server.said(rf"retracted: moves is not violated at verdict #2: [^\n]* late [^\n]*session={session}")[0]
     assert "/odom (topic 3 of m1) came " in said
+
+
+async def test_the_replay_of_a_trace_tells_what_stands_and_what_was_said(
+    server: Server, session: str, tmp_path: Path
+) -> None:
+    async with attached(server, session=session, spec="moving") as monitor:
+        await stand_still(monitor)
+        await move(monitor)
+        await monitor.acked(3)
+    server.http.delete(f"/api/v1/sessions/{session}")
+    out = tmp_path / "session.jsonl"
+    assert (await asyncio.to_thread(run, "record", session, "-o", out, "--url", server.url)).returncode == 0
+    spec = Path(__file__).parent / "specs" / "moving.yaml"
+    for view in ("standing", "first", "all"):
+        told = await asyncio.to_thread(run, "replay", spec, out, "--json", "--as", view)
+        *records, last = map(json.loads, told.stdout.splitlines())
+        assert records == server.records(session, **{"as": view})
+        assert (told.returncode, last["summary"]["violations"], last["summary"]["retracted"]) == (0, 0, 1)
