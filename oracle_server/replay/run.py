@@ -125,15 +125,7 @@ class Replay:
         return self.spec.ordering.late == "revise"
 
     def _changeable(self) -> Set[int] | None:
-        """The positions of the rows that can be revised, None where it may be any."""
-        judges = self._session.judges.values() if self._session else ()
-        kept: set[int] = set()
-        for judge in judges:
-            if isinstance(judge, RevisingJudge):
-                if judge.is_going:
-                    return None
-                kept.update(row.position for row in judge.keeping)
-        return kept
+        return None if self._session is None else changeable(self._session)
 
     def _handling(self, judged: Judged) -> Handling | None:
         """What the adapter did with an event, where that is recorded."""
@@ -290,6 +282,17 @@ class Replay:
             for order, judge in self._session.judges.items()
             for state in judge.properties
         }
+
+
+def changeable(session: Session) -> Set[int] | None:
+    """The positions of the rows of a session that can still be revised; None where it may be any."""
+    kept: set[int] = set()
+    for judge in session.judges.values():
+        if isinstance(judge, RevisingJudge):
+            if judge.is_going:
+                return None
+            kept.update(row.position for row in judge.keeping)
+    return kept
 
 
 def _meanwhile(session: Session, until: int) -> Iterator[list[Judged]]:

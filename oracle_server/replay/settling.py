@@ -54,14 +54,22 @@ class Settling:
     def told(self, groups: Iterable[list[Judged]]) -> Iterator[Settled]:
         """What is told of rows; each group of them is what the session gave at once."""
         for group in groups:
-            for row in self._take(group):
-                if self._view == "all" or (self._view == "first" and row.revision is None):
-                    yield from self._as_told(row, self._view)
-            if self._looked + _EVERY < len(self._rows):
-                yield from self._settle(self._changeable())
+            yield from self.take(group)
+        yield from self.rest()
+
+    def take(self, group: list[Judged]) -> Iterator[Settled]:
+        """What can be told once the session has given these rows."""
+        for row in self._keep(group):
+            if self._view == "all" or (self._view == "first" and row.revision is None):
+                yield from self._as_told(row, self._view)
+        if self._looked + _EVERY < len(self._rows):
+            yield from self._settle(self._changeable())
+
+    def rest(self) -> Iterator[Settled]:
+        """What is left to be told at the end."""
         yield from self._settle(set())
 
-    def _take(self, group: list[Judged]) -> list[StoredStep]:
+    def _keep(self, group: list[Judged]) -> list[StoredStep]:
         width = len(self._properties)
         taken = []
         for item in group:
