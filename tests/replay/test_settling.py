@@ -9,6 +9,7 @@ from typing import Literal
 
 import pytest
 
+from oracle_server.core.spec import SECOND
 from oracle_server.core.verdicts import Judged
 from oracle_server.replay import settling
 from oracle_server.replay.run import changeable
@@ -47,9 +48,9 @@ def test_what_is_told_is_what_stands_at_the_end(
 ) -> None:
     monkeypatch.setattr(settling, "_EVERY", 0)
     revised = early = 0
-    for seed in range(150):
+    for seed in range(300):
         rng = random.Random(seed)
-        run = Told(case(rng, time), divided=rng.random() < 0.3)
+        run = Told(case(rng, time, horizon=rng.choice([3, 8, 60]) * SECOND), divided=rng.random() < 0.3)
         run.judge(rng)
         run.end()
         width = run.book.width
@@ -64,5 +65,5 @@ def test_what_is_told_is_what_stands_at_the_end(
             assert violated == set(stands[position].explanations), f"case {seed}"
         revised += sum("revised" in r for row in run.told for r in row.told)
         early += run.early
-    assert revised > 100
+    assert revised > 20
     assert early > 20
