@@ -223,10 +223,13 @@ class Connection:
                 self._registry.counters.attachments += 1
                 log.info("monitor attached", session=session.id, monitor=monitor.name)
                 await self._registry.flush()  # after a restart, the server waits for all monitors that were greeted
+                session.check_kept()
         except TimeoutError:
             message = f"the session was not committed within {_ANSWER_WITHIN:.0f} s; attach again later"
             raise WireError("history_unavailable", message, fatal=True) from None
         except WireError as error:
+            if error.code == "spec_mismatch":  # perhaps with a spec that the token may not know, opened meanwhile
+                await self._check_grant(wanted)
             if error.code == "unknown_spec" and wanted.spec is not None and grant_of(self._socket).bound:
                 raise WireError(error.code, f"there is no spec '{wanted.spec}'", fatal=True) from None
             raise

@@ -111,6 +111,8 @@ class WebSocketTransport(WebSocketsSansIOProtocol):
 
     receiver: Receiver | None = None
     _cut_off = False
+    _was_paused = False
+    """Whether reading was paused since the last ping was sent, so that its answer may be unread."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Let the visitor end this WebSocket."""
@@ -153,6 +155,7 @@ class WebSocketTransport(WebSocketsSansIOProtocol):
             self.frames = []
         else:
             super().send_receive_event_to_app()
+            self._was_paused |= self.read_paused
 
     def _offer(self, receiver: Receiver) -> bool:
         if self.curr_msg_data_type != "text":
@@ -193,9 +196,14 @@ class WebSocketTransport(WebSocketsSansIOProtocol):
             if self.transport.get_write_buffer_size():
                 self.transport.abort()
 
+    def send_keepalive_ping(self) -> None:
+        """Send a ping, and note from then on whether reading is paused."""
+        self._was_paused = self.read_paused
+        super().send_keepalive_ping()
+
     def keepalive_timeout(self) -> None:
-        """Abort where the peer answers no pings, unless reading is paused, so that its answer may be unread."""
-        if self.read_paused and not self.transport.is_closing():
+        """Abort where the peer answers no pings, unless reading was paused, so that its answer may be unread."""
+        if self._was_paused and not self.transport.is_closing():
             self.pong_timer = None
             self.pending_ping_payload = None
             self.schedule_ping()

@@ -31,6 +31,9 @@ from oracle_server.wire.data import DataDecoder, data_decoder, nothing
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import REVISIONS, AnyClock, AnyEvent, Attach, Handling, QuickHandling, ReportMessage
 
+_MOST_UNKEPT = 20_000
+"""Events that are taken of a session of which nothing more can be kept; beyond, its monitors are not read."""
+
 log = structlog.get_logger()
 
 
@@ -107,12 +110,25 @@ class LiveSession:
     @property
     def has_room(self) -> bool:
         """Whether the session accepts events; if not, its monitors are not read until it does."""
-        return self._history.has_room and self.ledger.lookup.has_room
+        return self._history.has_room and self.ledger.lookup.has_room and not self._is_crammed
 
     async def room(self) -> None:
-        """Wait until the session accepts events."""
+        """Wait until the session accepts events, or is closed."""
         await self._history.room()
         await self.ledger.lookup.room()
+        while self._is_crammed and not self.ledger.commits.ended:
+            await asyncio.wait((self.ledger.commits.next(),))
+
+    @property
+    def trouble(self) -> str | None:
+        """Why nothing more of the session can be kept, so that it is not judged any more; None where it can."""
+        return self._history.failure_of(self.number)
+
+    def check_kept(self) -> None:
+        """Raise a fatal `WireError` where nothing more of the session can be kept."""
+        if self.trouble is not None:
+            message = f"session '{self.id}' can't be kept any more: {self.trouble}; close it, and open another"
+            raise WireError("history_unavailable", message, fatal=True)
 
     def send_verdicts(self, monitor: Monitor) -> None:
         """Send the last committed `verdicts` frame to a monitor, if it requested these frames."""
@@ -282,6 +298,11 @@ class LiveSession:
         return found
 
     @property
+    def _is_crammed(self) -> bool:
+        """Whether nothing more can be kept, and as much waits for that as may."""
+        return self.trouble is not None and sum(m.unsettled for m in self.monitors.values()) > _MOST_UNKEPT
+
+    @property
     def _ignores_events(self) -> bool:
         return self.closing or self.clock_went_back
 
@@ -293,7 +314,7 @@ class LiveSession:
 
     def _enter(self) -> int:
         """Suspend judging while the history can't be written, and return the present time in nanoseconds."""
-        self.core.suspended = self._history.failure is not None
+        self.core.suspended = self._history.failure is not None or self.trouble is not None
         return self.clock.now()
 
     def _set_attached(self, monitor: Monitor, *, attached: bool) -> None:

@@ -26,6 +26,8 @@ MAX_FEATURES = 100
 """Most features that a monitor names."""
 REVISIONS = "revisions"
 """The feature of monitors that are told what was revised."""
+MAX_PARTS = 100_000
+"""The most lists and objects in an event's data: as many as there are where each key holds a list of one object."""
 
 Identifier = Annotated[str, Field(pattern=IDENTIFIER)]
 MonitorName = Annotated[str, Field(pattern=r"^[~/A-Za-z0-9_][A-Za-z0-9_/.-]*$", max_length=255)]

@@ -31,6 +31,7 @@ METHODS: dict[type, dict[str, list[str]]] = {
         "run_asgi": [],
         "schedule_ping": [],
         "send": ["message"],
+        "send_keepalive_ping": [],
         "send_receive_event_to_app": [],
     },
     Server: {
