@@ -92,6 +92,19 @@ class SavableJudge(RevisingJudge):
         self._position = position
         return next((row.judged for row in reversed(self.keeping.rows) if row.position == position), None)
 
+    def say_unsaid(self, now: int) -> list[Judged]:
+        """After a restore: the deadlines that were judged again, and are in no row; they are said now."""
+        unsaid = [row for row in self.keeping if row.position <= 0] if self._unknown else []
+        self._unknown = 0
+        for row in unsaid:
+            position = (next(self._numbers) - 1) // len(self.properties) + 1
+            self._numbers = itertools.count(position * len(self.properties) + 1)
+            self.counters.ticks += 1
+            event = msgspec.structs.replace(row.step.event, seq=self.counters.ticks, arrived=now)
+            self._say(row, msgspec.structs.replace(row.step, event=event), position)
+            self._position = position
+        return [row.judged for row in unsaid]
+
     def _step_again(self, recorded: Judged, position: int) -> None:
         """A recorded step, in its place where it was put there."""
         step, placed = recorded.step, recorded.place is not None
