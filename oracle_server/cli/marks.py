@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from oracle_server.core.errors import one_line
-from oracle_server.core.naming import cause_name
+from oracle_server.core.naming import retraction_text
 
 
 def record_marks(record: dict[str, Any]) -> str:
@@ -23,8 +23,5 @@ def record_marks(record: dict[str, Any]) -> str:
 
 def violation_text(record: dict[str, Any]) -> str:
     """Why a record is a violation, or why one is retracted by it."""
-    if record.get("retracted"):
-        text = f"retracted: {record['property']} is not violated at #{record['revises']['from']}: {cause_name(record)}"
-    else:
-        text = record["explanation"]["text"]
-    return one_line(text)
+    retracted = record.get("retracted")
+    return one_line(f"retracted: {retraction_text(record)}" if retracted else record["explanation"]["text"])

@@ -70,6 +70,11 @@ def cause_name(record: VerdictRecord | Mapping[str, Any]) -> str:
     return f"{name} came {late}" + (f", and {count - 1} more" if count > 1 else "")
 
 
+def retraction_text(record: VerdictRecord | Mapping[str, Any]) -> str:
+    """That a violation does not stand, and since which late events, by the record of the revision."""
+    return f"{record['property']} is not violated at verdict #{record['revises']['from']}: {cause_name(record)}"
+
+
 def value_text(value: Scalar) -> str:
     """A value as JSON in one line of printable characters; what is cut off a long one is shown as `…`."""
     text = one_line(json.dumps(value, ensure_ascii=False))

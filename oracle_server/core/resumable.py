@@ -52,15 +52,18 @@ class Resumable:
     def rejudge_row(self, recorded: Judged, position: int) -> Judged | None:
         """The same, where the spec revises: a recorded row at its position; see `SavableJudge.rejudge`."""
         assert self.lateness is not None  # noqa: S101 -- only called where it does
-        step = recorded.step
-        self.now = max(self.now, recorded.judged)
+        self.note_again(recorded.step, recorded.judged)
+        return self.lateness.judge.rejudge(recorded, position)
+
+    def note_again(self, step: Step, judged: int) -> None:
+        """Note of a recorded row that is judged again, where the spec revises, what does not concern its judge."""
+        self.now = max(self.now, judged)
         if step.event.monitor:
             if not step.late and self.plan.spec.by_key[step.event.stream].ordered:
                 self.buffer.present = step.time
             if step.event.lost:
                 self._note_loss(step.event)
             self.counts[step.event.monitor, step.event.stream].late += step.late
-        return self.lateness.judge.rejudge(recorded, position)
 
     @property
     def can_be_saved(self) -> bool:

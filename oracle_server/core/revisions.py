@@ -50,7 +50,7 @@ class Revision(Judged, frozen=True, gc=False, kw_only=True):
     """A row that is no step: it changes what stands, by at most one `Change` a property, by its index.
 
     As a step it has no verdicts, no number and no decision. `first` is the number of the row: as every row it takes as
-    many numbers as there are properties. The stamp of its step is that of the oldest event in `because`, the late
+    many numbers as there are properties. Its step has the times of the oldest event in `because`, the late
     events, of which it names the first `MOST_CAUSES` of `causes`. `standing` is what stands of whole steps, by the row
     (1, 2, 3…) at which each was said; of several revisions that are made together the first one has it.
     """

@@ -195,10 +195,9 @@ def restated(revisions: Iterable[Revision], width: int) -> dict[int, Restated]:
         standing |= revision.standing
         for i, change in enumerate(revision.changes):
             if change is not None:
-                for n in range(change.first, change.last + 1, width):
-                    position = (n - 1) // width + 1
-                    if position in passed:
-                        revised[position][i] = change.n
+                positions = range((change.first - 1) // width + 1, (change.last - 1) // width + 2)
+                for position in filter(passed.__contains__, positions):
+                    revised[position][i] = change.n
     return {position: Restated(stands, revised[position]) for position, stands in standing.items()}
 
 

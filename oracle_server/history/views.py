@@ -9,7 +9,7 @@ from oracle_server.core.events import Step
 from oracle_server.core.records import VerdictRecord
 from oracle_server.core.revisions import Revision, Standing, revision_record
 from oracle_server.core.verdicts import UNDECIDED, Judged, Verdict, record
-from oracle_server.history.records import StoredRevision, StoredStep
+from oracle_server.history.records import StoredStep, recorded
 
 View = Literal["standing", "first", "all"]
 """Which verdicts are told: those that stand, those that were said at first, or these and the revisions of them."""
@@ -45,10 +45,11 @@ def records(
 
     Of a revision, one for each of its changes, whatever the view.
     """
-    width = len(properties)
-    first = (step.position - 1) * width + 1
+    first = (step.position - 1) * len(properties) + 1
     if step.revision is not None:
-        return _revised(step, step.revision, first)
+        revision = recorded(step, properties)
+        assert isinstance(revision, Revision)  # noqa: S101 -- as the row has one
+        return [revision_record(revision, change) for change in revision.changes if change is not None]
     judged = Judged(step.step, step.number, step.order, step.judged, (), step.decision, step.place)
     told = said(step, view)
     found = []
@@ -67,11 +68,3 @@ def records(
             made["unheard"] = unheard
         found.append(made)
     return found
-
-
-def _revised(step: StoredStep, kept: StoredRevision, first: int) -> list[VerdictRecord]:
-    revision = Revision(
-        step.step, None, step.order, step.judged, (), None,
-        first=first, changes=kept.changes, because=kept.because, causes=kept.causes,
-    )  # fmt: skip
-    return [revision_record(revision, change) for change in kept.changes if change is not None]

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import structlog
 
 from oracle_server.core.errors import one_line
-from oracle_server.core.naming import cause_name
+from oracle_server.core.naming import retraction_text
 from oracle_server.core.records import VerdictRecord
 from oracle_server.process.clock import Clock
 
@@ -41,8 +41,7 @@ class ViolationLog:
 
 def _line(record: VerdictRecord) -> str:
     if record.get("retracted"):
-        first = record["revises"]["from"]
-        return f"retracted: {record['property']} is not violated at verdict #{first}: {one_line(cause_name(record))}"
+        return f"retracted: {one_line(retraction_text(record))}"
     why = record["explanation"]
     text = f"{record['property']} is violated" if why is None else why["text"]
     return f"violation: {_shortened(text)}"

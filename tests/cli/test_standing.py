@@ -84,7 +84,7 @@ def test_revisions_say_what_they_are_of_and_why() -> None:
     ]
     assert told == [
         "p does not hold (#3)",
-        "retracted: p is not violated at #3: /b (topic 9 of m1) came 310 ms late, and 1 more (#9)",
+        "retracted: p is not violated at verdict #3: /b (topic 9 of m1) came 310 ms late, and 1 more (#9)",
     ]  # fmt: skip
 
 

@@ -6,6 +6,7 @@ import asyncio
 import random
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Literal
 
 import pytest
@@ -20,8 +21,13 @@ from oracle_server.history.query import Query
 from oracle_server.history.records import StoredStep, restated, stored, stored_revision
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.history.views import View
-from tests.core.revising import Run, case
+from oracle_server.replay.jsonl import read_lines
+from oracle_server.replay.run import Replay
+from oracle_server.review.trace import trace_lines
+from oracle_server.wire.json import encode_bytes
+from tests.core.revising import Book, Run, case
 from tests.history.making import PROPERTIES, opened
+from tests.strategies import START
 
 WIDTH = len(PROPERTIES)
 
@@ -39,7 +45,7 @@ class Kept(Run):
 
 async def write(history: History, run: Kept, rng: random.Random) -> None:
     """Write what was said as a ledger does: what came at once together, and more with it."""
-    history.open_session(opened())
+    history.open_session(opened()._replace(begun=START))
     position, waiting = 0, list[Judged]()
     for said in run.said:
         waiting += said
@@ -59,6 +65,28 @@ async def read(history: History, view: View) -> list[VerdictRecord]:
     found, after = await find(history, opened(), Query(view=view, limit=100_000))
     assert after is None
     return found
+
+
+async def traced(history: History, run: Kept, rng: random.Random, folder: Path) -> None:
+    """Hold what a replay of the session's trace says against what the session said."""
+    history.start(asyncio.get_running_loop())
+    await write(history, run, rng)
+    path = folder / "trace.jsonl"
+    lines = [line async for page in trace_lines(history, 1) for line in page]
+    path.write_bytes(b"".join(encode_bytes(line) + b"\n" for line in lines))
+    again = Book(WIDTH)
+    for said in Replay(run.case.spec, read_lines(path, run.case.spec)).outputs():
+        again.take(said)
+    await asyncio.to_thread(history.close)
+    assert {p: _said(row) for p, row in again.first.items()} == {p: _said(row) for p, row in run.book.first.items()}
+    assert {p: again.stands(p) for p in again.first} == {p: run.book.stands(p) for p in run.book.first}
+    assert [r.changes for r in again.revisions] == [r.changes for r in run.book.revisions]
+
+
+def _said(row: Judged) -> tuple[object, ...]:
+    step = row.step
+    verdicts = [(v.n, v.property, v.outcome, v.degraded, v.explanation is not None) for v in row.verdicts]
+    return row.number, row.place, step.event.seq, step.stamp, step.late, row.decision, verdicts
 
 
 async def compare(history: History, run: Kept, rng: random.Random) -> int:
@@ -103,4 +131,21 @@ def test_what_is_told_is_what_was_said(
         run.judge(rng)
         history = MemoryHistory() if backend == "memory" else SqliteHistory(tmp_path_factory.mktemp("history"))
         revisions += asyncio.run(compare(history, run, rng))
+    assert revisions > 20
+
+
+@pytest.mark.parametrize("time", ["steps", "seconds"])
+def test_a_replay_of_its_trace_says_the_same(
+    time: Literal["steps", "seconds"], tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    revisions = 0
+    for seed in range(150):
+        rng = random.Random(seed)
+        run = Kept(case(rng, time), divided=rng.random() < 0.3)
+        run.judge(rng)
+        try:
+            asyncio.run(traced(MemoryHistory(), run, rng, tmp_path_factory.mktemp("trace")))
+        except AssertionError as error:
+            raise AssertionError(f"case {seed}") from error
+        revisions += len(run.book.revisions)
     assert revisions > 20

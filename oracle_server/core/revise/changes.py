@@ -56,7 +56,7 @@ def revisions(
             for own, n, name in zip(runs, taken, properties, strict=True)
         ]
         position = (taken[0] - 1) // len(properties) + 1
-        event = Event(REVISIONS, "", -position, None, now, None)
+        event = Event(REVISIONS, "", -position, None, oldest.arrived, None)
         rows.append(
             Revision(
                 step=Step(event, {}, frozenset(), stamp),

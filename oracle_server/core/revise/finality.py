@@ -38,7 +38,7 @@ class RevisableState(PropertyState):
     """Whether the final outcome was said: no late event can change it any more."""
     repeated: Outcome | None = None
     """The outcome at a step that its engine can't judge again since it has failed."""
-    _marked: list[tuple[Outcome | None, int]] = field(default_factory=list)
+    _marked: list[tuple[Outcome | None, int, bool]] = field(default_factory=list)
 
     def step(
         self,
@@ -84,13 +84,13 @@ class RevisableState(PropertyState):
 
     def mark(self) -> Mark:
         """Remember how the property stands, and begin a step that may be taken back."""
-        self._marked.append((self.final, self.final_since))
+        self._marked.append((self.final, self.final_since, self.said))
         return PropertyState.mark(self)
 
     def back(self, mark: Mark) -> None:
         """Take the step back."""
         PropertyState.back(self, mark)
-        self.final, self.final_since = self._marked.pop()
+        self.final, self.final_since, self.said = self._marked.pop()
 
     def keep(self) -> None:
         """Keep the step."""

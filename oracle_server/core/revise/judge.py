@@ -40,6 +40,17 @@ class Until(NamedTuple):
     time: int
 
 
+class Asked(NamedTuple):
+    """The row, by its position, at which the outcome of a property (by its index) is to be explained.
+
+    `tick` is its time (ns) where it is a deadline, else None.
+    """
+
+    position: int
+    prop: int
+    tick: int | None
+
+
 class RevisingJudge(Judge):
     """Judges in the order of publication, and again where a late event is put in its place.
 
@@ -77,6 +88,9 @@ class RevisingJudge(Judge):
         """What is judged again without being in order is judged at no earlier time (ns) than it was."""
         self._unforgotten = 0
         self._told: Told | None = None
+        self.asked: Asked | None = None
+        self.answer: Judged | None = None
+        """The row that is `asked` of as it stands, with the explanation; None where it does not stand."""
         for state in self.properties:
             rewindable(state.engine).record()
 
@@ -123,9 +137,13 @@ class RevisingJudge(Judge):
             self._ahead.append(Until(until))
         return [], True
 
-    def place(self, late: Sequence[Step]) -> None:
-        """Begin a pass that puts late steps in their places; each of them has one, and no pass goes on."""
+    def place(self, late: Sequence[Step], level: int = 0) -> None:
+        """Begin a pass that puts late steps in their places; each of them has one, and no pass goes on.
+
+        Deadlines up to `level` (ns) are judged in it, if these are not yet.
+        """
         self._begin_pass()
+        self._level = max(self._level, level)
         self._causes = sorted(late, key=lambda step: step.time)  # a stable sort: of equal times by arrival
         steps = deque(self._causes)
         taken = self.keeping.after(steps[0].time)
@@ -221,6 +239,16 @@ class RevisingJudge(Judge):
             self._keep(tick, old.key, time, old)
         return None
 
+    def tick(self, time: int, now: int) -> Judged | None:
+        """Judge a step at `time` with held signals only, and take it back; None where it changes no outcome."""
+        if self.asked is None or self.asked.tick != time:
+            return super().tick(time, now)
+        state = self.properties[self.asked.prop]
+        state.asked = True
+        self.answer = super().tick(time, now)
+        state.asked = False
+        return self.answer
+
     def _judge_new_deadline(self, time: int, now: int) -> Judged | None:
         tick = self.tick(time, now)
         if tick is not None:
@@ -250,6 +278,9 @@ class RevisingJudge(Judge):
         for state, verdict in zip(self._states, row.judged.verdicts, strict=True):
             state.repeated = None if state.broken is None else verdict.outcome
         self._not_before = row.point.present
+        asked = None if self.asked is None or self.asked.position != row.position else self._states[self.asked.prop]
+        if asked is not None:
+            asked.asked = True
         if row.undone:
             before = self._attempt(row.step)
             judged = self._take_back(self._judge(row.step, row.judged.judged, revisable=True), before)
@@ -259,6 +290,8 @@ class RevisingJudge(Judge):
         for state in self._states:
             state.repeated = None
         stands = msgspec.structs.replace(row.judged, verdicts=_merged(row.judged.verdicts, judged.verdicts))
+        if asked is not None:
+            self.answer, asked.asked = stands, False
         self._renumber(stands)
         decided, would = row.judged.decision, judged.decision
         other = would if decided is not None and would is not None and would.choice != decided.choice else None
