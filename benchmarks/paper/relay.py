@@ -1,7 +1,7 @@
 """Passes the robot's topics on to the monitor, under the names TOPIC_delayed, and later than they came.
 
     python3 -m benchmarks.paper.relay 50        # /battery_percentage, each message up to 50 ms later
-    python3 -m benchmarks.paper.relay 50 7      # all topics, held back by the stalls of seed 7 too
+    python3 -m benchmarks.paper.relay 50 7      # all topics, held back by the stalls of seed 7 too (0: by none)
 
 Messages of one topic stay in their order. The stalls begin with the first percentage; each is told of at its end.
 """
@@ -37,13 +37,14 @@ DEPTH = 100
 class Relay:
     """All topics that are passed on, and the stalls, whose time begins with the first percentage."""
 
-    def __init__(self, node: Node, jitter: float, stalls: Sequence[Stall]) -> None:
-        self._jitter, self._stalls = jitter, stalls
+    def __init__(self, node: Node, jitter: float, stalls: Sequence[Stall] | None) -> None:
+        """Without stalls, not even an empty list of them, only the percentages are passed on."""
+        self._jitter, self._stalls = jitter, stalls or ()
         self._delays = random.Random(2024)
         self._held: Counter[Stall] = Counter()
         self._began: float | None = None
         for link, topics in LINKS.items():
-            for topic in topics if stalls else {JITTERED} & set(topics):
+            for topic in {JITTERED} & set(topics) if stalls is None else topics:
                 self._pass_on(node, link, topic)
 
     def _pass_on(self, node: Node, link: str, topic: str) -> None:
@@ -85,7 +86,7 @@ class Relay:
 def main(jitter: float, seed: int | None) -> None:
     rclpy.init()
     node = rclpy.create_node("relay")
-    Relay(node, jitter / 1000, [] if seed is None else schedule(seed))
+    Relay(node, jitter / 1000, None if seed is None else schedule(seed))
     print("ready", flush=True)
     rclpy.spin(node)
 

@@ -96,7 +96,7 @@ class Robot:
     """One run: the three nodes, with an oracle's monitor in between or without one; all ends with the block."""
 
     def __init__(self, folder: Path, spec: str | None, jitter: int, stalls: int | None = None) -> None:
-        """`jitter` (ms) delays the percentages; `stalls` is the seed of stalls that hold all topics back."""
+        """`jitter` (ms) delays the percentages; `stalls` is the seed of those of all topics."""
         self.costs: dict[str, Cost] = {}
         """By process, over the countdown."""
         self.calls: list[float] = []

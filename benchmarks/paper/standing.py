@@ -2,8 +2,6 @@
 
     .build/server/bin/python -m benchmarks.paper.standing .build/paper/stalls docs/evaluation
 
-What is right is what the same events say when they are judged in the order of their stamps, those of one stamp in the
-order of arrival: so a verdict is wrong where a property holds at an event and is said not to, or the other way round.
 It reads what `benchmarks.paper.stalled` has kept, and writes stalls.csv, a line a run; wrong.csv, a line a wrong
 verdict; and the table stalls.md.
 """
@@ -13,9 +11,7 @@ from __future__ import annotations
 import csv
 import json
 import sys
-import tempfile
-from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import mean, median
@@ -24,38 +20,17 @@ from typing import Any
 from benchmarks.paper.algorithm1 import Arrival, replay
 from benchmarks.paper.kept import Data, read
 from benchmarks.paper.measure import PAPER
+from benchmarks.paper.stalled import JUDGE
+from benchmarks.paper.truth import Said, Wrong, in_order, judged, sayings, wrong_ones
 from oracle_server.core.spec import Spec
-from oracle_server.replay.opening import open_recording
-from oracle_server.replay.run import Replay
 from oracle_server.specfiles.load import load_spec
 
-Name = tuple[str, int, str]
-"""A verdict: the monitor and number of its event, and its property."""
 MS = 1_000_000
 COLUMNS = (
     *("way", "run", "events", "stalls", "stalled_s", "held_back", "late"),
     *("wrong_said", "wrong_standing", "denied", "calls_ms", "load"),
 )
 ALGORITHM_1 = "Algorithm 1"
-_HOLDS = {"true": True, "currently_true": True, "false": False, "currently_false": False}
-_NEEDED = ("stream", "kind", "monitor", "seq", "stamp", "source", "call", "ask", "signals", "failed")
-
-
-@dataclass(frozen=True)
-class Said:
-    """What was said of one property at one event, and when (ns); `holds` is None where nothing was known."""
-
-    at: int
-    holds: bool | None
-
-
-@dataclass(frozen=True)
-class Wrong:
-    """A verdict that was wrong for so long (ns), or None: for good."""
-
-    name: Name
-    said: bool
-    lasted: int | None
 
 
 @dataclass(frozen=True)
@@ -76,58 +51,6 @@ class Run:
     @property
     def standing(self) -> int:
         return sum(w.lasted is None for w in self.wrong)
-
-
-def judged(spec: Spec, lines: Sequence[Data]) -> dict[Name, bool | None]:
-    """What each property says at each event, when events are judged in this order."""
-    with tempfile.NamedTemporaryFile("w", suffix=".jsonl") as file:
-        for place, line in enumerate(lines, 1):
-            file.write(
-                json.dumps({key: line[key] for key in _NEEDED} | {"arrived": lines[0]["arrived"] + place}) + "\n"
-            )
-        file.flush()
-        steps = list(Replay(spec, open_recording(Path(file.name), spec), by="arrival"))
-    return {
-        (j.step.event.monitor, j.step.event.seq, v.property): _HOLDS.get(v.outcome.value)
-        for j in steps
-        for v in j.verdicts
-    }
-
-
-def in_order(lines: Iterable[Data]) -> list[Data]:
-    """The events as they were published."""
-    return sorted(lines, key=lambda line: (line["stamp"], line["arrived"], line["seq"]))
-
-
-def sayings(records: Iterable[Data]) -> dict[Name, list[Said]]:
-    """All that was said of each verdict, in the order in which it was said."""
-    said: dict[Name, list[Said]] = {}
-    numbered: defaultdict[str, dict[int, Name]] = defaultdict(dict)
-    for record in records:
-        saying = Said(record["judged"], _HOLDS.get(record["outcome"]))
-        if record["kind"] == "revision":
-            first, last = record["revises"]["from"], record["revises"]["to"]
-            for n, name in numbered[record["property"]].items():
-                if first <= n <= last:
-                    said[name].append(saying)
-        else:
-            name = (record["monitor"], record["seq"], record["property"])
-            numbered[record["property"]][record["n"]] = name
-            said[name] = [saying]
-    return said
-
-
-def wrong_ones(said: Mapping[Name, Sequence[Said]], truth: Mapping[Name, bool | None]) -> list[Wrong]:
-    """The verdicts that were wrong at any time."""
-    found = []
-    for name, sayings_of in said.items():
-        wrong = [s.holds is not None and s.holds is not truth[name] for s in sayings_of]
-        if not any(wrong):
-            continue
-        ends = [s.at for s in sayings_of[1:]]
-        spans = [end - s.at for s, end, is_wrong in zip(sayings_of, ends, wrong, strict=False) if is_wrong]
-        found.append(Wrong(name, not truth[name], None if wrong[-1] else sum(spans)))
-    return found
 
 
 def run_of(folder: Path) -> Iterator[Run]:
@@ -153,7 +76,7 @@ def run_of(folder: Path) -> Iterator[Run]:
         load=about["load"],
     )
     yield own
-    if own.way == "judge":
+    if own.way == JUDGE:
         yield by_algorithm1(spec, kept.trace, own)
 
 
@@ -181,7 +104,7 @@ def table(runs: Sequence[Run]) -> str:
     lines += ["|" + "---|" * 9, *(_verdicts(way, own) for way, own in by_way.items())]
     lines += ["", "| way | held, median | mean | maximum (ms) | call answered, mean | maximum (ms) | calls denied |"]
     lines += ["|" + "---|" * 7, *(_price(way, own) for way, own in by_way.items())]
-    stalls = [seconds * 1000 for run in runs for seconds, _ in run.stalls]
+    stalls = [seconds * 1000 for run in runs for seconds, _ in run.stalls] or [0.0]
     load = [run.load for run in runs]
     lines += [
         "",

@@ -12,7 +12,7 @@ from benchmarks.paper.measure import spec_of
 from benchmarks.paper.robot import REVISES
 from benchmarks.paper.stalled import WAYS
 from benchmarks.paper.stalls import LINKS, LONGEST, SHORTEST, Stall, passing, schedule
-from benchmarks.paper.standing import Said, Wrong, in_order, judged, sayings, wrong_ones
+from benchmarks.paper.truth import Said, Wrong, in_order, judged, sayings, wrong_ones
 from oracle_server.specfiles.load import parse_spec
 from tests.brute import truths
 
@@ -36,6 +36,10 @@ def test_each_run_has_ten_stalls_and_no_link_two_at_a_time(seed: int) -> None:
     for link in LINKS:
         assert all(a.end < b.start for a, b in pairwise(s for s in stalls if s.is_on(link)))
     assert schedule(seed) == stalls != schedule(seed + 1)
+
+
+def test_seed_0_has_no_stalls() -> None:
+    assert schedule(0) == []
 
 
 def test_what_falls_into_a_stall_of_its_link_passes_at_its_end() -> None:
