@@ -181,7 +181,7 @@ def flights(kept: Path, way: str) -> Iterator[Flight]:
 
 
 def row(policy: Policy, runs: Sequence[Flight]) -> list[str]:
-    """What comes of a policy: late events, wrong verdicts, runs with some, and how long events and calls are held."""
+    """What comes of a policy: late events, wrong verdicts and denials, runs with some, and how long events are held."""
     count: Counter[str] = Counter()
     events, calls = [], []
     for flight in runs:
@@ -189,10 +189,14 @@ def row(policy: Policy, runs: Sequence[Flight]) -> list[str]:
         said = judged(flight.spec, [event.line for event in left])
         wrong = wrong_ones({name: [Said(0, holds)] for name, holds in said.items()}, flight.truth)
         count += Counter(late=sum(event.late for event in left), wrong=len(wrong), runs=bool(wrong))
+        asking = {(event.line["monitor"], event.line["seq"]) for event in left if event.line["ask"]}
+        guards = {prop.id for prop in flight.spec.properties if prop.guards}
+        count["denied"] += len({w.name[:2] for w in wrong if not w.said and w.name[2] in guards} & asking)
         held = [((event.at - event.line["arrived"]) / MS, event.line["kind"]) for event in left]
         events += [ms for ms, _ in held]
         calls += [ms for ms, kind in held if kind != "topic"]
-    return [*(str(count[name]) for name in ("late", "wrong", "runs")), f"{mean(events):.0f}", f"{mean(calls):.0f}"]
+    counts = [str(count[name]) for name in ("late", "wrong", "runs", "denied")]
+    return [*counts, f"{mean(events):.0f}", f"{mean(calls):.0f}"]
 
 
 def main(kept: Path, out: Path) -> None:
@@ -202,8 +206,8 @@ def main(kept: Path, out: Path) -> None:
     lines = []
     for way, runs in found.items():
         lines += [f"{way}, {len(runs)} runs:", ""]
-        lines += ["| clocks | late | wrong | runs with some | events held, mean (ms) | requests and responses (ms) |"]
-        lines += ["|" + "---|" * 6]
+        lines += ["| clocks | late | wrong | runs with some | calls denied | events held, mean (ms) | of calls (ms) |"]
+        lines += ["|" + "---|" * 7]
         lines += [f"| {name} | {' | '.join(row(policy, runs))} |" for name, policy in POLICIES.items()]
         lines += [""]
     text = "\n".join(lines)

@@ -72,7 +72,7 @@ def run_of(folder: Path) -> Iterator[Run]:
         wrong=wrong,
         held=[(place["judged"] - line["arrived"]) / MS for line, place in places],
         calls=about["calls"],
-        denied=len({r["seq"] for r in kept.records if r.get("decision") == "deny"}),
+        denied=len({r["seq"] for r in kept.records if r["kind"] != "revision" and r["decision"] == "deny"}),
         load=about["load"],
     )
     yield own
