@@ -60,8 +60,11 @@ def main() -> None:
         flush=True,
     )
     began = time.monotonic()
-    for way, seed in missing:
-        make(place(options.keep, way, seed), way, seed, specs[way])
+    try:
+        for way, seed in missing:
+            make(place(options.keep, way, seed), way, seed, specs[way])
+    except KeyboardInterrupt:
+        raise SystemExit("interrupted; the same command goes on with the runs that are missing") from None
     print(f"{len(missing)} runs took {(time.monotonic() - began) / 60:.1f} minutes", flush=True)
 
 
