@@ -202,8 +202,15 @@ class RevisingJudge(Judge):
         self.counters.retracted += sum(change.retracted for change in changes)
 
     def _level_before(self, step: Step) -> int:
-        """Up to when deadlines are judged before a step that is judged behind all others."""
-        return step.time - 1 if self._is_ordered(step) and not step.late else self._level
+        """Up to when deadlines are judged before a step that is judged behind all others.
+
+        Where it is not in order, those that were judged by then, so that what comes in order behind it is younger.
+        """
+        return step.time - 1 if self._is_ordered(step) and not step.late else self._deadline
+
+    def _key_behind(self, level: int) -> int:
+        """The key of a step that is not in order: behind all that was judged, and deadlines up to a level (ns)."""
+        return max(key_of(self.present), key_of(level, tick=True))
 
     def _is_ordered(self, step: Step) -> bool:
         return self.plan.streams[step.event.stream].spec.ordered
@@ -267,7 +274,7 @@ class RevisingJudge(Judge):
             self._renumber(judged)
         if not step.skipped:
             in_order = placed or (self._is_ordered(step) and not step.late)
-            self._keep(judged, key_of(step.time if in_order else self.present), level, undone=undone)
+            self._keep(judged, key_of(step.time) if in_order else self._key_behind(level), level, undone=undone)
         self._position = self._position_of(judged)
         return judged
 

@@ -118,13 +118,15 @@ class SavableJudge(RevisingJudge):
         """A recorded step, in its place where it was put there."""
         step, placed = recorded.step, recorded.place is not None
         in_order = placed or (self._is_ordered(step) and not step.late)
-        waited = step.event.arrived - max(1, self.plan.spec.ordering.max_delay or 0)
+        if not in_order:  # up to when its deadlines had waited long enough
+            waited = step.event.arrived - max(1, self.plan.spec.ordering.max_delay or 0)
+            self._judge_deadlines(max(self._level, waited), recorded.judged)
         present = self.present or min(step.time, step.event.arrived)  # as where it was judged first
         undoes = self.plan.streams[step.event.stream].undoes
         row = Kept(
             recorded,
-            key_of(step.time) if in_order else max(self.keeping.key, key_of(present)),
-            step.time - 1 if in_order else max(self._level, waited),
+            key_of(step.time) if in_order else max(self.keeping.key, key_of(present), self._key_behind(self._deadline)),
+            step.time - 1 if in_order else self._deadline,
             position,
             self._position,
             self.keeping.last._replace(present=0),
