@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
 import msgspec
 
-from oracle_server.core.engine import Engine, Measuring
+from oracle_server.core.counting import Counters, Told
+from oracle_server.core.engine import MAX_WORK, MAX_WORK_TOGETHER, Engine, Measuring
 from oracle_server.core.events import TICKS, Event, Order, Step
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.holding import Held, together
@@ -17,37 +17,12 @@ from oracle_server.core.past import Past
 from oracle_server.core.plan import Plan, StreamPlan
 from oracle_server.core.presence import grace
 from oracle_server.core.property_state import Mark, Names, PropertyState
-from oracle_server.core.recent import Recent
+from oracle_server.core.recent import EFFORT_TOGETHER, Recent
 from oracle_server.core.snapshot import JudgeSnapshot
 from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import DENYING, NEGATIVE, Decision, Explanation, Judged, Outcome, Verdict
 
 _NO_ONE = frozenset[int]()
-
-
-@dataclass(slots=True)
-class Counters:
-    """What a judge has counted; `steps` are judged events, `skipped` those that were not, `ticks` the recorded ones.
-
-    `revised` are the changes of what stood, and `retracted` the violations among what did not stand then.
-    """
-
-    steps: int = 0
-    ticks: int = 0
-    late: int = 0
-    skewed: int = 0
-    skipped: int = 0
-    lost: int = 0
-    denied: int = 0
-    revised: int = 0
-    retracted: int = 0
-
-
-class Told(NamedTuple):
-    """How a judge stands for those who ask at any time."""
-
-    properties: Sequence[PropertyState]
-    counters: Counters
 
 
 class _Before(NamedTuple):
@@ -90,6 +65,12 @@ class Judge:
             self._state(p, e, grace(p.formula, p.time)) for p, e in zip(plan.spec.properties, engines, strict=True)
         ]
         self.counters = Counters()
+        self._allowed = MAX_WORK_TOGETHER // (2 if ordering.by == "both" else 1)
+        """What a step may cost all properties; one that is judged in two orders has two halves."""
+        self._explained = 0
+        """What explanations have cost at the present step or tick."""
+        self._idle_work = 0
+        """What the ticks since the last step have cost all properties."""
         self.present = 0
         """The time of the last step, in nanoseconds."""
         self._ticked = 0
@@ -190,11 +171,14 @@ class Judge:
         self._ticked, self._outdated = time, False
         signals, failed = together(self._held.values())
         views = self.plan.silent
-        self._tick = time, signals, failed
-        found = [
-            s.tick(view, time, signals, failed) if self._due(s, time) else s.outcome
-            for s, view in zip(self.properties, views, strict=True)
-        ]
+        self._tick, self._explained = (time, signals, failed), 0
+        found = []
+        for state, view in zip(self.properties, views, strict=True):
+            if not self._due(state, time):
+                found.append(state.outcome)
+                continue
+            found.append(state.tick(view, time, signals, failed, MAX_WORK - self._idle_work))
+            self._idle_work += state.work
         self._tick = None
         if all(state.outcome is outcome for state, outcome in zip(self.properties, found, strict=True)):
             return None
@@ -263,9 +247,11 @@ class Judge:
         number: int | None = self.counters.steps
         outcomes, worse, time, degraded = [], [], self.present, self._degraded
         latest = step.event.arrived - self._slack  # a clock that is far behind must not prolong a grace
+        allowed, self._idle_work, self._explained = self._allowed, 0, 0
         for state, view in zip(self.properties, stream.views, strict=True):
             worse.append(degraded or state.failures > 0 or state.renewed)
-            outcomes.append(state.step(view, time, signals, failed, latest))
+            outcomes.append(state.step(view, time, signals, failed, latest, allowed))
+            allowed -= state.work
         decision = self._decide(step, outcomes, blameless)
         if revisable and is_denied(decision):
             self._recent.unnumber()
@@ -375,11 +361,19 @@ class Judge:
             state.property.text, signals, state.why.text, state.why.data(partial(self._recent.recall, timed=timed))
         )
 
-    def _past(self, index: int) -> Past:
-        """The last steps as one property observed them, and a tick that is being judged."""
+    def _past(self, index: int) -> Past | None:
+        """The last steps as one property observed them, and a tick that is being judged.
+
+        None where the others' explanations have cost enough, unless this one was asked for.
+        """
+        if self._explained >= EFFORT_TOGETHER and not self.properties[index].asked:
+            return None
         views = self.plan.streams
         tick = None if self._tick is None else (self._tick[0], self.plan.silent[index], *self._tick[1:])
-        return self._recent.past(lambda stream: views[stream].views[index], tick)
+        return self._recent.past(lambda stream: views[stream].views[index], tick, self._note_effort)
+
+    def _note_effort(self, effort: int) -> None:
+        self._explained += effort
 
 
 def _denies(outcome: Outcome, *, blamed: bool) -> bool:

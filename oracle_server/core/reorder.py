@@ -229,6 +229,11 @@ class ReorderBuffer(Generic[T]):
         """Release what is due and was not released with others."""
         return self._release()
 
+    def expire(self) -> None:
+        """Let all that is held be due."""
+        if self._heap:
+            self._expired = max(self._expired, *self._heap)
+
     def flush(self) -> list[Released[T]]:
         """Release everything, in order."""
         return [self._pop() for _ in range(len(self._heap))]
@@ -246,7 +251,7 @@ class ReorderBuffer(Generic[T]):
             return "frontier"
         if self._limit is None or self._limit < stamp:
             return "max_delay"
-        return "clock" if self._frontiers[self._slowest].is_told(stamp) else "frontier"
+        return "clock" if any(frontier.is_told(stamp) for frontier in self._frontiers.values()) else "frontier"
 
     def _release(self) -> list[Released[T]]:
         released: list[Released[T]] = []

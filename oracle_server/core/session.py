@@ -75,6 +75,8 @@ class Session(Resumable):
         self.suspended = False
         """Whether events are skipped, since their verdicts could not be kept."""
         self._enough: Callable[[], bool] = _never
+        self._unticked: dict[Order, int] = {}
+        """Until when expired deadlines are still to be judged before anything else, where enough was done."""
         self.ready_since: int | None = 0
         """Since when all monitors are connected again (ns); None while some are awaited after a restart."""
 
@@ -90,7 +92,7 @@ class Session(Resumable):
     @property
     def next_deadline(self) -> int | None:
         """When `advance` should be called next, None while nothing waits for time to pass."""
-        if self.buffer.due is not None:
+        if self.buffer.due is not None or self._unticked:
             return self.now
         late = None if self.lateness is None else self.lateness.next_deadline(self.now)
         deadline = min((d for d in (self.buffer.next_deadline, late) if d is not None), default=None)
@@ -107,7 +109,7 @@ class Session(Resumable):
         return min((d for d in (deadline, *ticks) if d is not None), default=None)
 
     def divide(self, enough: Callable[[], bool]) -> None:
-        """Judge what the order releases at once step by step, until `enough`; the rest is due at once.
+        """Judge what the order releases at once, and deadlines, one by one until `enough`; the rest is due at once.
 
         That changes when something is judged, and neither its order nor what becomes of it.
         """
@@ -127,7 +129,7 @@ class Session(Resumable):
 
     def ingest(self, event: Event) -> list[Judged]:
         """Take an event of a stream of the spec, at its time of arrival."""
-        judged = self.advance(event.arrived)
+        judged = self.advance(event.arrived, wholly=True)
         if event.lost:
             self._note_loss(event)
         step = self._arriving.step(event)
@@ -151,14 +153,27 @@ class Session(Resumable):
             judged += self._judge(self.buffer.clock((monitor, reading.stream), reading.stamp))
         return judged + self._run_out()
 
-    def advance(self, now: int) -> list[Judged]:
-        """Let time pass: judge what has waited for `max_delay`."""
+    @property
+    def is_behind(self) -> bool:
+        """Whether expired deadlines wait, and what comes next behind them."""
+        return bool(self._unticked)
+
+    def advance(self, now: int, *, wholly: bool = False) -> list[Judged]:
+        """Let time pass: judge what has waited for `max_delay`, and expired deadlines, `wholly` or until enough."""
         self.now = max(self.now, now)
         released = self.buffer.advance(self.now)
         judged = self._judge(released) if released else []
         if self.lateness is not None:
             judged += self.lateness.go_on(self.now, self._enough)
-        return judged + self._run_out() if self._ticking else judged
+        return judged + self._run_out(wholly=wholly) if self._ticking else judged
+
+    def release(self, now: int) -> list[Judged]:
+        """Let all that is held be due: `advance` judges it in turns, as `finish` does at once."""
+        judged = self.advance(now, wholly=True)
+        self.buffer.expire()
+        if self.lateness is not None:
+            self.lateness.expire(self.now)
+        return judged
 
     def finish(self, now: int) -> list[Judged]:
         """Judge all that is held, in order."""
@@ -229,7 +244,7 @@ class Session(Resumable):
             judged += self._judge_one("publication", step) if self.asking is None else self._ask("publication", step)
         return judged
 
-    def _run_out(self) -> list[Judged]:
+    def _run_out(self, *, wholly: bool = False) -> list[Judged]:
         """Judge expired deadlines for which no older event can come any more, or is waited for any longer."""
         judged: list[Judged] = []
         now = self.now if self.simulated is None else self.simulated.now
@@ -240,8 +255,10 @@ class Session(Resumable):
                 reached.append(now - wait)
             if order == "publication" and self.buffer.limit is not None:
                 reached.append(self.buffer.limit - 1)  # an event of that very time may still come
+            if order in self._unticked:
+                reached.append(self._unticked[order])
             if reached:
-                judged += self._ticks(order, min(max(reached), self._before_due(order)))
+                judged += self._ticks(order, min(max(reached), self._before_due(order)), wholly=wholly)
         return judged
 
     def _before_due(self, order: Order) -> int:
@@ -260,20 +277,28 @@ class Session(Resumable):
         """Since when monitors are connected again that may send what they kept during a restart, or 0."""
         return 0 if order == "arrival" or self.simulated is not None else self.ready_since or 0
 
-    def _ticks(self, order: Order, until: int) -> list[Judged]:
+    def _ticks(self, order: Order, until: int, *, wholly: bool = True) -> list[Judged]:
         if self.asking:
             self.asking.add_ticks(order, until)
             return []
-        return self._tick_until(order, until)
+        return self._tick_until(order, until, wholly=wholly or self.asking is not None)
 
-    def _tick_until(self, order: Order, until: int) -> list[Judged]:
+    def _tick_until(self, order: Order, until: int, *, wholly: bool = True) -> list[Judged]:
+        """Judge deadlines up to a time, and first up to that at which enough was done before."""
         judge, judged = self.judges[order], list[Judged]()
+        until = max(until, self._unticked.pop(order, until))
         if isinstance(judge, RevisingJudge):
-            return [] if self.suspended else judge.tick_until(until, self.now)
+            if not self.suspended:
+                judged, done = judge.tick_until(until, self.now, _never if wholly else self._enough)
+                self._unticked |= {} if done else {order: until}
+            return judged
         while not self.suspended and (deadline := judge.next_deadline) is not None and deadline <= until:
             tick = judge.tick(deadline, self.now)
             if tick is not None:
                 judged.append(tick)
+            if not wholly and self._enough():
+                self._unticked[order] = until
+                break
         return judged
 
     def bypass(self, monitor: str, streams: Mapping[StreamKey, Bypass]) -> None:

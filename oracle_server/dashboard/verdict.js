@@ -1,6 +1,6 @@
 // The explanation of one verdict.
 
-import { get, items, of, Problem } from "./api.js";
+import { DelayedHistory, get, items, of, Problem } from "./api.js";
 import { h, Place } from "./dom.js";
 import { badge, causes, event, moment, place, span } from "./words.js";
 
@@ -11,10 +11,11 @@ const LATER = [404, 503]; // not in the history yet, or too many requests: tried
 /** A view of verdict `n`; `onWitnesses` receives the steps that explain it, `again` is called when a slow answer arrives. */
 export function verdictView(id, n, onWitnesses, again) {
   const place = new Place("section", { class: "verdict", "aria-live": "polite" });
+  const history = new DelayedHistory();
   let request = null;
 
-  async function refresh({ clock, counters }) {
-    if (n && (!request || request.record?.early || await isRevised(counters.revised))) await send(counters.revised);
+  async function refresh({ clock, revising }) {
+    if (n && (!request || request.record?.early || await isRevised(revising?.passes))) await send();
     if (request?.problem) {
       const { problem } = request;
       request = null; // it is sent again at the next refresh
@@ -25,16 +26,16 @@ export function verdictView(id, n, onWitnesses, again) {
     place.show({ clock, shown }, () => (shown ? described(shown, clock) : []));
   }
 
-  /** Whether the verdict that is shown was revised since; looked up where the count of revisions has changed. */
-  async function isRevised(count) {
-    if (!request.record || request.revisions === count) return false;
-    request.revisions = count;
+  /** Whether the verdict that is shown was revised since; looked up where the number of passes has changed. */
+  async function isRevised(passes) {
+    if (!request.record || !history.isDue(passes)) return false;
+    history.wasRead();
     return (await recordOf(id, n, "standing"))?.revised !== request.record.revised;
   }
 
-  /** Request the explanation, as of a count of revisions, and wait a moment; the last answer is shown until the next one arrives. */
-  async function send(revisions) {
-    const mine = { leaving: new AbortController(), record: request?.record, problem: null, revisions };
+  /** Request the explanation, and wait a moment for it; the last answer is shown until the next one arrives. */
+  async function send() {
+    const mine = { leaving: new AbortController(), record: request?.record, problem: null };
     if (mine.record) mine.record.early = false;
     request = mine;
     let slow = false;

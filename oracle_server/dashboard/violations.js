@@ -14,7 +14,7 @@ export function violationsView(id, again) {
   let [limit, latest] = [PAGE, null];
 
   async function refresh(state) {
-    if (history.isDue(JSON.stringify([limit, state.counters.revised, state.properties.map((each) => each.violations)]))) {
+    if (history.isDue(JSON.stringify([limit, state.revising?.passes, state.properties.map((each) => each.violations)]))) {
       const { items, next } = await get(of(id, "violations"), { as: "all", order: "desc", limit });
       latest = { items: withRetractions(items), more: next !== null && limit < MOST };
       history.wasRead();

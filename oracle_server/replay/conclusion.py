@@ -84,6 +84,8 @@ def conclude(replay: Replay) -> Conclusion:
     elif unjudged or (replay.strict and (doubts or replay.warnings)):
         status = UNJUDGED
     remarks = tuple(note.text for note in notes if not note.unusable and not note.doubt)
+    if replay.revised:
+        remarks += (replay.revised,)
     return Conclusion(
         status, replay.strict, tuple(unusable), unjudged, tuple(doubts), replay.warnings, remarks, coverage
     )

@@ -8,10 +8,10 @@ from xml.sax.saxutils import escape, quoteattr
 
 from oracle_server.core.errors import one_line
 from oracle_server.core.naming import step_name
-from oracle_server.core.revisions import Revision
 from oracle_server.core.units import counted
-from oracle_server.core.verdicts import Judged, explain
+from oracle_server.core.verdicts import Judged
 from oracle_server.replay.conclusion import Conclusion, conclude
+from oracle_server.replay.lines import violations
 from oracle_server.replay.run import Replay
 
 _MOST_SHOWN = 20
@@ -23,27 +23,17 @@ class JunitReport:
 
     def __init__(self, out: IO[str], several: bool) -> None:  # noqa: ARG002 -- a suite always has its name
         self._out = out
-        self._texts: defaultdict[str, dict[int, str]] = defaultdict(dict)
-        """By the property: the explanations of violations, by the verdict's number."""
+        self._texts: defaultdict[str, list[str]] = defaultdict(list)
         self._suites: list[str] = []
 
     def judged(self, replay: Replay, judged: Judged) -> None:
-        """Keep the explanations of the first violations, as far as these stand."""
-        for change in judged.changes if isinstance(judged, Revision) else ():
-            if change is not None and change.retracted:
-                self._texts[change.property].pop(change.first, None)
-            if change is not None and change.explanation is not None:
-                self._keep(change.property, change.first, change.explanation["text"])
+        """Keep the explanations of the first violations."""
         both = replay.spec.ordering.by == "both" and judged.order == "arrival"
-        for verdict in judged.verdicts:
-            why = explain(judged, verdict)
-            if why is not None:
-                self._keep(verdict.property + (" (arrival)" if both else ""), verdict.n, why["text"])
+        for row, text in violations(judged):
+            texts = self._texts[row["property"] + (" (arrival)" if both else "")]
+            if len(texts) < _MOST_SHOWN:
+                texts.append(text)
         replay.comparison.take()
-
-    def _keep(self, name: str, n: int, text: str) -> None:
-        if len(self._texts[name]) < _MOST_SHOWN:
-            self._texts[name][n] = text
 
     def ended(self, replay: Replay) -> None:
         """Add a suite."""
@@ -69,7 +59,7 @@ class JunitReport:
         if state["violations"]:
             first = step_name(state["first_violation_step"], state["first_violation_at"])
             message = f"violated {_times(state['violations'])}, first at {first}"
-            texts = "\n".join(escape(one_line(text)) for text in self._texts[name].values())
+            texts = "\n".join(escape(one_line(text)) for text in self._texts[name])
             inside = f"      <failure message={_attribute(message)}>{texts}</failure>\n"
         elif end.unusable:
             inside = f"      <error message={_attribute(end.unusable[0])}/>\n"

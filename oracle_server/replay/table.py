@@ -24,8 +24,8 @@ def _csv_cell(value: object) -> object:
     return f"'{text}" if text[:1] in ("=", "+", "-", "@") else text
 
 
-_COLUMNS = tuple(name for name in VerdictRecord.__annotations__ if name not in ("unheard", "revised", "causes"))
-"""The fields of records; a replay has all that there is to hear, and tells each revision once."""
+_COLUMNS = tuple(name for name in VerdictRecord.__annotations__ if name not in ("unheard", "causes"))
+"""The fields that records of a replay may have; `because` tells how many causes there are."""
 
 
 def _csv_row(row: VerdictRecord) -> Iterator[object]:

@@ -9,11 +9,11 @@ from rich.table import Table
 
 from oracle_server.core.errors import one_line
 from oracle_server.core.naming import first_name, retraction_text
-from oracle_server.core.revisions import Revision, revision_record
 from oracle_server.core.units import counted
-from oracle_server.core.verdicts import Judged, explain
+from oracle_server.core.verdicts import Judged
 from oracle_server.replay.conclusion import conclude
 from oracle_server.replay.coverage import Coverage, because
+from oracle_server.replay.lines import retractions, violations
 from oracle_server.replay.run import Replay
 
 
@@ -24,15 +24,15 @@ class TextReport:
         self._out, self._several, self._signals = out, several, signals
 
     def judged(self, replay: Replay, judged: Judged) -> None:
-        """Write violations, those that a revision takes back, and differences from recorded verdicts."""
-        if isinstance(judged, Revision):
-            self._revised(replay, judged)
-        for verdict in judged.verdicts:
-            why = explain(judged, verdict)
-            if why is not None:
-                order = " by arrival" if judged.order == "arrival" else ""
-                text = one_line(why["text"])
-                self._write(replay, f"violation{order}: {text} (#{verdict.n})")
+        """Write violations, and differences from recorded verdicts."""
+        order = " by arrival" if judged.order == "arrival" else ""
+        for row, text in violations(judged):
+            self._write(replay, f"violation{order}: {one_line(text)} (#{row['n']})")
+        for row in retractions(judged):
+            self._write(replay, f"retracted: {one_line(retraction_text(row))} (#{row['n']})")
+        self._differences(replay)
+
+    def _differences(self, replay: Replay) -> None:
         for found in replay.comparison.take():
             broken = f" ({', '.join(found.properties)})" if found.properties else ""
             event = f"{found.event.stream} {found.event.seq}"
@@ -40,6 +40,7 @@ class TextReport:
 
     def ended(self, replay: Replay) -> None:
         """Write a table of the properties, and the counts."""
+        self._differences(replay)
         summary = replay.summary()
         table = Table("property", "outcome", "violations", "first at", "unknown", box=None, pad_edge=False)
         for name, state in summary["properties"].items():
@@ -63,14 +64,6 @@ class TextReport:
 
     def finish(self) -> None:
         """Write nothing more."""
-
-    def _revised(self, replay: Replay, revision: Revision) -> None:
-        for change in revision.changes:
-            if change is not None and change.retracted:
-                text = one_line(retraction_text(revision_record(revision, change)))
-                self._write(replay, f"retracted: {text} (#{change.n})")
-            if change is not None and change.explanation is not None:
-                self._write(replay, f"violation: {one_line(change.explanation['text'])} (#{change.n})")
 
     def _write(self, replay: Replay, line: str) -> None:
         self._out.write(f"{replay.spec.id}: {line}\n" if self._several else f"{line}\n")

@@ -130,6 +130,22 @@ class LiveSession:
             message = f"session '{self.id}' can't be kept any more: {self.trouble}; close it, and open another"
             raise WireError("history_unavailable", message, fatal=True)
 
+    @property
+    def is_behind(self) -> bool:
+        """Whether deadlines have expired that are not judged yet: an event would have to wait for all of them."""
+        if self.closing or self.core.buffer.due is not None:
+            return False
+        return self.core.is_behind or (self._armed is not None and self._armed <= self.clock.now())
+
+    async def caught_up(self) -> None:
+        """Judge expired deadlines in turns, between which others are served, until none is left."""
+        while self.is_behind:
+            armed = self._armed
+            self.share.run(self._tick)
+            if self._armed == armed and not self.core.is_behind:
+                return
+            await asyncio.sleep(self.share.rest)
+
     def send_verdicts(self, monitor: Monitor) -> None:
         """Send the last committed `verdicts` frame to a monitor, if it requested these frames."""
         self.ledger.send_verdicts(monitor)
@@ -220,6 +236,14 @@ class LiveSession:
         if monitor.attached:
             loop = asyncio.get_running_loop()
             monitor.expiry = loop.call_later(self._resume_within, self._expire, monitor)
+
+    async def drain(self) -> None:
+        """Before `close`: judge all held events in turns, between which other sessions are served; take no more."""
+        self.closing = True
+        self.share.run(lambda: self._deliver(self.core.release(self._enter())))
+        while self.core.buffer.due is not None:
+            self.share.run(lambda: self._deliver(self.core.advance(self._enter())))
+            await asyncio.sleep(0)
 
     def close(self) -> None:
         """Judge all held events, in order, and stop the timers."""
@@ -384,10 +408,12 @@ class LiveSession:
         if self._timer:
             self._timer.cancel()
         loop = asyncio.get_running_loop()
-        delay = max(0, deadline - self.clock.now()) / 10**9
+        delay = self.share.rest if self.core.is_behind else max(0, deadline - self.clock.now()) / 10**9
         self._armed, self._timer = deadline, loop.call_later(delay, self.share.run, self._tick)
 
     def _tick(self) -> None:
+        if self._timer:
+            self._timer.cancel()
         self._armed = self._timer = None
         self._deliver(self.core.advance(self._enter()))
 

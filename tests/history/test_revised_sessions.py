@@ -75,7 +75,8 @@ async def traced(history: History, run: Kept, rng: random.Random, folder: Path) 
     lines = [line async for page in trace_lines(history, 1) for line in page]
     path.write_bytes(b"".join(encode_bytes(line) + b"\n" for line in lines))
     again = Book(WIDTH)
-    again.take(Replay(run.case.spec, read_lines(path, run.case.spec)))
+    for said in Replay(run.case.spec, read_lines(path, run.case.spec)).outputs():
+        again.take(said)
     await asyncio.to_thread(history.close)
     assert {p: _said(row) for p, row in again.first.items()} == {p: _said(row) for p, row in run.book.first.items()}
     assert {p: again.stands(p) for p in again.first} == {p: run.book.stands(p) for p in run.book.first}

@@ -57,7 +57,8 @@ PUT_WRONG = (("/a", 1, 0, 0), ("/b", 1, 10, 10), ("/b", 1, 900, 900), ("/b", 3, 
 
 
 def report(spec: Path, events: Path, form: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
-    status = run_replay([spec], events, None, form)  # type: ignore[arg-type]
+    """The exit status, and all that was said: what stood at first, and what was put right."""
+    status = run_replay([spec], events, None, form, view="all")  # type: ignore[arg-type]
     return status, capsys.readouterr().out
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from oracle_server.core.engine import MAX_WORK
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.plan import View
 from oracle_server.core.property_state import Mark, Names, PropertyState
@@ -37,15 +38,24 @@ class RevisableState(PropertyState):
     """Whether the final outcome was said: no late event can change it any more."""
     repeated: Outcome | None = None
     """The outcome at a step that its engine can't judge again since it has failed."""
-    _marked: list[tuple[Outcome | None, int]] = field(default_factory=list)
+    _marked: list[tuple[Outcome | None, int, bool]] = field(default_factory=list)
 
-    def step(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names, latest: int = 0) -> Outcome:
+    def step(
+        self,
+        view: View,
+        time: int,
+        signals: Mapping[str, Scalar],
+        failed: Names,
+        latest: int = 0,
+        allowed: int = MAX_WORK,
+    ) -> Outcome:
         """The outcome at the next step; see `PropertyState.step`."""
+        self.work = 0
         if self.repeated is not None:
             return self.repeated
         if not self.said:
             failures = self.failures
-            outcome = PropertyState.step(self, view, time, signals, failed, latest)
+            outcome = PropertyState.step(self, view, time, signals, failed, latest, allowed)
             if self.final is None:
                 if outcome not in FINAL:
                     return outcome
@@ -53,11 +63,13 @@ class RevisableState(PropertyState):
             self.failures = failures  # a final outcome does not fail
         return self._final(time)
 
-    def tick(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names) -> Outcome:
+    def tick(
+        self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names, allowed: int = MAX_WORK
+    ) -> Outcome:
         """The outcome at a step that is then taken back."""
         if self.final is not None:
             return self.outcome
-        outcome = PropertyState.tick(self, view, time, signals, failed)
+        outcome = PropertyState.tick(self, view, time, signals, failed, allowed)
         if outcome in FINAL:
             self.final, self.final_since = outcome, time
         return outcome.current
@@ -72,13 +84,13 @@ class RevisableState(PropertyState):
 
     def mark(self) -> Mark:
         """Remember how the property stands, and begin a step that may be taken back."""
-        self._marked.append((self.final, self.final_since))
+        self._marked.append((self.final, self.final_since, self.said))
         return PropertyState.mark(self)
 
     def back(self, mark: Mark) -> None:
         """Take the step back."""
         PropertyState.back(self, mark)
-        self.final, self.final_since = self._marked.pop()
+        self.final, self.final_since, self.said = self._marked.pop()
 
     def keep(self) -> None:
         """Keep the step."""

@@ -9,10 +9,11 @@ from typing import NamedTuple
 
 import msgspec
 
+from oracle_server.core.counting import Told
 from oracle_server.core.engine import Engine, Rewindable
 from oracle_server.core.events import Order, Step
 from oracle_server.core.formula.tree import Scalar
-from oracle_server.core.judge import Judge, Told
+from oracle_server.core.judge import Judge
 from oracle_server.core.plan import Plan, StreamPlan
 from oracle_server.core.property_state import Names
 from oracle_server.core.recent import SIZE, Recent
@@ -121,16 +122,20 @@ class RevisingJudge(Judge):
             return []
         return [*self._judge_deadlines(self._level_before(step), now), self._judge_first(step, now)]
 
-    def tick_until(self, until: int, now: int) -> list[Judged]:
-        """Judge the deadlines up to a time (ns); while a pass goes on they wait for that."""
+    def tick_until(self, until: int, now: int, enough: Callable[[], bool]) -> tuple[list[Judged], bool]:
+        """Judge the deadlines up to a time (ns), until enough was done, and return whether all are.
+
+        While a pass goes on they wait for that.
+        """
         if not self._ahead:
-            return self._judge_deadlines(until, now)
+            judged = self._judge_deadlines(until, now, enough)
+            return judged, (deadline := self.next_deadline) is None or deadline > until
         last = self._ahead[-1]
         if isinstance(last, Until):
             self._ahead[-1] = Until(max(until, last.time))
         else:
             self._ahead.append(Until(until))
-        return []
+        return [], True
 
     def place(self, late: Sequence[Step], level: int = 0) -> None:
         """Begin a pass that puts late steps in their places; each of them has one, and no pass goes on.
@@ -203,7 +208,7 @@ class RevisingJudge(Judge):
     def _is_ordered(self, step: Step) -> bool:
         return self.plan.streams[step.event.stream].spec.ordered
 
-    def _judge_deadlines(self, until: int, now: int) -> list[Judged]:
+    def _judge_deadlines(self, until: int, now: int, enough: Callable[[], bool] | None = None) -> list[Judged]:
         outputs: list[Judged] = []
         if not self.ticking:
             return outputs
@@ -213,6 +218,8 @@ class RevisingJudge(Judge):
             tick = self._judge_deadline(deadline, now)
             if tick is not None:
                 outputs.append(tick)
+            if enough is not None and enough():
+                break
         return outputs
 
     def _judge_deadline(self, time: int, now: int) -> Judged | None:

@@ -52,15 +52,20 @@ class Lateness:
 
     def go_on(self, now: int, enough: Callable[[], bool]) -> list[Judged]:
         """Go on with what is put in place, and begin with what has waited for it."""
-        outputs = self.judge.go_on(now, enough) if self.judge.is_going else []
+        outputs = self.judge.say_unsaid(now)
+        outputs += self.judge.go_on(now, enough) if self.judge.is_going else []
         while self._due is not None and self._due <= now and not self.judge.is_going:
             outputs += self._begin(now)
             outputs += self.judge.go_on(now, enough) if self.judge.is_going else []
         return outputs
 
+    def expire(self, now: int) -> None:
+        """Let what is late wait no longer for others."""
+        self._due = now if self._waiting else None
+
     def finish(self, now: int) -> list[Judged]:
         """Put all in place now."""
-        self._due = now if self._waiting else None
+        self.expire(now)
         return self.go_on(now, lambda: False)
 
     def _begin(self, now: int) -> list[Judged]:

@@ -53,7 +53,7 @@ class Recurring:
         elif self._told[row.step.stamp] > 0:
             self._told[row.step.stamp] -= 1
         else:
-            outputs += self._judge.tick_until(row.step.stamp, row.judged)
+            outputs += self._judge.tick_until(row.step.stamp, row.judged, _never)[0]
         return outputs
 
     def _judge_step(self, row: Row) -> list[Judged]:
@@ -62,7 +62,7 @@ class Recurring:
         if step.late or not judge.plan.streams[step.event.stream].spec.ordered:
             wait = judge.plan.spec.ordering.max_delay
             if wait is not None:
-                outputs = judge.tick_until(step.event.arrived - max(1, wait), row.judged)
+                outputs = judge.tick_until(step.event.arrived - max(1, wait), row.judged, _never)[0]
                 self._told.update(tick.step.stamp for tick in outputs)
         return outputs + judge.take(step, row.judged)
 
@@ -84,6 +84,10 @@ class Recurring:
             return []
         now = late[-1].judged
         self._judge.place([row.step for row in late], level)
-        outputs = self._judge.go_on(now, lambda: False)
+        outputs = self._judge.go_on(now, _never)
         self._told.update(row.step.stamp for row in outputs if row.step.event.stream.kind == TICK)
         return outputs
+
+
+def _never() -> bool:
+    return False

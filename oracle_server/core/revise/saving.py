@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import msgspec
 
-from oracle_server.core.events import Step
+from oracle_server.core.engine import Engine
+from oracle_server.core.events import Order, Step
 from oracle_server.core.judge import is_denied
 from oracle_server.core.kinds import TICK
+from oracle_server.core.plan import Plan
 from oracle_server.core.revise.judge import RevisingJudge, Until, rewindable
 from oracle_server.core.revise.kept import Keeping, Kept, key_of
 from oracle_server.core.revisions import Revision
@@ -23,9 +25,14 @@ _BEGINNING = -1
 class SavableJudge(RevisingJudge):
     """A `RevisingJudge` that can be saved, and restored."""
 
-    _restoring = False
-    _unknown = 0
-    """Deadlines that were judged again before their rows came, which then tell their positions; counted down."""
+    def __init__(self, plan: Plan, engines: Sequence[Engine], order: Order, numbers: Iterator[int]) -> None:
+        """As every `RevisingJudge`."""
+        super().__init__(plan, engines, order, numbers)
+        self._restoring = False
+        self._unknown = 0
+        """Deadlines that were judged again before their rows came, which then tell their positions; counted down."""
+        self._early: dict[int, tuple[Step, int]] = {}
+        """Rows of deadlines, by time (ns), that are judged only with a late event whose row comes next in the pass."""
 
     def save(self) -> RevisingSnapshot | None:
         """All that later verdicts depend on, as of before the first row that is kept; None where it can't be saved.
@@ -73,6 +80,8 @@ class SavableJudge(RevisingJudge):
         """
         step, kind = recorded.step, recorded.step.event.stream.kind
         self._restoring = True
+        if kind != TICK and recorded.place is None:
+            self._early = {}
         if isinstance(recorded, Revision):
             self._count_changes([recorded])
         elif kind == TICK:
@@ -91,6 +100,19 @@ class SavableJudge(RevisingJudge):
             return None
         self._position = position
         return next((row.judged for row in reversed(self.keeping.rows) if row.position == position), None)
+
+    def say_unsaid(self, now: int) -> list[Judged]:
+        """After a restore: the deadlines that were judged again, and are in no row; they are said now."""
+        unsaid = [row for row in self.keeping if row.position <= 0] if self._unknown else []
+        self._unknown = 0
+        for row in unsaid:
+            position = (next(self._numbers) - 1) // len(self.properties) + 1
+            self._numbers = itertools.count(position * len(self.properties) + 1)
+            self.counters.ticks += 1
+            event = msgspec.structs.replace(row.step.event, seq=self.counters.ticks, arrived=now)
+            self._say(row, msgspec.structs.replace(row.step, event=event), position)
+            self._position = position
+        return [row.judged for row in unsaid]
 
     def _step_again(self, recorded: Judged, position: int) -> None:
         """A recorded step, in its place where it was put there."""
@@ -130,6 +152,8 @@ class SavableJudge(RevisingJudge):
         self.counters.ticks = max(self.counters.ticks, step.event.seq)
         if row is not None:
             self._say(row, step, position)
+        else:
+            self._early[step.stamp] = step, position
 
     def _unknown_tick(self, time: int) -> Kept | None:
         """A deadline at a time (ns) whose row has not come yet."""
@@ -151,8 +175,11 @@ class SavableJudge(RevisingJudge):
             return super()._judge_new_deadline(time, now)
         numbers, self._numbers = self._numbers, itertools.count((self._unknown - 1) * len(self.properties) + 1)
         tick = super()._judge_new_deadline(time, now)
-        self._unknown -= tick is not None
         self._numbers = numbers
+        if tick is not None:
+            self._unknown -= 1
+            if time in self._early:
+                self._say(self.keeping.rows[-1], *self._early.pop(time))
         return tick
 
 
