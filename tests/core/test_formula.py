@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 
 from oracle_server.core.errors import FormulaError
 from oracle_server.core.formula import tree
-from oracle_server.core.formula.parse import MAX_DEPTH, MAX_TEXT, Time, parse_formula
+from oracle_server.core.formula.parse import MAX_TEXT, Time, parse_formula
 from oracle_server.core.formula.render import render, render_atom
+from oracle_server.core.formula.size import MAX_DEPTH
 from oracle_server.core.formula.tree import Any, Atom, Bound, Constraint, Formula, Once, Ref
 from tests import strategies
 
@@ -302,7 +303,7 @@ def test_the_deepest_and_the_widest_that_are_read() -> None:
         ("once_[0,5] {x}", "there is no operator `once_`: write `once[2:5] {…}`"),
         ("prev {x}", "write `pre`"),
         ("rise({x})", "write `{a} and not pre {a}`"),
-        ("{x} for 5s", "`{a} since[5s:] {a}`"),
+        ("{x} for 5s", "`lasting[5s] {a}`"),
         ("{x} 5s ago", "stands in a bound"),
         ("{x} ? {y} : {z}", "write `({a} -> {b}) and (not {a} -> {c})`"),
         ("{cmd_vel.speed > 1}", "write `{topic: /cmd_vel, speed}`"),

@@ -7,7 +7,12 @@ from collections.abc import Iterator
 
 CLOSING = {"{": "}", "(": ")", "[": "]"}
 """What closes each bracket."""
-OPERATORS = ("not", "and", "or", "implies", "pre", "once", "historically", "since", "forall", "exists")
+CONSTANTS = ("true", "false", "first")
+"""The words that are whole formulas."""
+OPERATORS = (
+    *("not", "and", "or", "implies", "pre", "once", "historically", "since", "forall", "exists", "lasting"),
+    *CONSTANTS,
+)
 """The words of formulas."""
 BOUNDED = ("once", "historically", "since", "P", "H", "S")
 """Those behind which a bound can stand."""

@@ -25,6 +25,10 @@ RYE = r"""
     | _PRE unary                                          -> pre
     | ONCE [bound] unary                                  -> once
     | HISTORICALLY [bound] unary                          -> historically
+    | TRUE                                                -> always
+    | FALSE                                               -> never
+    | FIRST                                               -> first
+    | LASTING "[" LOWER "]" unary                         -> lasting
     | EXISTS "[" VARIABLE ("," VARIABLE)* "]" "." implication -> exists
     | FORALL "[" VARIABLE ("," VARIABLE)* "]" "." implication -> forall
 
@@ -59,6 +63,8 @@ _PRE: /(pre|Y)\b/
 ONCE: /(once|P)\b/
 HISTORICALLY: /(historically|H)\b/
 SINCE: /(since|S)\b/
+LASTING: /lasting\b/
+FIRST: /first\b/
 EXISTS: /(exists|E)\b/
 FORALL: /(forall|A)\b/
 _INF: /inf\b/

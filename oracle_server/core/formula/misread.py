@@ -5,16 +5,18 @@ from __future__ import annotations
 import re
 
 from oracle_server.core.errors import FormulaError
-from oracle_server.core.formula.around import BOUNDED, CLOSING, OPERATORS, QUANTIFIERS, Around
+from oracle_server.core.formula.around import BOUNDED, CLOSING, CONSTANTS, OPERATORS, QUANTIFIERS, Around
 from oracle_server.core.formula.foreign import SYMBOLS, WORDS
 from oracle_server.core.formula.misatom import of_atom
-from oracle_server.core.formula.misbound import of_bound, of_displaced, of_variables, unbounded
+from oracle_server.core.formula.misbound import of_bound, of_displaced, of_lasting, of_variables, unbounded
 from oracle_server.core.nearest import nearest
 
 _BETWEEN = "between two parts stands `and`, `or`, `since` or `->`"
+_WHOLE = ("}", ")", *CONSTANTS)
+"""What ends a part."""
 _COMPARE = ("<", "<=", ">", ">=", "==", "!=", "=", ":")
 
-_UNBOUNDED = {"pre": "pre", "Y": "pre", "not": "not", "!": "not"}
+_UNBOUNDED = {"pre": "pre", "Y": "pre", "not": "not", "!": "not", **{word: word for word in CONSTANTS}}
 
 
 def misread(text: str, at: int | None) -> FormulaError:
@@ -111,7 +113,7 @@ def _of_word(found: Around) -> str:
     near = nearest(word, OPERATORS, 0.7)
     if near:
         return f"there is no operator `{word}`; {near}"
-    if found.before and found.last() in ("}", ")"):
+    if found.before and found.last() in _WHOLE:
         return f"`{word}` is not expected here: {_BETWEEN}"
     return f"`{word}` stands outside of braces: a signal is written `{{{word}}}`"
 
@@ -128,16 +130,18 @@ def _of_outside(found: Around) -> str:
         return f"an atom stands in braces: write `{{{inner}}}`"
     if mark == "/":
         return "a stream stands in an atom's braces, as in `{topic: /cmd_vel, speed > 1}`"
-    if found.kind() == "number" and found.last() in ("}", ")"):
+    if found.kind() == "number" and found.last() in _WHOLE:
         return f"`{mark}` is not expected here: a time or a number of steps stands in a bound, as in `once[:5] {{…}}`"
     return ""
 
 
 def _of_operator(found: Around) -> str:
     mark, last = found.next(), found.last()
+    if last == "lasting" and found.inside != "{":
+        return of_lasting(found.text[found.at + 1 :].partition(")")[0] if mark == "(" else mark)
     if found.inside != "{" and re.fullmatch(r"[-=]+>", mark) and mark != "->":
         return f"there is no operator `{mark}`: write `->`"
-    if mark in ("{", "(", "!", "not", "once", "pre", "historically", ",", ";") and last in ("}", ")"):
+    if mark in ("{", "(", "!", "not", "once", "pre", "historically", ",", ";", *CONSTANTS) and last in _WHOLE:
         return f"`{mark}` is not expected here: {_BETWEEN}"
     if mark in ("and", "or", "->", "since", "implies", "&&", "||"):
         first = f"after `{last}`" if found.before else "at the beginning"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from fractions import Fraction
 from functools import cache
 from typing import Literal, TypeVar, cast
@@ -14,14 +15,13 @@ from oracle_server.core.errors import FormulaError
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.grammar import RYE
 from oracle_server.core.formula.misread import misread
+from oracle_server.core.formula.size import whole
 from oracle_server.core.formula.tree import ALL_PAST, Atom, Bound, Constraint, Formula, Ref
 
 Time = Literal["steps", "seconds"]
 
 MAX_TEXT = 16_384
 """Longest formula, in characters."""
-MAX_DEPTH = 100
-"""Deepest nesting of a formula; every walk over a tree stays far from Python's recursion limit."""
 MAX_DISTANCE = 10**18
 """Largest bound, in steps or nanoseconds (31 years)."""
 
@@ -46,9 +46,9 @@ def parse_formula(text: str, time: Time = "steps") -> Formula:
         if isinstance(error.orig_exc, FormulaError):
             raise error.orig_exc from None
         raise
-    _check_depth(parsed)
-    _check_variables(parsed)
-    return parsed
+    written = whole(parsed)
+    _check_variables(written)
+    return written
 
 
 @cache
@@ -60,15 +60,6 @@ def _where(error: UnexpectedInput) -> int | None:
     """The character at which a formula can't be read on, None for its end."""
     ended = getattr(getattr(error, "token", None), "type", "") == "$END"
     return None if ended else error.pos_in_stream
-
-
-def _check_depth(formula: Formula) -> None:
-    level: list[Formula] = [formula]
-    for _ in range(MAX_DEPTH):
-        level = [child for node in level for child in tree.children(node)]
-        if not level:
-            return
-    raise FormulaError(f"the formula is nested more than {MAX_DEPTH} deep")
 
 
 def _check_variables(formula: Formula) -> None:
@@ -116,6 +107,18 @@ class _Builder(Transformer[Token, Formula]):
 
     def since(self, left: Formula, _word: Token, bound: Bound | None, right: Formula) -> Formula:
         return tree.Since(left, right, bound or ALL_PAST)
+
+    def always(self, word: Token) -> Formula:
+        return _placed(tree.TRUE, word)
+
+    def never(self, word: Token) -> Formula:
+        return _placed(tree.FALSE, word)
+
+    def first(self, word: Token) -> Formula:
+        return _placed(tree.FIRST, word)
+
+    def lasting(self, _word: Token, distance: Token, operand: Formula) -> Formula:
+        return tree.lasting(operand, self._distance(distance))
 
     def exists(self, word: Token, *parts: object) -> Formula:
         return _quantify(tree.Exists, word, parts)
@@ -207,6 +210,13 @@ def _quantify(kind: type[_Quantifier], word: Token, parts: tuple[object, ...]) -
     for name in reversed(names):
         body = kind(str(name), body, _place(word))  # type: ignore[arg-type]
     return body  # type: ignore[return-value]
+
+
+def _placed(formula: Formula, word: Token) -> Formula:
+    """What a word stands for, where it stands."""
+    if isinstance(formula, Atom):
+        return replace(formula, at=_place(word))
+    return tree.rebuilt(formula, lambda part: _placed(part, word))
 
 
 def _place(token: Token) -> tree.Position:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from oracle_server.core.formula import tree
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import (
     And,
@@ -34,11 +35,15 @@ def render(formula: Formula, time: Time = "steps") -> str:
 
 def render_atom(atom: Atom) -> str:
     """An atom as Rye text."""
+    if not atom.constraints:
+        return "true"
     return "{" + ", ".join(_constraint(c) for c in atom.constraints) + "}"
 
 
 def _render(node: Formula, tightness: int, time: Time) -> str:  # noqa: C901 -- a case a node
-    own = _UNARY
+    own, short = _UNARY, _short(node, time)
+    if short is not None:
+        return short
     match node:
         case Atom():
             text = render_atom(node)
@@ -69,6 +74,14 @@ def _render(node: Formula, tightness: int, time: Time) -> str:  # noqa: C901 -- 
             own = _LOOSEST
             text = f"forall[{variable}]. {_render(body, _LOOSEST, time)}"
     return f"({text})" if own < tightness else text
+
+
+def _short(node: Formula, time: Time) -> str | None:
+    """A formula for which there is a word of its own, as Rye text; None for any other."""
+    lasted = tree.lasted(node)
+    if lasted is not None:
+        return f"lasting[{_distance(lasted[1], time)}] {_render(lasted[0], _UNARY, time)}"
+    return tree.word_of(node)
 
 
 def _bound(bound: Bound, time: Time) -> str:

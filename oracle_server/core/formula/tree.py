@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Literal
 
@@ -58,7 +58,7 @@ ALL_PAST = Bound()
 
 @dataclass(frozen=True, slots=True)
 class Atom:
-    """`{k: v, …}`: holds where the step's signals meet every constraint."""
+    """`{k: v, …}`: holds where the step's signals meet every constraint; without any it is `true`."""
 
     constraints: tuple[Constraint, ...]
     at: Position = field(default=(1, 1), compare=False)
@@ -153,6 +153,34 @@ class Forall:
 Formula = Atom | Not | And | Or | Implies | Pre | Once | Historically | Since | Exists | Forall
 
 
+TRUE = Atom(())
+"""`true`: holds at every step."""
+FALSE = Not(TRUE)
+"""`false`: holds at none."""
+FIRST = And(Atom((Constraint("kind", "==", Any.ANY),)), Not(Pre(TRUE)))
+"""`first`: there is no step before; not at a deadline, which is no event of any kind."""
+WORDS = {"true": TRUE, "false": FALSE, "first": FIRST}
+"""The formulas that are written as a word."""
+
+
+def word_of(formula: Formula) -> str | None:
+    """The word that a formula is written as, None for most."""
+    return next((word for word, meant in WORDS.items() if meant == formula), None)
+
+
+def lasting(operand: Formula, distance: int) -> Formula:
+    """`lasting[d] φ`: φ held at a step at least d ago, and ever since."""
+    return Since(operand, operand, Bound(distance))
+
+
+def lasted(node: Formula) -> tuple[Formula, int] | None:
+    """What has lasted, and for how long, where a formula says that; None for any other."""
+    match node:
+        case Since(left, right, Bound(int(lower), None)) if lower and left == right:
+            return right, lower
+    return None
+
+
 def children(node: Formula) -> tuple[Formula, ...]:
     """The direct sub-formulas of a node, from left to right."""
     match node:
@@ -164,6 +192,19 @@ def children(node: Formula) -> tuple[Formula, ...]:
             return (left, right)
         case Exists(_, body) | Forall(_, body):
             return (body,)
+
+
+def rebuilt(node: Formula, change: Callable[[Formula], Formula]) -> Formula:
+    """A new node like this one, with each of its direct sub-formulas changed."""
+    match node:
+        case Atom():
+            return replace(node)
+        case Not(operand) | Pre(operand) | Once(operand) | Historically(operand):
+            return replace(node, operand=change(operand))
+        case And(left, right) | Or(left, right) | Implies(left, right) | Since(left, right):
+            return replace(node, left=change(left), right=change(right))
+        case Exists(_, body) | Forall(_, body):
+            return replace(node, body=change(body))
 
 
 def walk(formula: Formula) -> Iterator[Formula]:

@@ -61,8 +61,9 @@ class _Explainer:
 
     def reasons(self, part: Part, holds: bool, steps: Steps) -> list[Reason]:
         """What decides that a part holds at all of some steps, or at none of them."""
-        many = len(steps) > _MOST_STEPS
-        return [self._plain(part, steps, holds)] if many else self._deciding_parts(part, steps, holds)
+        if len(steps) > _MOST_STEPS or part.formula in (tree.FIRST, tree.FALSE):
+            return [self._plain(part, steps, holds)]
+        return self._deciding_parts(part, steps, holds)
 
     def _deciding_parts(self, part: Part, steps: Steps, holds: bool) -> list[Reason]:  # noqa: PLR0911 -- a case a node
         match part.formula:
