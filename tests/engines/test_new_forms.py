@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import operator
 import os
 import random
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import pytest
 
@@ -23,6 +25,12 @@ from tests.engines.test_against_brute import SEED, matches
 from tests.strategies import SECOND
 
 CASES = int(os.environ.get("CASES", "750"))
+ORDERS: dict[str, Callable[[Any, Any], bool]] = {
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+}
 HERE = Constraint("here", "==", value=True)
 """The atom that stands for what is written, with its truth at each step."""
 Meaning = tuple[str, Callable[[Sequence[TimedSignals], Time], list[bool]]]
@@ -52,7 +60,29 @@ def lasting(rng: random.Random, time: Time) -> Meaning:
     return f"lasting[{length}{unit}] ({render(operand, time)})", holds
 
 
-MEANINGS = {"word": word, "lasting": lasting}
+def comparison(rng: random.Random, _: Time) -> Meaning:
+    key, other = rng.sample("abc", 2)
+    op, more = rng.choice([*ORDERS]), rng.choice(("", f", {key} < 3", f", {other}: *", ", c != 7"))
+
+    def holds(steps: Sequence[TimedSignals], _: Time) -> list[bool]:
+        return [compared(signals) and also(signals) for _, signals in steps]
+
+    def compared(signals: Mapping[str, Scalar]) -> bool:
+        left, right = (signals.get(name) for name in (key, other))
+        if any(value is None or isinstance(value, str | bool) for value in (left, right)):
+            return False
+        return bool(ORDERS[op](left, right))
+
+    def also(signals: Mapping[str, Scalar]) -> bool:
+        if more.endswith("< 3"):
+            return float(signals[key]) < 3
+        value = signals.get("c")
+        return not more.endswith("7") or (value is not None and (value != 7 or isinstance(value, bool)))
+
+    return f"{{{key} {op} {other}{more}}}", holds
+
+
+MEANINGS = {"word": word, "lasting": lasting, "comparison": comparison}
 
 
 def placed(rng: random.Random, formula: Formula) -> Formula:

@@ -42,6 +42,7 @@ constraint: key                                           -> flag
     | key (":" | "==" | "=") value                        -> equal
     | key "!=" literal                                    -> unequal
     | key COMPARE NUMBER                                  -> compare
+    | key COMPARE NAME                                    -> compare_signals
 key: NAME | STRING
 ?value: literal
     | "*" VARIABLE                                        -> ref

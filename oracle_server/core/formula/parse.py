@@ -14,6 +14,7 @@ from lark.exceptions import VisitError
 from oracle_server.core.errors import FormulaError
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.grammar import RYE
+from oracle_server.core.formula.misatom import of_value
 from oracle_server.core.formula.misread import misread
 from oracle_server.core.formula.size import whole
 from oracle_server.core.formula.tree import ALL_PAST, Atom, Bound, Constraint, Formula, Ref
@@ -22,6 +23,8 @@ Time = Literal["steps", "seconds"]
 
 MAX_TEXT = 16_384
 """Longest formula, in characters."""
+_VALUES = ("true", "false", "nan", "inf", "infinity", "none", "null")
+"""Names that are values elsewhere, and no signals with which others are compared."""
 MAX_DISTANCE = 10**18
 """Largest bound, in steps or nanoseconds (31 years)."""
 
@@ -139,7 +142,7 @@ class _Builder(Transformer[Token, Formula]):
         return Bound(0, self._distance(upper))
 
     def atom(self, brace: Token, *constraints: Constraint) -> Atom:
-        return Atom(constraints, _place(brace))
+        return Atom((*constraints, *tree.demanded(constraints)), _place(brace))
 
     def key(self, token: Token) -> str:
         return _unquoted(token)
@@ -155,6 +158,13 @@ class _Builder(Transformer[Token, Formula]):
 
     def compare(self, key: str, op: Token, value: Token) -> Constraint:
         return Constraint(key, str(op), self.number(value))  # type: ignore[arg-type]
+
+    def compare_signals(self, key: str, op: Token, name: Token) -> Constraint:
+        if str(name).lower() in _VALUES:
+            raise FormulaError(of_value(str(op), str(name)), *_place(name))
+        if key == name:
+            raise FormulaError(f"`{key}` is compared with itself; write the signal or the number meant", *_place(name))
+        return Constraint(key, str(op), tree.Signal(str(name)))  # type: ignore[arg-type]
 
     def ref(self, name: Token) -> Ref:
         return Ref(str(name))

@@ -21,6 +21,7 @@ from oracle_server.core.formula.tree import (
     Pre,
     Ref,
     Scalar,
+    Signal,
     Since,
 )
 from oracle_server.core.units import span
@@ -37,7 +38,7 @@ def render_atom(atom: Atom) -> str:
     """An atom as Rye text."""
     if not atom.constraints:
         return "true"
-    return "{" + ", ".join(_constraint(c) for c in atom.constraints) + "}"
+    return "{" + ", ".join(_constraint(c) for c in _said(atom.constraints)) + "}"
 
 
 def _render(node: Formula, tightness: int, time: Time) -> str:  # noqa: C901 -- a case a node
@@ -95,6 +96,12 @@ def _distance(distance: int, time: Time) -> str:
     return str(distance) if time == "steps" else span(distance)
 
 
+def _said(constraints: tuple[Constraint, ...]) -> tuple[Constraint, ...]:
+    """The constraints without those at their end that the others demand."""
+    whole = range(len(constraints))
+    return next((constraints[:n] for n in whole if tree.demanded(constraints[:n]) == constraints[n:]), constraints)
+
+
 def _constraint(constraint: Constraint) -> str:
     key = constraint.key if _is_name(constraint.key) else _quoted(constraint.key)
     if constraint.op != "==":
@@ -104,12 +111,14 @@ def _constraint(constraint: Constraint) -> str:
     return f"{key}: {_value(constraint.value)}"
 
 
-def _value(value: Scalar | Any | Ref) -> str:
+def _value(value: Scalar | Any | Ref | Signal) -> str:
     match value:
         case Any():
             return "*"
         case Ref(name):
             return f"*{name}"
+        case Signal(name):
+            return name
         case bool():
             return "true" if value else "false"
         case str():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Literal
@@ -26,13 +26,20 @@ class Ref:
     name: str
 
 
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """The value of another signal at the same step, with which a constraint compares: `{key > name}`."""
+
+    name: str
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Constraint:
     """One `key op value` of an atom; `a: 1` and `a: true` are different, though Python's 1 and True are equal."""
 
     key: str
     op: Literal["==", "!=", "<", "<=", ">", ">="]
-    value: Scalar | Any | Ref
+    value: Scalar | Any | Ref | Signal
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Constraint) and self._identity == other._identity
@@ -58,7 +65,10 @@ ALL_PAST = Bound()
 
 @dataclass(frozen=True, slots=True)
 class Atom:
-    """`{k: v, …}`: holds where the step's signals meet every constraint; without any it is `true`."""
+    """`{k: v, …}`: holds where the step's signals meet every constraint; without any it is `true`.
+
+    Of two signals that are compared both are there: `{v > limit}` has the constraint `limit: *` as well.
+    """
 
     constraints: tuple[Constraint, ...]
     at: Position = field(default=(1, 1), compare=False)
@@ -151,6 +161,13 @@ class Forall:
 
 
 Formula = Atom | Not | And | Or | Implies | Pre | Once | Historically | Since | Exists | Forall
+
+
+def demanded(constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
+    """That the signals are there with which others are compared, where nothing else asks for them."""
+    keys = {c.key for c in constraints}
+    others = dict.fromkeys(c.value.name for c in constraints if isinstance(c.value, Signal))
+    return tuple(Constraint(name, "==", Any.ANY) for name in others if name not in keys)
 
 
 TRUE = Atom(())

@@ -21,6 +21,7 @@ from oracle_server.core.formula.tree import (
     Once,
     Or,
     Pre,
+    Signal,
     Since,
     walk,
 )
@@ -55,6 +56,8 @@ def read_formula(text: str) -> Formula:
     for node in walk(formula):
         if node == TRUE:
             raise UnreadableFormulaError("reelay has no `true`, `false` and `first`")
+        if isinstance(node, Atom) and any(isinstance(c.value, Signal) for c in node.constraints):
+            raise UnreadableFormulaError("reelay compares with numbers alone")
         if isinstance(node, Once | Historically | Since) and node.bound == Bound(0, 0):
             raise UnreadableFormulaError("reelay takes the bound [0:0] for no bound at all")
     return formula
