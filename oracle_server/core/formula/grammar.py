@@ -29,6 +29,7 @@ RYE = r"""
     | FALSE                                               -> never
     | FIRST                                               -> first
     | LASTING "[" LOWER "]" unary                         -> lasting
+    | DEFINED ["(" VARIABLE ("," VARIABLE)* ")"]          -> use
     | EXISTS "[" VARIABLE ("," VARIABLE)* "]" "." implication -> exists
     | FORALL "[" VARIABLE ("," VARIABLE)* "]" "." implication -> forall
 
@@ -75,6 +76,7 @@ TRUE.2: /true\b/
 FALSE.2: /false\b/
 NAME: /[A-Za-z_][A-Za-z0-9_]*/
 ROSNAME: /[~\/][A-Za-z0-9_\/]*/
+DEFINED.-1: /[A-Za-z_][A-Za-z0-9_]*/
 VARIABLE: /[A-Za-z_][A-Za-z0-9_]*/
 STRING: /"[^"\n]*"/ | /'[^'\n]*'/
 NUMBER: /-?\d+(\.\d+)?([eE][+-]?\d+)?/

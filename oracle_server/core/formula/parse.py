@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from fractions import Fraction
 from functools import cache
-from typing import Literal, TypeVar, cast
+from typing import TypeVar, cast
 
 from lark import Lark, Token, Transformer, UnexpectedInput, v_args
 from lark.exceptions import VisitError
@@ -16,11 +16,10 @@ from oracle_server.core.formula import tree
 from oracle_server.core.formula.grammar import RYE
 from oracle_server.core.formula.misatom import of_value
 from oracle_server.core.formula.misread import misread
-from oracle_server.core.formula.size import whole
+from oracle_server.core.formula.names import Names, uses, written_out
 from oracle_server.core.formula.tree import ALL_PAST, Atom, Bound, Constraint, Formula, Ref
 
-Time = Literal["steps", "seconds"]
-
+Time = tree.Time
 MAX_TEXT = 16_384
 """Longest formula, in characters."""
 _VALUES = ("true", "false", "nan", "inf", "infinity", "none", "null")
@@ -33,25 +32,34 @@ NANOSECONDS = {"ns": 1, "us": 10**3, "ms": 10**6, "s": 10**9, "min": 60 * 10**9,
 _Quantifier = TypeVar("_Quantifier", tree.Exists, tree.Forall)
 
 
-def parse_formula(text: str, time: Time = "steps") -> Formula:
-    """Read a formula.
+def parse_formula(text: str, time: Time = "steps", names: Names | None = None) -> Formula:
+    """Read a formula, with the names in it written out.
 
     `time` decides what bounds count: judged events (`steps`, whole numbers) or nanoseconds (`seconds`, where the
     text has seconds or carries units). Raises `FormulaError` with line and column.
     """
+    written = read_part(text, time, names or Names())
+    check_variables(written)
+    return written
+
+
+def read_part(text: str, time: Time, names: Names) -> Formula:
+    """Read what may have variables that something around it binds. Raises `FormulaError` with line and column."""
     if len(text) > MAX_TEXT:
         raise FormulaError(f"the formula has {len(text)} characters; at most {MAX_TEXT} are read")
     try:
         parsed = cast("Formula", _parser(time).parse(text))
     except UnexpectedInput as error:
-        raise misread(text, _where(error)) from None
+        raise misread(text, _where(error), names) from None
     except VisitError as error:
         if isinstance(error.orig_exc, FormulaError):
             raise error.orig_exc from None
         raise
-    written = whole(parsed)
-    _check_variables(written)
-    return written
+    used = sorted(uses(parsed), key=lambda use: use.at)
+    for use in used:
+        if use.call.name not in names.known:
+            raise misread(text, _offset(text, use.at), names)
+    return written_out(parsed, used, names, time)
 
 
 @cache
@@ -65,22 +73,31 @@ def _where(error: UnexpectedInput) -> int | None:
     return None if ended else error.pos_in_stream
 
 
-def _check_variables(formula: Formula) -> None:
-    _used(formula, frozenset())
+def _offset(text: str, at: tree.Position) -> int:
+    """The character at a place of the text."""
+    lines = text.split("\n")
+    return sum(len(line) + 1 for line in lines[: at[0] - 1]) + at[1] - 1
 
 
-def _used(node: Formula, bound: frozenset[str]) -> frozenset[str]:
+def check_variables(
+    formula: Formula, given: frozenset[str] = frozenset(), of: tree.Call | None = None
+) -> frozenset[str]:
+    """The variables of a formula, that `of` a name or a property's, which nothing in it binds.
+
+    Raises `FormulaError` where they are not `given`, and where a quantifier binds what nothing uses.
+    """
+    return _used(formula, given, of)
+
+
+def _used(node: Formula, bound: frozenset[str], of: tree.Call | None) -> frozenset[str]:
     """The free variables of a node; refuses those that nothing binds and quantifiers that nothing uses."""
     if isinstance(node, Atom):
         for _, name in node.refs:
             if name not in bound:
-                raise FormulaError(
-                    f"the variable '{name}' is free; bind it with forall[{name}]. or exists[{name}]. in front",
-                    *node.at,
-                )
+                raise FormulaError(f"the variable '{name}' is free; {_bind(name, of)}", *node.at)
         return frozenset(name for _, name in node.refs)
     if isinstance(node, tree.Exists | tree.Forall):
-        used = _used(node.body, bound | {node.variable})
+        used = _used(node.body, bound | {node.variable}, of)
         if node.variable not in used:
             raise FormulaError(
                 f"the variable '{node.variable}' is bound here and used nowhere; a value is bound with a `*`, as in "
@@ -88,7 +105,15 @@ def _used(node: Formula, bound: frozenset[str]) -> frozenset[str]:
                 *node.at,
             )
         return used - {node.variable}
-    return frozenset().union(*(_used(child, bound) for child in tree.children(node)))
+    return frozenset().union(*(_used(child, bound, of) for child in tree.children(node)))
+
+
+def _bind(name: str, of: tree.Call | None) -> str:
+    """How a variable can be bound."""
+    mend = f"bind it with forall[{name}]. or exists[{name}]. in front"
+    if of is None:
+        return mend
+    return f"{mend}, or name it as a variable of its own: `{tree.Call(of.name, (*of.arguments, name))}`"
 
 
 @v_args(inline=True)
@@ -122,6 +147,10 @@ class _Builder(Transformer[Token, Formula]):
 
     def lasting(self, _word: Token, distance: Token, operand: Formula) -> Formula:
         return tree.lasting(operand, self._distance(distance))
+
+    def use(self, name: Token, *arguments: Token | None) -> Formula:
+        call = tree.Call(str(name), tuple(str(argument) for argument in arguments if argument is not None))
+        return tree.Use(call, _place(name))  # type: ignore[return-value] # it is written out before anything sees it
 
     def exists(self, word: Token, *parts: object) -> Formula:
         return _quantify(tree.Exists, word, parts)

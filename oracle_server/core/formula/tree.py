@@ -10,6 +10,8 @@ from typing import Literal
 Position = tuple[int, int]
 """Line and column in the formula's text, both from 1."""
 
+Time = Literal["steps", "seconds"]
+"""What bounds count."""
 Scalar = str | bool | int | float
 
 
@@ -64,7 +66,33 @@ ALL_PAST = Bound()
 
 
 @dataclass(frozen=True, slots=True)
-class Atom:
+class Call:
+    """A name of `define:` where it is used, and the variables that stand for its own."""
+
+    name: str
+    arguments: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return f"{self.name}({', '.join(self.arguments)})" if self.arguments else self.name
+
+
+@dataclass(frozen=True, slots=True)
+class _Node:
+    """What all nodes have: the name that stands for one in the text; it does not count as part of the formula."""
+
+    written: Call | None = field(default=None, compare=False, repr=False, kw_only=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Use:
+    """A name where it stands in a text that is being read; no formula has any."""
+
+    call: Call
+    at: Position = field(default=(1, 1), compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Atom(_Node):
     """`{k: v, …}`: holds where the step's signals meet every constraint; without any it is `true`.
 
     Of two signals that are compared both are there: `{v > limit}` has the constraint `limit: *` as well.
@@ -80,14 +108,14 @@ class Atom:
 
 
 @dataclass(frozen=True, slots=True)
-class Not:
+class Not(_Node):
     """`not φ`."""
 
     operand: Formula
 
 
 @dataclass(frozen=True, slots=True)
-class And:
+class And(_Node):
     """`φ and ψ`."""
 
     left: Formula
@@ -95,7 +123,7 @@ class And:
 
 
 @dataclass(frozen=True, slots=True)
-class Or:
+class Or(_Node):
     """`φ or ψ`."""
 
     left: Formula
@@ -103,7 +131,7 @@ class Or:
 
 
 @dataclass(frozen=True, slots=True)
-class Implies:
+class Implies(_Node):
     """`φ -> ψ`."""
 
     left: Formula
@@ -111,14 +139,14 @@ class Implies:
 
 
 @dataclass(frozen=True, slots=True)
-class Pre:
+class Pre(_Node):
     """`pre φ`: there is a step before this one and φ held there."""
 
     operand: Formula
 
 
 @dataclass(frozen=True, slots=True)
-class Once:
+class Once(_Node):
     """`once[a:b] φ`."""
 
     operand: Formula
@@ -126,7 +154,7 @@ class Once:
 
 
 @dataclass(frozen=True, slots=True)
-class Historically:
+class Historically(_Node):
     """`historically[a:b] φ`."""
 
     operand: Formula
@@ -134,7 +162,7 @@ class Historically:
 
 
 @dataclass(frozen=True, slots=True)
-class Since:
+class Since(_Node):
     """`φ since[a:b] ψ`."""
 
     left: Formula
@@ -143,7 +171,7 @@ class Since:
 
 
 @dataclass(frozen=True, slots=True)
-class Exists:
+class Exists(_Node):
     """`exists[x]. φ`, over all values: those seen so far and those not seen yet."""
 
     variable: str
@@ -152,7 +180,7 @@ class Exists:
 
 
 @dataclass(frozen=True, slots=True)
-class Forall:
+class Forall(_Node):
     """`forall[x]. φ`, over all values: those seen so far and those not seen yet."""
 
     variable: str

@@ -63,7 +63,16 @@ class _Explainer:
         """What decides that a part holds at all of some steps, or at none of them."""
         if len(steps) > _MOST_STEPS or part.formula in (tree.FIRST, tree.FALSE):
             return [self._plain(part, steps, holds)]
-        return self._deciding_parts(part, steps, holds)
+        found = self._deciding_parts(part, steps, holds)
+        if part.formula.written is None or not isinstance(part.formula, tree.Not | tree.And | tree.Or | tree.Implies):
+            return found
+        return found if is_simple(part.formula) else [self._named(part, steps, holds, found)]
+
+    def _named(self, part: Part, steps: Steps, holds: bool, found: list[Reason]) -> Reason:
+        """That a part with a name held, or did not, and why."""
+        now = "holds" if holds else "does not hold"
+        text = now if [*steps] == [self._now] else "held" if holds else "did not hold"
+        return self._reason(part, steps, holds, text, parts=tuple(found), told=True)
 
     def _deciding_parts(self, part: Part, steps: Steps, holds: bool) -> list[Reason]:  # noqa: PLR0911 -- a case a node
         match part.formula:
@@ -279,7 +288,7 @@ class _Explainer:
         window, whole = self._windows(part.formula.bound, steps)
         where, ends = self._where(part.formula.bound, steps, window)
         if whole and [*steps] == [self._now] and is_simple(right.formula) and self._recall.are(right, False, window):
-            text = f"no {self._wording.formula(right)} {where}"
+            text = f"no {self._wording.name(right)} {where}"
             text += self._saying.nearest(right, part.formula.bound, window)
             return self._reason(part, steps, False, text, window=ends)
         known, missing = True, set[int]()
