@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 
+from msgspec import structs
+
 from oracle_server.core.explanation import Failing, Reason, Why
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.parse import Time
@@ -64,9 +66,11 @@ class _Explainer:
         if len(steps) > _MOST_STEPS or part.formula in (tree.FIRST, tree.FALSE):
             return [self._plain(part, steps, holds)]
         found = self._deciding_parts(part, steps, holds)
-        if part.formula.written is None or not isinstance(part.formula, tree.Not | tree.And | tree.Or | tree.Implies):
+        if part.formula.written is None or is_simple(part.formula):
             return found
-        return found if is_simple(part.formula) else [self._named(part, steps, holds, found)]
+        if isinstance(part.formula, tree.Not | tree.And | tree.Or | tree.Implies):
+            return [self._named(part, steps, holds, found)]
+        return [structs.replace(reason, told=True) for reason in found]
 
     def _named(self, part: Part, steps: Steps, holds: bool, found: list[Reason]) -> Reason:
         """That a part with a name held, or did not, and why."""
@@ -272,11 +276,13 @@ class _Explainer:
         else:
             found = sorted(witnesses)
             times = self._times(found)
-            parts = self._deeper([(right, True, found), (left, True, sorted(between))])
+            lasted = tree.lasted(part.formula) is not None
+            sides: list[tuple[Part, bool, Steps]] = [(right, True, found), (left, True, sorted(between))]
+            parts = self._deeper([(right, True, sorted(witnesses | between))] if lasted else sides)
             text = self._saying.since(left, right, times, found)
             text += self._saying.ran_out(part.formula.bound) if [*steps] == [self._now] else ""
             window = (times[0], self._recall.time(steps[-1])) if between else None
-            return self._reason(part, steps, True, text, times, found, window=window, parts=parts)
+            return self._reason(part, steps, True, text, times, found, window=window, parts=parts, told=lasted)
         when = self._when(part) if [*steps] == [self._now] else None
         if when is None:
             return self._plain(part, steps, True)
@@ -307,8 +313,13 @@ class _Explainer:
         known = known and self._recall.are(right, False, missing)
         plain = is_simple(right.formula) and not broken
         sides = [(right, False, sorted(missing)), (left, False, sorted(broken))] if known and not plain else []
+        text = f"none with its left side ever since {where}"
+        lasted = tree.lasted(part.formula) is not None
+        if lasted:
+            sides = [(right, False, sorted(missing | broken))] if sides else []
+            text = "it has not lasted so long"
         parts = tuple(r for side, value, at in sides if at for r in self.reasons(side, value, at))
-        return self._reason(part, steps, False, f"none with its left side ever since {where}", window=ends, parts=parts)
+        return self._reason(part, steps, False, text, window=ends, parts=parts, told=lasted)
 
     def _windows(self, bound: Bound, steps: Steps) -> tuple[list[int], bool]:
         """All steps in the windows of some steps, and whether all of them are remembered."""

@@ -51,6 +51,8 @@ class Saying:
     def since(self, left: Part, right: Part, times: Sequence[int], steps: Sequence[int]) -> str:
         """That the right side of a `since` held at steps, and the left one ever after."""
         text, _ = self.held(right, times, steps, holds=True)
+        if left.formula == right.formula:
+            return f"{self._wording.name(right) if is_simple(right.formula) else 'its operand'} {text}, and ever since"
         name = self._wording.name(right) if is_simple(right.formula) else "its right side"
         after = left.formula
         if isinstance(after, tree.Not) and is_simple(after):
