@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from oracle_server.core.errors import FormulaError
 from oracle_server.core.formula import tree
+from oracle_server.core.formula.definitions import defined
 from oracle_server.core.formula.parse import MAX_TEXT, Time, parse_formula
 from oracle_server.core.formula.render import render, render_atom
 from oracle_server.core.formula.size import MAX_DEPTH
@@ -22,8 +23,10 @@ distances = st.builds(int.__mul__, st.integers(0, 10**9), st.sampled_from((1, 10
 PIECES = (
     *("(", ")", "{", "}", "[", "]", ":", ",", "*", ".", '"', "'", "->", "!", "&&", "-", "\n", "\x00", "é", "٣"),
     *("not ", "once", " since ", " and ", " or ", "exists[x]. ", "forall[x, y]. ", "true", "inf"),
-    *("7", "0.5", "1e999", "ms", "a", "*x"),
+    *("7", "0.5", "1e999", "ms", "a", "*x", "first", "lasting[", "moving", "at(", "x)", "{v > w}", "< w"),
 )
+NAMES = defined({"moving": "{a} or {b}", "at(r)": "exists[x]. {a: *r, b: *x}", "broken": "{"}, [])
+"""Names that texts may have."""
 
 
 def flag(key: str) -> Atom:
@@ -33,7 +36,7 @@ def flag(key: str) -> Atom:
 def read(text: str, time: Time) -> Formula | None:
     """The formula, None where it is refused, with a place that is in the text."""
     try:
-        return parse_formula(text, time)
+        return parse_formula(text, time, NAMES)
     except FormulaError as error:
         refusal = error
     lines = dict(enumerate(text.split("\n"), 1))

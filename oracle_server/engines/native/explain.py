@@ -7,7 +7,7 @@ explained at several steps at once is explained once.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 
 from msgspec import structs
 
@@ -22,6 +22,7 @@ from oracle_server.engines.native.guarded import SomeGuarded
 from oracle_server.engines.native.keys import key_of, texts_of
 from oracle_server.engines.native.latest import Latest
 from oracle_server.engines.native.parts import Part, is_simple
+from oracle_server.engines.native.reasons import leaves, size, spots
 from oracle_server.engines.native.recall import Recall
 from oracle_server.engines.native.saying import Saying
 from oracle_server.engines.native.some import Some, SomeOf
@@ -122,7 +123,7 @@ class _Explainer:
         found = [[s for s in steps if self._recall.at(side, s) is value] for side, value in sides]
         alone = [self.reasons(*side, steps) for side, held in zip(sides, found, strict=True) if len(held) == len(steps)]
         if alone:
-            return min(alone, key=_size)
+            return min(alone, key=size)
         rest = sorted({*steps}.difference(found[0]))
         if not {*rest}.issubset(found[1]):
             return [self._plain(part, steps, holds)]
@@ -164,9 +165,9 @@ class _Explainer:
         if not bodies or any(self._recall.at(body, s) is not holds for body in bodies for s in steps):
             return self._reason(part, steps, holds, text)
         found = [(body, self.reasons(body, holds, steps)) for body in bodies]
-        spots = [spot for _, reasons in found for spot in _spots(reasons)]
-        window = (min(spot[0] for spot in spots), max(spot[1] for spot in spots)) if spots else None
-        telling = [item for item in found if any(reason.holds for reason in _leaves(item[1]))][:_MOST_TOLD]
+        told = [spot for _, reasons in found for spot in spots(reasons)]
+        window = (min(spot[0] for spot in told), max(spot[1] for spot in told)) if told else None
+        telling = [item for item in found if any(reason.holds for reason in leaves(item[1]))][:_MOST_TOLD]
         parts = []
         for body, reasons in telling:
             given = f"for {self._wording.values(body.scope, body.values)}"
@@ -381,25 +382,3 @@ class _Explainer:
 def _bound(part: Part) -> Bound:
     assert isinstance(part.formula, tree.Once | tree.Historically)  # noqa: S101 -- see `reasons`
     return part.formula.bound
-
-
-def _leaves(reasons: Iterable[Reason]) -> Iterator[Reason]:
-    for reason in reasons:
-        if reason.parts:
-            yield from _leaves(reason.parts)
-        else:
-            yield reason
-
-
-def _size(reasons: Sequence[Reason]) -> int:
-    return sum(1 for _ in _leaves(reasons))
-
-
-def _spots(reasons: Iterable[Reason]) -> Iterator[tuple[int, int]]:
-    """The first and the last time of each reason that has any."""
-    for reason in reasons:
-        if reason.at is not None:
-            yield reason.at, reason.at
-        if reason.window is not None:
-            yield reason.window
-        yield from _spots(reason.parts)
