@@ -142,9 +142,9 @@ def test_a_bound_of_a_name_counts_what_its_property_counts() -> None:
         (
             MOVING,
             "moving(r)",
-            "`moving(r)` is used here, and `moving` is what is defined; `moving` is defined at s.yaml:3:3",
+            "with: write `moving`; `moving` is defined at s.yaml:3:3",
         ),
-        (AT, "at", "`at` is used here, and `at(r)` is what is defined; `at` is defined at s.yaml:3:3"),
+        (AT, "at", "with: write `at(r)`; `at` is defined at s.yaml:3:3"),
         (AT, "at(i)", "s.yaml:10:7: formula of 'p': the variable 'i' is free"),
         (AT, "forall[i]. at(*i)", "s.yaml:10:21: formula of 'p': between the parentheses of a name stand variables"),
         (AT, "at('r1')", "between the parentheses of a name stand variables"),

@@ -63,7 +63,7 @@ class Names:
         self.used.add(call.name)
         named = self.known[call.name]
         if len(named.call.arguments) != len(call.arguments):
-            raise FormulaError(f"`{call}` is used here, and `{named.call}` is what is defined", *use.at)
+            raise FormulaError(f"`{call}` has not the variables that it is defined with: write `{named.call}`", *use.at)
         found = named.bodies[time]
         if isinstance(found, FormulaError):
             reason = f"`{call.name}` can't be used with `time: {time}`: {found.message}"
