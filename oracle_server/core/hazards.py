@@ -48,9 +48,8 @@ def inspect(
         *_undoing(spec),
         *(replace(p, kind="type") for p in (inspect_fields(spec, types) if types is not None else ())),
     ]
-    if any(problem.severity == "error" for problem in found):
-        return found
-    found += incomparable(spec, types or {})
+    if all(problem.severity != "error" or problem.path[0] != "streams" for problem in found):
+        found += incomparable(spec, types or {})
     if any(problem.severity == "error" for problem in found):
         return found
     return [*found, *vacuous(spec, types or {})]

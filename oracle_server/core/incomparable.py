@@ -15,7 +15,7 @@ from oracle_server.core.typed import StreamTypes
 
 
 def incomparable(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
-    """The comparisons of signals that no event can meet, in a spec without other errors."""
+    """The comparisons of signals that no event can meet, in a spec whose streams are sound."""
     where: dict[Time, list[Place]] = {}
     for i, prop in enumerate(spec.properties):
         for atom in prop.atoms:

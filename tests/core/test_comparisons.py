@@ -186,5 +186,23 @@ properties:
     assert says in str(refusal.value)
 
 
+def test_they_are_told_beside_other_errors() -> None:
+    text = """id: s
+define: {odd: '{v > name}'}
+streams:
+  - {topic: /a, signals: {v: msg.v, name: string(msg.n)}}
+properties:
+  - {id: p, formula: 'pre odd'}
+  - {id: q, formula: '{w: 3}'}
+"""
+    with pytest.raises(SpecError) as refusal:
+        parse_spec(text, "s")
+    assert [str(f).partition(":")[2][:30] for f in refusal.value.findings] == [
+        "6:27: formula of 'p': `v > nam",
+        "7:23: formula of 'q': unknown ",
+    ]
+    assert refusal.value.findings[0].message.endswith("; `odd` is defined at s:2:10")
+
+
 def test_a_text_of_one_stream_does_not_refuse_the_number_of_another() -> None:
     assert warned("{v > limit}", NUMBERS, "topic: /b, signals: {v: string(msg.v), limit: msg.limit}") == []
