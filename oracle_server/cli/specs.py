@@ -6,13 +6,15 @@ from collections import Counter
 from collections.abc import Iterable
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from oracle_server.cli.options import SpecFiles, TypeFolders
 from oracle_server.core.errors import Finding, SpecError
-from oracle_server.core.spec import Property
+
+if TYPE_CHECKING:
+    from oracle_server.core.spec import Property
 
 _ROS: dict[str, Literal[1, 2]] = {"1": 1, "2": 2}
 
