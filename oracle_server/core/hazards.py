@@ -12,6 +12,7 @@ from oracle_server.core.errors import ExpressionError, SpecProblem
 from oracle_server.core.events import StreamKey
 from oracle_server.core.expression import MAX_PATTERNS, Expression, check_shape, parse_expression, too_dear
 from oracle_server.core.fields import inspect_fields
+from oracle_server.core.incomparable import incomparable
 from oracle_server.core.kinds import RESERVED
 from oracle_server.core.nearest import either, listed, near, nearest
 from oracle_server.core.spec import Spec, StreamSpec
@@ -47,6 +48,8 @@ def inspect(
         *_undoing(spec),
         *(replace(p, kind="type") for p in (inspect_fields(spec, types) if types is not None else ())),
     ]
+    if all(problem.severity != "error" or problem.path[0] != "streams" for problem in found):
+        found += incomparable(spec, types or {})
     if any(problem.severity == "error" for problem in found):
         return found
     return [*found, *vacuous(spec, types or {})]

@@ -244,8 +244,8 @@ class _Making:
 
         def reads(keys: _Keys) -> bool:
             if own is not None:
-                return not keys or not keys.isdisjoint(own)
-            return not keys or not keys <= others or not keys.isdisjoint(RESERVED)
+                return not keys.isdisjoint(own)
+            return not keys <= others or not keys.isdisjoint(RESERVED)
 
         alike = stream.kind, own, stream.hold
         if alike not in self._reading:

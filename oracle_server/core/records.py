@@ -30,7 +30,8 @@ class EventRecord(TypedDict):
 class FailingRecord(TypedDict):
     """A constraint that a step did not meet: the signal, its value, and what was wanted, compared by `op`.
 
-    `value` is None where the signal is `missing`: absent, or not computed. `wanted` is None for any other value.
+    `value` is None where the signal is `missing`: absent, or not computed. `wanted` is None for any other value; it is
+    the value of the signal `than`, where there is one.
     """
 
     signal: str
@@ -38,6 +39,7 @@ class FailingRecord(TypedDict):
     wanted: Scalar | None
     value: Scalar | None
     missing: NotRequired[Literal["absent", "failed"]]
+    than: NotRequired[str]
 
 
 class ReasonRecord(TypedDict):

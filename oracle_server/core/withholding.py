@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from oracle_server.core.formula.tree import (
+    TRUE,
     And,
     Atom,
     Exists,
@@ -28,9 +29,13 @@ def mendable(spec: Spec, prop: Property, name: str) -> bool:
     own = [s for s in spec.streams if s.name == name]
 
     def quiet(atom: Atom) -> bool | None:
+        if atom == TRUE:
+            return True
         return None if all(c.key in held for c in atom.constraints) else False
 
     def at_event(atom: Atom) -> bool | None:
+        if atom == TRUE:
+            return True
         return None if any(can_meet(s, atom) for s in own) else False
 
     return _present(prop.formula, quiet) is True or _present(prop.formula, at_event) is True

@@ -24,6 +24,7 @@ from oracle_server.core.stamps import Stamp
 from oracle_server.engines.table import ENGINES
 from oracle_server.rostypes.known import Types
 from oracle_server.rostypes.streams import stream_types
+from oracle_server.specfiles.defining import Definitions
 from oracle_server.specfiles.document import MAX_TEXT, Document, read_yaml
 from oracle_server.specfiles.model import HalfModel, PropertyModel, ServiceModel, SpecModel, TopicModel
 from oracle_server.specfiles.texts import formula_finding, texts_findings
@@ -87,8 +88,9 @@ def parse_spec(
         model = SpecModel.model_validate(document.value)
     except ValidationError as error:
         raise SpecError(_sorted([*model_findings(document, error.errors()), *texts_findings(document)])) from None
-    findings: list[Finding] = []
-    properties = [_property(document, i, p, findings) for i, p in enumerate(model.properties)]
+    definitions = Definitions(document)
+    findings = [*definitions.findings()]
+    properties = [_property(document, i, p, definitions, findings) for i, p in enumerate(model.properties)]
     spec = _spec(model, tuple(p or _make(m, SILENT, "") for p, m in zip(properties, model.properties, strict=True)))
     pairs = len(spec.streams) * sum(_parts(prop) for prop in spec.properties)
     if bounded and pairs > MOST_PAIRS:
@@ -105,6 +107,8 @@ def parse_spec(
         *_engines(spec),
         *_revising(spec),
         *(_on_ros(spec, ros, typed) if ros else ()),
+        *definitions.numeric(spec),
+        *definitions.unused(),
     ]
     told = {(p.path, p.within) for p in problems if p.kind == "type" and p.within and p.severity == "error"}
     problems = [p for p in problems if p.kind == "type" or (p.path, p.within) not in told]
@@ -113,7 +117,9 @@ def parse_spec(
     elif any(p.severity == "error" for p in problems):
         problems = [p for p in problems if p.severity == "error" or p.path[-1] != "formula"]
     places = [number - 1 for number in accumulate(stream.traits.leads for stream in spec.streams)]
-    findings = _sorted(dict.fromkeys([*findings, *(_finding(document, p, spec, places) for p in problems)]))
+    findings = _sorted(
+        dict.fromkeys([*findings, *(_finding(document, p, spec, places, definitions) for p in problems)])
+    )
     if any(f.severity == "error" for f in findings):
         raise SpecError(findings)
     return SpecFile(spec, text, tuple(findings))
@@ -141,7 +147,9 @@ def _crowd(document: Document, key: str) -> Finding:
 _ONLY_EXTERNAL = ("url", "timeout", "streams", "names")
 
 
-def _property(document: Document, index: int, model: PropertyModel, findings: list[Finding]) -> Property | None:
+def _property(
+    document: Document, index: int, model: PropertyModel, definitions: Definitions, findings: list[Finding]
+) -> Property | None:
     place: tuple[str | int, ...] = ("properties", index)
     external = model.engine == "external"
     if external:
@@ -164,12 +172,13 @@ def _property(document: Document, index: int, model: PropertyModel, findings: li
         findings.append(Finding(document.file, *document.place(place), message))
         return None
     try:
-        formula = ENGINES[model.engine].read(model.formula, model.time)
+        formula = ENGINES[model.engine].read(model.formula, model.time, definitions.names)
     except EngineError as error:
         findings.append(Finding(document.file, *document.place((*place, "engine")), f"property '{model.id}': {error}"))
         return None
     except FormulaError as error:
-        findings.append(formula_finding(document, index, model.id, error))
+        if not error.told:
+            findings.append(formula_finding(document, index, model.id, error, definitions))
         return None
     return _make(model, formula, " ".join(model.formula.split()))
 
@@ -230,6 +239,8 @@ def _spec(model: SpecModel, properties: tuple[Property, ...]) -> Spec:
         warnings="none",
         exclude={"description": True, "retention": True, "properties": {"__all__": {"description"}}},
     )
+    if not model.define:  # a spec without names is what it was before there were any
+        del meaning["define"]
     digest = hashlib.sha256(json.dumps(meaning, sort_keys=True).encode()).hexdigest()
     return Spec(model.id, streams, properties, ordering, model.description, digest, retention)
 
@@ -303,12 +314,15 @@ def _on_ros(spec: Spec, ros: Ros, typed: Iterable[SpecProblem]) -> Iterator[Spec
     return (problem for problem in ros_hazards(spec, ros) if problem.path[:2] not in mistaken)
 
 
-def _finding(document: Document, problem: SpecProblem, spec: Spec, places: Sequence[int]) -> Finding:
-    place = document.place(_in_file(problem.path, spec, places), problem.within)
-    first = ""
+def _finding(
+    document: Document, problem: SpecProblem, spec: Spec, places: Sequence[int], definitions: Definitions
+) -> Finding:
+    path = _in_file(problem.path, spec, places)
+    place = document.key_place(path) if path[0] == "define" else document.place(path, problem.within)
+    first = definitions.where(path, problem.within)
     if problem.first is not None:
         line, _ = document.place(_in_file(problem.first, spec, places))
-        first = f"; the first is at {document.file}:{line}"
+        first += f"; the first is at {document.file}:{line}"
     return Finding(document.file, *place, problem.message + first, problem.severity, problem.kind)
 
 

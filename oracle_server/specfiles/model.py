@@ -191,4 +191,5 @@ class SpecModel(_Model):
     ordering: OrderingModel = OrderingModel()
     retention: RetentionModel = RetentionModel()
     streams: Annotated[list[StreamModel], Field(min_length=1)]
+    define: dict[SignalName, StrictStr] = {}
     properties: Annotated[list[PropertyModel], Field(min_length=1)]

@@ -55,6 +55,7 @@ _TAKES: Mapping[str, str] = {
     "capacity": "a whole number from 1 to 1000000",
     "events": "a whole number, at least 1",
     "formula": "a text in quotes, such as '{speed > 1} -> {enabled}'",
+    "define": "names, each with a formula in quotes, such as moving: '{speed > 0.1}'",
     "url": "an address such as ws://127.0.0.1:8080",
     "ordering": "keys of its own, such as {max_delay: 500ms}",
     "retention": "keys of its own, such as {age: 168h}",
@@ -77,7 +78,8 @@ _FIRST = ("topic", "service", "type", "request", "response", "signals", "hold", 
 """The keys of a stream that are told first."""
 _KEYS_MEANT: Mapping[str, Mapping[str, str]] = {
     "the file": {"name": "id", "topics": "streams", "services": "streams", "rules": "properties",
-        "formulas": "properties", "requirements": "properties"},
+        "formulas": "properties", "requirements": "properties",
+        **dict.fromkeys(("definitions", "macros", "names", "let"), "define")},
     "a topic": {"name": "topic", "msg_type": "type", "message_type": "type", "datatype": "type", "fields": "signals",
         "variables": "signals", "timestamp": "stamp", "keep": "hold", "timeout": "decide_within"},
     "a service": {"name": "service", "srv_type": "type", "timeout": "decide_within", "req": "request",
@@ -239,6 +241,8 @@ def _takes(path: KeyPath) -> str:
         return _NAMES if path[-1] == "streams" else "a ROS name such as /cmd_vel"
     if isinstance(path[-1], int):
         return "the name of a signal"
+    if len(path) == 2 and path[0] == "define":
+        return _TAKES["formula"]
     if len(path) >= 2 and path[-2] == "signals":
         return "an expression in quotes, such as 'msg.data'"
     return _TAKES.get(str(path[-1]), "something else")

@@ -25,6 +25,11 @@ RYE = r"""
     | _PRE unary                                          -> pre
     | ONCE [bound] unary                                  -> once
     | HISTORICALLY [bound] unary                          -> historically
+    | TRUE                                                -> always
+    | FALSE                                               -> never
+    | FIRST                                               -> first
+    | LASTING "[" LOWER "]" unary                         -> lasting
+    | DEFINED ["(" VARIABLE ("," VARIABLE)* ")"]          -> use
     | EXISTS "[" VARIABLE ("," VARIABLE)* "]" "." implication -> exists
     | FORALL "[" VARIABLE ("," VARIABLE)* "]" "." implication -> forall
 
@@ -38,6 +43,7 @@ constraint: key                                           -> flag
     | key (":" | "==" | "=") value                        -> equal
     | key "!=" literal                                    -> unequal
     | key COMPARE NUMBER                                  -> compare
+    | key COMPARE NAME                                    -> compare_signals
 key: NAME | STRING
 ?value: literal
     | "*" VARIABLE                                        -> ref
@@ -59,6 +65,8 @@ _PRE: /(pre|Y)\b/
 ONCE: /(once|P)\b/
 HISTORICALLY: /(historically|H)\b/
 SINCE: /(since|S)\b/
+LASTING: /lasting\b/
+FIRST: /first\b/
 EXISTS: /(exists|E)\b/
 FORALL: /(forall|A)\b/
 _INF: /inf\b/
@@ -68,6 +76,7 @@ TRUE.2: /true\b/
 FALSE.2: /false\b/
 NAME: /[A-Za-z_][A-Za-z0-9_]*/
 ROSNAME: /[~\/][A-Za-z0-9_\/]*/
+DEFINED.-1: /[A-Za-z_][A-Za-z0-9_]*/
 VARIABLE: /[A-Za-z_][A-Za-z0-9_]*/
 STRING: /"[^"\n]*"/ | /'[^'\n]*'/
 NUMBER: /-?\d+(\.\d+)?([eE][+-]?\d+)?/

@@ -7,7 +7,9 @@ explained at several steps at once is explained once.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
+
+from msgspec import structs
 
 from oracle_server.core.explanation import Failing, Reason, Why
 from oracle_server.core.formula import tree
@@ -20,6 +22,7 @@ from oracle_server.engines.native.guarded import SomeGuarded
 from oracle_server.engines.native.keys import key_of, texts_of
 from oracle_server.engines.native.latest import Latest
 from oracle_server.engines.native.parts import Part, is_simple
+from oracle_server.engines.native.reasons import leaves, size, spots
 from oracle_server.engines.native.recall import Recall
 from oracle_server.engines.native.saying import Saying
 from oracle_server.engines.native.some import Some, SomeOf
@@ -71,8 +74,20 @@ class _Explainer:
 
     def reasons(self, part: Part, holds: bool, steps: Steps) -> list[Reason]:
         """What decides that a part holds at all of some steps, or at none of them."""
-        many = len(steps) > _MOST_STEPS
-        return [self._plain(part, steps, holds)] if many else self._deciding_parts(part, steps, holds)
+        if len(steps) > _MOST_STEPS or part.formula in (tree.FIRST, tree.FALSE):
+            return [self._plain(part, steps, holds)]
+        found = self._deciding_parts(part, steps, holds)
+        if part.formula.written is None or is_simple(part.formula):
+            return found
+        if isinstance(part.formula, tree.Not | tree.And | tree.Or | tree.Implies):
+            return [self._named(part, steps, holds, found)]
+        return [structs.replace(reason, told=True) for reason in found]
+
+    def _named(self, part: Part, steps: Steps, holds: bool, found: list[Reason]) -> Reason:
+        """That a part with a name held, or did not, and why."""
+        now = "holds" if holds else "does not hold"
+        text = now if [*steps] == [self._now] else "held" if holds else "did not hold"
+        return self._reason(part, steps, holds, text, parts=tuple(found), told=True)
 
     def _deciding_parts(self, part: Part, steps: Steps, holds: bool) -> list[Reason]:  # noqa: PLR0911 -- a case a node
         match part.formula:
@@ -119,7 +134,7 @@ class _Explainer:
         found = [[s for s in steps if self._recall.at(side, s) is value] for side, value in sides]
         alone = [self.reasons(*side, steps) for side, held in zip(sides, found, strict=True) if len(held) == len(steps)]
         if alone:
-            return min(alone, key=_size)
+            return min(alone, key=size)
         rest = sorted({*steps}.difference(found[0]))
         if not {*rest}.issubset(found[1]):
             return [self._plain(part, steps, holds)]
@@ -161,9 +176,9 @@ class _Explainer:
         if not bodies or any(self._recall.at(body, s) is not holds for body in bodies for s in steps):
             return self._reason(part, steps, holds, text)
         found = [(body, self.reasons(body, holds, steps)) for body in bodies]
-        spots = [spot for _, reasons in found for spot in _spots(reasons)]
-        window = (min(spot[0] for spot in spots), max(spot[1] for spot in spots)) if spots else None
-        telling = [item for item in found if any(reason.holds for reason in _leaves(item[1]))][:_MOST_TOLD]
+        told = [spot for _, reasons in found for spot in spots(reasons)]
+        window = (min(spot[0] for spot in told), max(spot[1] for spot in told)) if told else None
+        telling = [item for item in found if any(reason.holds for reason in leaves(item[1]))][:_MOST_TOLD]
         parts = []
         for body, reasons in telling:
             given = f"for {self._wording.values(body.scope, body.values)}"
@@ -273,11 +288,13 @@ class _Explainer:
         else:
             found = sorted(witnesses)
             times = self._times(found)
-            parts = self._deeper([(right, True, found), (left, True, sorted(between))])
+            lasted = tree.lasted(part.formula) is not None
+            sides: list[tuple[Part, bool, Steps]] = [(right, True, found), (left, True, sorted(between))]
+            parts = self._deeper([(right, True, sorted(witnesses | between))] if lasted else sides)
             text = self._saying.since(left, right, times, found)
             text += self._saying.ran_out(part.formula.bound) if [*steps] == [self._now] else ""
             window = (times[0], self._recall.time(steps[-1])) if between else None
-            return self._reason(part, steps, True, text, times, found, window=window, parts=parts)
+            return self._reason(part, steps, True, text, times, found, window=window, parts=parts, told=lasted)
         when = self._when(part) if [*steps] == [self._now] else None
         if when is None:
             return self._plain(part, steps, True)
@@ -289,7 +306,7 @@ class _Explainer:
         window, whole = self._windows(part.formula.bound, steps)
         where, ends = self._where(part.formula.bound, steps, window)
         if whole and [*steps] == [self._now] and is_simple(right.formula) and self._recall.are(right, False, window):
-            text = f"no {self._wording.formula(right)} {where}"
+            text = f"no {self._wording.name(right)} {where}"
             text += self._saying.nearest(right, part.formula.bound, window)
             return self._reason(part, steps, False, text, window=ends)
         known, missing = True, set[int]()
@@ -308,8 +325,13 @@ class _Explainer:
         known = known and self._recall.are(right, False, missing)
         plain = is_simple(right.formula) and not broken
         sides = [(right, False, sorted(missing)), (left, False, sorted(broken))] if known and not plain else []
+        text = f"none with its left side ever since {where}"
+        lasted = tree.lasted(part.formula) is not None
+        if lasted:
+            sides = [(right, False, sorted(missing | broken))] if sides else []
+            text = "it has not lasted so long"
         parts = tuple(r for side, value, at in sides if at for r in self.reasons(side, value, at))
-        return self._reason(part, steps, False, f"none with its left side ever since {where}", window=ends, parts=parts)
+        return self._reason(part, steps, False, text, window=ends, parts=parts, told=lasted)
 
     def _windows(self, bound: Bound, steps: Steps) -> tuple[list[int], bool]:
         """All steps in the windows of some steps, and whether all of them are remembered."""
@@ -371,25 +393,3 @@ class _Explainer:
 def _bound(part: Part) -> Bound:
     assert isinstance(part.formula, tree.Once | tree.Historically)  # noqa: S101 -- see `reasons`
     return part.formula.bound
-
-
-def _leaves(reasons: Iterable[Reason]) -> Iterator[Reason]:
-    for reason in reasons:
-        if reason.parts:
-            yield from _leaves(reason.parts)
-        else:
-            yield reason
-
-
-def _size(reasons: Sequence[Reason]) -> int:
-    return sum(1 for _ in _leaves(reasons))
-
-
-def _spots(reasons: Iterable[Reason]) -> Iterator[tuple[int, int]]:
-    """The first and the last time of each reason that has any."""
-    for reason in reasons:
-        if reason.at is not None:
-            yield reason.at, reason.at
-        if reason.window is not None:
-            yield reason.window
-        yield from _spots(reason.parts)
