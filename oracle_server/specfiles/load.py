@@ -105,7 +105,7 @@ def parse_spec(
         *typed,
         *inspect(spec, graph, known),
         *_engines(spec),
-        *_revising(spec),
+        *_revising(spec, model),
         *(_on_ros(spec, ros, typed) if ros else ()),
         *definitions.numeric(spec),
         *definitions.unused(),
@@ -292,9 +292,14 @@ def _engines(spec: Spec) -> Iterator[SpecProblem]:
                 yield SpecProblem(("streams", j, "on_deny"), f"`on_deny: undo` {native} (property '{prop.id}')")
 
 
-def _revising(spec: Spec) -> Iterator[SpecProblem]:
+def _revising(spec: Spec, model: SpecModel) -> Iterator[SpecProblem]:
     """What keeps `late: revise` from being what it says."""
     if spec.ordering.late != "revise":
+        if "horizon" in model.ordering.model_fields_set:
+            yield SpecProblem(
+                ("ordering", "horizon"),
+                "`horizon` is that of `late: revise`; write that too, or leave `horizon` out",
+            )
         return
     if spec.ordering.by != "publication":
         yield SpecProblem(

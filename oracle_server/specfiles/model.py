@@ -17,7 +17,6 @@ from pydantic import (
     StrictStr,
     Tag,
     model_serializer,
-    model_validator,
 )
 
 from oracle_server.core.spec import HORIZON, IDENTIFIER, LONGEST_HORIZON
@@ -69,12 +68,6 @@ class OrderingModel(_Model):
     max_skew: Duration = 10**9
     capacity: Annotated[int, Field(strict=True, ge=1, le=1_000_000)] = 10_000
     horizon: Annotated[Duration, Field(gt=0, le=LONGEST_HORIZON)] = HORIZON
-
-    @model_validator(mode="after")
-    def _reasonable(self) -> OrderingModel:
-        if "horizon" in self.model_fields_set and self.late != "revise":
-            raise ValueError("`horizon` is that of `late: revise`: write that too, or leave `horizon` out")
-        return self
 
     @model_serializer(mode="wrap")
     def _meaning(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
