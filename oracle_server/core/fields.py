@@ -149,7 +149,7 @@ def _unfit(shape: Shape, value: Any, path: tuple[str | int, ...]) -> Iterator[tu
 
 
 def _default_signals(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
-    held = frozenset[str]().union(*(s.hold for s in spec.streams))
+    held = spec.kept
     for i, stream in enumerate(spec.streams):
         yield from _held_fields(i, stream, types)
     warned: set[str] = set()

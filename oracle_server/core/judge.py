@@ -8,8 +8,9 @@ from functools import partial
 
 import msgspec
 
+from oracle_server.core.derived.state import Derived, LastStep, Turn
 from oracle_server.core.engine import Engine, Measuring
-from oracle_server.core.events import TICKS, Event, Order, Step
+from oracle_server.core.events import TICKS, Event, Order, Signals, Step
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.holding import Held, together
 from oracle_server.core.past import Past
@@ -21,6 +22,8 @@ from oracle_server.core.snapshot import JudgeSnapshot
 from oracle_server.core.verdicts import DENYING, NEGATIVE, Decision, Explanation, Judged, Outcome, Verdict
 
 _NO_ONE = frozenset[int]()
+_NO_TURN = Turn({}, ())
+"""What a tick is that is due for the deadlines of engines alone."""
 
 
 @dataclass(slots=True)
@@ -56,6 +59,7 @@ class Judge:
         self._measures = any(isinstance(engine, Measuring) for engine in engines)
         self._held: dict[str, Held] = {}
         """By monitor; the monitor with the latest event is the last one."""
+        self._derived = None if plan.derived is None else Derived(plan.derived)
         self._degraded = False
         ordering = plan.spec.ordering
         self._slack = ordering.max_skew + (ordering.max_delay or 0)
@@ -81,10 +85,14 @@ class Judge:
         """When time alone may change an outcome next, in nanoseconds; None for never."""
         if not self._plan.timed:
             return None
-        if self._outdated:
+        derived = self._derived
+        if self._outdated or (derived is not None and derived.is_due):
             return self._ticked
         after = max(self.present, self._ticked)
         deadlines = [d for state in self.properties if (d := state.next_deadline(after)) is not None]
+        if derived is not None:
+            turn = derived.next_deadline(after, self._last)
+            deadlines += [] if turn is None else [turn]
         return min(deadlines, default=None)
 
     def snapshot(self) -> JudgeSnapshot | None:
@@ -92,7 +100,7 @@ class Judge:
         states = [saved for state in self.properties if (saved := state.snapshot()) is not None]
         if len(states) < len(self.properties):
             return None
-        return {
+        judge: JudgeSnapshot = {
             "properties": states,
             "held": [(monitor, held.values, sorted(held.failed)) for monitor, held in self._held.items()],
             "counters": {name: getattr(self.counters, name) for name in Counters.__slots__},
@@ -102,6 +110,9 @@ class Judge:
             "outdated": self._outdated,
             "recent": self._recent.snapshot(),
         }
+        if self._derived is not None:
+            judge["derived"] = self._derived.snapshot()
+        return judge
 
     def restore(self, data: JudgeSnapshot, numbers: Iterator[int]) -> None:
         """Take over a snapshot; verdicts are numbered from `numbers`. Raises `EngineError` where it can't be used."""
@@ -112,6 +123,8 @@ class Judge:
         self._degraded, self.present, self._ticked = data["degraded"], data["present"], data["ticked"]
         self._outdated = data.get("outdated", False)
         self._recent.restore(data["recent"])
+        if self._derived is not None:
+            self._derived.restore(data["derived"])
         self._numbers = numbers
 
     def give_up(self, reason: str, numbers: Iterator[int]) -> None:
@@ -124,6 +137,8 @@ class Judge:
         """Begin at a time (ns): what never comes is missed from then on."""
         for state in self.properties:
             state.begin(time)
+        if self._derived is not None:
+            self._derived.begin(time)
 
     def degrade(self) -> None:
         """Mark every verdict from now on as one before which something is known to be lost, skipped or failed."""
@@ -149,19 +164,28 @@ class Judge:
             return self._try(step, now)
         return self._judge(step, now)
 
-    def tick(self, time: int, now: int) -> Judged | None:
-        """Judge a step at `time` with held signals only, and take it back; None where it changes no outcome.
+    def tick(self, time: int, now: int, recorded: Signals | None = None) -> Judged | None:
+        """Judge a step at `time` without an event's own signals, and take it back; None where it changes no outcome.
 
         It is judged by the properties of which a deadline has run out since the last step: another one's deadline is no
-        step of theirs. Before the first step only those with a grace are judged: nothing else is known then.
+        step of theirs. Before the first step only those with a grace are judged, and those that read derived signals:
+        nothing else is known then. `recorded` are the signals of one that was judged before.
         """
+        turn = _NO_TURN if self._derived is None else self._turn(self._derived, time, recorded)
         self._ticked, self._outdated = time, False
-        signals, failed = together(self._held.values())
+        if turn is None:
+            return None
+        held, failing = together(self._held.values())
+        stored: Mapping[str, Scalar] = {**held, **turn.carried}
+        signals, failed = self._with_derived(stored, failing, time)
+        turned = {*turn.turned}
+        if self._derived is not None:
+            turned |= self._derived.turned_for(signals, self._last)
         views = self._plan.silent
         self._tick = time, signals, failed
         found = [
-            s.tick(view, time, signals, failed) if self._due(s, time) else s.outcome
-            for s, view in zip(self.properties, views, strict=True)
+            s.tick(view, time, signals, failed) if i in turned or self._due(s, time) else s.outcome
+            for i, (s, view) in enumerate(zip(self.properties, views, strict=True))
         ]
         self._tick = None
         if all(state.outcome is outcome for state, outcome in zip(self.properties, found, strict=True)):
@@ -170,7 +194,27 @@ class Judge:
         known = zip(self.properties, found, strict=True)
         verdicts = tuple([self._verdict(s, outcome, signals, time) for s, outcome in known])
         event = Event(TICKS, "", self.counters.ticks, time, now, None)
-        return self._conclude(Step(event, signals, frozenset(failed), time), None, verdicts, now)
+        return self._conclude(Step(event, stored, frozenset(failing), time), None, verdicts, now)
+
+    def _turn(self, derived: Derived, time: int, recorded: Signals | None) -> Turn | None:
+        """The tick that is due at a time; None where nothing turns then that is asked of derived signals."""
+        if recorded is not None:
+            return derived.turn_again(time, self._last, recorded)
+        after = max(self.present, self._ticked)
+        deadlines = (state.next_deadline(after) for state in self.properties)
+        otherwise = self._outdated or any(d is not None and d <= time for d in deadlines)
+        return derived.turn(time, self._last, otherwise=otherwise)
+
+    @property
+    def _last(self) -> LastStep:
+        return LastStep(self.present, self.counters.steps, lambda: together(self._held.values())[0])
+
+    def _with_derived(self, signals: Signals, failed: Names, time: int) -> tuple[Signals, Names]:
+        """The signals of a step without an event, with those that are derived."""
+        if self._derived is None:
+            return signals, failed
+        more = dict(signals)
+        return more, frozenset(self._derived.at(time, self.counters.steps, more, failed))
 
     def _due(self, state: PropertyState, time: int) -> bool:
         deadline = state.next_deadline(self.present) if self.counters.steps or state.grace else None
@@ -186,6 +230,8 @@ class Judge:
     def _try(self, step: Step, now: int) -> Judged:
         """Judge a step, and take it back where it is denied, as if it had never happened."""
         marks = [state.mark() for state in self.properties]
+        if self._derived is not None:
+            self._derived.journal.mark()
         present, steps, held = self.present, self.counters.steps, self._held
         ticked = self._ticked, self._outdated
         self._held = {m: h.copy() if m == step.event.monitor else h for m, h in held.items()}
@@ -193,9 +239,13 @@ class Judge:
         if not _is_denied(judged.decision):
             for state in self.properties:
                 state.keep()
+            if self._derived is not None:
+                self._derived.journal.keep()
             return judged
         for state, mark in zip(self.properties, marks, strict=True):
             state.back(mark)
+        if self._derived is not None:
+            self._derived.back()
         self.present, self.counters.steps, self._held = present, steps, held
         self._ticked, self._outdated = ticked
         self._recent.remove()
@@ -218,6 +268,10 @@ class Judge:
             self._outdate(before)
         blameless = self._blameless(step, stream) if stream.blames else _NO_ONE
         signals, failed = self._signals(step, stream)
+        if self._derived is not None and (stream.derives or self.counters.steps == 1):
+            failed = frozenset(
+                self._derived.step(stream.derives, step, signals, failed, self.present, self.counters.steps)
+            )
         self._recent.add(self.counters.steps, self.present, step, signals, failed)
         number: int | None = self.counters.steps
         outcomes, worse, time, degraded = [], [], self.present, self._degraded
@@ -249,10 +303,11 @@ class Judge:
         if not (self._decides and step.event.ask):
             return _NO_ONE
         held = self._held.get(step.event.monitor, Held())
+        signals, failed = self._with_derived(held.values, held.failed, self.present)
         return frozenset(
             i
             for i in stream.blames
-            if self.properties[i].silent(self._plan.silent[i], self.present, held.values, held.failed) in NEGATIVE
+            if self.properties[i].silent(self._plan.silent[i], self.present, signals, failed) in NEGATIVE
         )
 
     def _verdict(self, state: PropertyState, outcome: Outcome, signals: Mapping[str, Scalar], time: int) -> Verdict:

@@ -1,0 +1,190 @@
+"""The derived signals of one order of events."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+from oracle_server.core.derived.age import Age
+from oracle_server.core.derived.arithmetic import Arithmetic
+from oracle_server.core.derived.counts import Count, Rate
+from oracle_server.core.derived.definition import Definition
+from oracle_server.core.derived.extremes import Extreme
+from oracle_server.core.derived.keyed import Keyed, key_of, value_of
+from oracle_server.core.derived.latest import Delta, Last, Previous
+from oracle_server.core.derived.layout import Layout, Part
+from oracle_server.core.derived.samples import FAILED, NOTHING
+from oracle_server.core.derived.sums import Mean, Sum
+from oracle_server.core.derived.watch import Carried, Watch
+from oracle_server.core.derived.window import Series, Session
+from oracle_server.core.events import Signals, Step
+from oracle_server.core.formula.tree import Scalar
+
+_MAKE: Mapping[str, Callable[[Definition, Session], Series]] = {
+    "expression": Arithmetic,
+    "count": Count,
+    "rate": Rate,
+    "sum": Sum,
+    "mean": Mean,
+    "min": Extreme,
+    "max": Extreme,
+    "last": Last,
+    "previous": Previous,
+    "delta": Delta,
+    "age": Age,
+}
+_NONE: Collection[str] = frozenset()
+
+
+class LastStep(NamedTuple):
+    """The last step: its time (ns), its number, or 0 before the first one, and what is held since."""
+
+    present: int
+    steps: int
+    held: Callable[[], Signals]
+
+
+class Turn(NamedTuple):
+    """A tick that is due: the signals that it carries, and the properties whose deadline it is, all keys aside."""
+
+    carried: Signals
+    turned: Collection[int]
+
+
+class Derived:
+    """Computes derived signals step by step. All of its state can be taken back by its journal."""
+
+    def __init__(self, layout: Layout) -> None:
+        self._layout = layout
+        self._session = Session()
+        self.journal = self._session.journal
+        """What takes changes back: `mark`, then `back` or `keep`."""
+        self._names = [d.name for d in layout.definitions]
+        self._series = [_made(d, self._session) for d in layout.definitions]
+        self._bys = [d.by for d in layout.definitions]
+        self._bound: dict[int, list[Any]] = {}
+        self._silent = self._binding(layout.silent)
+        self._watch: tuple[int, int, Watch] | None = None
+        self._due: list[Carried] = []
+        """The keys for which a tick at the last one's time is still due."""
+
+    def begin(self, time: int) -> None:
+        """Begin at a time (ns)."""
+        self._session.begun, self._watch = time, None
+
+    def step(
+        self,
+        parts: tuple[Part, ...],
+        step: Step,
+        signals: dict[str, Scalar],
+        failed: Collection[str],
+        now: int,
+        number: int,
+    ) -> Collection[str]:
+        """Take step `number`, at `now` (ns): adds what is derived to its signals; returns all that failed."""
+        begun = self._session.begun
+        if begun is None or now < begun:  # nothing is older than the session
+            if self.journal.entries is not None:
+                self.journal.entries.append(partial(setattr, self._session, "begun", begun))
+            self._session.begun = now
+        bound = self._bound.get(id(parts))
+        if bound is None:
+            bound = self._bound[id(parts)] = self._binding(parts)
+        fresh: set[str] = set()
+        for series, sample, name, wanted in bound:
+            if sample is not None:
+                found = sample(step, signals, failed, fresh)
+                if found is not NOTHING:
+                    series.take(found, now, number, signals, failed)
+                    fresh.add(name)
+            if wanted:
+                value = series.value(now, number, signals, failed)
+                if value is FAILED:
+                    failed = {*failed, name}
+                elif value is not None:
+                    signals[name] = value
+        return failed
+
+    def at(self, time: int, number: int, signals: dict[str, Scalar], failed: Collection[str]) -> Collection[str]:
+        """Add what is derived to the signals of a tick, behind step `number`; returns all that failed."""
+        for series, _, name, _ in self._silent:
+            value = series.at(time, number, signals, failed)
+            if value is FAILED:
+                failed = {*failed, name}
+            elif value is not None:
+                signals[name] = value
+        return failed
+
+    def back(self) -> None:
+        """Take back all steps since the last mark."""
+        self._watch = None
+        self.journal.back()
+
+    def next_deadline(self, after: int, last: LastStep) -> int | None:
+        """When, later than `after` (ns), what is asked of derived signals may turn without a step; None for never."""
+        if not self._layout.watched or self._session.begun is None:
+            return None
+        return self._watching(last).next_change(after)
+
+    @property
+    def is_due(self) -> bool:
+        """Whether another tick is due at the time of the last one."""
+        return bool(self._due)
+
+    def turn(self, time: int, last: LastStep, *, otherwise: bool) -> Turn | None:
+        """The next tick that is due at a time; `otherwise`: one is due there for another reason. None where none is."""
+        if self._session.begun is None:
+            return Turn({}, ()) if otherwise else None
+        watch = self._watching(last)
+        if self._due:
+            by, key = self._due.pop(0)
+            return Turn({by: value_of(key)}, watch.turned)
+        plain, self._due = watch.look(time)
+        if plain or otherwise:
+            return Turn({}, watch.turned)
+        return self.turn(time, last, otherwise=False) if self._due else None
+
+    def turn_again(self, time: int, last: LastStep, signals: Signals) -> Turn:
+        """A tick that was judged before, by the signals that it had then."""
+        carried = {by: signals[by] for by in self._layout.keys if by in signals}
+        if self._session.begun is None:
+            return Turn(carried, ())
+        watch = self._watching(last)
+        watch.look(time)
+        return Turn(carried, watch.turned)
+
+    def turned_for(self, signals: Signals, last: LastStep) -> set[int]:
+        """The properties whose deadline a tick with these signals is for the sake of its keys."""
+        if not self._layout.keys or self._session.begun is None:
+            return set()
+        keys = self._watching(last).keys
+        carried = [(by, key_of(signals[by])) for by in self._layout.keys if by in signals]
+        return set[int]().union(*(keys.get(each, ()) for each in carried))
+
+    def snapshot(self) -> Any:
+        """All that later values depend on, as plain data."""
+        return {"begun": self._session.begun, "series": [series.snapshot() for series in self._series]}
+
+    def restore(self, data: Any) -> None:
+        """Take over a snapshot."""
+        self._session.begun = data["begun"]
+        for series, saved in zip(self._series, data["series"], strict=True):
+            series.restore(saved)
+
+    def _watching(self, last: LastStep) -> Watch:
+        present, steps, held = last
+        if self._watch is None or self._watch[:2] != (present, steps):
+            signals = held() if self._layout.keys else {}
+            watch = Watch(self._layout.watched, self._series, self._bys, self._session, present, steps, signals)
+            self._watch = present, steps, watch
+            self._due = []
+        return self._watch[2]
+
+    def _binding(self, parts: Sequence[Part]) -> list[Any]:
+        return [(self._series[p.index], p.sample, self._names[p.index], p.wanted) for p in parts]
+
+
+def _made(definition: Definition, session: Session) -> Series:
+    make = partial(_MAKE[definition.op], definition, session)
+    return Keyed(definition, make, session) if definition.by else make()
