@@ -59,7 +59,7 @@ class Judge:
         self._measures = any(isinstance(engine, Measuring) for engine in engines)
         self._held: dict[str, Held] = {}
         """By monitor; the monitor with the latest event is the last one."""
-        self._derived = None if plan.derived is None else Derived(plan.derived)
+        self._derived = Derived(plan.derived)
         self._degraded = False
         ordering = plan.spec.ordering
         self._slack = ordering.max_skew + (ordering.max_delay or 0)
@@ -79,28 +79,26 @@ class Judge:
         self._tick: tuple[int, Mapping[str, Scalar], Names] | None = None
         for i, state in enumerate(self.properties):
             state.past = partial(self._past, i)
+            state.lacking = partial(self._derived.complaint, state.property.atoms)
 
     @property
     def next_deadline(self) -> int | None:
         """When time alone may change an outcome next, in nanoseconds; None for never."""
         if not self._plan.timed:
             return None
-        derived = self._derived
-        if self._outdated or (derived is not None and derived.is_due):
+        if self._outdated or self._derived.is_due:
             return self._ticked
         after = max(self.present, self._ticked)
         deadlines = [d for state in self.properties if (d := state.next_deadline(after)) is not None]
-        if derived is not None:
-            turn = derived.next_deadline(after, self._last)
-            deadlines += [] if turn is None else [turn]
-        return min(deadlines, default=None)
+        turn = self._derived.next_deadline(after, self._last)
+        return min(deadlines if turn is None else [*deadlines, turn], default=None)
 
     def snapshot(self) -> JudgeSnapshot | None:
         """All that later verdicts depend on, as plain data; None where an engine can't be saved."""
         states = [saved for state in self.properties if (saved := state.snapshot()) is not None]
         if len(states) < len(self.properties):
             return None
-        judge: JudgeSnapshot = {
+        return {
             "properties": states,
             "held": [(monitor, held.values, sorted(held.failed)) for monitor, held in self._held.items()],
             "counters": {name: getattr(self.counters, name) for name in Counters.__slots__},
@@ -109,10 +107,8 @@ class Judge:
             "ticked": self._ticked,
             "outdated": self._outdated,
             "recent": self._recent.snapshot(),
+            "derived": self._derived.snapshot(),
         }
-        if self._derived is not None:
-            judge["derived"] = self._derived.snapshot()
-        return judge
 
     def restore(self, data: JudgeSnapshot, numbers: Iterator[int]) -> None:
         """Take over a snapshot; verdicts are numbered from `numbers`. Raises `EngineError` where it can't be used."""
@@ -123,8 +119,7 @@ class Judge:
         self._degraded, self.present, self._ticked = data["degraded"], data["present"], data["ticked"]
         self._outdated = data.get("outdated", False)
         self._recent.restore(data["recent"])
-        if self._derived is not None:
-            self._derived.restore(data["derived"])
+        self._derived.restore(data.get("derived"))
         self._numbers = numbers
 
     def give_up(self, reason: str, numbers: Iterator[int]) -> None:
@@ -137,8 +132,7 @@ class Judge:
         """Begin at a time (ns): what never comes is missed from then on."""
         for state in self.properties:
             state.begin(time)
-        if self._derived is not None:
-            self._derived.begin(time)
+        self._derived.begin(time)
 
     def degrade(self) -> None:
         """Mark every verdict from now on as one before which something is known to be lost, skipped or failed."""
@@ -171,16 +165,14 @@ class Judge:
         step of theirs. Before the first step only those with a grace are judged, and those that read derived signals:
         nothing else is known then. `recorded` are the signals of one that was judged before.
         """
-        turn = _NO_TURN if self._derived is None else self._turn(self._derived, time, recorded)
+        turn = self._turn(time, recorded)
         self._ticked, self._outdated = time, False
         if turn is None:
             return None
         held, failing = together(self._held.values())
         stored: Mapping[str, Scalar] = {**held, **turn.carried}
         signals, failed = self._with_derived(stored, failing, time)
-        turned = {*turn.turned}
-        if self._derived is not None:
-            turned |= self._derived.turned_for(signals, self._last)
+        turned = {*turn.turned, *self._derived.turned_for(signals, self._last)}
         views = self._plan.silent
         self._tick = time, signals, failed
         found = [
@@ -192,18 +184,20 @@ class Judge:
             return None
         self.counters.ticks += 1
         known = zip(self.properties, found, strict=True)
-        verdicts = tuple([self._verdict(s, outcome, signals, time) for s, outcome in known])
+        verdicts = tuple([self._verdict(s, outcome, signals, failed, time) for s, outcome in known])
         event = Event(TICKS, "", self.counters.ticks, time, now, None)
         return self._conclude(Step(event, stored, frozenset(failing), time), None, verdicts, now)
 
-    def _turn(self, derived: Derived, time: int, recorded: Signals | None) -> Turn | None:
+    def _turn(self, time: int, recorded: Signals | None) -> Turn | None:
         """The tick that is due at a time; None where nothing turns then that is asked of derived signals."""
+        if self._plan.derived is None:
+            return _NO_TURN
         if recorded is not None:
-            return derived.turn_again(time, self._last, recorded)
+            return self._derived.turn_again(time, self._last, recorded)
         after = max(self.present, self._ticked)
         deadlines = (state.next_deadline(after) for state in self.properties)
         otherwise = self._outdated or any(d is not None and d <= time for d in deadlines)
-        return derived.turn(time, self._last, otherwise=otherwise)
+        return self._derived.turn(time, self._last, otherwise=otherwise)
 
     @property
     def _last(self) -> LastStep:
@@ -211,10 +205,10 @@ class Judge:
 
     def _with_derived(self, signals: Signals, failed: Names, time: int) -> tuple[Signals, Names]:
         """The signals of a step without an event, with those that are derived."""
-        if self._derived is None:
+        if self._plan.derived is None:
             return signals, failed
         more = dict(signals)
-        return more, frozenset(self._derived.at(time, self.counters.steps, more, failed))
+        return more, self._derived.at(time, self.counters.steps, more, failed)
 
     def _due(self, state: PropertyState, time: int) -> bool:
         deadline = state.next_deadline(self.present) if self.counters.steps or state.grace else None
@@ -230,8 +224,7 @@ class Judge:
     def _try(self, step: Step, now: int) -> Judged:
         """Judge a step, and take it back where it is denied, as if it had never happened."""
         marks = [state.mark() for state in self.properties]
-        if self._derived is not None:
-            self._derived.journal.mark()
+        self._derived.journal.mark()
         present, steps, held = self.present, self.counters.steps, self._held
         ticked = self._ticked, self._outdated
         self._held = {m: h.copy() if m == step.event.monitor else h for m, h in held.items()}
@@ -239,13 +232,11 @@ class Judge:
         if not _is_denied(judged.decision):
             for state in self.properties:
                 state.keep()
-            if self._derived is not None:
-                self._derived.journal.keep()
+            self._derived.journal.keep()
             return judged
         for state, mark in zip(self.properties, marks, strict=True):
             state.back(mark)
-        if self._derived is not None:
-            self._derived.back()
+        self._derived.back()
         self.present, self.counters.steps, self._held = present, steps, held
         self._ticked, self._outdated = ticked
         self._recent.remove()
@@ -268,10 +259,8 @@ class Judge:
             self._outdate(before)
         blameless = self._blameless(step, stream) if stream.blames else _NO_ONE
         signals, failed = self._signals(step, stream)
-        if self._derived is not None and (stream.derives or self.counters.steps == 1):
-            failed = frozenset(
-                self._derived.step(stream.derives, step, signals, failed, self.present, self.counters.steps)
-            )
+        if stream.derives or self.counters.steps == 1:
+            failed = self._derived.step(stream.derives, step, signals, failed, self.present, self.counters.steps)
         self._recent.add(self.counters.steps, self.present, step, signals, failed)
         number: int | None = self.counters.steps
         outcomes, worse, time, degraded = [], [], self.present, self._degraded
@@ -291,7 +280,7 @@ class Judge:
             why = None
             if state.remember(n, outcome) or state.asked:
                 state.note_first(n, number, step.stamp)
-                why = self._explain(state, signals)
+                why = self._explain(state, signals, failed, self.present)
             passed_by = state.bypassed and not is_degraded
             verdicts.append(
                 Verdict(n, state.property.id, outcome, is_degraded or passed_by, why, robustness, passed_by)
@@ -310,11 +299,13 @@ class Judge:
             if self.properties[i].silent(self._plan.silent[i], self.present, signals, failed) in NEGATIVE
         )
 
-    def _verdict(self, state: PropertyState, outcome: Outcome, signals: Mapping[str, Scalar], time: int) -> Verdict:
+    def _verdict(
+        self, state: PropertyState, outcome: Outcome, signals: Mapping[str, Scalar], failed: Names, time: int
+    ) -> Verdict:
         n, why = next(self._numbers), None
         if state.remember(n, outcome) or state.asked:
             state.note_first(n, None, time)
-            why = self._explain(state, signals)
+            why = self._explain(state, signals, failed, time)
         return self._plain(state, n, outcome, why)
 
     def _plain(self, state: PropertyState, n: int, outcome: Outcome, why: Explanation | None = None) -> Verdict:
@@ -381,12 +372,13 @@ class Judge:
             return signals, step.failed
         return {**known.values, **signals}, step.failed | (known.failed - signals.keys())
 
-    def _explain(self, state: PropertyState, signals: Mapping[str, Scalar]) -> Explanation:
+    def _explain(self, state: PropertyState, signals: Mapping[str, Scalar], failed: Names, time: int) -> Explanation:
         if state.why is None:
             return Explanation(state.property.text, signals)
         timed = state.property.time == "seconds"
+        text = "; ".join([state.why.text, *self._derived.told(state.property.atoms, signals, failed, time)])
         return Explanation(
-            state.property.text, signals, state.why.text, state.why.data(partial(self._recent.recall, timed=timed))
+            state.property.text, signals, text, state.why.data(partial(self._recent.recall, timed=timed))
         )
 
     def _past(self, index: int) -> Past:

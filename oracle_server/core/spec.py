@@ -146,6 +146,11 @@ class Spec:
         derived = frozenset(definition.name for definition in self.derive)
         return derived.union(*(stream.hold for stream in self.streams))
 
+    def derived_of(self, prop: Property) -> tuple[str, ...]:
+        """The derived signals that a property reads, in their order."""
+        keys = {c.key for atom in prop.atoms for c in atom.constraints}
+        return tuple(definition.name for definition in self.derive if definition.name in keys)
+
     @cached_property
     def readings(self) -> tuple[tuple[Atom, ...], ...]:
         """The atoms of each property, and behind them what each derived signal reads."""

@@ -6,6 +6,7 @@ from bisect import bisect_right
 from collections.abc import Collection
 from fractions import Fraction
 
+from oracle_server.core.derived.definition import MAX_SAMPLES
 from oracle_server.core.derived.flips import answer, counts_below
 from oracle_server.core.derived.samples import FAILED, Value
 from oracle_server.core.derived.window import TIME, Asked, Window, least
@@ -19,6 +20,15 @@ class Count(Window):
     """How many there are: an integer."""
 
     __slots__ = ()
+
+    def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> None:
+        """Add one."""
+        if sample is FAILED or self.journal.entries is not None or self.budget.used >= MAX_SAMPLES:
+            super().take(sample, now, number, signals, failed)
+            return
+        self.last = number
+        self.places.append(now if self.clock == TIME else number)
+        self.budget.used += 1
 
     def value(self, now: int, number: int, _signals: Signals, _failed: Collection[str]) -> Value | None:
         """How many there are at a step."""

@@ -25,20 +25,22 @@ class Extreme(Window):
         self._values: list[int | float] = []
         self.columns = (self.places, self._values)
 
-    def add(self, at: int, _sample: Value) -> None:
+    def add(self, at: int, sample: Value) -> None:
         """Add a number, and let go of those that can't be the least one any more."""
-        number: int | float = _sample * self._sign  # type: ignore[operator,assignment] # others are `FAILED`
-        values, end = self._values, len(self._values)
-        while end > self.head and values[end - 1] >= number:
+        number: int | float = sample * self._sign  # type: ignore[operator,assignment] # others are `FAILED`
+        values, places, head, end = self._values, self.places, self.head, len(self._values)
+        while end > head and values[end - 1] >= number:
             end -= 1
-        if end < len(values):
-            if self.session.journal.entries is not None:
-                again = partial(self._uncut, self.places[end:], values[end:])
-                self.session.journal.entries.append(again)
-            self.session.budget.used -= len(values) - end
-            del values[end:], self.places[end:]
+        gone = len(values) - end
+        if gone:
+            if self.journal.entries is not None:
+                self.journal.entries.append(partial(self._uncut, places[end:], values[end:]))
+            del values[end:], places[end:]
         values.append(number)
-        super().add(at, _sample)
+        places.append(at)
+        self.budget.used += 1 - gone
+        if self.journal.entries is not None:
+            self.journal.entries.append(self._unadd)
 
     def value(self, now: int, number: int, _signals: Signals, _failed: Collection[str]) -> Value | None:
         """The extreme at a step."""
@@ -71,4 +73,4 @@ class Extreme(Window):
     def _uncut(self, places: list[int], values: list[Any]) -> None:
         self.places += places
         self._values += values
-        self.session.budget.used += len(places)
+        self.budget.used += len(places)

@@ -107,6 +107,11 @@ class Keyed:
             self._see(entry)
         return entry.series.value(now, number, signals, failed)
 
+    def next(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
+        """Add a sample, and return what it then is."""
+        self.take(sample, now, number, signals, failed)
+        return self.value(now, number, signals, failed)
+
     def at(self, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
         """What it is at a tick for the key that this carries, or that is held."""
         value = signals.get(self._by)

@@ -18,8 +18,9 @@ from oracle_server.core.derived.samples import FAILED, NOTHING
 from oracle_server.core.derived.sums import Mean, Sum
 from oracle_server.core.derived.watch import Carried, Watch
 from oracle_server.core.derived.window import Series, Session
+from oracle_server.core.derived.words import lack, told
 from oracle_server.core.events import Signals, Step
-from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.formula.tree import Atom, Scalar
 
 _MAKE: Mapping[str, Callable[[Definition, Session], Series]] = {
     "expression": Arithmetic,
@@ -34,7 +35,7 @@ _MAKE: Mapping[str, Callable[[Definition, Session], Series]] = {
     "delta": Delta,
     "age": Age,
 }
-_NONE: Collection[str] = frozenset()
+Names = frozenset[str] | set[str]
 
 
 class LastStep(NamedTuple):
@@ -55,8 +56,9 @@ class Turn(NamedTuple):
 class Derived:
     """Computes derived signals step by step. All of its state can be taken back by its journal."""
 
-    def __init__(self, layout: Layout) -> None:
-        self._layout = layout
+    def __init__(self, layout: Layout | None) -> None:
+        """Compute what a layout has; without one, nothing."""
+        layout = self._layout = layout or Layout(())
         self._session = Session()
         self.journal = self._session.journal
         """What takes changes back: `mark`, then `back` or `keep`."""
@@ -78,10 +80,10 @@ class Derived:
         parts: tuple[Part, ...],
         step: Step,
         signals: dict[str, Scalar],
-        failed: Collection[str],
+        failed: Names,
         now: int,
         number: int,
-    ) -> Collection[str]:
+    ) -> Names:
         """Take step `number`, at `now` (ns): adds what is derived to its signals; returns all that failed."""
         begun = self._session.begun
         if begun is None or now < begun:  # nothing is older than the session
@@ -101,17 +103,17 @@ class Derived:
             if wanted:
                 value = series.value(now, number, signals, failed)
                 if value is FAILED:
-                    failed = {*failed, name}
+                    failed = frozenset((*failed, name))
                 elif value is not None:
                     signals[name] = value
         return failed
 
-    def at(self, time: int, number: int, signals: dict[str, Scalar], failed: Collection[str]) -> Collection[str]:
+    def at(self, time: int, number: int, signals: dict[str, Scalar], failed: Names) -> Names:
         """Add what is derived to the signals of a tick, behind step `number`; returns all that failed."""
         for series, _, name, _ in self._silent:
             value = series.at(time, number, signals, failed)
             if value is FAILED:
-                failed = {*failed, name}
+                failed = frozenset((*failed, name))
             elif value is not None:
                 signals[name] = value
         return failed
@@ -162,12 +164,33 @@ class Derived:
         carried = [(by, key_of(signals[by])) for by in self._layout.keys if by in signals]
         return set[int]().union(*(keys.get(each, ()) for each in carried))
 
+    def told(self, atoms: Collection[Atom], signals: Signals, failed: Names, time: int) -> list[str]:
+        """What derived signals of some atoms are at a step or tick, at a time (ns), and what of; not absent ones."""
+        there = [(d, series) for d, series in self._of(atoms) if d.name in signals or d.name in failed]
+        return [told(d, series, signals, time) for d, series in there]
+
+    def complaint(self, atoms: Collection[Atom]) -> str | None:
+        """Why derived signals of some atoms have failed for want of room, None where none has."""
+        found = [f"{d.name} has failed: {reason}" for d, series in self._of(atoms) if (reason := lack(series))]
+        return "; ".join(found) or None
+
+    def _of(self, atoms: Collection[Atom]) -> list[tuple[Definition, Series]]:
+        if not self._series:
+            return []
+        names = {c.key for atom in atoms for c in atom.constraints}
+        pairs = zip(self._layout.definitions, self._series, strict=True)
+        return [(d, series) for d, series in pairs if d.name in names]
+
     def snapshot(self) -> Any:
-        """All that later values depend on, as plain data."""
+        """All that later values depend on, as plain data; None where there are none."""
+        if not self._series:
+            return None
         return {"begun": self._session.begun, "series": [series.snapshot() for series in self._series]}
 
     def restore(self, data: Any) -> None:
         """Take over a snapshot."""
+        if not self._series:
+            return
         self._session.begun = data["begun"]
         for series, saved in zip(self._series, data["series"], strict=True):
             series.restore(saved)

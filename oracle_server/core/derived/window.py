@@ -25,12 +25,19 @@ Asked = Collection[Constraint]
 class Series(Protocol):
     """The state of a derived signal, for one key of it where it has several. Only `take` and `value` change it."""
 
+    last: int
+    """The number of the step of the last sample, 0 before there was one."""
+
     def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> None:
         """Add a sample, or `FAILED`, of a step at `now` (ns), the session's step number `number`."""
         ...
 
     def value(self, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
         """What it is at a step that formulas see so far: None where it is absent."""
+        ...
+
+    def next(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
+        """Add a sample as `take` does; returns what it then is, as `value` does."""
         ...
 
     def at(self, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
@@ -77,13 +84,14 @@ class Session:
 class Window:
     """The positions of the samples in a window, and in further columns what stands at them."""
 
-    __slots__ = ("clock", "columns", "failed_at", "head", "last", "places", "session", "short", "taken", "width")
+    __slots__ = ("budget", "clock", "columns", "failed_at", "head", "journal", "last", "places", "session", "short",
+                 "taken", "width")  # fmt: skip
 
     def __init__(self, definition: Definition, session: Session) -> None:
         assert definition.over is not None  # noqa: S101 -- `check` refuses what has none
         self.width = definition.over
         self.clock = TIME if definition.timed else STEPS if definition.formula is not None else SAMPLES
-        self.session = session
+        self.session, self.journal, self.budget = session, session.journal, session.budget
         self.places: list[int] = []
         self.columns: tuple[list[Any], ...] = (self.places,)
         self.head = 0
@@ -99,7 +107,7 @@ class Window:
 
     def take(self, sample: Value, now: int, number: int, _signals: Signals, _failed: Collection[str]) -> None:
         """Add a sample."""
-        entries = self.session.journal.entries
+        entries = self.journal.entries
         if entries is not None:
             entries.append(partial(self._untake, self.taken, self.last))
         self.last = number
@@ -110,19 +118,28 @@ class Window:
         else:
             at = self.taken = self.taken + 1
             self.move(at - self.width)  # makes room at once
-        if self.session.budget.used >= MAX_SAMPLES:
+        if self.budget.used >= MAX_SAMPLES:
             self.move(at - self.width)
-        if sample is FAILED or self.session.budget.used >= MAX_SAMPLES:
+        if sample is FAILED or self.budget.used >= MAX_SAMPLES:
             self._fail(at, short=sample is not FAILED)
         else:
             self.add(at, sample)
 
+    def next(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
+        """Add a sample, and return what the signal then is."""
+        self.take(sample, now, number, signals, failed)
+        return self.value(now, number, signals, failed)
+
+    def value(self, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
+        """What the signal is at a step."""
+        raise NotImplementedError
+
     def add(self, at: int, _sample: Value) -> None:
         """Put a sample into the columns."""
         self.places.append(at)
-        self.session.budget.used += 1
-        if self.session.journal.entries is not None:
-            self.session.journal.entries.append(self._unadd)
+        self.budget.used += 1
+        if self.journal.entries is not None:
+            self.journal.entries.append(self._unadd)
 
     def move(self, limit: int) -> None:
         """Let go of what is at positions up to a limit."""
@@ -134,14 +151,13 @@ class Window:
         """Let the window begin further on."""
         before = self.head
         self.head = head
-        self.session.budget.used -= head - before
-        entries = self.session.journal.entries
+        self.budget.used -= head - before
+        entries = self.journal.entries
         if entries is not None:
             entries.append(partial(self.unleave, before))
         if head > _TRIM and 2 * head > len(self.places):
-            removed = [column[:head] for column in self.columns]
             if entries is not None:
-                entries.append(partial(self._untrim, removed))
+                entries.append(partial(self._untrim, [column[:head] for column in self.columns]))
             for column in self.columns:
                 del column[:head]
             self.head = 0
@@ -192,16 +208,16 @@ class Window:
         for column, saved in zip(self.columns, columns, strict=True):
             column[:] = saved
         self.head = 0
-        self.session.budget.used += len(self.places)
+        self.budget.used += len(self.places)
 
     def unleave(self, head: int) -> None:
         """Take `leave` back."""
-        self.session.budget.used += self.head - head
+        self.budget.used += self.head - head
         self.head = head
 
     def _fail(self, at: int, *, short: bool) -> None:
-        if self.session.journal.entries is not None:
-            self.session.journal.entries.append(partial(self._unfail, self.failed_at, self.short))
+        if self.journal.entries is not None:
+            self.journal.entries.append(partial(self._unfail, self.failed_at, self.short))
         self.failed_at, self.short = at, short
 
     def _untake(self, taken: int, last: int) -> None:
@@ -210,7 +226,7 @@ class Window:
     def _unadd(self) -> None:
         for column in self.columns:
             column.pop()
-        self.session.budget.used -= 1
+        self.budget.used -= 1
 
     def _unfail(self, failed_at: int | None, short: bool) -> None:
         self.failed_at, self.short = failed_at, short
