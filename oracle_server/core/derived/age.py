@@ -49,11 +49,6 @@ class Age:
         since = self._since if self._since is not None else self._session.begun
         return None if since is None else (now - since) / SECOND
 
-    def next(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
-        """Add a sample, and return what it then is."""
-        self.take(sample, now, number, signals, failed)
-        return self.value(now, number, signals, failed)
-
     def at(self, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
         """The age at a tick."""
         return self.value(now, number, signals, failed)

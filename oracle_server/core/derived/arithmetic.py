@@ -41,11 +41,6 @@ class Arithmetic:
             return value  # type: ignore[no-any-return]
         return FAILED
 
-    def next(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
-        """Add a sample, and return what it then is."""
-        self.take(sample, now, number, signals, failed)
-        return self.value(now, number, signals, failed)
-
     def at(self, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
         """Its value at a tick."""
         return self.value(now, number, signals, failed)

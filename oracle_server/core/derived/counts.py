@@ -35,7 +35,7 @@ class Count(Window):
         limit = (now if self.clock == TIME else number) - self.width
         places = self.places
         if self.head < len(places) and places[self.head] <= limit:
-            self.leave(bisect_right(places, limit, self.head))
+            self.move(limit)
         if self.failed_at is not None and self.failed_at > limit:
             return FAILED
         return len(places) - self.head
@@ -89,7 +89,11 @@ class Rate(Count):
 
     def value(self, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
         """The rate at a step."""
-        return self._rate(super().value(now, number, signals, failed), now)
+        count = super().value(now, number, signals, failed)
+        begun = self.session.begun
+        if begun is None or now < begun + self.width:
+            return FAILED if count is FAILED else None
+        return count * SECOND / self.width if type(count) is int else count
 
     def at(self, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
         """The rate at a tick."""

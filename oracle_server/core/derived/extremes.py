@@ -44,9 +44,9 @@ class Extreme(Window):
 
     def value(self, now: int, number: int, _signals: Signals, _failed: Collection[str]) -> Value | None:
         """The extreme at a step."""
-        limit = self.position(now, number) - self.width
+        limit = (now if self.clock == TIME else self.position(now, number)) - self.width
         if self.head < len(self.places) and self.places[self.head] <= limit:
-            self.leave(bisect_right(self.places, limit, self.head))
+            self.move(limit)
         if self.failed_at is not None and self.failed_at > limit:
             return FAILED
         return self._values[self.head] * self._sign if self.head < len(self._values) else None

@@ -66,7 +66,7 @@ def first_turn(values: Sequence[Scalar], begin: int, asked: Constraint, sign: in
 
 @lru_cache(maxsize=256)
 def turning_ages(asked: tuple[Constraint, ...], seconds: Callable[[int], float]) -> tuple[int, ...]:
-    """The ages (ns) at which an answer may turn, the least first."""
+    """The ages (ns) at which an answer turns, the least first."""
     found: set[int] = set()
     for each in asked:
         middle = border(each)
@@ -77,7 +77,8 @@ def turning_ages(asked: tuple[Constraint, ...], seconds: Callable[[int], float])
         near = range(max(0, nearest - margin), nearest + margin + 2)
         at = float(middle)
         turns = (bisect_left(near, at, key=seconds), bisect_right(near, at, key=seconds))
-        found |= {near[i] for i in turns if i < len(near)}
+        ages = (near[i] for i in turns if i < len(near))
+        found |= {a for a in ages if a and answer(each, seconds(a)) != answer(each, seconds(a - 1))}
     return tuple(sorted(found))
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Iterator
 from functools import partial
 from typing import Any, NamedTuple
 
+from oracle_server.core.atoms import canonical
 from oracle_server.core.derived.age import seconds
 from oracle_server.core.derived.definition import MAX_KEYS, Definition
 from oracle_server.core.derived.flips import turning_ages
@@ -107,11 +108,6 @@ class Keyed:
             self._see(entry)
         return entry.series.value(now, number, signals, failed)
 
-    def next(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
-        """Add a sample, and return what it then is."""
-        self.take(sample, now, number, signals, failed)
-        return self.value(now, number, signals, failed)
-
     def at(self, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
         """What it is at a tick for the key that this carries, or that is held."""
         value = signals.get(self._by)
@@ -175,7 +171,8 @@ class Keyed:
 
     def snapshot(self) -> Any:
         """All series as plain data."""
-        entries = [(value_of(k), e.newest, e.seen, e.series.snapshot()) for k, e in self._entries.items()]
+        known = sorted(self._entries.items(), key=lambda entry: canonical(value_of(entry[0])))
+        entries = [(value_of(k), e.newest, e.seen, e.series.snapshot()) for k, e in known]
         return [entries, self._blind, self._crowded]
 
     def restore(self, data: Any) -> None:

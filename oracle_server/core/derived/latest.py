@@ -34,11 +34,6 @@ class Last:
         """The last sample."""
         return None if self._last is NOTHING else self._last
 
-    def next(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
-        """Add a sample, and return what it then is."""
-        self.take(sample, now, number, signals, failed)
-        return self.value(now, number, signals, failed)
-
     def at(self, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
         """The same at a tick."""
         return self.value(now, number, signals, failed)

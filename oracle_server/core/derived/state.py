@@ -14,7 +14,7 @@ from oracle_server.core.derived.extremes import Extreme
 from oracle_server.core.derived.keyed import Keyed, key_of, value_of
 from oracle_server.core.derived.latest import Delta, Last, Previous
 from oracle_server.core.derived.layout import Layout, Part
-from oracle_server.core.derived.samples import FAILED, NOTHING
+from oracle_server.core.derived.samples import FAILED, NOTHING, always
 from oracle_server.core.derived.sums import Mean, Sum
 from oracle_server.core.derived.watch import Carried, Watch
 from oracle_server.core.derived.window import Series, Session
@@ -36,6 +36,8 @@ _MAKE: Mapping[str, Callable[[Definition, Session], Series]] = {
     "age": Age,
 }
 Names = frozenset[str] | set[str]
+_NONE: set[str] = set()
+"""The derived signals of which a step has a sample, where nobody asks: never changed."""
 
 
 class LastStep(NamedTuple):
@@ -64,6 +66,8 @@ class Derived:
         """What takes changes back: `mark`, then `back` or `keep`."""
         self._names = [d.name for d in layout.definitions]
         self._series = [_made(d, self._session) for d in layout.definitions]
+        self._chained = any(name in d.reads for d in layout.definitions for name in self._names)
+        """Whether some are computed of others."""
         self._bys = [d.by for d in layout.definitions]
         self._bound: dict[int, list[Any]] = {}
         self._silent = self._binding(layout.silent)
@@ -86,20 +90,17 @@ class Derived:
     ) -> Names:
         """Take step `number`, at `now` (ns): adds what is derived to its signals; returns all that failed."""
         begun = self._session.begun
-        if begun is None or now < begun:  # nothing is older than the session
-            if self.journal.entries is not None:
-                self.journal.entries.append(partial(setattr, self._session, "begun", begun))
-            self._session.begun = now
-        bound = self._bound.get(id(parts))
-        if bound is None:
-            bound = self._bound[id(parts)] = self._binding(parts)
-        fresh: set[str] = set()
+        if begun is None or now < begun:
+            self._begin_before(now)
+        bound = self._bound.get(id(parts)) or self._bind(parts)
+        fresh: set[str] = set() if self._chained else _NONE
         for series, sample, name, wanted in bound:
             if sample is not None:
-                found = sample(step, signals, failed, fresh)
+                found = True if sample is always else sample(step, signals, failed, fresh)
                 if found is not NOTHING:
                     series.take(found, now, number, signals, failed)
-                    fresh.add(name)
+                    if self._chained:
+                        fresh.add(name)
             if wanted:
                 value = series.value(now, number, signals, failed)
                 if value is FAILED:
@@ -203,6 +204,15 @@ class Derived:
             self._watch = present, steps, watch
             self._due = []
         return self._watch[2]
+
+    def _begin_before(self, now: int) -> None:
+        """Begin with a step that is older than the session: nothing is."""
+        if self.journal.entries is not None:
+            self.journal.entries.append(partial(setattr, self._session, "begun", self._session.begun))
+        self._session.begun = now
+
+    def _bind(self, parts: tuple[Part, ...]) -> list[Any]:
+        return self._bound.setdefault(id(parts), self._binding(parts))
 
     def _binding(self, parts: Sequence[Part]) -> list[Any]:
         return [(self._series[p.index], p.sample, self._names[p.index], p.wanted) for p in parts]

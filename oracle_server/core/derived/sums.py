@@ -9,42 +9,41 @@ from typing import Any
 
 from oracle_server.core.derived.definition import Definition
 from oracle_server.core.derived.samples import FAILED, Value
-from oracle_server.core.derived.window import Session, Window
+from oracle_server.core.derived.window import TIME, Session, Window
 from oracle_server.core.events import Signals
 
-_FINEST = 1074
-"""Each double is a whole number of 2^-1074: so many are added, and taken away again, without any error."""
+_GRAIN = 64
+"""Binary digits behind the point come in so many: each double has at most 1074, and is a whole number of such units."""
 _QUICK = 900
-"""Up to so many binary digits behind the point, which few numbers have, doubles do the scaling."""
+"""Up to so many of them, and few numbers have more, doubles do the scaling."""
 
 
 class Sum(Window):
     """The sum, rounded once: the double that is nearest to it.
 
-    The total is a whole number of 2^-`_digits`, which are as many as the finest number had that was added.
+    The total, and each number, is kept as a whole number of 2^-`_digits`: fine enough for each number that was added.
     """
 
-    __slots__ = ("_ahead", "_digits", "_inverse", "_total", "_unit", "_values")
+    __slots__ = ("_ahead", "_digits", "_inverse", "_total", "_unit", "_wholes")
 
     def __init__(self, definition: Definition, session: Session) -> None:
         super().__init__(definition, session)
-        self._values: list[float] = []
-        self.columns = (self.places, self._values)
+        self._wholes: list[int] = []
+        self.columns = (self.places, self._wholes)
         self._total = 0
-        self._scale(0)
+        self._set_digits(0)
         self._ahead: tuple[int, int] | None = None
         """At the last tick: where the window began, and the total. Steps, and what takes them back, end it."""
 
     def add(self, at: int, sample: Value) -> None:
         """Add a number."""
-        number = float(sample)  # type: ignore[arg-type] # others are `FAILED`
         entries = self.journal.entries
         if entries is not None:
-            entries.append(partial(self._untotal, self._total, self._digits))
-        scaled = self._scaled(number)
+            entries.append(partial(self._untotal, self._total))
+        whole = self._whole(float(sample))  # type: ignore[arg-type] # others are `FAILED`
         self._ahead = None
-        self._total += scaled
-        self._values.append(number)
+        self._total += whole
+        self._wholes.append(whole)
         self.places.append(at)
         self.budget.used += 1
         if entries is not None:
@@ -53,21 +52,27 @@ class Sum(Window):
     def leave(self, head: int) -> None:
         """Take away those that leave."""
         if self.journal.entries is not None:
-            self.journal.entries.append(partial(self._untotal, self._total, self._digits))
+            self.journal.entries.append(partial(self._untotal, self._total))
         self._ahead = None
-        values, scaled = self._values, self._scaled
-        for i in range(self.head, head):
-            self._total -= scaled(values[i])
+        self._total -= sum(self._wholes[self.head : head])
         super().leave(head)
+
+    def leave_one(self) -> None:
+        """Take away the one that leaves."""
+        self._ahead = None
+        self._total -= self._wholes[self.head]
+        self.head += 1
+        self.budget.used -= 1
 
     def value(self, now: int, number: int, _signals: Signals, _failed: Collection[str]) -> Value | None:
         """The sum at a step."""
-        limit = self.position(now, number) - self.width
-        if self.head < len(self.places) and self.places[self.head] <= limit:
-            self.leave(bisect_right(self.places, limit, self.head))
+        limit = (now if self.clock == TIME else self.position(now, number)) - self.width
+        places = self.places
+        if self.head < len(places) and places[self.head] <= limit:
+            self.move(limit)
         if self.failed_at is not None and self.failed_at > limit:
             return FAILED
-        return self.worth(self._total, len(self.places) - self.head)
+        return self.worth(self._total, len(places) - self.head)
 
     def at(self, now: int, number: int, _signals: Signals, _failed: Collection[str]) -> Value | None:
         """The sum at a tick; each sample is taken away once, where ticks go on."""
@@ -76,8 +81,7 @@ class Sum(Window):
             return FAILED
         begin = bisect_right(self.places, limit, self.head)
         head, total = self._ahead if self._ahead is not None and self._ahead[0] <= begin else (self.head, self._total)
-        for i in range(head, begin):
-            total -= self._scaled(self._values[i])
+        total -= sum(self._wholes[head:begin])
         self._ahead = begin, total
         return self.worth(total, len(self.places) - begin)
 
@@ -88,33 +92,45 @@ class Sum(Window):
         except OverflowError:
             return self._large(total)
 
+    def snapshot(self) -> Any:
+        """The window as plain data, with the numbers as doubles."""
+        *rest, wholes = super().snapshot()
+        return [*rest, [whole / (1 << self._digits) for whole in wholes]]
+
     def restore(self, data: Any) -> None:
         """Take over a snapshot."""
-        super().restore(data)
-        self._total, self._ahead = 0, None
-        for number in self._values:
-            scaled = self._scaled(number)
-            self._total += scaled
+        *rest, numbers = data
+        super().restore([*rest, ()])
+        for number in numbers:
+            self._wholes.append(self._whole(number))
+        self._total, self._ahead = sum(self._wholes), None
 
-    def _scaled(self, number: float) -> int:
-        """A number as a whole number of the total's units, which become finer where it is finer."""
+    def _whole(self, number: float) -> int:
+        """A number in the total's units, which become finer where it is finer."""
         try:
             times = number * self._unit
-            scaled = int(times)
-            if scaled == times:
-                return scaled
+            whole = int(times)
+            if whole == times:
+                return whole
         except (OverflowError, ValueError):  # too large for a double, or finer than doubles scale
             pass
         numerator, denominator = number.as_integer_ratio()
         digits = denominator.bit_length() - 1
         if digits > self._digits:
-            self._total <<= digits - self._digits
-            self._scale(digits)
+            self._refine(-(-digits // _GRAIN) * _GRAIN)
         return numerator << (self._digits - digits)
 
-    def _scale(self, digits: int) -> None:
-        self._digits = digits if digits <= _QUICK else _FINEST
-        self._total <<= self._digits - digits
+    def _refine(self, digits: int) -> None:
+        """Go on in finer units."""
+        if self.journal.entries is not None:
+            self.journal.entries.append(partial(self._coarsen, self._digits, self._wholes[:]))
+        more = digits - self._digits
+        self._wholes[:] = [whole << more for whole in self._wholes]
+        self._total <<= more
+        self._set_digits(digits)
+
+    def _set_digits(self, digits: int) -> None:
+        self._digits = digits
         self._unit = 2.0**digits if digits <= _QUICK else float("inf")
         self._inverse = 2.0**-digits if digits <= _QUICK else 0.0
 
@@ -125,11 +141,13 @@ class Sum(Window):
         except OverflowError:
             return FAILED
 
-    def _untotal(self, total: int, digits: int) -> None:
+    def _untotal(self, total: int) -> None:
         self._total, self._ahead = total, None
-        self._digits = digits
-        self._unit = 2.0**digits if digits <= _QUICK else float("inf")
-        self._inverse = 2.0**-digits if digits <= _QUICK else 0.0
+
+    def _coarsen(self, digits: int, wholes: list[int]) -> None:
+        self._wholes[:] = wholes
+        self._set_digits(digits)
+        self._ahead = None
 
 
 class Mean(Sum):

@@ -17,6 +17,8 @@ TIME: Final = 0
 STEPS: Final = 1
 SAMPLES: Final = 2
 _TRIM = 1024
+_OFTEN = _TRIM - 1
+"""What is left of a place in a window by `&`, but at each 1024th."""
 
 Asked = Collection[Constraint]
 """What formulas ask of a derived signal at ticks."""
@@ -34,10 +36,6 @@ class Series(Protocol):
 
     def value(self, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
         """What it is at a step that formulas see so far: None where it is absent."""
-        ...
-
-    def next(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
-        """Add a sample as `take` does; returns what it then is, as `value` does."""
         ...
 
     def at(self, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
@@ -107,9 +105,8 @@ class Window:
 
     def take(self, sample: Value, now: int, number: int, _signals: Signals, _failed: Collection[str]) -> None:
         """Add a sample."""
-        entries = self.journal.entries
-        if entries is not None:
-            entries.append(partial(self._untake, self.taken, self.last))
+        if self.journal.entries is not None:
+            self.journal.entries.append(partial(self._untake, self.taken, self.last))
         self.last = number
         if self.clock == TIME:
             at = now
@@ -117,18 +114,10 @@ class Window:
             at = number
         else:
             at = self.taken = self.taken + 1
-            self.move(at - self.width)  # makes room at once
-        if self.budget.used >= MAX_SAMPLES:
-            self.move(at - self.width)
         if sample is FAILED or self.budget.used >= MAX_SAMPLES:
-            self._fail(at, short=sample is not FAILED)
+            self._take_or_fail(at, sample)
         else:
             self.add(at, sample)
-
-    def next(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
-        """Add a sample, and return what the signal then is."""
-        self.take(sample, now, number, signals, failed)
-        return self.value(now, number, signals, failed)
 
     def value(self, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
         """What the signal is at a step."""
@@ -145,7 +134,18 @@ class Window:
         """Let go of what is at positions up to a limit."""
         places, head = self.places, self.head
         if head < len(places) and places[head] <= limit:
-            self.leave(bisect_right(places, limit, head))
+            head += 1  # as most often
+            if head < len(places) and places[head] <= limit:
+                self.leave(bisect_right(places, limit, head))
+            elif head & _OFTEN and self.journal.entries is None:
+                self.leave_one()
+            else:
+                self.leave(head)
+
+    def leave_one(self) -> None:
+        """Let the window begin one further on, where nothing is to be taken back, or to be trimmed."""
+        self.head += 1
+        self.budget.used -= 1
 
     def leave(self, head: int) -> None:
         """Let the window begin further on."""
@@ -214,6 +214,14 @@ class Window:
         """Take `leave` back."""
         self.budget.used += self.head - head
         self.head = head
+
+    def _take_or_fail(self, at: int, sample: Value) -> None:
+        """Add a sample that is not known, or for which there may be no room."""
+        self.move(at - self.width)
+        if sample is FAILED or self.budget.used >= MAX_SAMPLES:
+            self._fail(at, short=sample is not FAILED)
+        else:
+            self.add(at, sample)
 
     def _fail(self, at: int, *, short: bool) -> None:
         if self.journal.entries is not None:

@@ -2,7 +2,7 @@
 
     python -m tests.core.derived.test_against_reference 50000     # so many cases a clock and way, by hand
 
-prints how many differ, and the first that does; `--seed` begins elsewhere.
+prints how many differ, and the first that does; `--seed` begins elsewhere, `--way` takes one way.
 """
 
 from __future__ import annotations
@@ -132,13 +132,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Compare derived signals with the reference.")
     parser.add_argument("cases", type=int)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--way", choices=list(WAYS), action="append", help="only these ways")
     args = parser.parse_args()
-    for way, check in WAYS.items():
+    for way in args.way or WAYS:
         for time in ("steps", "seconds"):
             differing = []
             for seed in range(args.seed, args.seed + args.cases):
                 try:
-                    check(random.Random(seed), time)
+                    WAYS[way](random.Random(seed), time)
                 except AssertionError:
                     differing.append(seed)
             print(f"{way:10} {time:8} {args.cases} cases, {len(differing)} differ", *differing[:1], flush=True)
