@@ -159,6 +159,13 @@ def _default_signals(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
                 text = f"formula of '{prop.id}': {message}"
                 yield SpecProblem(("properties", i, "formula"), text, atom.at, severity)
                 warned.add(key)
+    for definition in spec.derive:
+        for atom in definition.atoms:
+            place = atom.at if definition.formula is not None else None
+            for severity, key, message in _doubts(atom, spec, types, held, warned):
+                text = f"derived signal '{definition.name}': {message}"
+                yield SpecProblem(("derive", definition.name, definition.op), text, place, severity)
+                warned.add(key)
 
 
 def _held_fields(i: int, stream: StreamSpec, types: StreamTypes) -> Iterator[SpecProblem]:

@@ -80,7 +80,7 @@ def _formula(spec: Spec, index: int, definition: Definition) -> Iterator[SpecPro
             yield _problem(definition, path, message, min(found, default=(1, 1)))
             return
     above = frozenset(d.name for d in spec.derive[:index]).union(*(s.hold for s in spec.streams))
-    below = {d.name for d in spec.derive[index:]} - above
+    below = {d.name for d in spec.derive[index:]} - above - _declared(spec) - RESERVED
     for atom in tree.atoms(definition.formula):
         reason = next((_below(spec, index, c.key) for c in atom.constraints if c.key in below), None)
         reason = reason or why_never(atom, spec, above)
@@ -111,15 +111,20 @@ def _unknown(spec: Spec, index: int, name: str) -> str | None:
     """Why a name is no signal that a derived one may read; None where it is."""
     if name in RESERVED or name in {d.name for d in spec.derive[:index]}:
         return None
+    declared = _declared(spec)
     below = _below(spec, index, name)
-    if below is not None:
+    if below is not None and name not in declared:
         return below
-    declared = {key for stream in spec.streams for key in (*(stream.signals or ()), *stream.hold)}
     if name in declared or any(stream.signals is None for stream in spec.streams):
         return None
     known = sorted({*declared, *(d.name for d in spec.derive[:index])})
     hint = nearest(name, known)
     return f"unknown signal '{name}'; {f'{hint} ' if hint else ''}there are {listed(known) or 'none'}"
+
+
+def _declared(spec: Spec) -> set[str]:
+    """The signals that streams name themselves."""
+    return {key for stream in spec.streams for key in (*(stream.signals or ()), *stream.hold)}
 
 
 def _below(spec: Spec, index: int, name: str) -> str | None:
