@@ -9,7 +9,7 @@ from fractions import Fraction
 from oracle_server.core.derived.definition import MAX_SAMPLES
 from oracle_server.core.derived.flips import answer, counts_below
 from oracle_server.core.derived.samples import FAILED, Value
-from oracle_server.core.derived.window import TIME, Asked, Window, least
+from oracle_server.core.derived.window import OFTEN, TIME, Asked, Window, least
 from oracle_server.core.events import Signals
 from oracle_server.core.formula.tree import Constraint
 
@@ -33,9 +33,14 @@ class Count(Window):
     def value(self, now: int, number: int, _signals: Signals, _failed: Collection[str]) -> Value | None:
         """How many there are at a step."""
         limit = (now if self.clock == TIME else number) - self.width
-        places = self.places
-        if self.head < len(places) and places[self.head] <= limit:
-            self.move(limit)
+        places, head = self.places, self.head
+        if head < len(places) and places[head] <= limit:
+            after = head + 1
+            if after & OFTEN and self.journal.entries is None and (after == len(places) or places[after] > limit):
+                self.head = after  # as most often
+                self.budget.used -= 1
+            else:
+                self.move(limit)
         if self.failed_at is not None and self.failed_at > limit:
             return FAILED
         return len(places) - self.head

@@ -7,7 +7,7 @@ from collections.abc import Collection
 from functools import partial
 from typing import Any
 
-from oracle_server.core.derived.definition import Definition
+from oracle_server.core.derived.definition import MAX_SAMPLES, Definition
 from oracle_server.core.derived.flips import first_turn
 from oracle_server.core.derived.samples import FAILED, Value
 from oracle_server.core.derived.window import TIME, Asked, Session, Window
@@ -24,6 +24,28 @@ class Extreme(Window):
         self._sign = -1 if definition.op == "max" else 1
         self._values: list[int | float] = []
         self.columns = (self.places, self._values)
+
+    def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> None:
+        """Add a number."""
+        if (
+            self.clock != TIME
+            or sample is FAILED
+            or self.journal.entries is not None
+            or self.budget.used >= MAX_SAMPLES
+        ):
+            super().take(sample, now, number, signals, failed)
+            return
+        self.last = number
+        least = -sample if self._sign < 0 else sample  # type: ignore[operator] # others are `FAILED`
+        values, places = self._values, self.places
+        more = 1
+        while len(values) > self.head and values[-1] >= least:  # type: ignore[operator]
+            values.pop()
+            places.pop()
+            more -= 1
+        values.append(least)  # type: ignore[arg-type]
+        places.append(now)
+        self.budget.used += more
 
     def add(self, at: int, sample: Value) -> None:
         """Add a number, and let go of those that can't be the least one any more."""
@@ -45,7 +67,8 @@ class Extreme(Window):
     def value(self, now: int, number: int, _signals: Signals, _failed: Collection[str]) -> Value | None:
         """The extreme at a step."""
         limit = (now if self.clock == TIME else self.position(now, number)) - self.width
-        if self.head < len(self.places) and self.places[self.head] <= limit:
+        head, places = self.head, self.places
+        if head < len(places) and places[head] <= limit:
             self.move(limit)
         if self.failed_at is not None and self.failed_at > limit:
             return FAILED

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -14,7 +14,7 @@ from oracle_server.core.derived.extremes import Extreme
 from oracle_server.core.derived.keyed import Keyed, key_of, value_of
 from oracle_server.core.derived.latest import Delta, Last, Previous
 from oracle_server.core.derived.layout import Layout, Part
-from oracle_server.core.derived.samples import FAILED, NOTHING, always
+from oracle_server.core.derived.samples import FAILED, NOTHING, Lack, always
 from oracle_server.core.derived.sums import Mean, Sum
 from oracle_server.core.derived.watch import Carried, Watch
 from oracle_server.core.derived.window import Series, Session
@@ -70,7 +70,7 @@ class Derived:
         """Whether some are computed of others."""
         self._bys = [d.by for d in layout.definitions]
         self._bound: dict[int, list[Any]] = {}
-        self._silent = self._binding(layout.silent)
+        self._silent = [(self._series[p.index], self._names[p.index]) for p in layout.silent]
         self._watch: tuple[int, int, Watch] | None = None
         self._due: list[Carried] = []
         """The keys for which a tick at the last one's time is still due."""
@@ -94,15 +94,15 @@ class Derived:
             self._begin_before(now)
         bound = self._bound.get(id(parts)) or self._bind(parts)
         fresh: set[str] = set() if self._chained else _NONE
-        for series, sample, name, wanted in bound:
+        for take, value_of_it, sample, name, wanted in bound:
             if sample is not None:
                 found = True if sample is always else sample(step, signals, failed, fresh)
                 if found is not NOTHING:
-                    series.take(found, now, number, signals, failed)
+                    take(found, now, number, signals, failed)
                     if self._chained:
                         fresh.add(name)
             if wanted:
-                value = series.value(now, number, signals, failed)
+                value = value_of_it(now, number, signals, failed)
                 if value is FAILED:
                     failed = frozenset((*failed, name))
                 elif value is not None:
@@ -111,9 +111,9 @@ class Derived:
 
     def at(self, time: int, number: int, signals: dict[str, Scalar], failed: Names) -> Names:
         """Add what is derived to the signals of a tick, behind step `number`; returns all that failed."""
-        for series, _, name, _ in self._silent:
+        for series, name in self._silent:
             value = series.at(time, number, signals, failed)
-            if value is FAILED:
+            if isinstance(value, Lack):
                 failed = frozenset((*failed, name))
             elif value is not None:
                 signals[name] = value
@@ -212,10 +212,9 @@ class Derived:
         self._session.begun = now
 
     def _bind(self, parts: tuple[Part, ...]) -> list[Any]:
-        return self._bound.setdefault(id(parts), self._binding(parts))
-
-    def _binding(self, parts: Sequence[Part]) -> list[Any]:
-        return [(self._series[p.index], p.sample, self._names[p.index], p.wanted) for p in parts]
+        """What is called for the parts of a stream."""
+        found = [(self._series[p.index], p.sample, self._names[p.index], p.wanted) for p in parts]
+        return self._bound.setdefault(id(parts), [(s.take, s.value, *rest) for s, *rest in found])
 
 
 def _made(definition: Definition, session: Session) -> Series:

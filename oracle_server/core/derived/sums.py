@@ -7,13 +7,15 @@ from collections.abc import Collection
 from functools import partial
 from typing import Any
 
-from oracle_server.core.derived.definition import Definition
+from oracle_server.core.derived.definition import MAX_SAMPLES, Definition
 from oracle_server.core.derived.samples import FAILED, Value
-from oracle_server.core.derived.window import TIME, Session, Window
+from oracle_server.core.derived.window import OFTEN, TIME, Session, Window
 from oracle_server.core.events import Signals
 
 _GRAIN = 64
 """Binary digits behind the point come in so many: each double has at most 1074, and is a whole number of such units."""
+_PLAIN = 1 << 900
+"""Below it a whole number is a double's, once it is rounded."""
 _QUICK = 900
 """Up to so many of them, and few numbers have more, doubles do the scaling."""
 
@@ -49,6 +51,20 @@ class Sum(Window):
         if entries is not None:
             entries.append(self._unadd)
 
+    def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> None:
+        """Add a number."""
+        slow = sample is FAILED or self.journal.entries is not None or self.budget.used >= MAX_SAMPLES
+        if slow or self.clock != TIME:
+            super().take(sample, now, number, signals, failed)
+            return
+        self.last = number
+        whole = self._whole(float(sample))  # type: ignore[arg-type] # others are `FAILED`
+        self._ahead = None
+        self._total += whole
+        self._wholes.append(whole)
+        self.places.append(now)
+        self.budget.used += 1
+
     def leave(self, head: int) -> None:
         """Take away those that leave."""
         if self.journal.entries is not None:
@@ -57,19 +73,19 @@ class Sum(Window):
         self._total -= sum(self._wholes[self.head : head])
         super().leave(head)
 
-    def leave_one(self) -> None:
-        """Take away the one that leaves."""
-        self._ahead = None
-        self._total -= self._wholes[self.head]
-        self.head += 1
-        self.budget.used -= 1
-
     def value(self, now: int, number: int, _signals: Signals, _failed: Collection[str]) -> Value | None:
         """The sum at a step."""
         limit = (now if self.clock == TIME else self.position(now, number)) - self.width
-        places = self.places
-        if self.head < len(places) and places[self.head] <= limit:
-            self.move(limit)
+        places, head = self.places, self.head
+        if head < len(places) and places[head] <= limit:
+            after = head + 1
+            if after & OFTEN and self.journal.entries is None and (after == len(places) or places[after] > limit):
+                self._ahead = None
+                self._total -= self._wholes[head]
+                self.head = after  # as most often
+                self.budget.used -= 1
+            else:
+                self.move(limit)
         if self.failed_at is not None and self.failed_at > limit:
             return FAILED
         return self.worth(self._total, len(places) - self.head)
@@ -159,5 +175,7 @@ class Mean(Sum):
         """The signal of a total of so many."""
         if not count:
             return None
+        if self._inverse and -_PLAIN < total < _PLAIN:
+            return float(total) * self._inverse / count
         found = super().worth(total, count)
         return found / count if isinstance(found, float) else found

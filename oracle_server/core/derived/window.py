@@ -17,8 +17,8 @@ TIME: Final = 0
 STEPS: Final = 1
 SAMPLES: Final = 2
 _TRIM = 1024
-_OFTEN = _TRIM - 1
-"""What is left of a place in a window by `&`, but at each 1024th."""
+OFTEN = _TRIM - 1
+"""Nothing of a place in a window is left by `&` with it at each 1024th: there columns are trimmed."""
 
 Asked = Collection[Constraint]
 """What formulas ask of a derived signal at ticks."""
@@ -136,16 +136,8 @@ class Window:
         if head < len(places) and places[head] <= limit:
             head += 1  # as most often
             if head < len(places) and places[head] <= limit:
-                self.leave(bisect_right(places, limit, head))
-            elif head & _OFTEN and self.journal.entries is None:
-                self.leave_one()
-            else:
-                self.leave(head)
-
-    def leave_one(self) -> None:
-        """Let the window begin one further on, where nothing is to be taken back, or to be trimmed."""
-        self.head += 1
-        self.budget.used -= 1
+                head = bisect_right(places, limit, head)
+            self.leave(head)
 
     def leave(self, head: int) -> None:
         """Let the window begin further on."""
