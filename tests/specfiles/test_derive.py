@@ -91,6 +91,12 @@ def test_what_a_formula_asks_of_them_can_be_met(formula: str, says: str) -> None
     assert first.startswith("12:")
 
 
+def test_a_rate_that_is_demanded_before_it_is_known_is_warned_of() -> None:
+    (warned,) = told(formula="{rate >= 10}")
+    assert warned.startswith("12:23 warning: formula of 'p': `{rate >= 10}` is false in the first 2s of a session")
+    assert warned.endswith("write `not {rate < 10}`")
+
+
 @pytest.mark.parametrize(
     "formula",
     [

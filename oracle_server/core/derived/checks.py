@@ -18,6 +18,7 @@ from oracle_server.core.kinds import RESERVED
 from oracle_server.core.nearest import listed, nearest
 from oracle_server.core.ranges import Range
 from oracle_server.core.spec import Spec
+from oracle_server.core.units import span
 from oracle_server.core.unmet import why_never
 
 _STATE = (Atom, tree.Not, tree.And, tree.Or, tree.Implies)
@@ -34,6 +35,7 @@ def derived_problems(spec: Spec) -> Iterator[SpecProblem]:
         yield from _operands(spec, index, definition, ranges)
         yield from _keys(definition)
     yield from _asked(spec, ranges)
+    yield from _too_early(spec)
 
 
 def _name(spec: Spec, definition: Definition) -> Iterator[SpecProblem]:
@@ -168,6 +170,36 @@ def _asked(spec: Spec, ranges: Mapping[str, Range]) -> Iterator[SpecProblem]:
                 if reason:
                     message = f"formula of '{prop.id}': {reason}"
                     yield SpecProblem(("properties", i, "formula"), message, atom.at)
+
+
+def _too_early(spec: Spec) -> Iterator[SpecProblem]:
+    """Properties that are violated at the begin of each session, since they ask for a rate that is not known yet."""
+    rates = {d.name: d for d in spec.derive if d.op == "rate" and not d.by}
+    for i, prop in enumerate(spec.properties):
+        for atom in _demanded(prop.formula) if rates and not prop.guards else ():
+            rate = next((rates[c.key] for c in atom.constraints if c.key in rates), None)
+            if rate is None or rate.over is None:
+                continue
+            told = [c for c in atom.constraints if c.key == rate.name and c.op in (">", ">=")]
+            other = {">": "<=", ">=": "<"}
+            mend = (
+                f"`not {{{rate.name} {other[told[0].op]} {told[0].value}}}`" if told else f"`{{{rate.name}: *}} -> …`"
+            )
+            message = (
+                f"formula of '{prop.id}': `{render_atom(atom)}` is false in the first {span(rate.over)} of a session, "
+                f"when '{rate.name}' is not known yet, so that each session begins with a violation; write {mend}"
+            )
+            yield SpecProblem(("properties", i, "formula"), message, atom.at, severity="warning")
+
+
+def _demanded(formula: tree.Formula) -> Iterator[Atom]:
+    """The atoms that must hold at every step."""
+    match formula:
+        case Atom():
+            yield formula
+        case tree.And(left, right):
+            yield from _demanded(left)
+            yield from _demanded(right)
 
 
 def _misfit(definition: Definition, constraint: Constraint, ranges: Mapping[str, Range]) -> str | None:
