@@ -231,8 +231,10 @@ def _remembered(
     found: list[tuple[Step, Value]], d: Definition, newest: Step | None, now: int
 ) -> list[tuple[Step, Value]]:
     """What is not forgotten: all of a key that was heard of lately, and what may have been one."""
-    whole = newest is not None and _is_kept(d, newest, now)
-    return [(s, v) for s, v in found if (whole if d.by in s.seen else _is_kept(d, s, now)) or d.forget is None]
+    if d.forget is None:
+        return found
+    known = newest.number if newest is not None and _is_kept(d, newest, now) else 0
+    return [(s, v) for s, v in found if s.number <= known or (d.by not in s.seen and _is_kept(d, s, now))]
 
 
 def _is_kept(d: Definition, step: Step, now: int) -> bool:
