@@ -39,7 +39,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from oracle_server.core.events import Event, Step, StreamKey
 from oracle_server.core.judge import Judge
 from oracle_server.core.plan import Plan, plan
-from oracle_server.core.session import orders
+from oracle_server.core.spec import orders
 from oracle_server.engines.table import make_engines
 from oracle_server.history.records import stored
 from oracle_server.history.sqlite.rows import Row, step_row

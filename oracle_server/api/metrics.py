@@ -89,6 +89,9 @@ class ServerCollector(Collector):
         depths.add_metric(["monitors"], sum(getattr(outbox, "queued", 0) for outbox in outboxes))
         yield depths
         yield GaugeMetricFamily("oracle_sessions", "Open sessions", len(sessions))
+        troubled = sum(s.trouble is not None for s in sessions) + len(self._registry.unrestored)
+        what = "Sessions that are not judged: restoring them failed, or nothing more of them can be kept"
+        yield GaugeMetricFamily("oracle_sessions_in_trouble", what, troubled)
         yield GaugeMetricFamily("oracle_monitors", "Monitors that are connected", len(outboxes))
         yield GaugeMetricFamily("oracle_history_lag_seconds", "Age of the oldest row not committed", self._history.lag)
         writable = self._history.failure is None

@@ -66,6 +66,7 @@ def router(registry: Registry, history: History) -> APIRouter:
                 await history.flush()
         except TimeoutError:
             raise HTTPException(503, "the history can't be written; the session is open, but not stored yet") from None
+        session.check_kept()
         return await state_of(registry, session.id)
 
     @routes.get("/sessions/{session_id}")
@@ -78,11 +79,13 @@ def router(registry: Registry, history: History) -> APIRouter:
     @routes.delete("/sessions/{session_id}")
     @needs("admin")
     async def close_session(session_id: str, request: Request) -> dict[str, Any]:
-        """Judge all held events of a session, and close it; its history is kept."""
+        """Judge all held events of a session, and close it; its history is kept.
+
+        One that could not be restored is closed as it stands.
+        """
         await demand_session(request, registry, session_id)
-        session = registry.open.get(session_id)
         try:
-            closed = session is None or await registry.closed_within(session, _CLOSE_WITHIN)
+            closed = await registry.end(session_id, _CLOSE_WITHIN)
         except SessionStaysOpenError as error:
             raise HTTPException(500, str(error)) from None
         if not closed:

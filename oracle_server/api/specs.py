@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import asyncio
+from functools import partial
 from typing import Any, Literal
 
 from fastapi import APIRouter, HTTPException, Request, Response
@@ -73,20 +73,12 @@ def router(library: Library, registry: Registry) -> APIRouter:
     """The routes of the specs."""
     routes = APIRouter(prefix="/api/v1", tags=["specs"])
 
-    def listed(entry: Entry | Unsound) -> SpecDocument:
-        if isinstance(entry, Unsound):
-            return _refused(entry)
-        try:
-            return _document(library.get(entry.id))
-        except SpecError as error:
-            return _document(entry, problem=str(error))
-
     @routes.get("/specs", response_model_exclude_unset=True)
     @needs("read")
     async def list_specs(request: Request) -> SpecList:
         """List the specs that the token lets you see; `problem` is why a file can't be used."""
         seen = await visible_specs(request, registry)
-        return SpecList(items=[listed(entry) for entry in library.listed() if seen is None or entry.id in seen])
+        return await library.in_thread(partial(_listed, library, seen))
 
     @routes.get("/specs/{spec_id}", response_model_exclude_unset=True)
     @needs("read")
@@ -96,7 +88,7 @@ def router(library: Library, registry: Registry) -> APIRouter:
         if seen is not None and spec_id not in seen:
             raise HTTPException(403, "the token is bound to other specs or sessions")
         try:
-            entry = library.get(spec_id)
+            entry = await library.find(spec_id)
         except UnknownSpecError as error:
             unknown_spec(request, error)
         return _document(entry, text=entry.file.text)
@@ -112,13 +104,29 @@ def router(library: Library, registry: Registry) -> APIRouter:
         demand(request, spec=spec_id)
         text = await _text(request)
         try:
-            entry, new = await asyncio.to_thread(library.put, spec_id, text)
+            entry, new = await library.upload(spec_id, text)
         except OSError as error:
             raise HTTPException(503, f"the spec can't be kept: {error.strerror}") from None
         response.status_code = 201 if new else 200
         return _document(entry, warnings=[str(w) for w in entry.file.warnings])
 
     return routes
+
+
+def _listed(library: Library, seen: frozenset[str] | None) -> SpecList:
+    """All specs, or those of some ids, as their files are now."""
+    found = []
+    for entry in library.listed():
+        if seen is not None and entry.id not in seen:
+            continue
+        if isinstance(entry, Unsound):
+            found.append(_refused(entry))
+            continue
+        try:
+            found.append(_document(library.get(entry.id)))
+        except SpecError as error:
+            found.append(_document(entry, problem=str(error)))
+    return SpecList(items=found)
 
 
 def _refused(entry: Unsound) -> SpecDocument:

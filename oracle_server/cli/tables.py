@@ -127,21 +127,25 @@ def _cell(value: object) -> str:
 
 
 def _show_caveats(state: dict[str, Any], where: str = "") -> None:
-    """Print why properties are degraded at present, once an order; what an older version closed has no such key."""
-    told = [f"{where}{p['id']} is degraded: {text}" for p in state["properties"] for text in p.get("caveats", ())]
+    """Print a session's trouble, and why properties are degraded at present, once an order.
+
+    What an older version closed has no such keys.
+    """
+    told = [f"{where}{state['trouble']}"] if state.get("trouble") else []
+    told += [f"{where}{p['id']} is degraded: {text}" for p in state["properties"] for text in p.get("caveats", ())]
     sys.stdout.writelines(f"{one_line(text)}\n" for text in dict.fromkeys(told))
 
 
 def _session_row(state: dict[str, Any]) -> tuple[str, ...]:
     attached = sum(m["connected"] for m in state["monitors"])
-    violations = sum(p["violations"] for p in state["properties"])
+    violations = sum(p["violations"] for p in state["properties"]) if state["properties"] else None
     return (
         state["id"],
         state["spec"],
         state["status"],
         str(attached),
-        str(state["counters"]["steps"]),
-        str(violations),
+        _cell(state["counters"]["steps"]),
+        _cell(violations),
         _first(state["properties"]),
     )
 

@@ -15,6 +15,8 @@ MAX_WORK = 50_000
 """Values, or combinations of them, that a native engine may look at for one step, or for the ticks between two."""
 MAX_WORK_ON_AVERAGE = 5_000
 """The same for a step, over many of them."""
+MAX_WORK_TOGETHER = 75_000
+"""The same for one step of all properties of a session, some 40 ms; for the ticks between two it is `MAX_WORK`."""
 
 
 class Engine(Protocol):
@@ -47,6 +49,20 @@ class Revisable(Engine, Protocol):
 
     def next_deadline(self, after: int) -> int | None:
         """The first time (ns) later than `after` at which the outcome may change without a step, None for never."""
+        ...
+
+
+@runtime_checkable
+class Bounded(Engine, Protocol):
+    """An engine that counts what it looks at."""
+
+    @property
+    def work(self) -> int:
+        """How many values it looked at for the last step."""
+        ...
+
+    def allow(self, work: int) -> None:
+        """Let it look at so many for a step from now on, where that is less than what one may cost by itself."""
         ...
 
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import msgspec
 
-from oracle_server.core.derived.state import Derived, LastStep, Turn
-from oracle_server.core.engine import Engine, Measuring
+from oracle_server.core.derived.state import Derived, LastStep
+from oracle_server.core.engine import MAX_WORK, MAX_WORK_TOGETHER, Engine, Measuring
 from oracle_server.core.events import TICKS, Event, Order, Signals, Step
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.holding import Held, together
@@ -17,26 +16,12 @@ from oracle_server.core.past import Past
 from oracle_server.core.plan import Plan, StreamPlan
 from oracle_server.core.presence import grace
 from oracle_server.core.property_state import Names, PropertyState
-from oracle_server.core.recent import Recent
+from oracle_server.core.recent import EFFORT_TOGETHER, Recent
 from oracle_server.core.snapshot import JudgeSnapshot
+from oracle_server.core.tally import Counters
 from oracle_server.core.verdicts import DENYING, NEGATIVE, Decision, Explanation, Judged, Outcome, Verdict
 
 _NO_ONE = frozenset[int]()
-_NO_TURN = Turn({}, ())
-"""What a tick is that is due for the deadlines of engines alone."""
-
-
-@dataclass(slots=True)
-class Counters:
-    """What a judge has counted; `steps` are judged events, `skipped` those that were not, `ticks` the recorded ones."""
-
-    steps: int = 0
-    ticks: int = 0
-    late: int = 0
-    skewed: int = 0
-    skipped: int = 0
-    lost: int = 0
-    denied: int = 0
 
 
 class Judge:
@@ -70,6 +55,12 @@ class Judge:
             for p, e in zip(plan.spec.properties, engines, strict=True)
         ]
         self.counters = Counters()
+        self._allowed = MAX_WORK_TOGETHER // (2 if ordering.by == "both" else 1)
+        """What a step may cost all properties; one that is judged in two orders has two halves."""
+        self._explained = 0
+        """What explanations have cost at the present step or tick."""
+        self._idle_work = 0
+        """What the ticks since the last step have cost all properties."""
         self.present = 0
         """The time of the last step, in nanoseconds."""
         self._ticked = 0
@@ -165,20 +156,23 @@ class Judge:
         step of theirs. Before the first step only those with a grace are judged, and those that read derived signals:
         nothing else is known then. `recorded` are the signals of one that was judged before.
         """
-        turn = self._turn(time, recorded)
+        turn = self._derived.turn(time, self._last, self._runs_out, recorded)
         self._ticked, self._outdated = time, False
         if turn is None:
             return None
         held, failing = together(self._held.values())
         stored: Mapping[str, Scalar] = {**held, **turn.carried}
-        signals, failed = self._with_derived(stored, failing, time)
+        signals, failed = self._derived.at(time, self.counters.steps, stored, failing)
         turned = {*turn.turned, *self._derived.turned_for(signals, self._last)}
         views = self._plan.silent
-        self._tick = time, signals, failed
-        found = [
-            s.tick(view, time, signals, failed) if i in turned or self._due(s, time) else s.outcome
-            for i, (s, view) in enumerate(zip(self.properties, views, strict=True))
-        ]
+        self._tick, self._explained = (time, signals, failed), 0
+        found = []
+        for i, (state, view) in enumerate(zip(self.properties, views, strict=True)):
+            if i not in turned and not self._due(state, time):
+                found.append(state.outcome)
+                continue
+            found.append(state.tick(view, time, signals, failed, MAX_WORK - self._idle_work))
+            self._idle_work += state.work
         self._tick = None
         if all(state.outcome is outcome for state, outcome in zip(self.properties, found, strict=True)):
             return None
@@ -188,27 +182,15 @@ class Judge:
         event = Event(TICKS, "", self.counters.ticks, time, now, None)
         return self._conclude(Step(event, stored, frozenset(failing), time), None, verdicts, now)
 
-    def _turn(self, time: int, recorded: Signals | None) -> Turn | None:
-        """The tick that is due at a time; None where nothing turns then that is asked of derived signals."""
-        if self._plan.derived is None:
-            return _NO_TURN
-        if recorded is not None:
-            return self._derived.turn_again(time, self._last, recorded)
+    def _runs_out(self, time: int) -> bool:
+        """Whether some engine's deadline runs out up to a time, since the last step or tick."""
         after = max(self.present, self._ticked)
         deadlines = (state.next_deadline(after) for state in self.properties)
-        otherwise = self._outdated or any(d is not None and d <= time for d in deadlines)
-        return self._derived.turn(time, self._last, otherwise=otherwise)
+        return self._outdated or any(d is not None and d <= time for d in deadlines)
 
     @property
     def _last(self) -> LastStep:
         return LastStep(self.present, self.counters.steps, lambda: together(self._held.values())[0])
-
-    def _with_derived(self, signals: Signals, failed: Names, time: int) -> tuple[Signals, Names]:
-        """The signals of a step without an event, with those that are derived."""
-        if self._plan.derived is None:
-            return signals, failed
-        more = dict(signals)
-        return more, self._derived.at(time, self.counters.steps, more, failed)
 
     def _due(self, state: PropertyState, time: int) -> bool:
         deadline = state.next_deadline(self.present) if self.counters.steps or state.grace else None
@@ -265,9 +247,11 @@ class Judge:
         number: int | None = self.counters.steps
         outcomes, worse, time, degraded = [], [], self.present, self._degraded
         latest = step.event.arrived - self._slack  # a clock that is far behind must not prolong a grace
+        allowed, self._idle_work, self._explained = self._allowed, 0, 0
         for state, view in zip(self.properties, stream.views, strict=True):
             worse.append(degraded or state.failures > 0 or state.renewed)
-            outcomes.append(state.step(view, time, signals, failed, latest))
+            outcomes.append(state.step(view, time, signals, failed, latest, allowed))
+            allowed -= state.work
         decision = self._decide(step, outcomes, blameless)
         if revisable and _is_denied(decision):
             self._recent.unnumber()
@@ -292,7 +276,7 @@ class Judge:
         if not (self._decides and step.event.ask):
             return _NO_ONE
         held = self._held.get(step.event.monitor, Held())
-        signals, failed = self._with_derived(held.values, held.failed, self.present)
+        signals, failed = self._derived.at(self.present, self.counters.steps, held.values, held.failed)
         return frozenset(
             i
             for i in stream.blames
@@ -381,11 +365,19 @@ class Judge:
             state.property.text, signals, text, state.why.data(partial(self._recent.recall, timed=timed))
         )
 
-    def _past(self, index: int) -> Past:
-        """The last steps as one property observed them, and a tick that is being judged."""
+    def _past(self, index: int) -> Past | None:
+        """The last steps as one property observed them, and a tick that is being judged.
+
+        None where the others' explanations have cost enough, unless this one was asked for.
+        """
+        if self._explained >= EFFORT_TOGETHER and not self.properties[index].asked:
+            return None
         views = self._plan.streams
         tick = None if self._tick is None else (self._tick[0], self._plan.silent[index], *self._tick[1:])
-        return self._recent.past(lambda stream: views[stream].views[index], tick)
+        return self._recent.past(lambda stream: views[stream].views[index], tick, self._note_effort)
+
+    def _note_effort(self, effort: int) -> None:
+        self._explained += effort
 
 
 def _denies(outcome: Outcome, *, blamed: bool) -> bool:

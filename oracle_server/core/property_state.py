@@ -7,7 +7,17 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from oracle_server.core.atoms import Matches
-from oracle_server.core.engine import MAX_WORK, Answer, Engine, Explaining, Measuring, Receiving, Revisable, Savable
+from oracle_server.core.engine import (
+    MAX_WORK,
+    Answer,
+    Bounded,
+    Engine,
+    Explaining,
+    Measuring,
+    Receiving,
+    Revisable,
+    Savable,
+)
 from oracle_server.core.errors import EngineError
 from oracle_server.core.explanation import Why
 from oracle_server.core.formula.tree import Scalar
@@ -18,6 +28,7 @@ from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import FINAL, NEGATIVE, Outcome
 
 Names = frozenset[str] | set[str]
+_IDLE = f"its deadlines cost too much: {MAX_WORK} values may be looked at for those of all properties between two steps"
 
 
 builtin_property = property
@@ -62,9 +73,11 @@ class PropertyState:
     """Why the engine does not judge any more."""
     why: Why | None = None
     """Why it became negative, where the engine can explain it; where `asked`, why the last outcome is as it is."""
-    past: Callable[[], Past] | None = None
-    """Returns what is remembered of the last steps, up to the present one."""
+    past: Callable[[], Past | None] | None = None
+    """Returns what is remembered of the last steps, up to the present one; None where nothing more is explained."""
     asked: bool = False
+    work: int = 0
+    """What its last step or tick cost."""
     idle_work: int = 0
     """The cost of the ticks since the last step, which the engine forgets with them."""
     grace: int = 0
@@ -81,12 +94,23 @@ class PropertyState:
     """How often an explanation failed; engines that never explain are not counted."""
     _inexplicable: str = ""
 
-    def step(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names, latest: int = 0) -> Outcome:
-        """The outcome at the next step; `latest` is the time (ns) that must have come by then, whatever its stamp."""
-        self.idle_work = 0
+    def step(
+        self,
+        view: View,
+        time: int,
+        signals: Mapping[str, Scalar],
+        failed: Names,
+        latest: int = 0,
+        allowed: int = MAX_WORK,
+    ) -> Outcome:
+        """The outcome at the next step, which may cost what is `allowed`.
+
+        `latest` is the time (ns) that must have come by then, whatever its stamp.
+        """
+        self.work = self.idle_work = 0
         if self.outcome in FINAL:
             return self.outcome
-        outcome = self._ask_engine(view, time, signals)
+        outcome = self._ask_engine(view, time, signals, allowed)
         if outcome is Outcome.UNKNOWN or (failed and not view.reads.isdisjoint(failed)):
             self.failures += view.observed
             return Outcome.UNKNOWN
@@ -116,15 +140,20 @@ class PropertyState:
         """Begin its grace at a time (ns), that of its session's begin."""
         self.judged_from = time + self.grace if self.grace else 0
 
-    def tick(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names) -> Outcome:
-        """The outcome at a step that is then taken back; final only where the property is latched."""
+    def tick(
+        self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names, allowed: int = MAX_WORK
+    ) -> Outcome:
+        """The outcome at a step that is then taken back, and may cost what is `allowed`; final only where latched."""
+        self.work = 0
         engine = self._revisable()
         if engine is None or self.property.time != "seconds" or self.outcome in FINAL:
             return self.outcome
         engine.mark()
-        outcome = self._ask_engine(view, time, signals)
+        outcome = self._ask_engine(view, time, signals, allowed)
         if outcome in NEGATIVE and time < self.judged_from:
             outcome = Outcome.UNKNOWN
+        if self.broken is not None and allowed < MAX_WORK:
+            self.broken = _IDLE
         self._explain(outcome)
         self._take_back(engine)
         if self.broken is not None:
@@ -226,7 +255,7 @@ class PropertyState:
         if self.asked or (outcome in NEGATIVE and not self.negative):
             past = NO_PAST if self.past is None else self.past()
             self.why = None
-            if isinstance(self.engine, Explaining):
+            if past is not None and isinstance(self.engine, Explaining):
                 try:
                     self.why = self.engine.explain(past)
                 except Exception as error:  # noqa: BLE001 -- an outcome stands, whether or not it can be explained
@@ -237,10 +266,10 @@ class PropertyState:
         """Take a tick back, and count its cost."""
         if self.broken is not None:
             return
-        self.idle_work += getattr(engine, "work", 0)
+        self.idle_work += self.work
         engine.back()
         if self.idle_work > MAX_WORK:
-            self.give_up(f"its deadlines cost too much: {MAX_WORK} values may be looked at for those between two steps")
+            self.give_up(_IDLE)
 
     def give_up(self, reason: str) -> None:
         """Stop judging, for this reason."""
@@ -250,14 +279,22 @@ class PropertyState:
     def _revisable(self) -> Revisable | None:
         return self.engine if self.broken is None and isinstance(self.engine, Revisable) else None
 
-    def _ask_engine(self, view: View, time: int, signals: Mapping[str, Scalar]) -> Outcome:
+    def _ask_engine(self, view: View, time: int, signals: Mapping[str, Scalar], allowed: int = MAX_WORK) -> Outcome:
         if self.broken is not None:
             return Outcome.UNKNOWN
+        engine = self.engine
         try:
-            return self.engine.step(time, view.matches(signals))
+            if allowed < MAX_WORK and isinstance(engine, Bounded):
+                engine.allow(allowed)
+                outcome = engine.step(time, view.matches(signals))
+                engine.allow(MAX_WORK)
+            else:
+                outcome = engine.step(time, view.matches(signals))
         except Exception as error:  # noqa: BLE001 -- one engine's failure must not end a session
             self.give_up(str(error) or type(error).__name__)
-            return Outcome.UNKNOWN
+            outcome = Outcome.UNKNOWN
+        self.work = getattr(engine, "work", 0)
+        return outcome
 
     def remember(self, verdict: int, outcome: Outcome) -> bool:
         """Record the outcome of verdict number `verdict`; true where the property became negative with it."""

@@ -16,6 +16,8 @@ from oracle_server.core.records import EventRecord
 SIZE = 1024
 """Steps that are remembered; of older ones an explanation has the number or the time only."""
 EFFORT = 10_000
+EFFORT_TOGETHER = 50_000
+"""What the explanations of all properties may have cost at one step before another one begins."""
 """What one explanation may cost: some milliseconds."""
 
 Kept = tuple[int, int, StreamKey, int, str, int, Signals, Collection[str]]
@@ -58,8 +60,13 @@ class Recent:
             failures = failed[0] if failed else _NONE
             self._steps.append((number, time, StreamKey(*stream), stamp, monitor, seq, signals, failures))
 
-    def past(self, views: Callable[[StreamKey], View], tick: Tick | None = None) -> Past:
-        """These steps, and a tick after them, as a property observes them by its view of each stream."""
+    def past(
+        self, views: Callable[[StreamKey], View], tick: Tick | None = None, spent: Callable[[int], None] | None = None
+    ) -> Past:
+        """These steps, and a tick after them, as a property observes them by its view of each stream.
+
+        `spent` is told what the explanation costs.
+        """
         steps = list(self._steps)
         times = [time for _, time, *_ in steps] + ([] if tick is None else [tick[0]])
 
@@ -76,7 +83,7 @@ class Recent:
             assert tick is not None  # noqa: S101 -- else there is no such step
             return Seen(None, tick[0], "", tick[2], tick[3])
 
-        return Past(times, matches, self._effort, seen)
+        return Past(times, matches, self._effort, seen, spent)
 
     def recall(self, at: int, step: int | None, *, timed: bool) -> EventRecord | None:
         """The event of a reason: of step number `step`, where that is known, else the only one at a time or number."""

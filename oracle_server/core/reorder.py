@@ -219,6 +219,11 @@ class ReorderBuffer(Generic[T]):
         """Release what is due and was not released with others."""
         return self._release()
 
+    def expire(self) -> None:
+        """Let all that is held be due."""
+        if self._heap:
+            self._expired = max(self._expired, *self._heap)
+
     def flush(self) -> list[Released[T]]:
         """Release everything, in order."""
         return [self._pop() for _ in range(len(self._heap))]

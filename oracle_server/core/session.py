@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import msgspec
 
 from oracle_server.core.asking import Ask, Asking, Waiting
-from oracle_server.core.boot import BootClock
+from oracle_server.core.boot import PublicationTimes
 from oracle_server.core.bypass import Bypass, Bypasses
 from oracle_server.core.engine import Answer, Engine
 from oracle_server.core.events import Event, Order, Step, StreamKey
@@ -19,8 +19,7 @@ from oracle_server.core.plan import Plan
 from oracle_server.core.reorder import Released, ReorderBuffer, Source
 from oracle_server.core.simulated import ClockReading, SimulatedTime
 from oracle_server.core.snapshot import SessionSnapshot
-from oracle_server.core.spec import SECOND, Spec
-from oracle_server.core.stamps import Stamp, since_boot_in, stamp_in
+from oracle_server.core.spec import SECOND, orders
 from oracle_server.core.tally import HoldTimes, StreamCounts
 from oracle_server.core.verdicts import FINAL, Judged
 
@@ -65,17 +64,19 @@ class Session:
         """The time of the simulation that the session runs in; None where its time is the server's."""
         self.asking = Asking() if plan.external else None
         """What waits for external oracles; None where the spec has none."""
-        self._boots: defaultdict[str, BootClock] = defaultdict(lambda: BootClock(ordering.max_skew))
+        self._published = PublicationTimes(ordering.max_skew)
         self.suspended = False
         """Whether events are skipped, since their verdicts could not be kept."""
         self._enough: Callable[[], bool] = _never
+        self._unticked: dict[Order, int] = {}
+        """Until when expired deadlines are still to be judged before anything else, where enough was done."""
         self.ready_since: int | None = 0
         """Since when all monitors are connected again (ns); None while some are awaited after a restart."""
 
     @property
     def next_deadline(self) -> int | None:
         """When `advance` should be called next, None while nothing waits for time to pass."""
-        if self.buffer.due is not None:
+        if self.buffer.due is not None or self._unticked:
             return self.now
         deadline = self.buffer.next_deadline
         if not self._ticking or self.simulated is not None or self.asking:
@@ -91,7 +92,7 @@ class Session:
         return min((d for d in (deadline, *ticks) if d is not None), default=None)
 
     def divide(self, enough: Callable[[], bool]) -> None:
-        """Judge what the order releases at once step by step, until `enough`; the rest is due at once.
+        """Judge what the order releases at once, and deadlines, one by one until `enough`; the rest is due at once.
 
         That changes when something is judged, and neither its order nor what becomes of it.
         """
@@ -111,7 +112,7 @@ class Session:
 
     def ingest(self, event: Event) -> list[Judged]:
         """Take an event of a stream of the spec, at its time of arrival."""
-        judged = self.advance(event.arrived)
+        judged = self.advance(event.arrived, wholly=True)
         if event.lost:
             self._note_loss(event)
         step = self._step(event)
@@ -135,12 +136,23 @@ class Session:
             judged += self._judge(self.buffer.clock((monitor, reading.stream), reading.stamp))
         return judged + self._run_out()
 
-    def advance(self, now: int) -> list[Judged]:
-        """Let time pass: judge what has waited for `max_delay`."""
+    @property
+    def is_behind(self) -> bool:
+        """Whether expired deadlines wait, and what comes next behind them."""
+        return bool(self._unticked)
+
+    def advance(self, now: int, *, wholly: bool = False) -> list[Judged]:
+        """Let time pass: judge what has waited for `max_delay`, and expired deadlines, `wholly` or until enough."""
         self.now = max(self.now, now)
         released = self.buffer.advance(self.now)
         judged = self._judge(released) if released else []
-        return judged + self._run_out() if self._ticking else judged
+        return judged + self._run_out(wholly=wholly) if self._ticking else judged
+
+    def release(self, now: int) -> list[Judged]:
+        """Let all that is held be due: `advance` judges it in turns, as `finish` does at once."""
+        judged = self.advance(now, wholly=True)
+        self.buffer.expire()
+        return judged
 
     def finish(self, now: int) -> list[Judged]:
         """Judge all that is held, in order."""
@@ -264,7 +276,7 @@ class Session:
             judged.append(self._judge_one("publication", r.item, late=r.late, forced=r.forced))
         return judged
 
-    def _run_out(self) -> list[Judged]:
+    def _run_out(self, *, wholly: bool = False) -> list[Judged]:
         """Judge expired deadlines for which no older event can come any more, or is waited for any longer."""
         judged: list[Judged] = []
         now = self.now if self.simulated is None else self.simulated.now
@@ -275,8 +287,10 @@ class Session:
                 reached.append(now - wait)
             if order == "publication" and self.buffer.limit is not None:
                 reached.append(self.buffer.limit - 1)  # an event of that very time may still come
+            if order in self._unticked:
+                reached.append(self._unticked[order])
             if reached:
-                judged += self._ticks(order, min(max(reached), self._before_due(order)))
+                judged += self._ticks(order, min(max(reached), self._before_due(order)), wholly=wholly)
         return judged
 
     def _before_due(self, order: Order) -> int:
@@ -295,18 +309,23 @@ class Session:
         """Since when monitors are connected again that may send what they kept during a restart, or 0."""
         return 0 if order == "arrival" or self.simulated is not None else self.ready_since or 0
 
-    def _ticks(self, order: Order, until: int) -> list[Judged]:
+    def _ticks(self, order: Order, until: int, *, wholly: bool = True) -> list[Judged]:
         if self.asking:
             self.asking.add_ticks(order, until)
             return []
-        return self._tick_until(order, until)
+        return self._tick_until(order, until, wholly=wholly or self.asking is not None)
 
-    def _tick_until(self, order: Order, until: int) -> list[Judged]:
+    def _tick_until(self, order: Order, until: int, *, wholly: bool = True) -> list[Judged]:
+        """Judge deadlines up to a time, and first up to that at which enough was done before."""
         judge, judged = self.judges[order], []
+        until = max(until, self._unticked.pop(order, until))
         while not self.suspended and (deadline := judge.next_deadline) is not None and deadline <= until:
             tick = judge.tick(deadline, self.now)
             if tick is not None:
                 judged.append(tick)
+            if not wholly and self._enough():
+                self._unticked[order] = until
+                break
         return judged
 
     def bypass(self, monitor: str, streams: Mapping[StreamKey, Bypass]) -> None:
@@ -368,31 +387,14 @@ class Session:
     def _step(self, event: Event) -> Step:
         stream = self.plan.streams[event.stream]
         signals, failed = stream.project(event.data)
-        stamp = self._stamp(event, stream.spec.stamp)
+        simulated = None if self.simulated is None else self.simulated.now
+        stamp = self._published.stamp(event, stream.spec.stamp, simulated)
         if self.simulated is not None:
             event = msgspec.structs.replace(event, arrived=self.simulated.arrival(stamp), received=event.arrived)
         stamp = stamp or event.arrived
         skewed = stamp - event.arrived > self.plan.spec.ordering.max_skew
         return Step(event, signals, failed, stamp, skewed)
 
-    def _stamp(self, event: Event, where: Stamp | None) -> int | None:
-        """An event's publication time (ns): what the monitor said, or what the server reads of the message itself."""
-        if where is None or where.plain:
-            return event.stamp or stamp_in(event.data, where)
-        if where.epoch == "unix":
-            return stamp_in(event.data, where) or event.stamp
-        since_boot = since_boot_in(event.data, where)
-        if since_boot is None:
-            return event.stamp
-        known = event.stamp or (self.simulated and self.simulated.now) or event.arrived
-        return self._boots[event.monitor].place((event.stream, event.source), since_boot, known)
-
 
 def _never() -> bool:
     return False
-
-
-def orders(spec: Spec) -> tuple[Order, ...]:
-    """The orders that a session of a spec judges in; the first one decides."""
-    by = spec.ordering.by
-    return ("publication", "arrival") if by == "both" else (by,)

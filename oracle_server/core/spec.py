@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any, Literal
 
 from oracle_server.core.derived.definition import Definition
-from oracle_server.core.events import StreamKey
+from oracle_server.core.events import Order, StreamKey
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import Atom, Formula, atoms
 from oracle_server.core.kinds import KINDS, Kind, Traits
@@ -160,3 +160,9 @@ class Spec:
     def names(self) -> frozenset[str]:
         """The names of all topics and services."""
         return frozenset(stream.name for stream in self.streams)
+
+
+def orders(spec: Spec) -> tuple[Order, ...]:
+    """The orders that a session of a spec judges in; the first one decides."""
+    by = spec.ordering.by
+    return ("publication", "arrival") if by == "both" else (by,)

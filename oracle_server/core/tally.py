@@ -35,3 +35,16 @@ class HoldTimes:
     def count(self) -> int:
         """How many events were held, for however short."""
         return sum(self.buckets)
+
+
+@dataclass(slots=True)
+class Counters:
+    """What a judge has counted; `steps` are judged events, `skipped` those that were not, `ticks` the recorded ones."""
+
+    steps: int = 0
+    ticks: int = 0
+    late: int = 0
+    skewed: int = 0
+    skipped: int = 0
+    lost: int = 0
+    denied: int = 0

@@ -52,12 +52,12 @@ async function formulas(state) {
   return Object.fromEntries(found?.digest === state.spec_digest ? found.properties.map((each) => [each.id, each]) : []);
 }
 
-function headline({ spec, status, clock, opened, closed, waiting, counters, disagree, continued_by: next }) {
-  return { spec, status, clock, opened, closed, waiting, counters, disagree, next };
+function headline({ spec, status, clock, opened, closed, trouble, waiting, counters, disagree, continued_by: next }) {
+  return { spec, status, clock, opened, closed, trouble, waiting, counters, disagree, next };
 }
 
 function headed(state) {
-  const counted = Object.entries(state.counters).filter(([name, value]) => value || name === "steps");
+  const counted = Object.entries(state.counters).filter(([name, value]) => value || (name === "steps" && value !== null));
   return [
     h("p", {},
       h("strong", { class: state.status }, state.status), ` since ${moment(state.closed ?? state.opened)}, judged by `,
@@ -65,6 +65,7 @@ function headed(state) {
       state.clock === "sim" ? ", in simulated time" : "",
       state.next ? [", continued as ", h("a", { href: at(state.next) }, state.next)] : null),
     h("p", { class: "counters" }, counted.map(([name, value]) => h("span", {}, `${value} ${name}`))),
+    state.trouble ? h("p", { class: "complaint" }, state.trouble) : null,
     state.waiting ? h("p", { class: "waiting" }, state.waiting) : null,
     state.disagree?.length ? h("p", { class: "complaint" }, `The orders disagree on ${state.disagree.join(", ")}.`) : null,
   ];

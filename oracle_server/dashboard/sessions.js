@@ -17,11 +17,12 @@ export function sessionsView() {
 
 /** The part of a session's state that the list shows. */
 function summary(state) {
-  const { id, spec, status, clock, opened, properties, counters, monitors, continued_by: next } = state;
+  const { id, spec, status, clock, opened, trouble, properties, counters, monitors, continued_by: next } = state;
   const connected = monitors.filter((each) => each.connected).length;
   const outcomes = properties.map((each) => each.outcome).sort(byGravity);
   const violations = properties.reduce((sum, each) => sum + each.violations, 0);
-  return { id, spec, status, clock, opened, next, outcomes, violations, steps: counters.steps, connected, of: monitors.length };
+  const seen = { connected, of: monitors.length };
+  return { id, spec, status, clock, opened, trouble, next, outcomes, violations, steps: counters.steps, ...seen };
 }
 
 function listed(sessions) {
@@ -29,10 +30,13 @@ function listed(sessions) {
   return table("sessions", HEAD, sessions.map((each) => [
     h("a", { href: at(each.id) }, each.id),
     h("a", { href: `#/specs/${encodeURIComponent(each.spec)}` }, each.spec),
-    each.clock === "sim" ? `${each.status}, simulated time` : each.status,
+    [
+      each.clock === "sim" ? `${each.status}, simulated time` : each.status,
+      each.trouble ? h("p", { class: "complaint" }, each.trouble) : null,
+    ],
     badge(each.outcomes[0] ?? "unknown"),
-    count(each.violations),
-    String(each.steps),
+    each.outcomes.length ? count(each.violations) : "–",
+    String(each.steps ?? "–"),
     each.status === "open" ? `${each.connected} of ${each.of}` : "–",
     moment(each.opened),
   ]));

@@ -11,8 +11,7 @@ from oracle_server.core.errors import EngineError
 from oracle_server.core.formula.parse import Time, parse_formula
 from oracle_server.core.formula.tree import Formula
 from oracle_server.core.plan import Plan
-from oracle_server.core.session import orders
-from oracle_server.core.spec import Property
+from oracle_server.core.spec import Property, orders
 from oracle_server.engines import stl
 from oracle_server.engines.both import BothEngine
 from oracle_server.engines.external import ExternalEngine

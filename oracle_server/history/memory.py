@@ -10,6 +10,7 @@ from operator import attrgetter
 from typing import Any, TypeVar
 
 import msgspec
+import structlog
 
 from oracle_server.core.events import Order, StreamKey
 from oracle_server.core.verdicts import FINAL
@@ -31,7 +32,11 @@ T = TypeVar("T")
 _PAGE = 1_000
 _STEP = 1_000
 """Bytes that a step is taken to need."""
+_NOBODY = 0
+"""The number of no session."""
 _FORGOTTEN = SessionRecord(0, "", "", "", "", (), private=False, opened=0)
+
+log = structlog.get_logger()
 
 
 @dataclass(slots=True)
@@ -51,6 +56,17 @@ class _Kept:
         return bisect_left(self.steps, position, key=attrgetter("position"))
 
 
+@dataclass(slots=True)
+class _Command:
+    """Work for a session. Where it fails, no later one of it is done, unless this one is not `needed` for that."""
+
+    session: int
+    work: Callable[[], object]
+    done: Done | None = None
+    needed: bool = True
+    always: bool = False
+
+
 class MemoryHistory:
     """A `History` that is lost when the process ends: what is given is committed with the loop's next turn."""
 
@@ -61,7 +77,8 @@ class MemoryHistory:
     def __init__(self) -> None:
         """Keep nothing yet."""
         self._kept: dict[int, _Kept] = {}
-        self._given: list[tuple[Callable[[], object], Done | None]] = []
+        self._failures: dict[int, str] = {}
+        self._given: list[_Command] = []
         self._loop: asyncio.AbstractEventLoop | None = None
         self._readers = Readers()
 
@@ -74,6 +91,10 @@ class MemoryHistory:
         """End the threads; what is kept ends with the process."""
         self._readers.close()
 
+    def failure_of(self, session: int) -> str | None:
+        """Why nothing more of a session can be kept."""
+        return self._failures.get(session)
+
     @property
     def pending(self) -> int:
         """Commands that wait for the loop's next turn."""
@@ -83,14 +104,14 @@ class MemoryHistory:
         """There always is room."""
 
     async def flush(self) -> None:
-        """Wait until all that was given is committed."""
-        await self._done(lambda: None)
+        """Wait until all that was given is committed, or can't be kept."""
+        await self._done(_NOBODY, lambda: None)
 
     # commands
 
     def open_session(self, session: SessionRecord) -> None:
         """Keep a new session."""
-        self._do(lambda: self._kept.update({session.number: _Kept(session)}))
+        self._do(_Command(session.number, lambda: self._kept.update({session.number: _Kept(session)})))
 
     def begin_session(self, session: int, at: int) -> None:
         """Keep when a session began."""
@@ -99,30 +120,30 @@ class MemoryHistory:
             kept = self._of(session)
             kept.record = kept.record._replace(begun=at)
 
-        self._do(begin)
+        self._do(_Command(session, begin))
 
-    def close_session(self, session: int, at: int, state: Document) -> None:
+    def close_session(self, session: int, at: int, state: Document, done: Done | None = None) -> None:
         """Keep that a session was closed."""
-        document = _plain(state)
+        document = _made(lambda: _plain(state))
 
         def close() -> None:
             kept = self._of(session)
-            kept.closed, kept.state = at, document
+            kept.state, kept.closed = document(), at
 
-        self._do(close)
+        self._do(_Command(session, close, done, needed=False, always=True))
 
     def set_monitor(self, session: int, monitor: MonitorRecord, done: Done | None = None) -> None:
         """Keep a monitor of a session."""
-        self._do(lambda: self._of(session).monitors.update({monitor.name: monitor}), done)
+        self._do(_Command(session, lambda: self._of(session).monitors.update({monitor.name: monitor}), done))
 
     def append(self, session: int, steps: Sequence[StoredStep], done: Done) -> None:
         """Keep steps that were judged, without their data."""
-        kept = [_without_data(step) for step in steps]
-        self._do(lambda: self._of(session).steps.extend(kept), done)
+        kept = _made(lambda: [_without_data(step) for step in steps])
+        self._do(_Command(session, lambda: self._of(session).steps.extend(kept()), done))
 
     def refuse(self, session: int, refusal: Refusal, done: Done) -> None:
         """Keep that an event was refused."""
-        self._do(lambda: self._of(session).refusals.append(refusal), done)
+        self._do(_Command(session, lambda: self._of(session).refusals.append(refusal), done))
 
     def amend(self, session: int, monitor: str, seq: int, handling: tuple[bool, str], done: Done) -> None:
         """Add to an event's steps what the adapter did."""
@@ -134,16 +155,16 @@ class MemoryHistory:
                 if (step.step.event.monitor, step.step.event.seq) == (monitor, seq):
                     steps[i] = msgspec.structs.replace(step, passed=passed, why=why)
 
-        self._do(amend, done)
+        self._do(_Command(session, amend, done))
 
     def save_snapshot(self, session: int, snapshot: SnapshotRecord) -> None:
         """Keep a snapshot in place of the last one."""
-        kept = snapshot._replace(data=_plain(snapshot.data), numbers=_plain(snapshot.numbers))
+        kept = _made(lambda: snapshot._replace(data=_plain(snapshot.data), numbers=_plain(snapshot.numbers)))
 
         def save() -> None:
-            self._of(session).snapshot = kept
+            self._of(session).snapshot = kept()
 
-        self._do(save)
+        self._do(_Command(session, save, needed=False))
 
     async def forget_steps(self, session: int, before: int) -> None:
         """Delete a session's steps before a position."""
@@ -152,29 +173,41 @@ class MemoryHistory:
             kept = self._of(session)
             del kept.steps[: kept.index(before)]
 
-        await self._done(forget)
+        await self._done(session, forget)
 
     async def forget_session(self, session: int) -> None:
         """Delete all that is left of a session."""
-        await self._done(lambda: self._kept.pop(session, None))
+        await self._done(session, lambda: self._kept.pop(session, None))
 
-    def _do(self, work: Callable[[], object], done: Done | None = None) -> None:
-        self._given.append((work, done))
+    def _do(self, command: _Command) -> None:
+        self._given.append(command)
         if self._loop is not None and len(self._given) == 1:
             self._loop.call_soon(self._commit)
 
-    async def _done(self, work: Callable[[], object]) -> None:
+    async def _done(self, session: int, work: Callable[[], object]) -> None:
         committed = asyncio.Event()
-        self._do(work, committed.set)
+        self._do(_Command(session, work, committed.set, always=True))
         await committed.wait()
 
     def _commit(self) -> None:
         given, self._given = self._given, []
-        for work, _ in given:
-            work()
-        for _, done in given:
+        assert self._loop is not None  # noqa: S101 -- it calls this
+        for done in [command.done for command in given if self._carry_out(command)]:
             if done is not None:
-                done()
+                self._loop.call_soon(done)  # where one fails, the others are called all the same
+
+    def _carry_out(self, command: _Command) -> bool:
+        """Do the work of a command unless nothing more of its session can be kept; returns whether it is done."""
+        if command.session in self._failures and not command.always:
+            return False
+        try:
+            command.work()
+        except Exception as error:  # noqa: BLE001 -- whatever it is, the others' work is done
+            log.error("something of a session can't be kept", session=command.session, reason=str(error))
+            if command.needed:
+                self._failures[command.session] = str(error)
+            return False
+        return True
 
     # queries
 
@@ -301,6 +334,20 @@ class MemoryHistory:
 
     def _steps(self, session: int) -> list[StoredStep]:
         return self._of(session).steps
+
+
+def _made(make: Callable[[], T]) -> Callable[[], T]:
+    """Gives what is made now, or raises what was raised."""
+    try:
+        made = make()
+    except Exception as error:  # noqa: BLE001 -- it is raised again
+        failure = error
+
+        def fail() -> T:
+            raise failure
+
+        return fail
+    return lambda: made
 
 
 def _plain(value: Any) -> Any:

@@ -5,6 +5,9 @@ Commands are given on the event loop's thread, return at once, and are done in t
 outlives the process where the backend keeps anything that long. Queries are awaited, never block the event loop, and
 see what is committed. They raise `HistoryError` where the history can't be read.
 
+A value that can't be kept, now or ever, ends the history of its own session alone, before what it is part of: nothing
+later of it is kept but how it was closed, and no `done` of that is called. No command raises for it.
+
 Sessions are named by their number, steps by their position (1, 2, 3… in each session). Times are integer nanoseconds.
 """
 
@@ -27,7 +30,7 @@ from oracle_server.history.records import (
 )
 
 T = TypeVar("T")
-Done = Callable[[], None]
+Done = Callable[[], object]
 
 
 class Writing(Protocol):
@@ -36,6 +39,10 @@ class Writing(Protocol):
     @property
     def failure(self) -> str | None:
         """Why nothing can be written at the moment, None where it can."""
+        ...
+
+    def failure_of(self, session: int) -> str | None:
+        """Why nothing more of a session can be kept, None where it can."""
         ...
 
     @property
@@ -58,7 +65,7 @@ class Writing(Protocol):
         ...
 
     async def flush(self) -> None:
-        """Wait until all that was given is committed: without an end while nothing can be written."""
+        """Wait until all that was given is committed or can't be kept: without an end while nothing can be written."""
         ...
 
     def open_session(self, session: SessionRecord) -> None:
@@ -69,8 +76,8 @@ class Writing(Protocol):
         """Keep when a session began (ns), which was not kept with it."""
         ...
 
-    def close_session(self, session: int, at: int, state: Document) -> None:
-        """Keep that a session was closed, and how it stood then."""
+    def close_session(self, session: int, at: int, state: Document, done: Done | None = None) -> None:
+        """Keep that a session was closed, and how it stood then, also where nothing else of it can be kept."""
         ...
 
     def set_monitor(self, session: int, monitor: MonitorRecord, done: Done | None = None) -> None:
@@ -90,7 +97,7 @@ class Writing(Protocol):
         ...
 
     def save_snapshot(self, session: int, snapshot: SnapshotRecord) -> None:
-        """Keep a snapshot in place of the last one. Its data is read before this returns."""
+        """Keep a snapshot in place of the last one, which stays if it can't. Its data is read before this returns."""
         ...
 
     async def forget_steps(self, session: int, before: int) -> None:

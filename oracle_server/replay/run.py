@@ -16,8 +16,8 @@ from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.kinds import TICK
 from oracle_server.core.plan import plan
 from oracle_server.core.ranges import ValueKind
-from oracle_server.core.session import Session, orders
-from oracle_server.core.spec import By, Spec
+from oracle_server.core.session import Session
+from oracle_server.core.spec import By, Spec, orders
 from oracle_server.core.typed import StreamTypes
 from oracle_server.core.verdicts import Judged, Outcome
 from oracle_server.engines.table import make_engines

@@ -14,8 +14,8 @@ from oracle_server.core.events import Order
 from oracle_server.core.plan import Plan, judged_by, plan
 from oracle_server.core.presence import grace
 from oracle_server.core.records import ExplanationRecord, VerdictRecord
-from oracle_server.core.session import Session, orders
-from oracle_server.core.spec import SECOND, Property, Spec
+from oracle_server.core.session import Session
+from oracle_server.core.spec import SECOND, Property, Spec, orders
 from oracle_server.core.verdicts import Outcome, explain
 from oracle_server.engines.native import NativeEngine
 from oracle_server.engines.table import ENGINES

@@ -17,8 +17,9 @@ from oracle_server.core.engine import Answer
 from oracle_server.core.events import Order, Step, StreamKey
 from oracle_server.core.numbering import JUDGED, Numbering
 from oracle_server.core.plan import Plan
-from oracle_server.core.session import Session, orders
+from oracle_server.core.session import Session
 from oracle_server.core.simulated import TimeBase
+from oracle_server.core.spec import orders
 from oracle_server.engines.table import make_engines
 from oracle_server.history.port import Reading
 from oracle_server.history.records import MonitorRecord, Refusal, SnapshotRecord, StoredStep

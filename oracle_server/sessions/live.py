@@ -30,6 +30,9 @@ from oracle_server.wire.data import DataDecoder, data_decoder, nothing
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import AnyClock, AnyEvent, Attach, Handling, QuickHandling, ReportMessage
 
+_MOST_UNKEPT = 20_000
+"""Events that are taken of a session of which nothing more can be kept; beyond, its monitors are not read."""
+
 log = structlog.get_logger()
 
 
@@ -106,12 +109,41 @@ class LiveSession:
     @property
     def has_room(self) -> bool:
         """Whether the session accepts events; if not, its monitors are not read until it does."""
-        return self._history.has_room and self.ledger.lookup.has_room
+        return self._history.has_room and self.ledger.lookup.has_room and not self._is_crammed
 
     async def room(self) -> None:
-        """Wait until the session accepts events."""
+        """Wait until the session accepts events, or is closed."""
         await self._history.room()
         await self.ledger.lookup.room()
+        while self._is_crammed and not self.ledger.commits.ended:
+            await asyncio.wait((self.ledger.commits.next(),))
+
+    @property
+    def trouble(self) -> str | None:
+        """Why nothing more of the session can be kept, so that it is not judged any more; None where it can."""
+        return self._history.failure_of(self.number)
+
+    def check_kept(self) -> None:
+        """Raise a fatal `WireError` where nothing more of the session can be kept."""
+        if self.trouble is not None:
+            message = f"session '{self.id}' can't be kept any more: {self.trouble}; close it, and open another"
+            raise WireError("history_unavailable", message, fatal=True)
+
+    @property
+    def is_behind(self) -> bool:
+        """Whether deadlines have expired that are not judged yet: an event would have to wait for all of them."""
+        if self.closing or self.core.buffer.due is not None:
+            return False
+        return self.core.is_behind or (self._armed is not None and self._armed <= self.clock.now())
+
+    async def caught_up(self) -> None:
+        """Judge expired deadlines in turns, between which others are served, until none is left."""
+        while self.is_behind:
+            armed = self._armed
+            self.share.run(self._tick)
+            if self._armed == armed and not self.core.is_behind:
+                return
+            await asyncio.sleep(self.share.rest)
 
     def send_verdicts(self, monitor: Monitor) -> None:
         """Send the last committed `verdicts` frame to a monitor, if it requested these frames."""
@@ -204,6 +236,14 @@ class LiveSession:
             loop = asyncio.get_running_loop()
             monitor.expiry = loop.call_later(self._resume_within, self._expire, monitor)
 
+    async def drain(self) -> None:
+        """Before `close`: judge all held events in turns, between which other sessions are served; take no more."""
+        self.closing = True
+        self.share.run(lambda: self._deliver(self.core.release(self._enter())))
+        while self.core.buffer.due is not None:
+            self.share.run(lambda: self._deliver(self.core.advance(self._enter())))
+            await asyncio.sleep(0)
+
     def close(self) -> None:
         """Judge all held events, in order, and stop the timers."""
         self.closing = True
@@ -270,6 +310,11 @@ class LiveSession:
         return found
 
     @property
+    def _is_crammed(self) -> bool:
+        """Whether nothing more can be kept, and as much waits for that as may."""
+        return self.trouble is not None and sum(m.unsettled for m in self.monitors.values()) > _MOST_UNKEPT
+
+    @property
     def _ignores_events(self) -> bool:
         return self.closing or self.clock_went_back
 
@@ -281,7 +326,7 @@ class LiveSession:
 
     def _enter(self) -> int:
         """Suspend judging while the history can't be written, and return the present time in nanoseconds."""
-        self.core.suspended = self._history.failure is not None
+        self.core.suspended = self._history.failure is not None or self.trouble is not None
         return self.clock.now()
 
     def _set_attached(self, monitor: Monitor, *, attached: bool) -> None:
@@ -351,10 +396,12 @@ class LiveSession:
         if self._timer:
             self._timer.cancel()
         loop = asyncio.get_running_loop()
-        delay = max(0, deadline - self.clock.now()) / 10**9
+        delay = self.share.rest if self.core.is_behind else max(0, deadline - self.clock.now()) / 10**9
         self._armed, self._timer = deadline, loop.call_later(delay, self.share.run, self._tick)
 
     def _tick(self) -> None:
+        if self._timer:
+            self._timer.cancel()
         self._armed = self._timer = None
         self._deliver(self.core.advance(self._enter()))
 

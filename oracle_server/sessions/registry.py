@@ -30,7 +30,8 @@ from oracle_server.sessions.monitor import Monitor, Outbox, claimed
 from oracle_server.sessions.runs import successors
 from oracle_server.sessions.shares import Shares
 from oracle_server.sessions.status import session_state
-from oracle_server.specfiles.library import Entry, Library, UnknownSpecError
+from oracle_server.sessions.unrestored import Unrestored
+from oracle_server.specfiles.library import Entry, Library, UnknownSpecError, Unsound
 from oracle_server.specfiles.load import parse_spec
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import Attach
@@ -62,6 +63,8 @@ class Registry:
     ) -> None:
         """Begin without sessions; `resume_within` is how long (s) a monitor stays attached without a connection."""
         self.open: dict[str, LiveSession] = {}
+        self.unrestored: dict[str, Unrestored] = {}
+        """Sessions that are open in the history, and could not be restored."""
         self.backlog = Backlog()
         self.counters = Counters()
         self._history, self._library, self._clock, self._resume_within = history, library, clock, resume_within
@@ -73,12 +76,12 @@ class Registry:
         self._last = 0
 
     async def restore_all(self) -> None:
-        """Restore the open sessions from the history. One that can't be restored is logged and left out.
+        """Restore the open sessions from the history. One that can't be restored is logged, and among `unrestored`.
 
         The places of their monitors are kept until `accept_work`, however long this takes.
         """
         self._last = await self._history.last_number()
-        plans = _Plans(self._library)
+        plans = _Plans(await self._library.in_thread(self._library.listed))
         for opened in await self._history.open_sessions():
             try:
                 await self._restore(opened, await asyncio.to_thread(plans.of, opened))
@@ -86,6 +89,7 @@ class Registry:
                 self.open.pop(opened.id, None)
                 known = isinstance(error, OracleError)
                 reason = str(error) if known else f"{type(error).__name__}: {error}"
+                self.unrestored[opened.id] = Unrestored(opened, reason)
                 log.error("a session can't be restored", session=opened.id, reason=reason, exc_info=not known)
 
     def accept_work(self) -> None:
@@ -101,6 +105,7 @@ class Registry:
         if wanted.spec is not None and wanted.spec != session.spec.id:
             message = f"session '{session.id}' judges by '{session.spec.id}', not by '{wanted.spec}'"
             raise WireError("spec_mismatch", message, fatal=True)
+        session.check_kept()
         return session, session.attach(wanted, outbox)
 
     async def create(
@@ -111,11 +116,13 @@ class Registry:
         Raises `UnknownSpecError`, `SpecError` or `SessionExistsError`, `HistoryError` where the history fails, and
         `WireError` where the server stops.
         """
+        with contextlib.suppress(OracleError):  # told below; others are not kept waiting while a changed file is read
+            await self._library.find(spec_id)
         async with self._opening:
             with reading_for():  # whoever asks: attaches wait for this, too
                 if session_id is not None and await self.known(session_id) is not None:  # whatever spec is asked for
                     raise SessionExistsError(f"a session '{session_id}' exists already")
-                entry = self._library.get(spec_id)
+                entry = await self._library.find(spec_id)
                 session_id = session_id or await self._new_name(spec_id)
             return await self._open(entry, session_id, private=private, by=by)
 
@@ -130,15 +137,18 @@ class Registry:
 
     async def state(self, session_id: str) -> Document | None:
         """A session's state, as of its end where it is closed; None where it is unknown. Raises `HistoryError`."""
-        live = self.open.get(session_id)
-        return session_state(live, live.clock.now()) if live else await self._history.closed_state(session_id)
+        live, unrestored = self.open.get(session_id), self.unrestored.get(session_id)
+        if live is not None:
+            return session_state(live, live.clock.now())
+        return unrestored.state if unrestored is not None else await self._history.closed_state(session_id)
 
     async def states(self) -> list[dict[str, Any]]:
-        """The states of all sessions, open ones first, then the newest first. Raises `HistoryError`."""
+        """The states of all sessions, open ones first, then closed ones, the newest first. Raises `HistoryError`."""
         live = []
         for session in [*reversed(self.open.values())]:
             live.append(session_state(session, session.clock.now()))
             await asyncio.sleep(0)  # so that decisions wait for one state, not for a thousand
+        live += [unrestored.state for unrestored in self.unrestored.values()]
         listed = {state["id"] for state in live}  # one of these may be closed meanwhile
         closed = await self._history.closed_states(_LISTED)
         return [*live, *(state for state in closed if state["id"] not in listed)]
@@ -147,14 +157,16 @@ class Registry:
         """Judge what a session holds, and close it, unless the server stops: the next server restores it then."""
         if session.closing:
             return
+        await session.drain()
+        if self._stopping:
+            return
         session.close()
         await session.settle()
         now = session.clock.now()
         successor = await self._successor(session) if session.clock_went_back else None
         state = session_state(session, now) | {"status": "closed", "closed": now, "continued_by": successor}
         state["clock_went_back"] = session.clock_went_back
-        self._history.close_session(session.number, now, state)
-        await self._history.flush()
+        await self._record_closed(session.number, now, state)
         self.open.pop(session.id, None)
         session.ledger.snapshots.end()
         self.counters.add_closed(session.counts(), session.core.holds)
@@ -167,11 +179,29 @@ class Registry:
             if monitor.outbox and not monitor.detaching:
                 monitor.outbox.drop(reason)
 
+    async def _record_closed(self, number: int, now: int, state: Document) -> None:
+        """Keep that a session is closed. Raises `HistoryError` where that can't be kept."""
+        committed = asyncio.Event()
+        self._history.close_session(number, now, state, committed.set)
+        await self._history.flush()
+        if not committed.is_set():
+            raise HistoryError("the history refuses how it stands, see above")
+
     def save(self, number: int) -> None:
         """Take a snapshot of an open session, unless the last one was taken too recently."""
         for session in self.open.values():
             if session.number == number and not session.closing and session.ledger.snapshots.rested:
                 session.share.run_for_server(session.ledger.save)
+
+    async def end(self, name: str, within: float) -> bool:
+        """Close the session of a name, if it is open, and return whether it is closed within `within` seconds.
+
+        Raises as `closed_within` does.
+        """
+        session, unrestored = self.open.get(name), self.unrestored.get(name)
+        if session is not None:
+            return await self.closed_within(session, within)
+        return unrestored is None or await self.abandon(unrestored, within)
 
     async def closed_within(self, session: LiveSession, within: float) -> bool:
         """Close a session, and return whether it is closed within `within` seconds; else the closing continues.
@@ -183,6 +213,19 @@ class Registry:
             reason = f"session '{session.id}' could not be closed, and stays open; see the server's log"
             raise _stops() if self._stopping else SessionStaysOpenError(reason)
         return not waiting
+
+    async def abandon(self, unrestored: Unrestored, within: float) -> bool:
+        """Close a session that could not be restored, as it stands; returns whether it is within so many seconds.
+
+        Else it is closed as soon as the history can be written.
+        """
+        now, record = self._clock.now(), unrestored.record
+        state = unrestored.state | {"status": "closed", "closed": now, "continued_by": None, "clock_went_back": False}
+        self._history.close_session(record.number, now, state, lambda: self.unrestored.pop(record.id, None))
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(within):
+                await self._history.flush()
+        return record.id not in self.unrestored
 
     async def shut_down(self) -> None:
         """Judge what all sessions hold, commit it, and close the connections; in the history the sessions stay open."""
@@ -215,7 +258,7 @@ class Registry:
         if wanted.spec is None:
             raise WireError("unknown_spec", "name a spec: there is no session to join", fatal=True)
         try:
-            claimed(self._library.get(wanted.spec).plan.spec, wanted.streams)
+            claimed((await self._library.find(wanted.spec)).plan.spec, wanted.streams)
             return await self.create(wanted.spec, wanted.session, private=wanted.session is None)
         except SessionExistsError:
             return await self._session_for(wanted)
@@ -230,14 +273,17 @@ class Registry:
             if live.number not in self._closing:
                 return live
             await asyncio.wait((self._closing[live.number],))  # its successor is not known before
+        unrestored = self.unrestored.get(name)
+        if unrestored is not None:
+            why = f"session '{name}' could not be restored, and can only be read or closed: {unrestored.brief}"
+            raise WireError("session_closed", why, fatal=True)
         if await self.known(name) is None:
             return None
         state = await self.state(name)
         if name in self.open:  # another monitor has opened it meanwhile
             return await self._joined(name)
         if state is None:
-            why = f"session '{name}' could not be restored, see the server's log; it can only be read"
-            raise WireError("session_closed", why, fatal=True)
+            raise WireError("session_closed", f"session '{name}' was just forgotten; attach again", fatal=True)
         if state.get("clock_went_back"):
             raise _ended(name, state["continued_by"])
         raise WireError("session_closed", f"session '{name}' is closed; it can only be read", fatal=True)
@@ -320,8 +366,8 @@ class Registry:
 class _Plans:
     """The plans of sessions that are restored: most have a spec of the library, or the same as another one."""
 
-    def __init__(self, library: Library) -> None:
-        known = [entry for entry in library.listed() if isinstance(entry, Entry)]
+    def __init__(self, listed: list[Entry | Unsound]) -> None:
+        known = [entry for entry in listed if isinstance(entry, Entry)]
         self._made: dict[str, Plan | OracleError] = {entry.file.text: entry.plan for entry in known}
 
     def of(self, opened: SessionRecord) -> Plan:

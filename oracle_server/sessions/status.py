@@ -28,6 +28,7 @@ def session_state(session: LiveSession, now: int) -> dict[str, Any]:
         "opened": session.opened,
         "begun": core.begun,
         "closed": None,
+        "trouble": None if session.trouble is None else f"nothing more of it can be kept: {session.trouble}",
         "monitors": list(_monitors(session)),
         "streams": list(_streams(core, now)),
         "awaited": _awaited(core.buffer.awaited),

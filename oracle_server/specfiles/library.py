@@ -1,14 +1,20 @@
-"""A server's specs: the files of the specs folder, and uploaded ones, which take precedence."""
+"""A server's specs: the files of the specs folder, and uploaded ones, which take precedence.
+
+Reading a spec can take seconds: on an event loop only the coroutines may be used, which read in threads.
+"""
 
 from __future__ import annotations
 
+import asyncio
 import os
 import re
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, TypeVar
 
 from oracle_server.core.errors import Finding, OracleError, SpecError
 from oracle_server.core.plan import Plan, plan
@@ -16,6 +22,8 @@ from oracle_server.core.spec import Retention
 from oracle_server.rostypes.known import Types
 from oracle_server.specfiles.document import MAX_TEXT
 from oracle_server.specfiles.load import SpecFile, load_spec, parse_spec
+
+T = TypeVar("T")
 
 _ID = re.compile(r"""^id:[ \t]*["']?([A-Za-z0-9_.-]{1,64})["']?[ \t]*(?:#.*)?$""", re.MULTILINE)
 
@@ -76,7 +84,11 @@ class Library:
         """
         self._types = types
         self._uploads = uploads
-        self._putting = threading.Lock()
+        self._reading, self._uploading = ThreadPoolExecutor(1, "spec reading"), ThreadPoolExecutor(1, "spec upload")
+        self._changing = threading.Lock()
+        """Held while the specs on hand change, and not while any is read."""
+        self._refused: dict[Path, tuple[FileVersion, SpecError]] = {}
+        """What is wrong with files that were sound before, in the version that was read last."""
         self._entries: dict[str, Entry | Unsound] = {}
         self._doubles: dict[Path, Unsound] = {}
         """Unsound files whose id is another one's, by path."""
@@ -88,10 +100,27 @@ class Library:
                 found = replace(found, id=path.stem)
             self._entries[path.stem] = found
 
+    async def find(self, spec_id: str) -> Entry:
+        """The present version of a spec, as `get` has it; a file that has changed is read in a thread."""
+        entry = self._entries.get(spec_id)
+        if isinstance(entry, Entry) and _version(entry.path) in (None, entry.version):
+            return entry
+        return await self.in_thread(partial(self.get, spec_id))
+
+    async def in_thread(self, work: Callable[[], T]) -> T:
+        """Do some work with the library in the one thread that reads."""
+        return await asyncio.get_running_loop().run_in_executor(self._reading, work)
+
+    async def upload(self, spec_id: str, text: str) -> tuple[Entry, bool]:
+        """Store an uploaded spec, as `put` does, in the one thread for that."""
+        return await asyncio.get_running_loop().run_in_executor(self._uploading, self.put, spec_id, text)
+
     def listed(self) -> list[Entry | Unsound]:
         """All specs by id, unsound ones as their files are now, and others as of the last time that they were sound."""
         self._look_again()
-        return sorted((*self._entries.values(), *self._doubles.values()), key=lambda e: (e.id, str(e.path)))
+        with self._changing:
+            specs = [*self._entries.values(), *self._doubles.values()]
+        return sorted(specs, key=lambda e: (e.id, str(e.path)))
 
     def retention(self) -> dict[str, Retention]:
         """The retention of each spec, by id."""
@@ -104,16 +133,29 @@ class Library:
             self._look_again()
         entry = self._entries.get(spec_id)
         if entry is None:
-            raise UnknownSpecError(spec_id, sorted(self._entries))
+            raise UnknownSpecError(spec_id, sorted(self._entries.copy()))
         if isinstance(entry, Unsound):
             raise entry.error
         version = _version(entry.path)
-        if version is not None and version != entry.version:
-            fresh = _read(entry.path, entry.source, self._types)
-            if fresh.id != spec_id:
-                raise SpecError([Finding(str(entry.path), 1, 1, f"the id was '{spec_id}' and has changed")])
-            self._entries[spec_id] = entry = fresh
-        return entry
+        if version is None or version == entry.version:
+            return entry
+        fresh = self._reread(entry, version)
+        with self._changing:
+            if self._entries.get(spec_id) is entry:
+                self._entries[spec_id] = fresh
+                return fresh
+        return self.get(spec_id)  # it was put meanwhile
+
+    def _reread(self, entry: Entry, version: FileVersion) -> Entry:
+        """What the file of a spec is now. Raises `SpecError`, for a version that was read already without a look."""
+        known = self._refused.get(entry.path)
+        if known is not None and known[0] == version:
+            raise known[1]
+        try:
+            return _read_again(entry, self._types)
+        except SpecError as error:
+            self._refused[entry.path] = version, error
+            raise
 
     def _take(self, found: Entry | Unsound) -> None:
         """Take in a file of the specs folder, as unsound where its id is another file's already."""
@@ -128,34 +170,42 @@ class Library:
 
     def _look_again(self) -> None:
         """Read unsound files again that have changed, or whose id is free now."""
-        unsound = [e for e in (*self._entries.values(), *self._doubles.values()) if isinstance(e, Unsound)]
+        with self._changing:
+            unsound = [e for e in (*self._entries.values(), *self._doubles.values()) if isinstance(e, Unsound)]
         for old in unsound:
             version = _version(old.path)
             if version == old.version and old.id in self._entries:
                 continue
-            if self._doubles.pop(old.path, None) is None:
-                del self._entries[old.id]
-            if version is None:  # it is gone
-                continue
-            found = _found(old.path, old.source, self._types)
-            if old.source == "put" and found.id != old.id:
-                message = f"its id is '{found.id}', not '{old.id}'"
-                error = (
-                    found.error if isinstance(found, Unsound) else SpecError([Finding(str(old.path), 1, 1, message)])
-                )
-                found = Unsound(old.id, error, "put", old.path, version)
-            self._take(found)
+            found = None if version is None else self._looked_at(old, version)
+            with self._changing:
+                if self._doubles.get(old.path) is old:
+                    del self._doubles[old.path]
+                elif self._entries.get(old.id) is old:
+                    del self._entries[old.id]
+                else:  # it was put anew meanwhile
+                    continue
+                if found is not None:
+                    self._take(found)
+
+    def _looked_at(self, old: Unsound, version: FileVersion) -> Entry | Unsound:
+        """What an unsound file is now."""
+        found = _found(old.path, old.source, self._types)
+        if old.source == "file" or found.id == old.id:
+            return found
+        message = f"its id is '{found.id}', not '{old.id}'"
+        error = found.error if isinstance(found, Unsound) else SpecError([Finding(str(old.path), 1, 1, message)])
+        return Unsound(old.id, error, "put", old.path, version)
 
     def put(self, spec_id: str, text: str) -> tuple[Entry, bool]:
         """Store an uploaded spec; returns it, and whether its id is new. Raises `SpecError` where it is refused."""
         file = parse_spec(text, f"{spec_id}.yaml", types=self._types)
         if file.spec.id != spec_id:
             raise SpecError([Finding(f"{spec_id}.yaml", 1, 1, f"its id is '{file.spec.id}', not '{spec_id}'")])
-        path = self._uploads / f"{spec_id}.yaml"
-        with self._putting:
+        path, ready = self._uploads / f"{spec_id}.yaml", plan(file.spec)
+        with self._changing:
             new = not isinstance(self._entries.get(spec_id), Entry)
             _write(path, text)
-            self._entries[spec_id] = entry = Entry(file, plan(file.spec), "put", path, _version(path))
+            self._entries[spec_id] = entry = Entry(file, ready, "put", path, _version(path))
         return entry, new
 
 
@@ -191,6 +241,13 @@ def _read(path: Path, source: Literal["file", "put"], types: Types | None) -> En
             raise
         file = replace(load_spec(path), warnings=error.findings)  # it was accepted when less was known of its types
     return Entry(file, plan(file.spec), source, path, version)
+
+
+def _read_again(entry: Entry, types: Types | None) -> Entry:
+    fresh = _read(entry.path, entry.source, types)
+    if fresh.id != entry.id:
+        raise SpecError([Finding(str(entry.path), 1, 1, f"the id was '{entry.id}' and has changed")])
+    return fresh
 
 
 def _found(path: Path, source: Literal["file", "put"], types: Types | None) -> Entry | Unsound:

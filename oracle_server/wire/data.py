@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, TypedDict, TypeVar
+from typing import Any, TypedDict, TypeVar, TypeVarTuple, Unpack
 
 import msgspec
 
@@ -13,6 +13,8 @@ _LARGE = 2**16
 """Bytes from which on the garbage collector would look through what is decoded several times over."""
 
 Decoded = TypeVar("Decoded")
+T = TypeVar("T")
+Args = TypeVarTuple("Args")
 DataDecoder = msgspec.json.Decoder[dict[str, Any]]
 Decoders = Callable[[str, str], DataDecoder]
 """Finds the decoder of a stream's data, by the stream's name and kind."""
@@ -44,12 +46,16 @@ def data_decoder(fields: frozenset[str] | None) -> DataDecoder:
 
 def decoded(decoder: msgspec.json.Decoder[Decoded], text: str | msgspec.Raw) -> Decoded:
     """Decode with the garbage collector resting where there is much. Raises what the decoder raises."""
-    size = len(text) if isinstance(text, str) else memoryview(text).nbytes
+    return resting(len(text) if isinstance(text, str) else memoryview(text).nbytes, decoder.decode, text)
+
+
+def resting(size: int, work: Callable[[Unpack[Args]], T], *args: *Args) -> T:
+    """Do some work with the garbage collector resting where the text that it decodes is of a large size (bytes)."""
     if size < _LARGE or not gc.isenabled():
-        return decoder.decode(text)
+        return work(*args)
     gc.disable()
     try:
-        return decoder.decode(text)
+        return work(*args)
     finally:
         gc.enable()
 

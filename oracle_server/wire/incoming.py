@@ -22,6 +22,8 @@ MAX_STREAMS = 10_000
 """Most streams that a frame tells of: ten times as many as a spec may have."""
 MAX_KEYS = 50_000
 """Most keys of all objects in one event's data."""
+MAX_PARTS = 100_000
+"""The most lists and objects in an event's data: as many as there are where each key holds a list of one object."""
 
 Identifier = Annotated[str, Field(pattern=IDENTIFIER)]
 MonitorName = Annotated[str, Field(pattern=r"^[~/A-Za-z0-9_][A-Za-z0-9_/.-]*$", max_length=255)]

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import chain
 from typing import Any, NamedTuple
 
 import msgspec
 from pydantic import TypeAdapter, ValidationError
 
-from oracle_server.wire.data import DataDecoder, Decoders, decoded, whole
+from oracle_server.wire.data import DataDecoder, Decoders, decoded, resting, whole
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import (
     MAX_DEPTH,
     MAX_KEYS,
+    MAX_PARTS,
     EventMessage,
     Events,
     Incoming,
@@ -35,12 +37,13 @@ _HEAD = EventMessage.model_fields.keys() - {"data"}
 _NO_DATA = msgspec.Raw()
 _UNREADABLE = (msgspec.MsgspecError, ValueError, RecursionError)
 _LOWEST, _HIGHEST = -(2**63), 2**64 - 1
-_INTEGERS = range(_LOWEST, _HIGHEST + 1)
+_LARGE = 2**14
+"""Bytes from which on data is looked through level by level, which is fast where there is much."""
 _TAGS = frozenset({"attach", "events", "outcome", "outcomes", "clock", "report", "detach"})
 
 
 class Frame(NamedTuple):
-    """A frame's message; the data of a suspicious one may hold too many keys."""
+    """A frame's message; the data of a suspicious one may hold too many keys, lists or objects."""
 
     message: Message | Quick
     suspicious: bool
@@ -59,8 +62,10 @@ def decode(text: str, decoders: Decoders = whole) -> Frame:
 
 
 def suspicious(text: str) -> bool:
-    """Whether a frame may carry an event with too many keys."""
-    return text.count(":") > MAX_KEYS
+    """Whether a frame may carry an event with too many keys, lists or objects."""
+    if len(text) <= MAX_KEYS:
+        return False
+    return text.count(":") > MAX_KEYS or text.count("[") + text.count("{") > MAX_PARTS
 
 
 def event_in(raw: msgspec.Raw, decoders: Decoders, *, suspicious: bool) -> QuickEvent:
@@ -75,7 +80,9 @@ def event_in(raw: msgspec.Raw, decoders: Decoders, *, suspicious: bool) -> Quick
 def event_of(value: Any, *, suspicious: bool) -> QuickEvent:
     """An event that is decoded already, checked. Raises `WireError`."""
     event = _checked(value)
-    _require_fit(event.data, event.seq, odd=suspicious)
+    reason = _unfit(event.data, much=suspicious)
+    if reason is not None:
+        raise WireError("bad_event", reason, seq=event.seq)
     return event
 
 
@@ -88,20 +95,26 @@ def _with_data(event: RawEvent, decoders: Decoders, *, odd: bool) -> QuickEvent:
 
 def _data(raw: msgspec.Raw, decoder: DataDecoder, seq: int, *, odd: bool) -> dict[str, Any]:
     try:
-        data = decoded(decoder, raw)
+        found = resting(memoryview(raw).nbytes, _decoded_fit, decoder, raw, odd)
     except _UNREADABLE as error:
         if not _is_object(raw):
             raise WireError("bad_event", "data: Input should be a valid dictionary", seq=seq) from None
         raise _malformed(error) from None
-    _require_fit(data, seq, odd=odd)
-    return data
+    if isinstance(found, str):
+        raise WireError("bad_event", found, seq=seq)
+    return found
 
 
-def _require_fit(data: dict[str, Any], seq: int, *, odd: bool) -> None:
-    """Raise a `WireError` where an event's data can't be judged."""
-    reason = _unfit(data) if odd or not _fits(data, MAX_DEPTH) else None
-    if reason:
-        raise WireError("bad_event", reason, seq=seq)
+def _decoded_fit(decoder: DataDecoder, raw: msgspec.Raw, odd: bool) -> dict[str, Any] | str:
+    """An event's data, or why it can't be judged: it is let go of here, before the garbage collector looks at it."""
+    data = decoder.decode(raw)
+    reason = _unfit(data, much=odd or memoryview(raw).nbytes > _LARGE)
+    return data if reason is None else reason
+
+
+def _unfit(data: dict[str, Any], *, much: bool) -> str | None:
+    """Why an event's data can't be judged, None where it can."""
+    return _flaw_in_much(data) if much else _flaw(data, MAX_DEPTH)
 
 
 def _decode_slowly(text: str, decoders: Decoders, *, odd: bool) -> Frame:
@@ -172,34 +185,43 @@ def _is_object(raw: msgspec.Raw) -> bool:
     return bytes(memoryview(raw)[:1]) == b"{"
 
 
-def _fits(data: dict[str, Any] | list[Any], depth: int) -> bool:
-    """Whether data is nested no deeper, and its integers have no more than 64 bits."""
+def _flaw(data: dict[str, Any] | list[Any], depth: int) -> str | None:
+    """What is nested deeper in data, or an integer of more than 64 bits, in words; None where neither is."""
     if depth == 0:
-        return False
+        return f"data: nested more than {MAX_DEPTH} deep"
     values: Iterable[Any] = data.values() if isinstance(data, dict) else data
     for value in values:
         kind = type(value)
         if kind is int:
             if not _LOWEST <= value <= _HIGHEST:
-                return False
-        elif (kind is dict or kind is list) and not _fits(value, depth - 1):
-            return False
-    return True
+                return "data: an integer of more than 64 bits"
+        elif kind is dict or kind is list:
+            flaw = _flaw(value, depth - 1)
+            if flaw is not None:
+                return flaw
+    return None
 
 
-def _unfit(data: dict[str, Any]) -> str | None:
-    """Why an event's data can't be judged, None where it can."""
-    level: list[Any] = [data]
-    keys = 0
+def _flaw_in_much(data: dict[str, Any]) -> str | None:
+    """The same, and what there is too much of, level by level."""
+    dicts: list[Any] = [data]
+    lists: list[Any] = []
+    keys = parts = 0
     for _ in range(MAX_DEPTH):
-        keys += sum(len(outer) for outer in level if isinstance(outer, dict))
+        keys += sum(map(len, dicts))
+        parts += len(dicts) + len(lists)
         if keys > MAX_KEYS:
             return f"data: more than {MAX_KEYS} keys"
-        values = [v for outer in level for v in (outer.values() if isinstance(outer, dict) else outer)]
-        if any(type(v) is int and v not in _INTEGERS for v in values):
+        if parts > MAX_PARTS:
+            return f"data: more than {MAX_PARTS} lists and objects"
+        values = [*chain.from_iterable(map(dict.values, dicts)), *chain.from_iterable(lists)]
+        kinds = {*map(type, values)}
+        whole_numbers = [v for v in values if type(v) is int] if int in kinds else ()
+        if whole_numbers and not _LOWEST <= min(whole_numbers) <= max(whole_numbers) <= _HIGHEST:
             return "data: an integer of more than 64 bits"
-        level = [v for v in values if isinstance(v, dict | list)]
-        if not level:
+        dicts = [v for v in values if type(v) is dict] if dict in kinds else []
+        lists = [v for v in values if type(v) is list] if list in kinds else []
+        if not dicts and not lists:
             return None
     return f"data: nested more than {MAX_DEPTH} deep"
 

@@ -36,8 +36,9 @@ from oracle_server.history.sqlite.writer import Writer
 write = Writer._write
 def slowly(self, batch):
     time.sleep(random.uniform(0, 0.05))
-    write(self, batch)
+    result = write(self, batch)
     time.sleep(random.uniform(0, 0.05))
+    return result
 Writer._write = slowly
 """
 _NOT_WRITTEN, _WRITTEN = "the history can't be written", "the history can be written again"

@@ -40,10 +40,12 @@ def test_a_durability_that_there_is_not_is_told(tmp_path: Path) -> None:
 
 
 async def failing(folder: Path) -> SqliteHistory:
-    """A history that can't write what it was given."""
+    """A history that can't write what it was given, whosever it is."""
     history = SqliteHistory(folder)
     history.start(asyncio.get_running_loop())
-    history.amend(2**64, "m", 1, (True, "decision"), lambda: None)
+    with closing(sqlite3.connect(history.path)) as database, database:
+        database.execute("ALTER TABLE steps RENAME TO lost")
+    history.append(1, [step(1)], lambda: None)
     async with asyncio.timeout(PATIENCE):
         while history.failure is None:
             await asyncio.sleep(0.01)
@@ -53,7 +55,19 @@ async def failing(folder: Path) -> SqliteHistory:
 async def test_what_can_not_be_written_for_whatever_reason_is_told(tmp_path: Path) -> None:
     history = await failing(tmp_path)
     assert history.failure is not None
-    assert "too large" in history.failure
+    assert "no such table" in history.failure
+    assert history.failure_of(1) is None, "it can be kept once the history can be written"
+    await asyncio.to_thread(history.close)
+
+
+async def test_nothing_is_lost_while_the_history_can_not_be_written(tmp_path: Path) -> None:
+    history = await failing(tmp_path)
+    with closing(sqlite3.connect(history.path)) as database, database:
+        database.execute("ALTER TABLE lost RENAME TO steps")
+    async with asyncio.timeout(PATIENCE):
+        await history.flush()
+    assert history.failure is None
+    assert await history.step(1, 1) == step(1)
     await asyncio.to_thread(history.close)
 
 

@@ -96,8 +96,10 @@ async def test_a_session_whose_spec_is_refused_now_stops_no_other(tmp_path: Path
     (told,) = [line for line in logs if line["event"] == "a session can't be restored"]
     assert told["session"] == "one"
     assert told["reason"]
-    with pytest.raises(WireError, match="'one' could not be restored, see the server's log"):
+    with pytest.raises(WireError, match="'one' could not be restored, and can only be read or closed: ") as refused:
         await second.attach(attach("one", "guard"), Kept())
+    assert told["reason"].splitlines()[0] in refused.value.message
+    assert "\n" not in refused.value.message
 
 
 @pytest.mark.usefixtures("within")
@@ -119,6 +121,36 @@ async def test_whatever_goes_wrong_with_one_session_the_others_go_on(
     assert [(line["session"], line["reason"]) for line in logs if line["log_level"] == "error"] == [
         ("two", "RecursionError: too deep")
     ]
+    states = await second.states()
+    assert [state["id"] for state in states] == [private, "one", "two"]
+    assert states[-1] == await second.state("two")
+    assert (states[-1]["status"], states[-1]["closed"]) == ("unrestored", None)
+    assert states[-1]["trouble"] == "it could not be restored: RecursionError: too deep"
+    assert states[-1].keys() == states[0].keys()
+
+
+@pytest.mark.usefixtures("within")
+async def test_a_session_that_could_not_be_restored_is_closed_for_good(tmp_path: Path) -> None:
+    history, _ = await left(tmp_path)
+    kept = history._kept[1]
+    kept.record = kept.record._replace(text="id: guard\nstreams: 3\n")
+    second = impatient(history, tmp_path)
+    await second.restore_all()
+    before = await second.state("one")
+    assert before is not None
+    assert await second.abandon(second.unrestored["one"], PATIENCE)
+    assert second.unrestored == {}
+    state = await second.state("one")
+    assert state is not None
+    assert state["trouble"] == before["trouble"], "why it was not judged to its end stays known"
+    assert state == before | {"status": "closed"} | {k: state[k] for k in ("closed", "continued_by", "clock_went_back")}
+    assert "one" not in [session.id for session in await history.open_sessions()]
+    assert [s["id"] for s in await second.states()].count("one") == 1
+    with pytest.raises(WireError, match="'one' is closed; it can only be read"):
+        await second.attach(attach("one", "guard"), Kept())
+    third = impatient(history, tmp_path)
+    await third.restore_all()
+    assert third.unrestored == {}
 
 
 @pytest.mark.usefixtures("within")

@@ -15,8 +15,8 @@ from oracle_server.core.stamps import since_boot_in, stamp_in
 from oracle_server.specfiles.load import parse_spec
 from oracle_server.wire.data import data_decoder, whole
 from oracle_server.wire.errors import WireError
-from oracle_server.wire.incoming import QuickEvent
-from oracle_server.wire.reading import decode
+from oracle_server.wire.incoming import MAX_KEYS, MAX_PARTS, QuickEvent, RawEvents
+from oracle_server.wire.reading import decode, event_in
 
 SPEC = """
 id: odd
@@ -103,6 +103,57 @@ def test_what_nobody_reads_is_not_refused(value: str) -> None:
     assert read(frozenset({"v"}), f'{{"v":1,"x":{value}}}') == {"v": 1}
     with pytest.raises(WireError):
         read(frozenset({"x"}), f'{{"v":1,"x":{value}}}')
+
+
+NESTED = "[" * 60 + "]" * 60
+MANY = f"[{','.join([NESTED] * 8_000)}]"
+"""480,000 lists in a megabyte, none of them in a key."""
+
+
+@pytest.mark.parametrize("value", [MANY, f"[{','.join(['{}'] * MAX_PARTS)}]"])
+def test_more_lists_and_objects_than_any_message_has_are_refused_where_they_are_read(value: str) -> None:
+    assert read(frozenset({"v"}), f'{{"v":1,"x":{value}}}') == {"v": 1}
+    for fields in (None, frozenset({"x"})):
+        with pytest.raises(WireError, match=f"data: more than {MAX_PARTS} lists and objects") as refused:
+            read(fields, f'{{"v":1,"x":{value}}}')
+        assert (refused.value.code, refused.value.seq) == ("bad_event", 1)
+
+
+def test_what_is_like_a_message_is_never_refused_for_its_lists_and_objects() -> None:
+    """Each list, and each object but empty ones, stands in a key or has some: more keys are refused before."""
+    one = '{"x":[]}'
+    crowded = f"[{','.join([one] * (MAX_KEYS - 2))}]"
+    assert len(read(None, f'{{"v":{crowded}}}')["v"]) == MAX_KEYS - 2
+    brackets = "[{" * MAX_PARTS
+    assert read(None, f'{{"v":"{brackets}"}}') == {"v": brackets}
+    numbers = f"[{','.join(['1'] * 400_000)}]"
+    assert len(read(None, f'{{"v":{numbers}}}')["v"]) == 400_000
+
+
+def test_each_event_of_a_batch_may_have_as_many() -> None:
+    value = f"[{','.join(['[]'] * (MAX_PARTS // 2))}]"
+    event = f'{{"type":"event","seq":1,"stream":"/a","data":{{"v":{value}}}}}'
+    frame = decode(f'{{"type":"events","events":[{",".join([event] * 3)}]}}')
+    assert frame.suspicious
+    assert isinstance(frame.message, RawEvents)
+    for raw in frame.message.events:
+        assert len(event_in(raw, whole, suspicious=True).data["v"]) == MAX_PARTS // 2
+
+
+@pytest.mark.parametrize(
+    "odd", ["[" * 63 + "]" * 63, "[" * 64 + "]" * 64, str(2**64 - 1), str(2**64), f'[{{"a":{-(2**63) - 1}}}]']
+)
+def test_much_data_is_refused_for_what_little_data_is(odd: str) -> None:
+    def refusal(text: str) -> str | None:
+        try:
+            read(None, text)
+        except WireError as error:
+            return error.message
+        return None
+
+    much = ",".join(["[1,2.5]"] * 10_000)
+    assert refusal(f'{{"x":{odd},"y":[{much}]}}') == refusal(f'{{"x":{odd}}}')
+    assert (refusal(f'{{"x":{odd}}}') is None) == (odd in {"[" * 63 + "]" * 63, str(2**64 - 1)})
 
 
 @pytest.mark.parametrize("text", ['{"v":1,"x":}', '{"v":1,"x":"\\ud800"}', '{"v":1,"x":NaN}', '{"v":1,"x":01}'])

@@ -55,6 +55,10 @@ class Turn(NamedTuple):
     turned: Collection[int]
 
 
+_PLAIN = Turn({}, ())
+"""A tick that is due for the deadlines of engines alone."""
+
+
 class Derived:
     """Computes derived signals step by step. All of its state can be taken back by its journal."""
 
@@ -109,15 +113,18 @@ class Derived:
                     signals[name] = value
         return failed
 
-    def at(self, time: int, number: int, signals: dict[str, Scalar], failed: Names) -> Names:
-        """Add what is derived to the signals of a tick, behind step `number`; returns all that failed."""
+    def at(self, time: int, number: int, signals: Signals, failed: Names) -> tuple[Signals, Names]:
+        """The signals of a tick behind step `number`, with what is derived; and all that failed."""
+        if not self._silent:
+            return signals, failed
+        more = dict(signals)
         for series, name in self._silent:
-            value = series.at(time, number, signals, failed)
+            value = series.at(time, number, more, failed)
             if isinstance(value, Lack):
                 failed = frozenset((*failed, name))
             elif value is not None:
-                signals[name] = value
-        return failed
+                more[name] = value
+        return more, failed
 
     def back(self) -> None:
         """Take back all steps since the last mark."""
@@ -135,21 +142,33 @@ class Derived:
         """Whether another tick is due at the time of the last one."""
         return bool(self._due)
 
-    def turn(self, time: int, last: LastStep, *, otherwise: bool) -> Turn | None:
-        """The next tick that is due at a time; `otherwise`: one is due there for another reason. None where none is."""
-        if self._session.begun is None:
-            return Turn({}, ()) if otherwise else None
-        watch = self._watching(last)
-        if self._due:
-            by, key = self._due.pop(0)
-            return Turn({by: value_of(key)}, watch.turned)
-        plain, self._due = watch.look(time)
-        if plain or otherwise:
-            return Turn({}, watch.turned)
-        return self.turn(time, last, otherwise=False) if self._due else None
+    def turn(
+        self, time: int, last: LastStep, runs_out: Callable[[int], bool], recorded: Signals | None = None
+    ) -> Turn | None:
+        """The next tick that is due at a time, None where none is.
 
-    def turn_again(self, time: int, last: LastStep, signals: Signals) -> Turn:
-        """A tick that was judged before, by the signals that it had then."""
+        `runs_out` returns whether one is due there for another reason; `recorded` are the signals of one that was
+        judged before.
+        """
+        if not self._series:
+            return _PLAIN
+        if recorded is not None:
+            return self._turn_again(time, last, recorded)
+        if self._session.begun is None:
+            return _PLAIN if runs_out(time) else None
+        watch = self._watching(last)
+        plain = False
+        if not self._due:
+            plain, self._due = watch.look(time)
+            plain = runs_out(time) or plain
+        if plain:
+            return Turn({}, watch.turned)
+        if not self._due:
+            return None
+        by, key = self._due.pop(0)
+        return Turn({by: value_of(key)}, watch.turned)
+
+    def _turn_again(self, time: int, last: LastStep, signals: Signals) -> Turn:
         carried = {by: signals[by] for by in self._layout.keys if by in signals}
         if self._session.begun is None:
             return Turn(carried, ())

@@ -76,6 +76,10 @@ class NativeEngine:
         """What the last step cost, in values that were looked at."""
         return self._timeline.work
 
+    def allow(self, work: int) -> None:
+        """Let it look at so many values for a step; see `Bounded.allow`."""
+        self._timeline.allowed = work
+
     def explain(self, past: Past = NO_PAST) -> Why:
         """Why the formula holds, or does not, at the last step; see `Explaining.explain`."""
         return explain(self._formula, self._network, self._time, self._steps, past)

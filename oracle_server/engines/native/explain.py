@@ -29,14 +29,24 @@ from oracle_server.engines.native.wording import Wording, scalar
 Steps = Sequence[int]
 """Numbers of remembered steps, ascending."""
 _MOST_STEPS = 2_000
+_A_PART = 50
+"""What a part of the formula costs, in the effort that the past is looked through with."""
 _MOST_TOLD = 3
 """Values that are shown where all decide together."""
 
 
 def explain(formula: Formula, network: Network, time: Time, last: int, past: Past) -> Why:
     """Why the formula holds, or does not, at the last step, number `last`; `past` are the remembered steps."""
-    part = Part(formula, (), {}, {})
     recall = Recall(formula, network, time, last, past)
+    try:
+        return _explain(formula, network, time, recall)
+    finally:
+        if past.spent is not None:
+            past.spent(recall.spent + _A_PART * (len(network.atoms) + len(network.operators)))
+
+
+def _explain(formula: Formula, network: Network, time: Time, recall: Recall) -> Why:
+    part, last = Part(formula, (), {}, {}), recall.last
     explainer = _Explainer(network, recall, Wording(time, network.timeline.now, recall))
     holds = explainer.holds(part)
     deciding = None
@@ -94,10 +104,11 @@ class _Explainer:
         if not isinstance(node, Some | SomeOf | SomeGuarded):
             return None
         own = key_of([part.values.get(v) for v in node.variables])
-        keys = sorted(node.keys(own), key=lambda key: [(text is None, text or "") for text in texts_of(key)])
+        keys = node.keys(own)
         if not keys:
             return None
-        found = dict(zip(node.body_variables, texts_of(keys[0]), strict=True))
+        first = min(keys, key=lambda key: [(text is None, text or "") for text in texts_of(key)])
+        found = dict(zip(node.body_variables, texts_of(first), strict=True))
         return part.body(self._network).given(found), len(keys) - 1
 
     def _all(self, sides: list[tuple[Part, bool]], steps: Steps) -> list[Reason]:

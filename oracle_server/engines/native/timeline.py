@@ -6,7 +6,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Callable
 from typing import Any
 
-from oracle_server.core.engine import MAX_WORK, MAX_WORK_ON_AVERAGE
+from oracle_server.core.engine import MAX_WORK, MAX_WORK_ON_AVERAGE, MAX_WORK_TOGETHER
 from oracle_server.core.errors import EngineError
 
 _TRIM = 1024
@@ -23,7 +23,8 @@ class Timeline:
     """
 
     __slots__ = (
-        "_at_once", "_debt", "_horizon", "_on_average", "_times", "before", "first", "journal", "now", "timed", "work",
+        "_at_once", "_debt", "_horizon", "_on_average", "_times", "allowed", "before", "first", "journal", "now",
+        "timed", "work",
     )  # fmt: skip
 
     def __init__(self, *, timed: bool, share: float = 1) -> None:
@@ -32,6 +33,8 @@ class Timeline:
         self.first = True
         self.timed = timed
         self._at_once, self._on_average = int(MAX_WORK * share), int(MAX_WORK_ON_AVERAGE * share)
+        self.allowed = MAX_WORK
+        """Keys that may be looked at with this step, as others have looked at some."""
         self.work = 0
         """Keys that were looked at with this step, but for those of nodes that looked at few."""
         self._debt = 0
@@ -58,12 +61,18 @@ class Timeline:
 
     def spend(self, keys: int) -> None:
         """Count keys that a node looks at. Raises `EngineError` where a step, or all of them, cost too much."""
-        self.work += keys
-        if self.work + self._debt > self._at_once:
+        work = self.work + keys
+        if work + self._debt > self._at_once:
             raise EngineError(
                 f"its steps cost too much: {self._at_once} combinations of values may be looked at for one step, "
                 f"and {self._on_average} on average"
             )
+        if work > self.allowed:
+            raise EngineError(
+                f"the spec's properties cost too much together: {MAX_WORK_TOGETHER} combinations of values may be "
+                "looked at for one step of all of them"
+            )
+        self.work = work
 
     def tell_apart(self, keys: int) -> None:
         """Count keys of several variables that a node distinguishes. Raises `EngineError` where they are too many."""

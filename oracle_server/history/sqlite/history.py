@@ -25,6 +25,7 @@ from oracle_server.history.records import (
     SnapshotRecord,
     StoredStep,
 )
+from oracle_server.history.sqlite.batch import REFUSED, Work
 from oracle_server.history.sqlite.reader import Reader
 from oracle_server.history.sqlite.rows import (
     LETTERS,
@@ -36,6 +37,7 @@ from oracle_server.history.sqlite.rows import (
     session_of,
     session_row,
     snapshot_of,
+    snapshot_row,
     step_of,
     step_row,
     text,
@@ -110,6 +112,10 @@ class SqliteHistory:
         """Why nothing can be written at the moment."""
         return self._writer.failure
 
+    def failure_of(self, session: int) -> str | None:
+        """Why nothing more is written of a session."""
+        return self._writer.failures.get(session)
+
     @property
     def has_room(self) -> bool:
         """Whether more may be given."""
@@ -130,62 +136,78 @@ class SqliteHistory:
         await self._writer.room()
 
     async def flush(self) -> None:
-        """Wait until all that was given is committed."""
+        """Wait until all that was given is committed, or refused."""
         await self._writer.flush()
 
     # commands
 
     def open_session(self, session: SessionRecord) -> None:
         """Keep a new session."""
-        self._writer.execute(_insert("INSERT INTO sessions", SESSION_COLUMNS), session_row(session))
+        self._execute(session.number, _insert("INSERT INTO sessions", SESSION_COLUMNS), lambda: session_row(session))
 
     def begin_session(self, session: int, at: int) -> None:
         """Keep when a session began."""
-        self._writer.execute("UPDATE sessions SET begun = ? WHERE number = ?", (at, session))
+        self._execute(session, "UPDATE sessions SET begun = ? WHERE number = ?", lambda: (at, session))
 
-    def close_session(self, session: int, at: int, state: Document) -> None:
+    def close_session(self, session: int, at: int, state: Document, done: Done | None = None) -> None:
         """Keep that a session was closed."""
-        self._writer.execute("UPDATE sessions SET closed = ?, state = ? WHERE number = ?", (at, text(state), session))
+        sql = "UPDATE sessions SET closed = ?, state = ? WHERE number = ?"
+        self._execute(session, sql, lambda: (at, text(state), session), done, needed=False, always=True)
 
     def set_monitor(self, session: int, monitor: MonitorRecord, done: Done | None = None) -> None:
         """Keep a monitor of a session."""
         sql = _insert("INSERT OR REPLACE INTO monitors", MONITOR_COLUMNS)
-        self._writer.execute(sql, monitor_row(session, monitor), done)
+        self._execute(session, sql, lambda: monitor_row(session, monitor), done)
 
     def append(self, session: int, steps: Sequence[StoredStep], done: Done) -> None:
         """Keep steps that were judged."""
-        self._writer.append("steps", [step_row(session, step) for step in steps], done)
+        try:
+            rows = [step_row(session, step) for step in steps]
+        except REFUSED as error:
+            self._writer.add(Work(session, error, ()))
+        else:
+            self._writer.append(session, "steps", rows, done)
 
     def refuse(self, session: int, refusal: Refusal, done: Done) -> None:
         """Keep that an event was refused."""
-        self._writer.append("refused", [(session, *refusal)], done)
+        self._writer.append(session, "refused", [(session, *refusal)], done)
 
     def amend(self, session: int, monitor: str, seq: int, handling: tuple[bool, str], done: Done) -> None:
         """Add to an event's steps what the adapter did."""
         sql = "UPDATE steps SET passed = ?, why = ? WHERE session = ? AND monitor = ? AND seq = ?"
-        self._writer.execute(sql, (*handling, session, monitor, seq), done)
+        self._execute(session, sql, lambda: (*handling, session, monitor, seq), done)
 
     def save_snapshot(self, session: int, snapshot: SnapshotRecord) -> None:
         """Keep a snapshot in place of the last one."""
-        numbers = None if snapshot.numbers is None else text(snapshot.numbers)
-        self._writer.execute(
-            "INSERT OR REPLACE INTO snapshots (session, position, data, settled, numbers) VALUES (?,?,?,?,?)",
-            (session, snapshot.position, text(snapshot.data), snapshot.settled, numbers),
-        )
+        sql = "INSERT OR REPLACE INTO snapshots (session, position, data, settled, numbers) VALUES (?,?,?,?,?)"
+        self._execute(session, sql, lambda: snapshot_row(session, snapshot), needed=False)
 
     async def forget_steps(self, session: int, before: int) -> None:
         """Delete a session's steps before a position."""
-        await self._do("DELETE FROM steps WHERE session = ? AND position < ?", (session, before))
+        await self._do(session, "DELETE FROM steps WHERE session = ? AND position < ?", (session, before))
 
     async def forget_session(self, session: int) -> None:
         """Delete all that is left of a session."""
         for table, key in _OF_A_SESSION:
-            await self._do(f"DELETE FROM {table} WHERE {key} = ?", (session,))  # noqa: S608
+            await self._do(session, f"DELETE FROM {table} WHERE {key} = ?", (session,))  # noqa: S608
 
-    async def _do(self, sql: str, values: tuple[int, ...]) -> None:
+    async def _do(self, session: int, sql: str, values: tuple[int, ...]) -> None:
         done = asyncio.Event()
-        self._writer.execute(sql, values, done.set)
+        self._writer.add(Work(session, sql, values, done.set, always=True))
         await done.wait()
+
+    def _execute(
+        self, session: int, sql: str, make: Callable[[], Row], done: Done | None = None,
+        *, needed: bool = True, always: bool = False,
+    ) -> None:  # fmt: skip
+        """Execute a statement with values that are made now, or refused with what else is."""
+        what: str | Exception = sql
+        values: Row = ()
+        try:
+            values = make()
+        except REFUSED as error:
+            what = error
+        self._writer.add(Work(session, what, values, done, needed, always))
 
     # queries
 

@@ -120,6 +120,12 @@ def monitor_of(row: Row) -> MonitorRecord:
     return MonitorRecord(name, instance, keys, bool(attached), clock, bypassed)
 
 
+def snapshot_row(session: int, snapshot: SnapshotRecord) -> Row:
+    """A snapshot as the session, its position, data, `settled` and numbers."""
+    numbers = None if snapshot.numbers is None else text(snapshot.numbers)
+    return session, snapshot.position, text(snapshot.data), snapshot.settled, numbers
+
+
 def snapshot_of(row: Row) -> SnapshotRecord:
     """A snapshot of its position, data, `settled` and numbers; data that is not JSON is None."""
     position, data, settled, numbers = row

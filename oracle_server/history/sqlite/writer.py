@@ -1,7 +1,8 @@
 """Writes to SQLite in WAL mode: one thread, which commits all waiting rows together.
 
 One statement inserts many rows, since the writer thread needs the interpreter for each statement, and may have to wait
-until the event loop releases it.
+until the event loop releases it. A disk that fails keeps all waiting; a row that SQLite refuses ends the history of its
+own session, and of no other.
 """
 
 from __future__ import annotations
@@ -16,15 +17,17 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal, TypeVar
 
 import structlog
 
 from oracle_server.core.errors import HistoryError
+from oracle_server.history.sqlite.batch import REFUSED, Refused, Work, write, write_apart
 from oracle_server.history.sqlite.migrations import migrate
 from oracle_server.history.sqlite.rows import Row
-from oracle_server.history.sqlite.schema import REFUSED_COLUMNS, STEP_COLUMNS, VERSION
+from oracle_server.history.sqlite.schema import STEP_COLUMNS, VERSION
 
+T = TypeVar("T")
 Durability = Literal["full", "normal"]
 MAX_PENDING = 20_000
 """Rows that may wait for their commit; beyond this limit, monitors are not read until there is room."""
@@ -32,24 +35,22 @@ _OF_ONE = 4_096
 """Characters of a step's signals that count as one row more: what is large takes long to write."""
 _RETRY_AFTER = 1.0
 """Seconds until a failed commit is tried again."""
+_NOBODY = 0
+"""The number of no session."""
 _GATHER = 0.01
 """Seconds for which rows are gathered before the writer is woken."""
 PERIOD = 0.04
 """The least seconds between two commits: the writer competes with the event loop for the interpreter."""
-_COLUMNS = {"steps": STEP_COLUMNS, "refused": REFUSED_COLUMNS}
 _SIGNALS = STEP_COLUMNS.index("signals")
-_CHUNK = 512
-"""The most rows of one statement."""
 
 log = structlog.get_logger()
 
 
 @dataclass(slots=True)
 class _Batch:
-    """The statements that wait for the next commit, in order."""
+    """The work that waits for the next commit, in order."""
 
-    work: list[tuple[str, Any]] = field(default_factory=list)
-    callbacks: list[Callable[[], None]] = field(default_factory=list)
+    work: list[Work] = field(default_factory=list)
     size: int = 0
 
 
@@ -80,6 +81,8 @@ class Writer:
         self._thread = threading.Thread(target=self._run, name="history writer", daemon=True)
         self.failure: str | None = None
         """Why the history can't be written at present; None where it can."""
+        self.failures: dict[int, str] = {}
+        """Why nothing more is written of a session, by its number."""
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Start the writer; callbacks run on `loop`."""
@@ -106,19 +109,31 @@ class Writer:
         """Seconds for which the oldest row has waited for its commit."""
         return time.monotonic() - self._uncommitted[0] if self._uncommitted else 0.0
 
-    def append(self, table: Literal["steps", "refused"], rows: Sequence[Row], done: Callable[[], None]) -> None:
-        """Insert rows with the next commit, and call `done` after it."""
+    def append(
+        self, session: int, table: Literal["steps", "refused"], rows: Sequence[Row], done: Callable[[], object]
+    ) -> None:
+        """Insert rows of a session with the next commit, and call `done` after it."""
         large = sum(len(row[_SIGNALS]) // _OF_ONE for row in rows) if table == "steps" else 0
-        self._add(table, rows, done, len(rows) + large)
+        self.add(Work(session, table, rows, done), len(rows) + large)
 
-    def execute(self, sql: str, values: Sequence[Any], done: Callable[[], None] | None = None) -> None:
-        """Execute a statement with the next commit, after all earlier rows and statements; call `done` after it."""
-        self._add(sql, values, done, 1)
+    def add(self, work: Work, size: int = 1) -> None:
+        """Do a piece of work with the next commit, after all earlier ones, and call its `done` after it.
+
+        `done` is not called for what is refused.
+        """
+        if not self._batch.work:
+            self._uncommitted.append(time.monotonic())
+        self._batch.work.append(work)
+        self._batch.size += size
+        self._schedule()
+        self._pending += size
+        if self._pending > MAX_PENDING:
+            self._room.clear()
 
     async def flush(self) -> None:
-        """Wait until everything queued so far is committed."""
+        """Wait until everything queued so far is committed, or refused."""
         committed = asyncio.Event()
-        self.append("steps", [], committed.set)
+        self.append(_NOBODY, "steps", [], committed.set)
         await committed.wait()
 
     def close(self) -> None:
@@ -129,18 +144,6 @@ class Writer:
         if self._thread.is_alive():
             self._thread.join()
         self._writer.close()
-
-    def _add(self, what: str, values: Any, done: Callable[[], None] | None, size: int) -> None:
-        if not self._batch.work:
-            self._uncommitted.append(time.monotonic())
-        self._batch.work.append((what, values))
-        self._batch.size += size
-        if done is not None:
-            self._batch.callbacks.append(done)
-        self._schedule()
-        self._pending += size
-        if self._pending > MAX_PENDING:
-            self._room.clear()
 
     def _schedule(self) -> None:
         if self._batch.work and self._handing_over is None and self._loop is not None:
@@ -173,7 +176,7 @@ class Writer:
         """Write a batch, with retries until the writer is closed; returns whether it is written."""
         while True:
             try:
-                self._write(batch)
+                written, refused = self._write(batch)
             except Exception as error:  # noqa: BLE001 -- without this thread, nothing would be written or reported
                 known, self.failure = self.failure, _reason(error)
                 if known is None:
@@ -187,61 +190,57 @@ class Writer:
         if self.failure is not None:
             self.failure = None
             log.info("the history can be written again")
+        self._report(refused)
         assert self._loop is not None  # noqa: S101 -- the thread starts with the loop
         with contextlib.suppress(RuntimeError):  # the loop is closed, and with it those that wait
-            self._loop.call_soon_threadsafe(self._committed, batch)
+            self._loop.call_soon_threadsafe(self._committed, batch, written)
         return True
 
-    def _write(self, batch: _Batch) -> None:
+    def _write(self, batch: _Batch) -> tuple[list[Work], list[Refused]]:
+        """Write a batch, apart from what is refused; returns what is written, and what is refused."""
+        work = [one for one in batch.work if one.always or one.session not in self.failures]
+        try:
+            self._transact(write, work)
+        except REFUSED:
+            return self._transact(write_apart, work)
+        return work, []
+
+    def _transact(self, way: Callable[[sqlite3.Connection, list[Work]], T], work: list[Work]) -> T:
         self._writer.execute("BEGIN IMMEDIATE")
         try:
-            for what, rows in _merged(batch.work):
-                if what in _COLUMNS:
-                    _insert(self._writer, what, rows)
-                else:
-                    self._writer.executemany(what, rows)
+            result = way(self._writer, work)
             self._writer.execute("COMMIT")
         except BaseException:
             with contextlib.suppress(sqlite3.Error):
                 self._writer.execute("ROLLBACK")
             raise
+        return result
 
-    def _committed(self, batch: _Batch) -> None:
+    def _report(self, refused: list[Refused]) -> None:
+        """Note the sessions of which nothing more is written, and log what is refused."""
+        for work, session, reason in refused:
+            if not work.needed:
+                log.error("the history refuses what can be done without", session=session, reason=reason)
+            elif work.session not in self.failures:
+                self.failures[work.session] = reason
+                log.error("nothing more of a session can be kept", session=session, reason=reason)
+
+    def _committed(self, batch: _Batch, written: list[Work]) -> None:
         self._uncommitted.popleft()
         self._schedule()
         self._pending -= batch.size
         if self._pending <= MAX_PENDING:
             self._room.set()
-        for callback in batch.callbacks:
-            callback()
+        assert self._loop is not None  # noqa: S101 -- it calls this
+        for work in written:
+            if work.done is not None:
+                self._loop.call_soon(work.done)  # where one fails, the others are called all the same
 
 
 def _reason(error: Exception) -> str:
     if getattr(error, "sqlite_errorname", "").startswith("SQLITE_IOERR"):
         return f"{error}: the disk fails, or is read-only; see the system's log"
     return str(error)
-
-
-def _merged(work: list[tuple[str, Any]]) -> list[tuple[str, Any]]:
-    """The work with consecutive rows of one table, or values of one statement, combined."""
-    merged: list[tuple[str, Any]] = []
-    for what, values in work:
-        if not merged or merged[-1][0] != what:
-            merged.append((what, []))
-        merged[-1][1].extend(values if what in _COLUMNS else [values])
-    return merged
-
-
-def _insert(writer: sqlite3.Connection, table: str, rows: list[Row]) -> None:
-    columns = _COLUMNS[table]
-    place = f"({','.join('?' * len(columns))})"
-    start = 0
-    while start < len(rows):
-        size = min(_CHUNK, 1 << ((len(rows) - start).bit_length() - 1))  # few sizes, so that statements are cached
-        values = [value for row in rows[start : start + size] for value in row]
-        statement = f"INSERT INTO {table} ({','.join(columns)}) VALUES {','.join([place] * size)}"  # noqa: S608
-        writer.execute(statement, values)
-        start += size
 
 
 def _make_private(path: Path) -> None:

@@ -16,8 +16,8 @@ from oracle_server.core.formula import tree
 from oracle_server.core.formula.parse import Time, parse_formula
 from oracle_server.core.formula.tree import Constraint, Formula, Scalar
 from oracle_server.core.plan import Plan, plan
-from oracle_server.core.session import Session, orders
-from oracle_server.core.spec import By, Ordering, Property, Spec, StreamSpec
+from oracle_server.core.session import Session
+from oracle_server.core.spec import By, Ordering, Property, Spec, StreamSpec, orders
 from oracle_server.core.verdicts import Judged
 from oracle_server.engines.native import NativeEngine
 from tests.core.derived.reference import EXPRESSIONS, FAILED, SECOND, Failed, Reference, Step, Value, changes

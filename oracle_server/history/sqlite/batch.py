@@ -1,0 +1,114 @@
+"""The work of one commit: written together, or piece by piece where SQLite refuses a value in it."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import msgspec
+
+from oracle_server.history.sqlite.rows import Row
+from oracle_server.history.sqlite.schema import REFUSED_COLUMNS, STEP_COLUMNS
+
+COLUMNS = {"steps": STEP_COLUMNS, "refused": REFUSED_COLUMNS}
+"""The tables into which rows are inserted many to a statement."""
+REFUSED = (
+    sqlite3.DataError, sqlite3.IntegrityError, sqlite3.InterfaceError, sqlite3.ProgrammingError,
+    ValueError, OverflowError, TypeError, RecursionError, msgspec.MsgspecError,
+)  # fmt: skip
+"""What is raised for a value that can't be kept, now or ever; a disk that is full or fails raises other errors."""
+_CHUNK = 512
+"""The most rows of one statement."""
+
+
+@dataclass(slots=True)
+class Work:
+    """A piece of work for a session: rows of a table, or a statement with its values.
+
+    Where it is refused, nothing later of its session is written, unless the piece is not `needed` for that. What is
+    written `always` is written all the same.
+    """
+
+    session: int
+    what: str | Exception
+    """A table of `COLUMNS`, a statement, or why there are no values for it."""
+    values: Sequence[Any]
+    done: Callable[[], object] | None = None
+    needed: bool = True
+    always: bool = False
+
+
+class Refused(NamedTuple):
+    """A piece of work that can't be written, the name of its session, and why."""
+
+    work: Work
+    name: str
+    reason: str
+
+
+def write(database: sqlite3.Connection, work: Sequence[Work]) -> None:
+    """Write all work. Raises what SQLite raises, `REFUSED` for a value that can't be kept."""
+    for what, values in _merged(work):
+        if isinstance(what, Exception):
+            raise what
+        if what in COLUMNS:
+            _insert(database, what, values)
+        else:
+            database.executemany(what, values)
+
+
+def write_apart(database: sqlite3.Connection, work: Sequence[Work]) -> tuple[list[Work], list[Refused]]:
+    """Write all work but what is refused, and what is behind that in its session.
+
+    Returns what is written, and what is refused.
+    """
+    written: list[Work] = []
+    refused: list[Refused] = []
+    ended: set[int] = set()
+    for one in work:
+        if one.session in ended and not one.always:
+            continue
+        database.execute("SAVEPOINT piece")
+        try:
+            write(database, [one])
+        except REFUSED as error:
+            database.execute("ROLLBACK TO piece")
+            refused.append(Refused(one, _name(database, one.session), str(error) or type(error).__name__))
+            if one.needed:
+                ended.add(one.session)
+        else:
+            written.append(one)
+        database.execute("RELEASE piece")
+    return written, refused
+
+
+def _name(database: sqlite3.Connection, session: int) -> str:
+    try:
+        found = database.execute("SELECT id FROM sessions WHERE number = ?", (session,)).fetchone()
+    except REFUSED:
+        found = None
+    return found[0] if found else str(session)
+
+
+def _merged(work: Sequence[Work]) -> list[tuple[str | Exception, list[Any]]]:
+    """The work with consecutive rows of one table, or values of one statement, combined."""
+    merged: list[tuple[str | Exception, list[Any]]] = []
+    for one in work:
+        if not merged or merged[-1][0] != one.what:
+            merged.append((one.what, []))
+        merged[-1][1].extend(one.values if one.what in COLUMNS else [one.values])
+    return merged
+
+
+def _insert(database: sqlite3.Connection, table: str, rows: list[Row]) -> None:
+    columns = COLUMNS[table]
+    place = f"({','.join('?' * len(columns))})"
+    start = 0
+    while start < len(rows):
+        size = min(_CHUNK, 1 << ((len(rows) - start).bit_length() - 1))  # few sizes, so that statements are cached
+        values = [value for row in rows[start : start + size] for value in row]
+        statement = f"INSERT INTO {table} ({','.join(columns)}) VALUES {','.join([place] * size)}"  # noqa: S608
+        database.execute(statement, values)
+        start += size

@@ -1,0 +1,47 @@
+"""An open session that could not be restored at the start: it is not judged, and can only be read and closed."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from oracle_server.core.errors import one_line
+from oracle_server.history.records import Document, SessionRecord
+
+_COUNTED = ("steps", "held", "refused", "late", "skewed", "skipped", "lost", "denied")
+
+
+class Unrestored(NamedTuple):
+    """A session's record, and why it could not be restored."""
+
+    record: SessionRecord
+    reason: str
+
+    @property
+    def brief(self) -> str:
+        """The first line of the reason."""
+        first, *more = self.reason.splitlines() or ["unknown"]
+        return one_line(first) + (f" (and {len(more)} more)" if more else "")
+
+    @property
+    def state(self) -> Document:
+        """Its state, with the keys of an open session's; what is not known is None or left out."""
+        record = self.record
+        return {
+            "id": record.id,
+            "spec": record.spec,
+            "spec_digest": record.digest,
+            "status": "unrestored",
+            "clock": None,
+            "opened": record.opened,
+            "begun": record.begun,
+            "closed": None,
+            "trouble": f"it could not be restored: {self.reason}",
+            "monitors": [],
+            "streams": [],
+            "awaited": None,
+            "waiting": None,
+            "hold": {"count": 0, "sum": 0, "buckets": []},
+            "properties": [],
+            "disagree": [],
+            "counters": dict.fromkeys(_COUNTED),
+        }

@@ -1,0 +1,73 @@
+"""A session that could not be restored, or of which nothing more can be kept, is seen and can be closed."""
+
+from __future__ import annotations
+
+import pytest
+
+from oracle_server.history.memory import MemoryHistory
+from oracle_server.sessions.unrestored import Unrestored
+from tests.api.conftest import Asked
+
+REASON = "spec.yaml:2:1: streams: not a list\nspec.yaml:3:1: formula: no"
+
+
+async def leave(asked: Asked) -> MemoryHistory:
+    """Leave session `s` in the history, as one that could not be restored."""
+    history = asked.registry._history
+    assert isinstance(history, MemoryHistory)
+    assert (await asked.http.post("/api/v1/sessions", json={"spec": "single", "id": "s"})).status_code == 201
+    live = asked.registry.open.pop("s")
+    asked.registry.unrestored["s"] = Unrestored(live.record, REASON)
+    return history
+
+
+async def test_its_state_says_why_and_the_list_shows_it(asked: Asked) -> None:
+    await leave(asked)
+    state = (await asked.http.get("/api/v1/sessions/s")).json()
+    assert (state["id"], state["spec"], state["status"]) == ("s", "single", "unrestored")
+    assert state["trouble"] == f"it could not be restored: {REASON}"
+    assert (await asked.http.get("/api/v1/sessions")).json()["items"] == [state]
+    assert (await asked.http.get("/api/v1/sessions/s/verdicts")).status_code == 200
+    assert (await asked.http.post("/api/v1/sessions", json={"spec": "single", "id": "s"})).status_code == 409
+    assert "oracle_sessions_in_trouble 1.0" in (await asked.http.get("/metrics")).text
+
+
+async def test_it_can_be_closed(asked: Asked) -> None:
+    await leave(asked)
+    answer = await asked.http.delete("/api/v1/sessions/s")
+    assert (answer.status_code, answer.json()["status"]) == (200, "closed")
+    assert answer.json()["trouble"] == f"it could not be restored: {REASON}"
+    assert (await asked.http.get("/api/v1/sessions/s")).json() == answer.json()
+    assert (await asked.http.get("/api/v1/sessions")).json()["items"] == [answer.json()]
+    assert (await asked.http.delete("/api/v1/sessions/s")).json() == answer.json()
+    assert "oracle_sessions_in_trouble 0.0" in (await asked.http.get("/metrics")).text
+
+
+async def test_while_the_history_can_not_be_written_it_is_closed_later(
+    asked: Asked, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    history = await leave(asked)
+    monkeypatch.setattr("oracle_server.api.sessions._CLOSE_WITHIN", 0.01)
+    with monkeypatch.context() as stuck:
+        stuck.setattr(history, "_commit", lambda: None)
+        answer = await asked.http.delete("/api/v1/sessions/s")
+        assert answer.status_code == 503
+        assert "as soon as it can be" in answer.json()["detail"]
+        assert (await asked.http.get("/api/v1/sessions/s")).json()["status"] == "unrestored"
+    history._commit()
+    await history.flush()
+    assert (await asked.http.get("/api/v1/sessions/s")).json()["status"] == "closed"
+
+
+async def test_a_session_that_can_not_be_kept_is_not_said_to_be_opened(
+    asked: Asked, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    history = asked.registry._history
+    assert isinstance(history, MemoryHistory)
+    monkeypatch.setitem(history._failures, 1, "it is too large")
+    answer = await asked.http.post("/api/v1/sessions", json={"spec": "single", "id": "s"})
+    assert answer.status_code == 503
+    assert "'s' can't be kept any more: it is too large; close it, and open another" in answer.json()["detail"]
+    state = (await asked.http.get("/api/v1/sessions/s")).json()
+    assert state["trouble"] == "nothing more of it can be kept: it is too large"
+    assert "oracle_sessions_in_trouble 1.0" in (await asked.http.get("/metrics")).text
