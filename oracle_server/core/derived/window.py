@@ -16,9 +16,9 @@ from oracle_server.core.formula.tree import Constraint
 TIME: Final = 0
 STEPS: Final = 1
 SAMPLES: Final = 2
-_TRIM = 1024
+_TRIM = 32
 OFTEN = _TRIM - 1
-"""Nothing of a place in a window is left by `&` with it at each 1024th: there columns are trimmed."""
+"""Nothing of a place in a window is left by `&` with it at each 32nd: there columns are trimmed."""
 
 Asked = Collection[Constraint]
 """What formulas ask of a derived signal at ticks."""
@@ -147,7 +147,7 @@ class Window:
         entries = self.journal.entries
         if entries is not None:
             entries.append(partial(self.unleave, before))
-        if head > _TRIM and 2 * head > len(self.places):
+        if head >= _TRIM and 2 * head > len(self.places):
             if entries is not None:
                 entries.append(partial(self._untrim, [column[:head] for column in self.columns]))
             for column in self.columns:

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from oracle_server.core.derived import definition, keyed, window
+from oracle_server.core.derived import counts, definition, extremes, keyed, sums, window
 from oracle_server.core.derived.state import Derived
 from oracle_server.core.events import Event, Signals, Step, StreamKey
 from oracle_server.core.plan import plan
@@ -100,15 +100,21 @@ def test_what_is_taken_back_leaves_no_trace() -> None:
             one(time, {"x": rng.choice((0.1, 2, 3.25)), "k": rng.choice("uv")})
 
 
+def room(monkeypatch: pytest.MonkeyPatch, most: int) -> None:
+    """Let the windows of a session have no more samples."""
+    for module in (window, counts, sums, extremes):
+        monkeypatch.setattr(module, "MAX_SAMPLES", most)
+
+
 def test_a_window_without_room_fails_until_what_had_none_would_have_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(window, "MAX_SAMPLES", 3)
+    room(monkeypatch, 3)
     one = One("{sum: x, over: 10s}")
     assert [one(n * SECOND, {"x": 1}) for n in range(4)] == [1, 2, 3, "failed"]
     assert [one(t * SECOND, {"x": 1}) for t in (12, 13, 14)] == ["failed", 2, 3]
 
 
 def test_the_windows_of_a_session_share_their_room(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(window, "MAX_SAMPLES", 4)
+    room(monkeypatch, 4)
     one = One("{sum: x, over: 10s, by: k}")
     assert [one(n, {"x": 1, "k": f"key{n}"}) for n in range(5)] == [1, 1, 1, 1, "failed"]
     assert one(11 * SECOND, {"x": 1, "k": "key0"}) == 1
@@ -231,8 +237,7 @@ def test_a_robot_that_never_speaks_is_missed() -> None:
 
 
 def test_what_has_no_room_is_the_properties_complaint(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(window, "MAX_SAMPLES", 2)
-    monkeypatch.setattr("oracle_server.core.derived.counts.MAX_SAMPLES", 2)
+    room(monkeypatch, 2)
     robot = Robot()
     for n in range(4):
         robot("/scan", n, n=5)
