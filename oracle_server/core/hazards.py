@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from oracle_server.core.deadlocks import deadlocks, starvation
 from oracle_server.core.dependencies import GraphNode
+from oracle_server.core.derived.checks import derived_problems
 from oracle_server.core.errors import ExpressionError, SpecProblem
 from oracle_server.core.events import StreamKey
 from oracle_server.core.expression import MAX_PATTERNS, Expression, check_shape, parse_expression, too_dear
@@ -40,6 +41,7 @@ def inspect(
         *_idle_keys(spec),
         *_guards(spec),
         *_external(spec),
+        *derived_problems(spec),
         *unmet(spec),
         *_gaps(spec),
         *_causes(spec),
@@ -292,7 +294,7 @@ def _external(spec: Spec) -> Iterator[SpecProblem]:
 
 def _gaps(spec: Spec) -> Iterator[SpecProblem]:
     """The streams at whose events a formula over numbers lacks some."""
-    held = frozenset[str]().union(*(s.hold for s in spec.streams))
+    held = spec.kept
     for i, prop in enumerate(spec.properties):
         if not prop.numeric:
             continue

@@ -4,36 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import partial
-from typing import NamedTuple
 
 import msgspec
 
 from oracle_server.core.counting import Counters, Told
+from oracle_server.core.deciding import Before, denies, is_denied
+from oracle_server.core.derived.state import Derived, LastStep
 from oracle_server.core.engine import MAX_WORK, MAX_WORK_TOGETHER, Engine, Measuring
-from oracle_server.core.events import TICKS, Event, Order, Step
+from oracle_server.core.events import TICKS, Event, Order, Signals, Step
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.holding import Held, together
 from oracle_server.core.past import Past
 from oracle_server.core.plan import Plan, StreamPlan
 from oracle_server.core.presence import grace
-from oracle_server.core.property_state import Mark, Names, PropertyState
+from oracle_server.core.property_state import Names, PropertyState
 from oracle_server.core.recent import EFFORT_TOGETHER, Recent
 from oracle_server.core.snapshot import JudgeSnapshot
 from oracle_server.core.spec import Property
-from oracle_server.core.verdicts import DENYING, NEGATIVE, Decision, Explanation, Judged, Outcome, Verdict
+from oracle_server.core.verdicts import NEGATIVE, Decision, Explanation, Judged, Outcome, Verdict
 
 _NO_ONE = frozenset[int]()
-
-
-class _Before(NamedTuple):
-    """What a step that is taken back must not change."""
-
-    marks: list[Mark]
-    present: int
-    steps: int
-    held: dict[str, Held]
-    ticked: int
-    outdated: bool
 
 
 class Judge:
@@ -56,6 +46,7 @@ class Judge:
         self._measures = any(isinstance(engine, Measuring) for engine in engines)
         self._held: dict[str, Held] = {}
         """By monitor; the monitor with the latest event is the last one."""
+        self._derived = Derived(plan.derived)
         self._degraded = False
         ordering = plan.spec.ordering
         self._slack = ordering.max_skew + (ordering.max_delay or 0)
@@ -80,6 +71,7 @@ class Judge:
         self._tick: tuple[int, Mapping[str, Scalar], Names] | None = None
         for i, state in enumerate(self.properties):
             state.past = partial(self._past, i)
+            state.lacking = partial(self._derived.complaint, state.property.atoms)
 
     def _state(self, prop: Property, engine: Engine, grace: int) -> PropertyState:
         return PropertyState(prop, engine, grace=grace)
@@ -94,11 +86,12 @@ class Judge:
         """When time alone may change an outcome next, in nanoseconds; None for never."""
         if not self.plan.timed:
             return None
-        if self._outdated:
+        if self._outdated or self._derived.is_due:
             return self._ticked
         after = max(self.present, self._ticked)
         deadlines = [d for state in self.properties if (d := state.next_deadline(after)) is not None]
-        return min(deadlines, default=None)
+        turn = self._derived.next_deadline(after, self._last)
+        return min(deadlines if turn is None else [*deadlines, turn], default=None)
 
     def snapshot(self) -> JudgeSnapshot | None:
         """All that later verdicts depend on, as plain data; None where an engine can't be saved."""
@@ -114,6 +107,7 @@ class Judge:
             "ticked": self._ticked,
             "outdated": self._outdated,
             "recent": self._recent.snapshot(),
+            "derived": self._derived.snapshot(),
         }
 
     def restore(self, data: JudgeSnapshot, numbers: Iterator[int]) -> None:
@@ -125,6 +119,7 @@ class Judge:
         self._degraded, self.present, self._ticked = data["degraded"], data["present"], data["ticked"]
         self._outdated = data.get("outdated", False)
         self._recent.restore(data["recent"])
+        self._derived.restore(data.get("derived"))
         self._numbers = numbers
 
     def give_up(self, reason: str, numbers: Iterator[int]) -> None:
@@ -137,6 +132,7 @@ class Judge:
         """Begin at a time (ns): what never comes is missed from then on."""
         for state in self.properties:
             state.begin(time)
+        self._derived.begin(time)
 
     def degrade(self) -> None:
         """Mark every verdict from now on as one before which something is known to be lost, skipped or failed."""
@@ -162,19 +158,26 @@ class Judge:
             return self._try(step, now)
         return self._judge(step, now)
 
-    def tick(self, time: int, now: int) -> Judged | None:
-        """Judge a step at `time` with held signals only, and take it back; None where it changes no outcome.
+    def tick(self, time: int, now: int, recorded: Signals | None = None) -> Judged | None:
+        """Judge a step at `time` without an event's own signals, and take it back; None where it changes no outcome.
 
         It is judged by the properties of which a deadline has run out since the last step: another one's deadline is no
-        step of theirs. Before the first step only those with a grace are judged: nothing else is known then.
+        step of theirs. Before the first step only those with a grace are judged, and those that read derived signals:
+        nothing else is known then. `recorded` are the signals of one that was judged before.
         """
+        turn = self._derived.turn(time, self._last, self._runs_out, recorded)
         self._ticked, self._outdated = time, False
-        signals, failed = together(self._held.values())
+        if turn is None:
+            return None
+        held, failing = together(self._held.values())
+        stored: Mapping[str, Scalar] = {**held, **turn.carried}
+        signals, failed = self._derived.at(time, self.counters.steps, stored, failing)
+        turned = {*turn.turned, *self._derived.turned_for(signals, self._last)}
         views = self.plan.silent
         self._tick, self._explained = (time, signals, failed), 0
         found = []
-        for state, view in zip(self.properties, views, strict=True):
-            if not self._due(state, time):
+        for i, (state, view) in enumerate(zip(self.properties, views, strict=True)):
+            if i not in turned and not self._due(state, time):
                 found.append(state.outcome)
                 continue
             found.append(state.tick(view, time, signals, failed, MAX_WORK - self._idle_work))
@@ -184,9 +187,19 @@ class Judge:
             return None
         self.counters.ticks += 1
         known = zip(self.properties, found, strict=True)
-        verdicts = tuple([self._verdict(s, outcome, signals, time) for s, outcome in known])
+        verdicts = tuple([self._verdict(s, outcome, signals, failed, time) for s, outcome in known])
         event = Event(TICKS, "", self.counters.ticks, time, now, None)
-        return self._conclude(Step(event, signals, frozenset(failed), time), None, verdicts, now)
+        return self._conclude(Step(event, stored, frozenset(failing), time), None, verdicts, now)
+
+    def _runs_out(self, time: int) -> bool:
+        """Whether some engine's deadline runs out up to a time, since the last step or tick."""
+        after = max(self.present, self._ticked)
+        deadlines = (state.next_deadline(after) for state in self.properties)
+        return self._outdated or any(d is not None and d <= time for d in deadlines)
+
+    @property
+    def _last(self) -> LastStep:
+        return LastStep(self.present, self.counters.steps, lambda: together(self._held.values())[0])
 
     def _due(self, state: PropertyState, time: int) -> bool:
         deadline = state.next_deadline(self.present) if self.counters.steps or state.grace else None
@@ -207,22 +220,25 @@ class Judge:
             return self._take_back(judged, before)
         for state in self.properties:
             state.keep()
+        self._derived.journal.keep()
         return judged
 
-    def _attempt(self, step: Step) -> _Before:
+    def _attempt(self, step: Step) -> Before:
         """Begin a step that may be taken back."""
-        before = _Before(
+        before = Before(
             [state.mark() for state in self.properties],
             self.present, self.counters.steps, self._held, self._ticked, self._outdated,
         )  # fmt: skip
+        self._derived.journal.mark()
         self._held = {m: h.copy() if m == step.event.monitor else h for m, h in self._held.items()}
         return before
 
-    def _take_back(self, judged: Judged, before: _Before) -> Judged:
+    def _take_back(self, judged: Judged, before: Before) -> Judged:
         """Take the last step back, as if it had never happened; what was judged of it is not final."""
         marks, self.present, self.counters.steps, self._held, self._ticked, self._outdated = before
         for state, mark in zip(self.properties, marks, strict=True):
             state.back(mark)
+        self._derived.back()
         self._recent.remove()
         verdicts = tuple(msgspec.structs.replace(v, outcome=v.outcome.current) for v in judged.verdicts)
         return msgspec.structs.replace(judged, verdicts=verdicts)
@@ -243,6 +259,8 @@ class Judge:
             self._outdate(before)
         blameless = self._blameless(step, stream) if stream.blames else _NO_ONE
         signals, failed = self._signals(step, stream)
+        if stream.derives or self.counters.steps == 1:
+            failed = self._derived.step(stream.derives, step, signals, failed, self.present, self.counters.steps)
         self._recent.add(self.counters.steps, self.present, step, signals, failed)
         number: int | None = self.counters.steps
         outcomes, worse, time, degraded = [], [], self.present, self._degraded
@@ -264,7 +282,7 @@ class Judge:
             why = None
             if state.remember(n, outcome) or state.asked:
                 state.note_first(n, number, step.stamp)
-                why = self._explain(state, signals)
+                why = self._explain(state, signals, failed, self.present)
             passed_by = state.bypassed and not is_degraded
             verdicts.append(
                 Verdict(n, state.property.id, outcome, is_degraded or passed_by, why, robustness, passed_by)
@@ -276,17 +294,20 @@ class Judge:
         if not (self._decides and step.event.ask):
             return _NO_ONE
         held = self._held.get(step.event.monitor, Held())
+        signals, failed = self._derived.at(self.present, self.counters.steps, held.values, held.failed)
         return frozenset(
             i
             for i in stream.blames
-            if self.properties[i].silent(self.plan.silent[i], self.present, held.values, held.failed) in NEGATIVE
+            if self.properties[i].silent(self.plan.silent[i], self.present, signals, failed) in NEGATIVE
         )
 
-    def _verdict(self, state: PropertyState, outcome: Outcome, signals: Mapping[str, Scalar], time: int) -> Verdict:
+    def _verdict(
+        self, state: PropertyState, outcome: Outcome, signals: Mapping[str, Scalar], failed: Names, time: int
+    ) -> Verdict:
         n, why = next(self._numbers), None
         if state.remember(n, outcome) or state.asked:
             state.note_first(n, None, time)
-            why = self._explain(state, signals)
+            why = self._explain(state, signals, failed, time)
         return self._plain(state, n, outcome, why)
 
     def _plain(self, state: PropertyState, n: int, outcome: Outcome, why: Explanation | None = None) -> Verdict:
@@ -333,7 +354,7 @@ class Judge:
         if not (step.event.ask and self._decides):
             return None
         guards = self.plan.streams[step.event.stream].guards
-        denying = [i for i in guards if _denies(outcomes[i], blamed=i not in blameless)]
+        denying = [i for i in guards if denies(outcomes[i], blamed=i not in blameless)]
         denied_by = tuple(self.properties[i].property.id for i in denying)
         return Decision("deny" if denied_by else "allow", denied_by)
 
@@ -353,12 +374,13 @@ class Judge:
             return signals, step.failed
         return {**known.values, **signals}, step.failed | (known.failed - signals.keys())
 
-    def _explain(self, state: PropertyState, signals: Mapping[str, Scalar]) -> Explanation:
+    def _explain(self, state: PropertyState, signals: Mapping[str, Scalar], failed: Names, time: int) -> Explanation:
         if state.why is None:
             return Explanation(state.property.text, signals)
         timed = state.property.time == "seconds"
+        text = "; ".join([state.why.text, *self._derived.told(state.property.atoms, signals, failed, time)])
         return Explanation(
-            state.property.text, signals, state.why.text, state.why.data(partial(self._recent.recall, timed=timed))
+            state.property.text, signals, text, state.why.data(partial(self._recent.recall, timed=timed))
         )
 
     def _past(self, index: int) -> Past | None:
@@ -374,12 +396,3 @@ class Judge:
 
     def _note_effort(self, effort: int) -> None:
         self._explained += effort
-
-
-def _denies(outcome: Outcome, *, blamed: bool) -> bool:
-    return outcome in DENYING and (blamed or outcome not in NEGATIVE)
-
-
-def is_denied(decision: Decision | None) -> bool:
-    """Whether an event was asked about, and denied."""
-    return decision is not None and decision.choice == "deny"

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from oracle_server.core.atoms import meets
 from oracle_server.core.comparisons import contradictory, turned
+from oracle_server.core.derived.ranges import derived_ranges
 from oracle_server.core.expression import is_always_there, parse_expression
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import Any, Atom, Constraint, Ref, Scalar, Signal
@@ -108,10 +109,12 @@ class Place:
 def places(spec: Spec, time: Time, types: StreamTypes | None = None) -> list[Place]:
     """Where the properties of a time are judged. The expressions of the spec's signals must be sound."""
     ranges = _Ranges()
-    holding = frozenset[str]().union(*(s.hold for s in spec.streams))
+    holding = spec.kept
     owns = [_own(stream, (types or {}).get(stream.key), holding, ranges) for stream in spec.streams]
     streams = list(zip(spec.streams, owns, strict=True))
     held = {name: own.get(name, ANYTHING) for stream, (own, _) in streams for name in stream.hold}
+    derived = derived_ranges(spec) if spec.derive else {}
+    held |= {definition.name: ranges.same(derived[definition.name]) for definition in spec.derive}
     found = []
     for stream, (own, always) in streams:
         either = {key: ranges.same(one | held[key]) if key in held else one for key, one in own.items()}

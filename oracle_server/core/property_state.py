@@ -88,6 +88,8 @@ class PropertyState:
     """Whether a stream that it guards or reads is bypassed at present."""
     renewed: bool = False
     """Whether its external oracle may have lost its state."""
+    lacking: Callable[[], str | None] | None = None
+    """Returns why derived signals that it reads have failed for want of room, where it reads any."""
     unexplained: int = 0
     """How often an explanation failed; engines that never explain are not counted."""
     _inexplicable: str = ""
@@ -236,7 +238,8 @@ class PropertyState:
     @builtin_property
     def complaint(self) -> str | None:
         """What went wrong in the engine, None for nothing."""
-        found = getattr(self.engine, "complaint", None)
+        told = [getattr(self.engine, "complaint", None), None if self.lacking is None else self.lacking()]
+        found: str | None = "; ".join(each for each in told if each) or None
         if self.unexplained:
             times = "once" if self.unexplained == 1 else f"{self.unexplained} times"
             found = f"{found}; " if found else ""

@@ -37,7 +37,7 @@ class Resumable:
         if step.event.stream.kind == TICK:
             self.now = max(self.now, judged)
             judge = self.judges[order]
-            again, number = judge.tick(step.stamp, judged), step.event.seq
+            again, number = judge.tick(step.stamp, judged, step.signals), step.event.seq
             judge.counters.ticks = max(judge.counters.ticks, number)  # each number stands in the history once
             return again
         if order == "publication" and not step.late and self.plan.spec.by_key[step.event.stream].ordered:

@@ -31,7 +31,7 @@ class JudgeSnapshot(TypedDict):
     """One order of events; times in nanoseconds.
 
     `held` has a monitor each, the values of its held signals, and the names of those that failed. `recent` are the
-    last steps as `Recent` has them.
+    last steps as `Recent` has them, and `derived` is what derived signals are computed of, where there are any.
     """
 
     properties: list[PropertySnapshot]
@@ -42,6 +42,7 @@ class JudgeSnapshot(TypedDict):
     ticked: int
     outdated: bool
     recent: list[Any]
+    derived: NotRequired[Any]
 
 
 class RevisingSnapshot(TypedDict):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal
 
+from oracle_server.core.derived.definition import Definition
 from oracle_server.core.events import Order, StreamKey
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import Atom, Formula, atoms
@@ -138,11 +139,28 @@ class Spec:
     description: str = ""
     digest: str = ""
     retention: Retention = Retention()
+    derive: tuple[Definition, ...] = ()
 
     @cached_property
     def by_key(self) -> Mapping[StreamKey, StreamSpec]:
         """The streams by name and kind."""
         return {stream.key: stream for stream in self.streams}
+
+    @cached_property
+    def kept(self) -> frozenset[str]:
+        """The signals that a step may have whatever its stream is: those that are held, and those that are derived."""
+        derived = frozenset(definition.name for definition in self.derive)
+        return derived.union(*(stream.hold for stream in self.streams))
+
+    def derived_of(self, prop: Property) -> tuple[str, ...]:
+        """The derived signals that a property reads, in their order."""
+        keys = {c.key for atom in prop.atoms for c in atom.constraints}
+        return tuple(definition.name for definition in self.derive if definition.name in keys)
+
+    @cached_property
+    def readings(self) -> tuple[tuple[Atom, ...], ...]:
+        """The atoms of each property, and behind them what each derived signal reads."""
+        return (*(prop.atoms for prop in self.properties), *(definition.atoms for definition in self.derive))
 
     @cached_property
     def names(self) -> frozenset[str]:

@@ -25,7 +25,7 @@ from oracle_server.core.spec import Property, Spec
 
 def mendable(spec: Spec, prop: Property, name: str) -> bool:
     """Whether the property always holds at a step without signals, or never fails at an event of the stream."""
-    held = frozenset[str]().union(*(s.hold for s in spec.streams))
+    held = spec.kept
     own = [s for s in spec.streams if s.name == name]
 
     def quiet(atom: Atom) -> bool | None:

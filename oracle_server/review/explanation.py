@@ -17,7 +17,7 @@ from oracle_server.core.records import ExplanationRecord, VerdictRecord
 from oracle_server.core.revise.judge import Asked
 from oracle_server.core.revise.saving import SavableJudge
 from oracle_server.core.session import Session
-from oracle_server.core.spec import SECOND, Property, orders
+from oracle_server.core.spec import SECOND, Property, Spec, orders
 from oracle_server.core.verdicts import Outcome, explain
 from oracle_server.engines.native import NativeEngine
 from oracle_server.engines.table import ENGINES
@@ -66,7 +66,7 @@ async def explained(history: Reading, session: int, n: int, view: View = "standi
     prop = ready.spec.properties[index]
     if not ENGINES[prop.engine].explicable and record["explanation"] is not None:
         return record
-    _demand_explicable(record, prop, stored, opened.begun)
+    _demand_explicable(record, ready.spec, prop, stored, opened.begun)
     target = await _decided(history, session, stored, index, ready)
     if ready.spec.ordering.late == "revise":
         step = stored if target == stored.position else await history.step(session, target)
@@ -82,7 +82,9 @@ def _plan(opened: SessionRecord) -> Plan:
     return judged_by(plan(parse_spec(opened.text, opened.id, bounded=False).spec), opened.by)
 
 
-def _demand_explicable(record: VerdictRecord, prop: Property, stored: StoredStep, begun: int | None) -> None:
+def _demand_explicable(
+    record: VerdictRecord, spec: Spec, prop: Property, stored: StoredStep, begun: int | None
+) -> None:
     if not ENGINES[prop.engine].explicable:
         raise NoExplanationError(f"the engine of '{prop.id}' can't explain its verdicts")
     if stored.step.skipped and not stored.is_tick:
@@ -90,6 +92,9 @@ def _demand_explicable(record: VerdictRecord, prop: Property, stored: StoredStep
     if record["outcome"] == Outcome.UNKNOWN:
         failed = ", ".join(sorted(stored.step.failed))
         reason = f"computing failed for {failed}" if failed else "the engine failed"
+        read = spec.derived_of(prop)
+        if read and not failed:
+            reason = f"a sample of {' or '.join(read)} has failed, or the engine did"
         allowed, time = grace(prop.formula, prop.time), stored.step.event.arrived
         if (
             not failed

@@ -15,6 +15,7 @@ from urllib.parse import urlsplit
 from pydantic import ValidationError
 
 from oracle_server.core.dependencies import GraphNode
+from oracle_server.core.derived.definition import Definition
 from oracle_server.core.errors import EngineError, Finding, FormulaError, SpecError, SpecProblem
 from oracle_server.core.formula.tree import Atom, Formula, walk
 from oracle_server.core.hazards import inspect
@@ -25,6 +26,7 @@ from oracle_server.engines.table import ENGINES
 from oracle_server.rostypes.known import Types
 from oracle_server.rostypes.streams import stream_types
 from oracle_server.specfiles.defining import Definitions
+from oracle_server.specfiles.derive import definitions
 from oracle_server.specfiles.document import MAX_TEXT, Document, read_yaml
 from oracle_server.specfiles.model import HalfModel, PropertyModel, ServiceModel, SpecModel, TopicModel
 from oracle_server.specfiles.texts import formula_finding, texts_findings
@@ -88,11 +90,14 @@ def parse_spec(
         model = SpecModel.model_validate(document.value)
     except ValidationError as error:
         raise SpecError(_sorted([*model_findings(document, error.errors()), *texts_findings(document)])) from None
-    definitions = Definitions(document)
-    findings = [*definitions.findings()]
-    properties = [_property(document, i, p, definitions, findings) for i, p in enumerate(model.properties)]
-    spec = _spec(model, tuple(p or _make(m, SILENT, "") for p, m in zip(properties, model.properties, strict=True)))
-    pairs = len(spec.streams) * sum(_parts(prop) for prop in spec.properties)
+    named = Definitions(document)
+    findings = [*named.findings()]
+    derived = definitions(document, model.derive, findings)
+    properties = [_property(document, i, p, named, findings) for i, p in enumerate(model.properties)]
+    made = [p or _make(m, SILENT, "") for p, m in zip(properties, model.properties, strict=True)]
+    spec = _spec(model, tuple(made), tuple(derived))
+    formulas = [prop.formula for prop in spec.properties] + [d.formula or SILENT for d in spec.derive]
+    pairs = len(spec.streams) * sum(_parts(formula) for formula in formulas)
     if bounded and pairs > MOST_PAIRS:
         message = (
             f"the formulas have too many parts for {len(spec.streams)} streams: at most {MOST_PAIRS:,} pairs of a "
@@ -107,8 +112,8 @@ def parse_spec(
         *_engines(spec),
         *_revising(spec, model),
         *(_on_ros(spec, ros, typed) if ros else ()),
-        *definitions.numeric(spec),
-        *definitions.unused(),
+        *named.numeric(spec),
+        *named.unused(),
     ]
     told = {(p.path, p.within) for p in problems if p.kind == "type" and p.within and p.severity == "error"}
     problems = [p for p in problems if p.kind == "type" or (p.path, p.within) not in told]
@@ -117,9 +122,7 @@ def parse_spec(
     elif any(p.severity == "error" for p in problems):
         problems = [p for p in problems if p.severity == "error" or p.path[-1] != "formula"]
     places = [number - 1 for number in accumulate(stream.traits.leads for stream in spec.streams)]
-    findings = _sorted(
-        dict.fromkeys([*findings, *(_finding(document, p, spec, places, definitions) for p in problems)])
-    )
+    findings = _sorted(dict.fromkeys([*findings, *(_finding(document, p, spec, places, named) for p in problems)]))
     if any(f.severity == "error" for f in findings):
         raise SpecError(findings)
     return SpecFile(spec, text, tuple(findings))
@@ -129,9 +132,9 @@ def _sorted(findings: Iterable[Finding]) -> list[Finding]:
     return sorted(findings, key=lambda f: (f.line, f.column))
 
 
-def _parts(prop: Property) -> int:
+def _parts(formula: Formula) -> int:
     """How many operators and comparisons a formula has."""
-    return sum(max(1, len(node.constraints)) if isinstance(node, Atom) else 1 for node in walk(prop.formula))
+    return sum(max(1, len(node.constraints)) if isinstance(node, Atom) else 1 for node in walk(formula))
 
 
 def _size(value: Any, key: str) -> int:
@@ -230,7 +233,7 @@ def _make(model: PropertyModel, formula: Formula, text: str, external: External 
     )
 
 
-def _spec(model: SpecModel, properties: tuple[Property, ...]) -> Spec:
+def _spec(model: SpecModel, properties: tuple[Property, ...], derived: tuple[Definition, ...]) -> Spec:
     streams = tuple(stream for m in model.streams for stream in _streams(m))
     ordering = Ordering(**model.ordering.model_dump())
     retention = Retention(**model.retention.model_dump())
@@ -241,8 +244,12 @@ def _spec(model: SpecModel, properties: tuple[Property, ...]) -> Spec:
     )
     if not model.define:  # a spec without names is what it was before there were any
         del meaning["define"]
+    if not derived:  # as in specs of versions that knew none
+        del meaning["derive"]
+    else:
+        meaning["derive"] = list(meaning["derive"].items())  # in order
     digest = hashlib.sha256(json.dumps(meaning, sort_keys=True).encode()).hexdigest()
-    return Spec(model.id, streams, properties, ordering, model.description, digest, retention)
+    return Spec(model.id, streams, properties, ordering, model.description, digest, retention, derived)
 
 
 def _streams(model: TopicModel | ServiceModel) -> Iterator[StreamSpec]:
@@ -301,6 +308,11 @@ def _revising(spec: Spec, model: SpecModel) -> Iterator[SpecProblem]:
                 "`horizon` is that of `late: revise`; write that too, or leave `horizon` out",
             )
         return
+    if spec.derive:
+        yield SpecProblem(
+            ("ordering", "late"),
+            "`late: revise` can't go back over derived signals; write `late: judge`, or leave `derive` out",
+        )
     if spec.ordering.by != "publication":
         yield SpecProblem(
             ("ordering", "late"),

@@ -176,6 +176,42 @@ class RetentionModel(_Model):
     size: Size | None = None
 
 
+def _over(value: object) -> tuple[int, bool]:
+    """A window: nanoseconds, or, with true behind it, samples."""
+    if isinstance(value, int) and not isinstance(value, bool):
+        if value < 1:
+            raise ValueError(f"a window has at least 1 sample, found {value}")
+        return value, True
+    found = duration(value)
+    if not found:
+        raise ValueError("a window is longer than 0s")
+    return found, False
+
+
+def _derived(value: object) -> object:
+    """A derived signal: a text alone is its expression."""
+    return {"expression": value} if isinstance(value, str) else value
+
+
+class DeriveModel(_Model):
+    """A derived signal: one operation with its operand, and its window."""
+
+    expression: StrictStr | None = None
+    count: StrictStr | None = None
+    rate: StrictStr | None = None
+    sum: StrictStr | None = None
+    mean: StrictStr | None = None
+    min: StrictStr | None = None
+    max: StrictStr | None = None
+    last: StrictStr | None = None
+    previous: StrictStr | None = None
+    delta: StrictStr | None = None
+    age: StrictStr | None = None
+    over: Annotated[tuple[int, bool] | None, BeforeValidator(_over)] = None
+    by: SignalName | None = None
+    forget: Annotated[Duration, Field(gt=0)] | None = None
+
+
 class SpecModel(_Model):
     """A whole spec file."""
 
@@ -185,4 +221,5 @@ class SpecModel(_Model):
     retention: RetentionModel = RetentionModel()
     streams: Annotated[list[StreamModel], Field(min_length=1)]
     define: dict[SignalName, StrictStr] = {}
+    derive: dict[SignalName, Annotated[DeriveModel, BeforeValidator(_derived)]] = {}
     properties: Annotated[list[PropertyModel], Field(min_length=1)]

@@ -12,6 +12,7 @@ from oracle_server.core.errors import EngineError, ExpressionError, Finding, For
 from oracle_server.core.expression import parse_expression
 from oracle_server.engines.table import ENGINES
 from oracle_server.specfiles.defining import Definitions
+from oracle_server.specfiles.derive import derive_findings
 from oracle_server.specfiles.document import Document, KeyPath
 
 
@@ -32,6 +33,7 @@ def texts_findings(document: Document) -> Iterator[Finding]:
                 yield formula_finding(document, i, prop.get("id", i + 1), error, definitions)
         except EngineError:
             pass  # what is not installed is told once the keys are right
+    yield from derive_findings(document, value.get("derive"))
     for i, stream in enumerate(_list(value.get("streams"))):
         for half in ((), ("request",), ("response",)):
             channel = stream.get(half[0]) if half else stream

@@ -6,6 +6,7 @@ import asyncio
 from itertools import pairwise
 from pathlib import Path
 
+from oracle_server.core.events import Signals
 from oracle_server.core.spec import SECOND
 from oracle_server.core.verdicts import Judged
 from oracle_server.history.memory import MemoryHistory
@@ -93,10 +94,10 @@ async def test_deadlines_that_expire_at_once_are_judged_in_turns_and_events_come
     judge = session.core.judges["arrival"]
     ticks, tick = 0, judge.tick
 
-    def counted(time: int, now: int) -> Judged | None:
+    def counted(time: int, now: int, recorded: Signals | None = None) -> Judged | None:
         nonlocal ticks
         ticks += 1
-        return tick(time, now)
+        return tick(time, now, recorded)
 
     judge.tick = counted  # type: ignore[method-assign]
     for seq in range(1, HELD + 1):

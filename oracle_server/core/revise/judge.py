@@ -11,7 +11,7 @@ import msgspec
 
 from oracle_server.core.counting import Told
 from oracle_server.core.engine import Engine, Rewindable
-from oracle_server.core.events import Order, Step
+from oracle_server.core.events import Order, Signals, Step
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.judge import Judge
 from oracle_server.core.plan import Plan, StreamPlan
@@ -246,13 +246,13 @@ class RevisingJudge(Judge):
             self._keep(tick, old.key, time, old)
         return None
 
-    def tick(self, time: int, now: int) -> Judged | None:
+    def tick(self, time: int, now: int, recorded: Signals | None = None) -> Judged | None:
         """Judge a step at `time` with held signals only, and take it back; None where it changes no outcome."""
         if self.asked is None or self.asked.tick != time:
-            return super().tick(time, now)
+            return super().tick(time, now, recorded)
         state = self.properties[self.asked.prop]
         state.asked = True
-        self.answer = super().tick(time, now)
+        self.answer = super().tick(time, now, recorded)
         state.asked = False
         return self.answer
 

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 
 import msgspec
 
+from oracle_server.core.deciding import is_denied
 from oracle_server.core.engine import Engine
 from oracle_server.core.events import Order, Step
-from oracle_server.core.judge import is_denied
 from oracle_server.core.kinds import TICK
 from oracle_server.core.plan import Plan
 from oracle_server.core.revise.judge import RevisingJudge, Until, rewindable
