@@ -8,6 +8,8 @@ asks keeps to one core and both servers to others: else the system puts it with 
 same frames, computes the same signals, steps the same engines and inserts the same rows, 256 to a commit. Each is
 measured three times, in turns, and the best counts: whatever else the machine does only slows.
 *CPU*: what both spend on an event, which the rest of the machine hardly changes.
+*late: revise*: the CPU of the server for the same events by the same spec with `late: revise`, none of them late,
+against the server without. What it costs in the judge alone is in `revising.py`.
 """
 
 from __future__ import annotations
@@ -39,7 +41,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from oracle_server.core.events import Event, Step, StreamKey
 from oracle_server.core.judge import Judge
 from oracle_server.core.plan import Plan, plan
-from oracle_server.core.session import orders
+from oracle_server.core.spec import orders
 from oracle_server.engines.table import make_engines
 from oracle_server.history.records import stored
 from oracle_server.history.sqlite.rows import Row, step_row
@@ -134,6 +136,8 @@ async def measure(folder: Path, *, quick: bool) -> list[Line]:
     battery = (ROOT / "specs" / "battery_uav.yaml").read_text()
     (specs / "one_stream.yaml").write_text(ONE_STREAM)
     (specs / "battery_uav.yaml").write_text(battery)
+    revising = battery.replace("late: judge", "late: revise").replace("id: battery_uav", "id: revising", 1)
+    (specs / "revising.yaml").write_text(revising)
     few, many, turns = (300, 800, 1) if quick else (3_000, 8_000, 3)
     small = Load("1 property", "one_stream", ONE_STREAM, statuses(few))
     large = Load("1 property", "one_stream", ONE_STREAM, statuses(many))
@@ -153,7 +157,18 @@ async def measure(folder: Path, *, quick: bool) -> list[Line]:
             if size == 256 and Path("/proc/self/stat").exists():
                 least, bare_least = min(speed.cpu for speed in served), min(speed.cpu for speed in bare)
                 lines.append(Line("  CPU an event", "µs", 1e6 * least, 1e6 * bare_least))
+        lines += await by_revising(server, whole, Load("the same", "revising", revising, whole.events), turns)
     return lines
+
+
+async def by_revising(server: Server, plain: Load, revising: Load, turns: int) -> list[Line]:
+    """What the server spends on an event with a spec that revises, beside one that does not; none where none tells."""
+    spent: dict[str, list[float]] = {plain.spec: [], revising.spec: []}
+    for turn in range(turns):
+        for load in (plain, revising):
+            spent[load.spec].append((await throughput(server, load, 256, f"{load.spec}-beside-{turn}")).cpu)
+    least, without = min(spent[revising.spec]), min(spent[plain.spec])
+    return [Line("  CPU an event, late: revise", "µs", 1e6 * least, 1e6 * without, 1.05)] if without else []
 
 
 async def round_trips(oracle_url: str, echo_url: str, events: list[Frame]) -> list[Line]:

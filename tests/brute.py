@@ -115,7 +115,12 @@ def meets(constraint: Constraint, signals: Mapping[str, Scalar], values: Values)
     """Whether a step's signals meet a constraint."""
     if constraint.key not in signals:
         return False
-    found, wanted = signals[constraint.key], constraint.value
+    found: Scalar = signals[constraint.key]
+    wanted = constraint.value
+    if isinstance(wanted, tree.Signal):
+        if wanted.name not in signals:
+            return False
+        wanted = signals[wanted.name]
     if isinstance(wanted, tree.Any):
         return True
     if isinstance(wanted, tree.Ref):

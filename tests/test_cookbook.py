@@ -18,7 +18,7 @@ RECIPES = [pytest.param(part, id=part.partition("\n")[0]) for part in re.split(r
 def test_all_that_is_often_wanted_is_there() -> None:
     assert [recipe.id for recipe in RECIPES] == [
         "Liveness", "Response within", "Has lasted", "Mutual exclusion", "Debounce", "Precedence", "Rate", "E-stop",
-        "Guard by a state", "Mode changes",
+        "Guard by a state", "Mode changes", "Limit by another stream",
     ]  # fmt: skip
 
 

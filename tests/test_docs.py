@@ -9,6 +9,7 @@ from oracle_server.core.signals import Projection
 from oracle_server.process.settings import Settings
 from oracle_server.specfiles.load import parse_spec
 from oracle_server.specfiles.model import (
+    DeriveModel,
     OrderingModel,
     PropertyModel,
     RetentionModel,
@@ -70,7 +71,16 @@ def test_every_setting_is_told() -> None:
 
 def test_every_key_of_a_spec_is_told() -> None:
     text = (ROOT / "docs" / "spec.md").read_text()
-    models = (OrderingModel, TopicModel, ServiceModel, StampModel, PropertyModel, RetentionModel, SpecModel)
+    models = (
+        DeriveModel,
+        OrderingModel,
+        TopicModel,
+        ServiceModel,
+        StampModel,
+        PropertyModel,
+        RetentionModel,
+        SpecModel,
+    )
     keys = {name for model in models for name in model.model_fields}
     assert {key for key in keys if not re.search(rf"`{key}`|\b{key}:", text)} == set()
 

@@ -14,10 +14,17 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchmarks.paper.kept import SESSION, Kept, close
+from benchmarks.paper.stalls import LINKS
+
 ROOT = Path(__file__).resolve().parents[2]
 SERVER = ROOT / ".build" / "server" / "bin" / "oracle-server"
 ROS_ONLY = ("PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
 PATIENCE = 60.0
+SETTLE = 1.5
+"""Seconds after the last stall until all has arrived and was judged."""
+REVISES = "late: revise"
+"""What stands in a spec whose verdicts are revised."""
 _TICK = os.sysconf("SC_CLK_TCK")
 
 
@@ -88,13 +95,20 @@ class Process:
 class Robot:
     """One run: the three nodes, with an oracle's monitor in between or without one; all ends with the block."""
 
-    def __init__(self, folder: Path, spec: str | None, jitter: int) -> None:
+    def __init__(self, folder: Path, spec: str | None, jitter: int, stalls: int | None = None) -> None:
+        """`jitter` (ms) delays the percentages; `stalls` is the seed of those of all topics."""
         self.costs: dict[str, Cost] = {}
         """By process, over the countdown."""
         self.calls: list[float] = []
         """The response times of the service calls (ms), in their order."""
+        self.denied = 0
+        """How many of them were denied."""
+        self.stalls: list[tuple[float, int]] = []
+        """How long each stall was (s), and how many messages it held."""
         self.history = folder / "data"
-        self._folder, self._spec, self._jitter = folder, spec, jitter
+        self.kept: Kept | None = None
+        """What the oracle has kept of a run with stalls."""
+        self._folder, self._spec, self._jitter, self._seed = folder, spec, jitter, stalls
         self._processes: dict[str, Process] = {}
 
     def fly(self) -> None:
@@ -123,19 +137,32 @@ class Robot:
             battery.wait()
             time.sleep(0.5)  # what is on its way arrives
             log = self._processes["supervisor"].log
-            self.calls = [float(ms) for ms in re.findall(r"done after ([\d.]+) ms", log)]
+            self.calls = [float(ms) for ms in re.findall(r"(?:done|denied) after ([\d.]+) ms", log)]
+            self.denied = log.count("denied after")
+            if self._seed is not None:
+                self._end_stalls()
+
+    def _end_stalls(self) -> None:
+        """Once nothing is held any more, close the session, and take what it has kept."""
+        log = self._processes["relay"].said("no more stalls")
+        time.sleep(SETTLE)
+        self.stalls = [(float(s), int(n)) for s, n in re.findall(r"stall of \w+: ([\d.]+) s, held (\d+)", log.string)]
+        self._processes["monitor"].end()
+        self.kept = close(self._url, revising=REVISES in (self._spec or ""))
 
     def _start_oracle(self, stack: ExitStack, spec: str) -> None:
         specs = self._folder / "specs"
         specs.mkdir(parents=True)
         (specs / "battery_uav.yaml").write_text(spec)
         command = [SERVER, "serve", "--specs", specs, "--data-dir", self.history, "--port", "0"]
-        url = self._start(stack, "server", command, without=ROS_ONLY).said(r"url=(http://\S+)")[1]
-        words = ["--oracle", url, "--spec", "battery_uav", "--session", "run", "--monitor", "uav1"]
+        self._url: str = self._start(stack, "server", command, without=ROS_ONLY).said(r"url=(http://\S+)")[1]
+        words = ["--oracle", self._url, "--spec", "battery_uav", "--session", SESSION, "--monitor", "uav1"]
         if self._jitter:
-            relay = [sys.executable, "-m", "benchmarks.paper.relay", self._jitter]
+            seed = [] if self._seed is None else [self._seed]
+            relay = [sys.executable, "-m", "benchmarks.paper.relay", self._jitter, *seed]
             self._start(stack, "relay", relay).said("ready")
-            words += ["--ros-args", "-r", "/battery_percentage:=/battery_percentage_delayed"]
+            delayed = ["battery_percentage"] if self._seed is None else [t for topics in LINKS.values() for t in topics]
+            words += ["--ros-args", *(word for t in delayed for word in ("-r", f"/{t}:=/{t}_delayed"))]
         self._start(stack, "monitor", [sys.executable, "-m", "oracle_ros2", *words]).said("observing")
 
     def _start_node(self, stack: ExitStack, module: str, **parameters: object) -> Process:

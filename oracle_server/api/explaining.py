@@ -9,6 +9,7 @@ from fastapi import HTTPException, Request
 from oracle_server.api.leaving import unless_left
 from oracle_server.core.records import VerdictRecord
 from oracle_server.history.port import Reading
+from oracle_server.history.views import View
 from oracle_server.review.explanation import explained
 
 MOST = 16
@@ -27,8 +28,10 @@ class Explainer:
         self._computing = asyncio.Lock()
         self._open = 0
 
-    async def explained(self, request: Request, session: int, n: int) -> _Record:
+    async def explained(self, request: Request, session: int, n: int, view: View) -> _Record:
         """Verdict record `n` of a session (by its number) with its explanation; None where there is no such record.
+
+        It is explained as it stands, or was said at first.
 
         Raises `NoExplanationError`, and 503 where `MOST` requests are open already.
         """
@@ -37,10 +40,10 @@ class Explainer:
             raise HTTPException(503, detail, {"Retry-After": str(_RETRY_AFTER)})
         self._open += 1
         try:
-            return await unless_left(request, self._explained(session, n))
+            return await unless_left(request, self._explained(session, n, view))
         finally:
             self._open -= 1
 
-    async def _explained(self, session: int, n: int) -> _Record:
+    async def _explained(self, session: int, n: int, view: View) -> _Record:
         async with self._computing:
-            return await explained(self._history, session, n)
+            return await explained(self._history, session, n, view)

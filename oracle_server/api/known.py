@@ -9,6 +9,7 @@ from starlette.requests import HTTPConnection
 
 from oracle_server.edge.access import demand, grant_of
 from oracle_server.history.records import SessionRecord
+from oracle_server.history.views import Doubts
 from oracle_server.sessions.registry import Registry
 from oracle_server.specfiles.library import UnknownSpecError
 
@@ -30,6 +31,12 @@ async def demand_name(connection: HTTPConnection, registry: Registry, session_id
 async def state_of(registry: Registry, session_id: str) -> dict[str, Any]:
     """A session's state, as of its end where it is closed. Raises 404."""
     return await registry.state(session_id) or unknown_session(session_id)
+
+
+def doubts_of(registry: Registry, session_id: str) -> Doubts | None:
+    """Which verdicts of a session may still be revised; None where none may: it is closed, or does not revise."""
+    live = registry.open.get(session_id)
+    return live.doubts if live else None
 
 
 async def visible_specs(connection: HTTPConnection, registry: Registry) -> frozenset[str] | None:

@@ -26,6 +26,8 @@ _SESSION_COUNTERS = {
     "denied": "Events that were denied",
     "refused": "Events that could not be read, or of an unknown stream",
     "violations": "Verdicts at which a property became negative",
+    "revised": "Revisions of verdicts, by events that came late",
+    "retracted": "Violations that do not stand, by events that came late",
     "engine_failures": "Engines that failed and judge no further events",
 }
 _CONTENT = "text/plain; version=0.0.4; charset=utf-8"

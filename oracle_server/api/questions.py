@@ -9,6 +9,7 @@ from fastapi import Depends, Query
 
 from oracle_server.core.verdicts import Outcome
 from oracle_server.history.query import Query as Question
+from oracle_server.history.views import View
 
 _BELOW = 2**63
 Nanoseconds = Annotated[int | None, Query(ge=0, lt=_BELOW, description="A publication time in ns, included")]
@@ -16,6 +17,14 @@ Number = Annotated[
     int, Query(ge=0, lt=_BELOW, description="The `n` of the last record that was read; records after it follow")
 ]
 Outcomes = Annotated[list[Outcome], Query(default_factory=list, description="Only these outcomes; repeatable")]
+As = Annotated[
+    View,
+    Query(
+        alias="as",
+        description="What stands, what was said at first, or all: this and the revisions. "
+        "There is no difference where the spec does not revise",
+    ),
+]
 
 
 def chosen(
@@ -23,9 +32,10 @@ def chosen(
         list[str], Query(default_factory=list, description="Only the properties of these ids; repeatable")
     ],
     stream: Annotated[str | None, Query(description="Only events of the topic or service of this name")] = None,
+    view: As = "standing",
 ) -> Question:
     """The question for records of some properties and one stream; of all where none is named."""
-    return Question(frozenset(property), stream=stream)
+    return Question(frozenset(property), stream=stream, view=view)
 
 
 def paged(

@@ -10,6 +10,7 @@ from pydantic import BaseModel, Field
 from starlette.requests import ClientDisconnect
 
 from oracle_server.api.known import unknown_spec, visible_specs
+from oracle_server.core.derived.words import described
 from oracle_server.core.errors import SpecError
 from oracle_server.core.kinds import Kind
 from oracle_server.edge.access import demand
@@ -36,6 +37,13 @@ class PropertyDocument(BaseModel):
     formula: str
 
 
+class DerivedDocument(BaseModel):
+    """A derived signal of a spec, and what it is, as in `rate of {topic: /scan} over 2s`."""
+
+    name: str
+    signal: str
+
+
 class SpecDocument(BaseModel):
     """A spec; `source` is `file` where it was read from the specs folder, and `put` where it was uploaded."""
 
@@ -45,6 +53,7 @@ class SpecDocument(BaseModel):
     source: Literal["file", "put"]
     streams: list[StreamDocument]
     properties: list[PropertyDocument]
+    derive: list[DerivedDocument] | None = Field(None, description="Where it derives signals: these, in order")
     problem: str | None = Field(
         None,
         description="In the list: why a file is unsound and can't be used, a line a reason; "
@@ -127,6 +136,8 @@ def _refused(entry: Unsound) -> SpecDocument:
 
 def _document(entry: Entry, **more: Any) -> SpecDocument:
     spec = entry.plan.spec
+    if spec.derive:
+        more["derive"] = [DerivedDocument(name=d.name, signal=described(d)) for d in spec.derive]
     return SpecDocument(
         id=spec.id,
         description=spec.description,

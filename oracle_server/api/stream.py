@@ -16,7 +16,7 @@ from fastapi import APIRouter, Depends, Header, HTTPException, Query, Request
 from fastapi.responses import StreamingResponse
 from fastapi.sse import KEEPALIVE_COMMENT, EventSourceResponse, format_sse_event
 
-from oracle_server.api.known import demand_session
+from oracle_server.api.known import demand_session, doubts_of
 from oracle_server.api.questions import Number, Outcomes, chosen
 from oracle_server.core.records import VerdictRecord
 from oracle_server.edge.scopes import needs
@@ -24,6 +24,7 @@ from oracle_server.history.pages import find_as, latest
 from oracle_server.history.port import Reading
 from oracle_server.history.query import Query as Question
 from oracle_server.history.records import SessionRecord
+from oracle_server.history.views import Doubts
 from oracle_server.sessions.registry import Registry
 from oracle_server.wire.json import encode
 
@@ -54,10 +55,14 @@ def router(registry: Registry, history: Reading) -> APIRouter:
         after: Number = 0,
         last_event_id: Annotated[str | None, Header(description="The id of the last event that was read")] = None,
     ) -> EventSourceResponse:
-        """Stream the verdicts after `after` or Last-Event-ID, then new ones; the event `closed` is the last one."""
+        """Stream the verdicts after `after` or Last-Event-ID, then new ones; the event `closed` is the last one.
+
+        Revisions are among them, unless what was said at first is asked for.
+        """
         known = await demand_session(request, registry, session_id)
         begin = after if last_event_id is None else _number(last_event_id)
-        wanted = replace(question, outcomes=frozenset(outcome), after=begin, limit=_PAGE, violations=violations)
+        asked = replace(question, outcomes=frozenset(outcome), violations=violations)
+        wanted = replace(asked, after=begin, limit=_PAGE, follows=True)
         events = _events(registry, history, session_id, known, wanted)
         return EventSourceResponse(events, headers={"Cache-Control": "no-store"})
 
@@ -71,7 +76,7 @@ async def _events(
     while True:
         live = registry.open.get(session_id)
         upcoming = live.ledger.commits.next() if live else None
-        text, seen, more = await _page(history, known, wanted)
+        text, seen, more = await _page(history, known, wanted, doubts_of(registry, session_id))
         if text:
             yield text
         wanted = replace(wanted, after=max(seen, wanted.after or 0))
@@ -87,10 +92,12 @@ async def _events(
         await asyncio.sleep(_GATHER)
 
 
-async def _page(history: Reading, known: SessionRecord, wanted: Question) -> tuple[bytes, int, bool]:
+async def _page(
+    history: Reading, known: SessionRecord, wanted: Question, doubts: Doubts | None
+) -> tuple[bytes, int, bool]:
     """The next events as text, the `n` up to which the history was read, and whether there are more."""
     seen = await latest(history, known)
-    items, more = await find_as(history, known, wanted, _event)
+    items, more = await find_as(history, known, wanted, _event, doubts)
     if more is not None:
         seen = more
     elif items:

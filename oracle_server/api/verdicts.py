@@ -14,9 +14,9 @@ from pydantic import BaseModel, Field
 from starlette.responses import StreamingResponse
 
 from oracle_server.api.explaining import Explainer
-from oracle_server.api.known import demand_session
+from oracle_server.api.known import demand_session, doubts_of
 from oracle_server.api.leaving import unless_left
-from oracle_server.api.questions import Outcomes, paged
+from oracle_server.api.questions import As, Outcomes, paged
 from oracle_server.edge.scopes import needs
 from oracle_server.history.pages import find_as
 from oracle_server.history.port import History
@@ -45,9 +45,8 @@ def router(registry: Registry, history: History) -> APIRouter:
     explainer = Explainer(history)
 
     async def page(request: Request, session_id: str, question: Question) -> Response:
-        known = await demand_session(request, registry, session_id)
-
-        items, after = await unless_left(request, find_as(history, known, question, encode_bytes))
+        known, doubts = await demand_session(request, registry, session_id), doubts_of(registry, session_id)
+        items, after = await unless_left(request, find_as(history, known, question, encode_bytes, doubts))
         body = b'{"items":[%b],"next":%b}' % (b",".join(items), encode_bytes(after))
         return Response(body, media_type="application/json")
 
@@ -64,21 +63,26 @@ def router(registry: Registry, history: History) -> APIRouter:
     async def list_violations(
         request: Request, session_id: str, question: Annotated[Question, Depends(paged)]
     ) -> Response:
-        """List the verdicts at which a property became negative, with their explanations."""
+        """List the verdicts at which a property became negative, with their explanations.
+
+        With `as=all`, revisions too by which one appears, or is `retracted`.
+        """
         return await page(request, session_id, replace(question, violations=True))
 
     @routes.get("/sessions/{session_id}/verdicts/{n}/explanation", response_model=Record)
     @needs("read")
     async def explain_verdict(
-        request: Request, session_id: str, n: Annotated[int, PathParameter(ge=1, lt=2**63)]
+        request: Request, session_id: str, n: Annotated[int, PathParameter(ge=1, lt=2**63)], view: As = "standing"
     ) -> Response:
         """Get any verdict with its explanation, for which all events before it are judged again.
+
+        It is explained as it stands, unless what was said at first is asked for.
 
         This may take minutes. It is cancelled when the client disconnects. 503 where too many requests wait.
         """
         known = await demand_session(request, registry, session_id)
         try:
-            record = await explainer.explained(request, known.number, n)
+            record = await explainer.explained(request, known.number, n, view)
         except NoExplanationError as error:
             raise HTTPException(409, str(error)) from None
         if record is None:

@@ -189,11 +189,13 @@ class Connection:
                     await asyncio.sleep(self._due_pause)
                     self._due_pause = 0.0
                 await session.share.rested()
+                await session.caught_up()
                 session.share.run(self._process_frame, data)
                 await self._send_replies()
-                while self._throttle.must_yield:
+                while self._throttle.must_yield or self._conversation.in_batch:
                     await asyncio.sleep(self._pause())  # yields even for 0 s
                     await session.share.rested()
+                    await session.caught_up()
                     session.share.run(self._process_messages)
                     await self._send_replies()
         except WireError as error:
@@ -274,7 +276,10 @@ class Connection:
 
         Returns False where the frame must wait for the reader.
         """
-        if self._attached is None or not self._attached[0].has_room or self._attached[0].share.rest:
+        if self._attached is None:
+            return False
+        session, _ = self._attached
+        if not session.has_room or session.share.rest or session.is_behind:
             return False
         waits = not self._idle or self._due_pause or self._throttle.must_yield
         if waits or self._conversation.ended or text.startswith(_BATCH):
@@ -284,6 +289,11 @@ class Connection:
         except Exception:  # noqa: BLE001 -- no other connection may be affected
             self._fail()
             return True
+
+    @property
+    def rest(self) -> float:
+        """For how many seconds nothing more should be read from the socket."""
+        return 0.0 if self._attached is None else self._attached[0].share.rest
 
     def take(self, process: Callable[[bytes], None], data: bytes) -> None:
         """Process data from the socket, and charge the session for it."""
@@ -340,7 +350,7 @@ class Connection:
                 if not conversation.in_batch:
                     break
                 throttle.count()
-                if throttle.must_yield:
+                if throttle.must_yield or session.is_behind:
                     break
         finally:
             self._processing = False

@@ -143,6 +143,7 @@ class LegacyConnection:
                 if message["type"] == "websocket.disconnect":
                     return
                 await self._session.share.rested()
+                await self._session.caught_up()
                 reply = await self._reply(monitor, message.get("text"))
                 async with asyncio.timeout(_STALLED):
                     await self._socket.send_text(reply)

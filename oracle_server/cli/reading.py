@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +13,14 @@ from oracle_server.cli.options import AsJson
 UrlOption = Annotated[str, typer.Option(envvar="ORACLE_URL", help="The server's address.")]
 TokenOption = Annotated[str | None, typer.Option(envvar="ORACLE_TOKEN", help="The server's token.")]
 _DEFAULT_URL = "http://127.0.0.1:8642"
+
+
+class View(StrEnum):
+    """Which verdicts are printed."""
+
+    STANDING = "standing"
+    FIRST = "first"
+    ALL = "all"
 
 
 def specs(url: UrlOption = _DEFAULT_URL, token: TokenOption = None, as_json: AsJson = False) -> None:
@@ -36,6 +45,9 @@ def verdicts(
     outcome: Annotated[list[str] | None, typer.Option(help="Only this outcome; repeatable.")] = None,
     follow: Annotated[bool, typer.Option("--follow", help="Print new verdicts, until the session ends.")] = False,
     explain: Annotated[int | None, typer.Option(metavar="N", min=1, help="Explain verdict number N.")] = None,
+    view: Annotated[
+        View, typer.Option("--as", help="What stands; what was said at first; or all, with revisions.")
+    ] = View.STANDING,
     url: UrlOption = _DEFAULT_URL,
     token: TokenOption = None,
     as_json: AsJson = False,
@@ -45,12 +57,10 @@ def verdicts(
     from oracle_server.cli.tables import follow_verdicts, show_explanation, show_verdicts
 
     if explain is not None:
-        show_explanation(Client(url, token), session, explain, as_json=as_json)
+        show_explanation(Client(url, token), session, explain, view, as_json=as_json)
         return
-    if follow:
-        follow_verdicts(Client(url, token), session, property_ or [], outcome or [], as_json=as_json)
-        return
-    show_verdicts(Client(url, token), session, property_ or [], outcome or [], as_json=as_json)
+    show = follow_verdicts if follow else show_verdicts
+    show(Client(url, token), session, property_ or [], outcome or [], view, as_json=as_json)
 
 
 def record(

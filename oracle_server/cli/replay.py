@@ -29,6 +29,14 @@ class Form(StrEnum):
     JUNIT = "junit"
 
 
+class View(StrEnum):
+    """Which verdicts are told where the spec revises."""
+
+    STANDING = "standing"
+    FIRST = "first"
+    ALL = "all"
+
+
 def replay(
     specs: SpecFiles,
     trace: Annotated[Path, typer.Argument(metavar="TRACE", help="A recording: a bag, a log, or a recorded session.")],
@@ -38,11 +46,14 @@ def replay(
     types: TypeFolders = None,
     strict: Annotated[bool, typer.Option("--strict", help="End with 3 where anything was not judged.")] = False,
     signals: Annotated[bool, typer.Option("--signals", help="Count how often each signal was there.")] = False,
+    view: Annotated[
+        View, typer.Option("--as", help="Of a spec that revises: what stands, what was said at first, or all of it.")
+    ] = View.STANDING,
 ) -> None:
     """Judge a recording offline, through the same session code as the server.
 
     Ends with 0 where nothing was violated, 1 where something was, 2 where an input can't be used or has no event of
-    the spec, and 3 where a property could not be judged.
+    the spec, and 3 where a property could not be judged. Where the spec revises, what stands at the end counts.
     """
     import structlog
 
@@ -53,6 +64,13 @@ def replay(
     collect_rarely()
     chosen = Form.JSONL if as_json else form
     status = run_replay(
-        specs, trace, by.value if by else None, chosen.value, types or [], strict=strict, signals=signals
+        specs,
+        trace,
+        by.value if by else None,
+        chosen.value,
+        types or [],
+        strict=strict,
+        signals=signals,
+        view=view.value,
     )
     raise typer.Exit(status)

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from oracle_server.cli.options import SpecFiles, TypeFolders
 from oracle_server.core.errors import Finding, SpecError
+
+if TYPE_CHECKING:
+    from oracle_server.core.spec import Property
 
 _ROS: dict[str, Literal[1, 2]] = {"1": 1, "2": 2}
 
@@ -29,6 +33,7 @@ def check(
     types: TypeFolders = None,
     strict: Annotated[bool, typer.Option("--strict", help="Refuse specs with warnings, too.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print what is found as JSON Lines.")] = False,
+    formulas: Annotated[bool, typer.Option("--formulas", help="Print formulas with all names written out.")] = False,
 ) -> None:
     """Validate specs: schema, types, expressions, formulas, ordering hazards."""
     from oracle_server.rostypes.known import Types
@@ -48,6 +53,7 @@ def check(
             findings = error.findings
         else:
             findings = (*loaded.warnings, *_doubled(loaded.spec.id, path, ids))
+            _print_formulas(path, loaded.spec.properties if formulas else (), as_json=as_json)
         for finding in findings:
             typer.echo(_json(finding) if as_json else str(finding), err=not as_json)
         counts.update(finding.severity for finding in findings)
@@ -74,6 +80,20 @@ def _doubled(spec_id: str, path: Path, ids: dict[str, Path]) -> list[Finding]:
         return []
     message = f"the id '{spec_id}' is that of {first} already: a server takes the first of them"
     return [Finding(str(path), 1, 1, message, "warning")]
+
+
+def _print_formulas(path: Path, properties: Iterable[Property], *, as_json: bool) -> None:
+    """Print each property's formula, of those that are formulas of ours."""
+    import json
+
+    from oracle_server.core.formula.render import render
+
+    for prop in properties:
+        if prop.external or prop.numeric:
+            continue
+        text = render(prop.formula, prop.time)
+        told = {"file": str(path), "property": prop.id, "time": prop.time, "formula": text}
+        typer.echo(json.dumps(told, ensure_ascii=False) if as_json else f"{path}: {prop.id}: {text}")
 
 
 def _json(finding: Finding) -> str:

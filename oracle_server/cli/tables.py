@@ -13,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from oracle_server.cli.client import Client
+from oracle_server.cli.marks import record_marks, violation_text
 from oracle_server.cli.reasons import explanation_text
 from oracle_server.core.errors import one_line
 from oracle_server.core.naming import first_name, moment
@@ -50,10 +51,12 @@ def show_sessions(client: Client, *, as_json: bool) -> None:
             _show_caveats(state, f"{state['id']}: ")
 
 
-def show_verdicts(client: Client, session: str, properties: list[str], outcomes: list[str], *, as_json: bool) -> None:
-    """Print a session's verdict records, or a summary of its properties and all violations as tables."""
+def show_verdicts(
+    client: Client, session: str, properties: list[str], outcomes: list[str], view: str = "standing", *, as_json: bool
+) -> None:
+    """Print a session's verdict records in a view, or a summary of its properties and all violations as tables."""
     if as_json or properties or outcomes:
-        items = client.pages(f"sessions/{session}/verdicts", property=properties, outcome=outcomes)
+        items = client.pages(f"sessions/{session}/verdicts", property=properties, outcome=outcomes, **{"as": view})
         _show_records(items, as_json=as_json)
         return
     state = client.get(f"sessions/{session}")
@@ -63,16 +66,18 @@ def show_verdicts(client: Client, session: str, properties: list[str], outcomes:
     rows = [_row(p | {"first at": first_name(p, now)}, tuple(columns.values())) for p in state["properties"]]
     _show(state, tuple(columns), rows, as_json=False)
     _show_caveats(state)
-    violations = client.pages(f"sessions/{session}/violations")
+    violations = client.pages(f"sessions/{session}/violations", **{"as": view})
     if violations:
         sys.stdout.write("\n")
         _show_records(violations, as_json=False)
-        sys.stdout.write("\n" + "".join(f"{one_line(r['explanation']['text'])} (#{r['n']})\n" for r in violations))
+        sys.stdout.write("\n" + "".join(f"{violation_text(r)} (#{r['n']})\n" for r in violations))
 
 
-def follow_verdicts(client: Client, session: str, properties: list[str], outcomes: list[str], *, as_json: bool) -> None:
-    """Print a session's verdict records, one a line, until the session ends."""
-    for record in client.events(f"sessions/{session}/stream", property=properties, outcome=outcomes):
+def follow_verdicts(
+    client: Client, session: str, properties: list[str], outcomes: list[str], view: str = "standing", *, as_json: bool
+) -> None:
+    """Print a session's verdict records in a view, one a line, until the session ends."""
+    for record in client.events(f"sessions/{session}/stream", property=properties, outcome=outcomes, **{"as": view}):
         keys = (*_RECORD, *_measured([record]))
         cells = _record_row(record, keys)
         line = json.dumps(record) if as_json else one_line("  ".join(cell for cell in cells if cell))
@@ -80,10 +85,10 @@ def follow_verdicts(client: Client, session: str, properties: list[str], outcome
         sys.stdout.flush()
 
 
-def show_explanation(client: Client, session: str, n: int, *, as_json: bool) -> None:
-    """Print the explanation of a verdict."""
+def show_explanation(client: Client, session: str, n: int, view: str = "standing", *, as_json: bool) -> None:
+    """Print the explanation of a verdict, as it stands or was said at first."""
     with progress(f"judging again what came before verdict {n}"):
-        record = client.get(f"sessions/{session}/verdicts/{n}/explanation", _EXPLAINED_WITHIN)
+        record = client.get(f"sessions/{session}/verdicts/{n}/explanation", _EXPLAINED_WITHIN, **{"as": view})
     sys.stdout.write(json.dumps(record) + "\n" if as_json else explanation_text(record))
 
 
@@ -111,9 +116,8 @@ def _show_records(records: Sequence[dict[str, Any]], *, as_json: bool) -> None:
 
 
 def _record_row(record: dict[str, Any], keys: Sequence[str]) -> tuple[str, ...]:
-    marks = " ".join(mark for mark in ("late", "skewed", "degraded") if record[mark])
     told = record | {"time": moment(record["stamp"], time.time_ns())}
-    return (*_row(told, keys), marks, str(record["n"]))
+    return (*_row(told, keys), record_marks(record), str(record["n"]))
 
 
 def _row(item: dict[str, Any], keys: Sequence[str]) -> tuple[str, ...]:

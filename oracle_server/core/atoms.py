@@ -13,7 +13,7 @@ from functools import partial
 from json.encoder import encode_basestring_ascii
 
 from oracle_server.core.events import Signals
-from oracle_server.core.formula.tree import Any, Atom, Constraint, Ref, Scalar
+from oracle_server.core.formula.tree import Any, Atom, Constraint, Ref, Scalar, Signal
 
 Match = tuple[str, ...] | None
 """None: the atom does not hold; else the canonical values of its refs, in their order."""
@@ -44,10 +44,12 @@ def same(left: Scalar, right: Scalar) -> bool:
 
 
 def meets(constraint: Constraint, value: Scalar) -> bool:
-    """Whether a present value meets a constraint; a variable is met by every value."""
+    """Whether a present value meets a constraint, or can: a variable is met by every value, a signal by a number."""
     wanted = constraint.value
     if isinstance(wanted, Any | Ref):
         return True
+    if isinstance(wanted, Signal):
+        return not isinstance(value, str | bool)
     if constraint.op == "==":
         return same(value, wanted)
     if constraint.op == "!=":
@@ -57,6 +59,13 @@ def meets(constraint: Constraint, value: Scalar) -> bool:
     return _ORDERED[constraint.op](value, wanted)
 
 
+def precedes(left: Scalar | None, op: str, right: Scalar | None) -> bool:
+    """Whether two signals compare: both must be there, and be numbers."""
+    if left is None or right is None or isinstance(left, str | bool) or isinstance(right, str | bool):
+        return False
+    return _ORDERED[op](left, right)
+
+
 Check = Callable[[Scalar], bool]
 
 
@@ -64,12 +73,14 @@ Check = Callable[[Scalar], bool]
 class AtomTest:
     """What is left to test of an atom on one stream: `index` is the atom's place among those of its formula.
 
-    `checks` are the signals that must be there, each with what its value must meet, None where any will do.
+    `checks` are the signals that must be there, each with what its value must meet, None where any will do; `orders`
+    are those that are compared with others, by which operator, and with which.
     """
 
     index: int
     checks: tuple[tuple[str, Check | None], ...]
     refs: tuple[str, ...]
+    orders: tuple[tuple[str, str, str], ...] = ()
 
     @property
     def reads(self) -> frozenset[str]:
@@ -81,6 +92,9 @@ class AtomTest:
         for key, check in self.checks:
             value = signals.get(key)
             if value is None or (check is not None and not check(value)):
+                return None
+        for key, op, other in self.orders:
+            if not precedes(signals.get(key), op, signals.get(other)):
                 return None
         return tuple([canonical(signals[key]) for key in self.refs])
 
@@ -102,13 +116,14 @@ def specialise_some(
     for index, atom in atoms:
         if all(meets(c, known[c.key]) if c.key in known else possible(c.key) for c in atom.constraints):
             checks = tuple((c.key, _check(c)) for c in atom.constraints if c.key not in known)
-            tests.append(AtomTest(index, checks, tuple(key for key, _ in atom.refs)))
+            orders = tuple((c.key, c.op, c.value.name) for c in atom.constraints if isinstance(c.value, Signal))
+            tests.append(AtomTest(index, checks, tuple(key for key, _ in atom.refs), orders))
     return tuple(tests)
 
 
 def _check(constraint: Constraint) -> Check | None:
     wanted = constraint.value
-    if isinstance(wanted, Any | Ref):
+    if isinstance(wanted, Any | Ref | Signal):
         return None
     if constraint.op == "==":  # as most are
         return _equals(wanted)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from oracle_server.core.errors import SpecProblem
 from oracle_server.core.formula.ahead import Ahead, Obligation, obligation
 from oracle_server.core.formula.render import render
-from oracle_server.core.formula.tree import Always, walk
+from oracle_server.core.formula.tree import TRUE, Always, walk
 from oracle_server.core.spec import Property, Spec
 from oracle_server.core.withholding import present
 
@@ -54,7 +54,7 @@ def _guards(i: int, prop: Property, found: Obligation) -> Iterator[SpecProblem]:
 
 def _trigger(i: int, prop: Property, found: Obligation) -> Iterator[SpecProblem]:
     """A trigger that may hold at any event, whatever that says."""
-    if found.trigger is None or present(found.trigger, lambda _: False) is False:
+    if found.trigger is None or present(found.trigger, lambda atom: atom == TRUE) is False:
         return
     message = (
         f"property '{prop.id}': `{render(found.trigger, prop.time)}` can hold at any event, whatever that is, and asks "

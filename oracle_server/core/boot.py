@@ -1,9 +1,13 @@
-"""Times since a robot's start as times since 1970: one clock a monitor, fixed by its first message."""
+"""When messages were published; times since a robot's start as times since 1970, by one clock a monitor."""
 
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections import defaultdict
 from collections.abc import Hashable
+
+from oracle_server.core.events import Event
+from oracle_server.core.stamps import Stamp, since_boot_in, stamp_in
 
 _LATEST = 2**63 - 1
 """As late as a time can be."""
@@ -54,3 +58,23 @@ class BootClock:
             return y0 + (since - x0) * (y1 - y0) // (x1 - x0)
         x, y = self._knots[0 if i == 0 else -1]
         return y + since - x
+
+
+class PublicationTimes:
+    """Tells when the events of a session were published; a clock that a robot's start sets is its first message's."""
+
+    def __init__(self, max_skew: int) -> None:
+        """`max_skew` (ns) as for `BootClock`."""
+        self._boots: defaultdict[str, BootClock] = defaultdict(lambda: BootClock(max_skew))
+
+    def stamp(self, event: Event, where: Stamp | None, simulated: int | None) -> int | None:
+        """An event's publication time (ns): what the monitor said, or what the server reads of the message itself."""
+        if where is None or where.plain:
+            return event.stamp or stamp_in(event.data, where)
+        if where.epoch == "unix":
+            return stamp_in(event.data, where) or event.stamp
+        since_boot = since_boot_in(event.data, where)
+        if since_boot is None:
+            return event.stamp
+        known = event.stamp or simulated or event.arrived
+        return self._boots[event.monitor].place((event.stream, event.source), since_boot, known)

@@ -15,6 +15,8 @@ MAX_WORK = 50_000
 """Values, or combinations of them, that a native engine may look at for one step, or for the ticks between two."""
 MAX_WORK_ON_AVERAGE = 5_000
 """The same for a step, over many of them."""
+MAX_WORK_TOGETHER = 75_000
+"""The same for one step of all properties of a session, some 40 ms; for the ticks between two it is `MAX_WORK`."""
 
 
 class Engine(Protocol):
@@ -47,6 +49,40 @@ class Revisable(Engine, Protocol):
 
     def next_deadline(self, after: int) -> int | None:
         """The first time (ns) later than `after` at which the outcome may change without a step, None for never."""
+        ...
+
+
+@runtime_checkable
+class Rewindable(Revisable, Protocol):
+    """An engine that can go back to any of its last steps, once it was told to `record` what that takes."""
+
+    def record(self) -> None:
+        """From now on, keep what is needed to go back."""
+        ...
+
+    def rewind(self, step: int, time: int, before: int) -> None:
+        """Go back to a step, as it was after it: by its number, 0 for the beginning, its time (ns) and the last one's.
+
+        No mark may be open, and no later step may be one that was forgotten.
+        """
+        ...
+
+    def forget(self, step: int, time: int) -> None:
+        """Keep no more than is needed to go back to a step, by its number and time (ns)."""
+        ...
+
+
+@runtime_checkable
+class Bounded(Engine, Protocol):
+    """An engine that counts what it looks at."""
+
+    @property
+    def work(self) -> int:
+        """How many values it looked at for the last step."""
+        ...
+
+    def allow(self, work: int) -> None:
+        """Let it look at so many for a step from now on, where that is less than what one may cost by itself."""
         ...
 
 
@@ -116,3 +152,14 @@ def outcome(formula: Formula, holds: bool) -> Outcome:
         case Once(_, bound) if bound.upper is None and holds:
             return Outcome.TRUE
     return Outcome.CURRENTLY_TRUE if holds else Outcome.CURRENTLY_FALSE
+
+
+class Broken:
+    """Replaces an engine that failed, to free its memory; `complaint` is what that engine reported."""
+
+    def __init__(self, complaint: str | None) -> None:
+        self.complaint = complaint
+
+    def step(self, time: int, matches: Matches) -> Outcome:  # noqa: ARG002
+        """No judgement."""
+        return Outcome.UNKNOWN

@@ -39,11 +39,14 @@ class OracleError(Exception):
 
 
 class FormulaError(OracleError):
-    """A formula that can't be read; `line` and `column` count from 1 in the formula's own text."""
+    """A formula that can't be read; `line` and `column` count from 1 in the formula's own text.
 
-    def __init__(self, message: str, line: int = 1, column: int = 1) -> None:
+    `told`: the reason is a mistake elsewhere, of which that is said already.
+    """
+
+    def __init__(self, message: str, line: int = 1, column: int = 1, *, told: bool = False) -> None:
         super().__init__(message)
-        self.message, self.line, self.column = message, line, column
+        self.message, self.line, self.column, self.told = message, line, column, told
 
     def __str__(self) -> str:
         return f"{self.line}:{self.column}: {self.message}"

@@ -8,9 +8,11 @@ from typing import Literal, NamedTuple
 import msgspec
 
 from oracle_server.core.formula.tree import Scalar
-from oracle_server.core.kinds import KINDS, TICK, StepKind
+from oracle_server.core.kinds import KINDS, REVISION, TICK, StepKind
 
 Order = Literal["publication", "arrival"]
+Released = Literal["frontier", "clock", "max_delay", "capacity"]
+"""Why the order of publication released an event: what all streams had shown or said, or what it waited for in vain."""
 Signals = Mapping[str, Scalar]
 
 
@@ -29,6 +31,8 @@ TICKS = StreamKey("", TICK)
 """The stream of ticks, which no monitor observes."""
 ENDED = "end"
 """The source of the tick at which a session has ended."""
+REVISIONS = StreamKey("", REVISION)
+"""The stream of revisions, which no monitor observes either."""
 
 
 class Event(msgspec.Struct, frozen=True, gc=False):
@@ -64,7 +68,9 @@ class Step(msgspec.Struct, frozen=True, gc=False):
     `failed` are the signals whose expressions failed; `stamp` is the publication time, or the arrival where
     there was none; `skewed` was stamped too far ahead of its arrival, and is ordered at its arrival instead;
     `late` is older than something already judged; `forced` was judged early because the order was full; `skipped`
-    is not to be judged: it is late and the spec skips late events, or its verdicts could not be kept.
+    is not to be judged: it is late and the spec skips late events, or its verdicts could not be kept. `released` is why
+    it left the order of publication, None where it was not in it; `unheard` are the streams of which nothing as new as
+    it had come by then, where the spec revises and that is why it may be wrong.
     """
 
     event: Event
@@ -75,6 +81,8 @@ class Step(msgspec.Struct, frozen=True, gc=False):
     late: bool = False
     forced: bool = False
     skipped: bool = False
+    released: Released | None = None
+    unheard: frozenset[str] = frozenset()
 
     @property
     def time(self) -> int:

@@ -21,7 +21,7 @@ class Failing(msgspec.Struct, frozen=True, gc=False):
     """A constraint that a step did not meet: the signal, its value there, and what was wanted.
 
     `value` is None where the signal is `missing`: absent, or not computed since its expression failed. `wanted` is None
-    where any value would do, or any that was not seen before.
+    where any value would do, or any that was not seen before; it is the value of the signal `than`, where there is one.
     """
 
     signal: str
@@ -29,6 +29,7 @@ class Failing(msgspec.Struct, frozen=True, gc=False):
     wanted: Scalar | None
     value: Scalar | None
     missing: Literal["absent", "failed"] | None = None
+    than: str = ""
 
     @property
     def text(self) -> str:
@@ -37,12 +38,17 @@ class Failing(msgspec.Struct, frozen=True, gc=False):
             return f"`{self.signal}` {'is absent' if self.missing == 'absent' else 'could not be computed'}"
         wanted = "any other value" if self.wanted is None else value_text(self.wanted)
         op = "" if self.op == "==" else f"{self.op} "
+        op += f"{self.than} = " if self.than else ""
         return f"{self.signal} = {value_text(self.value)}, wanted {op}{wanted}"
 
     def data(self) -> FailingRecord:
         """As plain data."""
         data: FailingRecord = {"signal": self.signal, "op": self.op, "wanted": self.wanted, "value": self.value}
-        return {**data, "missing": self.missing} if self.missing else data
+        if self.than:
+            data["than"] = self.than
+        if self.missing:
+            data["missing"] = self.missing
+        return data
 
 
 class Reason(msgspec.Struct, frozen=True, gc=False):

@@ -149,7 +149,7 @@ def _unfit(shape: Shape, value: Any, path: tuple[str | int, ...]) -> Iterator[tu
 
 
 def _default_signals(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
-    held = frozenset[str]().union(*(s.hold for s in spec.streams))
+    held = spec.kept
     for i, stream in enumerate(spec.streams):
         yield from _held_fields(i, stream, types)
     warned: set[str] = set()
@@ -158,6 +158,13 @@ def _default_signals(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
             for severity, key, message in _doubts(atom, spec, types, held, warned):
                 text = f"formula of '{prop.id}': {message}"
                 yield SpecProblem(("properties", i, "formula"), text, atom.at, severity)
+                warned.add(key)
+    for definition in spec.derive:
+        for atom in definition.atoms:
+            place = atom.at if definition.formula is not None else None
+            for severity, key, message in _doubts(atom, spec, types, held, warned):
+                text = f"derived signal '{definition.name}': {message}"
+                yield SpecProblem(("derive", definition.name, definition.op), text, place, severity)
                 warned.add(key)
 
 

@@ -9,10 +9,12 @@ from dataclasses import replace
 from oracle_server.core.awaited import awaited, waits
 from oracle_server.core.deadlocks import deadlocks, starvation
 from oracle_server.core.dependencies import GraphNode
+from oracle_server.core.derived.checks import derived_problems
 from oracle_server.core.errors import ExpressionError, SpecProblem
 from oracle_server.core.events import StreamKey
 from oracle_server.core.expression import MAX_PATTERNS, Expression, check_shape, parse_expression, too_dear
 from oracle_server.core.fields import inspect_fields
+from oracle_server.core.incomparable import incomparable
 from oracle_server.core.kinds import RESERVED
 from oracle_server.core.nearest import either, listed, near, nearest
 from oracle_server.core.spec import Spec, StreamSpec
@@ -41,6 +43,7 @@ def inspect(
         *_guards(spec),
         *_external(spec),
         *awaited(spec),
+        *derived_problems(spec),
         *unmet(spec),
         *_gaps(spec),
         *_causes(spec),
@@ -49,6 +52,8 @@ def inspect(
         *_undoing(spec),
         *(replace(p, kind="type") for p in (inspect_fields(spec, types) if types is not None else ())),
     ]
+    if all(problem.severity != "error" or problem.path[0] != "streams" for problem in found):
+        found += incomparable(spec, types or {})
     if any(problem.severity == "error" for problem in found):
         return found
     return [*found, *vacuous(spec, types or {})]
@@ -292,7 +297,7 @@ def _external(spec: Spec) -> Iterator[SpecProblem]:
 
 def _gaps(spec: Spec) -> Iterator[SpecProblem]:
     """The streams at whose events a formula over numbers lacks some."""
-    held = frozenset[str]().union(*(s.hold for s in spec.streams))
+    held = spec.kept
     for i, prop in enumerate(spec.properties):
         if not prop.numeric:
             continue

@@ -3,42 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import msgspec
 
-from oracle_server.core.engine import Engine, Measuring
-from oracle_server.core.events import ENDED, TICKS, Event, Order, Step
+from oracle_server.core.counting import Counters, Told
+from oracle_server.core.deciding import Before, attempted, denies, is_denied, is_denied_by
+from oracle_server.core.derived.state import Derived, LastStep
+from oracle_server.core.engine import MAX_WORK, MAX_WORK_TOGETHER, Engine, Measuring
+from oracle_server.core.events import ENDED, TICKS, Event, Order, Signals, Step
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.holding import Held, together
-from oracle_server.core.owing import about
-from oracle_server.core.past import Past
 from oracle_server.core.plan import Plan, StreamPlan
 from oracle_server.core.presence import grace
 from oracle_server.core.property_state import Names, PropertyState
 from oracle_server.core.recent import Recent
-from oracle_server.core.records import EventRecord
 from oracle_server.core.snapshot import JudgeSnapshot
-from oracle_server.core.verdicts import DENYING, NEGATIVE, Decision, Explanation, Judged, Outcome, Verdict
+from oracle_server.core.spec import Property
+from oracle_server.core.telling import Telling
+from oracle_server.core.verdicts import NEGATIVE, Decision, Judged, Outcome, Verdict
 
 _NO_ONE = frozenset[int]()
 
 
-@dataclass(slots=True)
-class Counters:
-    """What a judge has counted; `steps` are judged events, `skipped` those that were not, `ticks` the recorded ones."""
-
-    steps: int = 0
-    ticks: int = 0
-    late: int = 0
-    skewed: int = 0
-    skipped: int = 0
-    lost: int = 0
-    denied: int = 0
-
-
-class Judge:
+class Judge(Telling):
     """The state of one session in one order of events."""
 
     def __init__(
@@ -51,23 +39,29 @@ class Judge:
         decides: bool = True,
     ) -> None:
         """Judge with one fresh engine a property; verdicts are numbered from `numbers`."""
-        self._plan = plan
+        self.plan = plan
         self._order = order
         self._numbers = numbers
         self._decides = decides
         self._measures = any(isinstance(engine, Measuring) for engine in engines)
         self._held: dict[str, Held] = {}
         """By monitor; the monitor with the latest event is the last one."""
+        self._derived = Derived(plan.derived)
         self._degraded = False
         ordering = plan.spec.ordering
         self._slack = ordering.max_skew + (ordering.max_delay or 0)
         """How much later than its stamp an event arrives (ns), where clocks are in step."""
         self._unordered = not any(stream.ordered for stream in plan.spec.streams)
         self.properties = [
-            PropertyState(p, e, grace=grace(p.formula, p.time))
-            for p, e in zip(plan.spec.properties, engines, strict=True)
+            self._state(p, e, grace(p.formula, p.time)) for p, e in zip(plan.spec.properties, engines, strict=True)
         ]
         self.counters = Counters()
+        self._allowed = MAX_WORK_TOGETHER // (2 if ordering.by == "both" else 1)
+        """What a step may cost all properties; one that is judged in two orders has two halves."""
+        self._explained = 0
+        """What explanations have cost at the present step or tick."""
+        self._idle_work = 0
+        """What the ticks since the last step have cost all properties."""
         self.present = 0
         """The time of the last step, in nanoseconds."""
         self._ticked = 0
@@ -77,18 +71,28 @@ class Judge:
         self._tick: tuple[int, Mapping[str, Scalar], Names] | None = None
         for i, state in enumerate(self.properties):
             state.past = partial(self._past, i)
-            state.hear(self._last_event)
+            state.hear(self._event)
+            state.lacking = partial(self._derived.complaint, state.property.atoms)
+
+    def _state(self, prop: Property, engine: Engine, grace: int) -> PropertyState:
+        return PropertyState(prop, engine, grace=grace)
+
+    @property
+    def told(self) -> Told:
+        """How its properties stand, and what it has counted."""
+        return Told(self.properties, self.counters)
 
     @property
     def next_deadline(self) -> int | None:
         """When time alone may change an outcome next, in nanoseconds; None for never."""
-        if not self._plan.timed:
+        if not self.plan.timed:
             return None
-        if self._outdated:
+        if self._outdated or self._derived.is_due:
             return self._ticked
         after = max(self.present, self._ticked)
         deadlines = [d for state in self.properties if (d := state.next_deadline(after)) is not None]
-        return min(deadlines, default=None)
+        turn = self._derived.next_deadline(after, self._last)
+        return min(deadlines if turn is None else [*deadlines, turn], default=None)
 
     def snapshot(self) -> JudgeSnapshot | None:
         """All that later verdicts depend on, as plain data; None where an engine can't be saved."""
@@ -104,6 +108,7 @@ class Judge:
             "ticked": self._ticked,
             "outdated": self._outdated,
             "recent": self._recent.snapshot(),
+            "derived": self._derived.snapshot(),
         }
 
     def restore(self, data: JudgeSnapshot, numbers: Iterator[int]) -> None:
@@ -115,6 +120,7 @@ class Judge:
         self._degraded, self.present, self._ticked = data["degraded"], data["present"], data["ticked"]
         self._outdated = data.get("outdated", False)
         self._recent.restore(data["recent"])
+        self._derived.restore(data.get("derived"))
         self._numbers = numbers
 
     def give_up(self, reason: str, numbers: Iterator[int]) -> None:
@@ -127,6 +133,7 @@ class Judge:
         """Begin at a time (ns): what never comes is missed from then on."""
         for state in self.properties:
             state.begin(time)
+        self._derived.begin(time)
 
     def degrade(self) -> None:
         """Mark every verdict from now on as one before which something is known to be lost, skipped or failed."""
@@ -137,10 +144,6 @@ class Judge:
         for i, state in enumerate(self.properties):
             state.bypassed = i in properties
 
-    def remember(self, steps: int, effort: int) -> None:
-        """Before the first step: remember this many steps, and spend this much on an explanation."""
-        self._recent = Recent(steps, effort)
-
     def judge(self, step: Step, now: int) -> Judged:
         """Judge one step, or skip it; `now` becomes its time of judgement."""
         event = step.event
@@ -148,32 +151,41 @@ class Judge:
             self._count(step)
         if step.skipped:
             return self._skip(step, now)
-        if event.ask and self._decides and self._plan.streams[event.stream].undoes:
+        if event.ask and self._decides and self.plan.streams[event.stream].undoes:
             return self._try(step, now)
         return self._judge(step, now)
 
-    def tick(self, time: int, now: int) -> Judged | None:
-        """Judge a step at `time` with held signals only, and take it back; None where it changes no outcome.
+    def tick(self, time: int, now: int, recorded: Signals | None = None) -> Judged | None:
+        """Judge a step at `time` without an event's own signals, and take it back; None where it changes no outcome.
 
         It is judged by the properties of which a deadline has run out since the last step: another one's deadline is no
-        step of theirs. Before the first step only those with a grace are judged: nothing else is known then.
+        step of theirs. Before the first step only those with a grace are judged, and those that read derived signals:
+        nothing else is known then. `recorded` are the signals of one that was judged before.
         """
+        turn = self._derived.turn(time, self._last, self._runs_out, recorded)
         self._ticked, self._outdated = time, False
-        signals, failed = together(self._held.values())
-        views = self._plan.silent
-        self._tick = time, signals, failed
-        for state in self.properties:
+        if turn is None:
+            return None
+        held, failing = together(self._held.values())
+        stored: Mapping[str, Scalar] = {**held, **turn.carried}
+        signals, failed = self._derived.at(time, self.counters.steps, stored, failing)
+        turned = {*turn.turned, *self._derived.turned_for(signals, self._last)}
+        views = self.plan.silent
+        self._tick, self._explained = (time, signals, failed), 0
+        found, settles = [], False
+        for i, (state, view) in enumerate(zip(self.properties, views, strict=True)):
             state.unanswered = ()
-        due = [self._due(state, time) for state in self.properties]
-        found = [
-            s.tick(view, time, signals, failed) if is_due else s.outcome
-            for s, view, is_due in zip(self.properties, views, due, strict=True)
-        ]
+            if i not in turned and not self._due(state, time):
+                found.append(state.outcome)
+                continue
+            found.append(state.tick(view, time, signals, failed, MAX_WORK - self._idle_work))
+            self._idle_work += state.work
+            settles = settles or state.settles
         self._tick = None
         changed = any(state.outcome is not outcome for state, outcome in zip(self.properties, found, strict=True))
-        if not changed and not any(s.settles for s, is_due in zip(self.properties, due, strict=True) if is_due):
+        if not changed and not settles:
             return None
-        return self._ticked_with(found, signals, failed, time, now)
+        return self._ticked_with(found, signals, failed, (stored, frozenset(failing)), time, now)
 
     def end(self, now: int) -> Judged | None:
         """Decide what is open, for properties with `at_end: violated`: nothing will come any more.
@@ -185,24 +197,37 @@ class Judge:
         found = [state.end() for state in self.properties]
         if not any(state.settles for state in self.properties):
             return None
-        signals, failed = together(self._held.values())
-        return self._ticked_with(found, signals, failed, max(self.present, self._ticked), now, ENDED)
+        time = max(self.present, self._ticked)
+        held, failing = together(self._held.values())
+        signals, failed = self._derived.at(time, self.counters.steps, held, failing)
+        return self._ticked_with(found, signals, failed, (held, frozenset(failing)), time, now, ENDED)
 
     def _ticked_with(
         self,
         found: Sequence[Outcome],
         signals: Mapping[str, Scalar],
         failed: Names,
+        stored: tuple[Mapping[str, Scalar], frozenset[str]],
         time: int,
         now: int,
         source: str = "",
     ) -> Judged:
-        """A recorded tick with these outcomes."""
+        """A recorded tick with these outcomes; `stored` are the signals that it is judged again with."""
         self.counters.ticks += 1
         known = zip(self.properties, found, strict=True)
-        verdicts = tuple([self._verdict(s, outcome, signals, time) for s, outcome in known])
+        verdicts = tuple([self._verdict(s, outcome, signals, failed, time) for s, outcome in known])
         event = Event(TICKS, "", self.counters.ticks, time, now, None, source)
-        return self._conclude(Step(event, signals, frozenset(failed), time), None, verdicts, now)
+        return self._conclude(Step(event, *stored, time), None, verdicts, now)
+
+    def _runs_out(self, time: int) -> bool:
+        """Whether some engine's deadline runs out up to a time, since the last step or tick."""
+        after = max(self.present, self._ticked)
+        deadlines = (state.next_deadline(after) for state in self.properties)
+        return self._outdated or any(d is not None and d <= time for d in deadlines)
+
+    @property
+    def _last(self) -> LastStep:
+        return LastStep(self.present, self.counters.steps, lambda: together(self._held.values())[0])
 
     def _due(self, state: PropertyState, time: int) -> bool:
         deadline = state.next_deadline(self.present) if self.counters.steps or state.grace else None
@@ -217,23 +242,35 @@ class Judge:
 
     def _try(self, step: Step, now: int) -> Judged:
         """Judge a step, and take it back where it is denied, as if it had never happened."""
-        marks = [state.mark() for state in self.properties]
-        present, steps, held = self.present, self.counters.steps, self._held
-        ticked = self._ticked, self._outdated
-        self._held = {m: h.copy() if m == step.event.monitor else h for m, h in held.items()}
+        before = self._attempt(step)
         judged = self._judge(step, now, revisable=True)
-        if not _is_denied(judged.decision):
-            for state in self.properties:
-                state.keep()
-            return judged
+        if is_denied(judged.decision):
+            return self._take_back(judged, before)
+        for state in self.properties:
+            state.keep()
+        self._derived.journal.keep()
+        return judged
+
+    def _attempt(self, step: Step) -> Before:
+        """Begin a step that may be taken back."""
+        before = Before(
+            [state.mark() for state in self.properties],
+            self.present, self.counters.steps, self._held, self._ticked, self._outdated,
+        )  # fmt: skip
+        self._derived.journal.mark()
+        self._held = {m: h.copy() if m == step.event.monitor else h for m, h in self._held.items()}
+        return before
+
+    def _take_back(self, judged: Judged, before: Before) -> Judged:
+        """Take the last step back, as if it had never happened; what was judged of it is not final."""
+        marks, self.present, self.counters.steps, self._held, self._ticked, self._outdated = before
         for state, mark in zip(self.properties, marks, strict=True):
-            state.back(mark, counts=_denies_by(judged.decision, state))
-        self.present, self.counters.steps, self._held = present, steps, held
-        self._ticked, self._outdated = ticked
+            state.back(mark, counts=is_denied_by(judged.decision, state.property))
+        self._derived.back()
         self._recent.remove()
         denying = frozenset(judged.decision.denied_by if judged.decision else ())
         owing = {s.property.id for s in self.properties if s.owed is not None} - denying
-        verdicts = tuple(_attempted(v, owes=v.property in owing) for v in judged.verdicts)
+        verdicts = tuple(attempted(v, owes=v.property in owing) for v in judged.verdicts)
         return msgspec.structs.replace(judged, verdicts=verdicts)
 
     def _skip(self, step: Step, now: int) -> Judged:
@@ -244,7 +281,7 @@ class Judge:
 
     def _judge(self, step: Step, now: int, *, revisable: bool = False) -> Judged:
         """Judge a step; `revisable`: it is taken back where it is denied."""
-        stream = self._plan.streams[step.event.stream]
+        stream = self.plan.streams[step.event.stream]
         self.counters.steps += 1
         before = self.present
         self._move_on(step, stream)
@@ -252,15 +289,19 @@ class Judge:
             self._outdate(before)
         blameless = self._blameless(step, stream) if stream.blames else _NO_ONE
         signals, failed = self._signals(step, stream)
+        if stream.derives or self.counters.steps == 1:
+            failed = self._derived.step(stream.derives, step, signals, failed, self.present, self.counters.steps)
         self._recent.add(self.counters.steps, self.present, step, signals, failed)
         number: int | None = self.counters.steps
         outcomes, worse, time, degraded = [], [], self.present, self._degraded
         latest = step.event.arrived - self._slack  # a clock that is far behind must not prolong a grace
+        allowed, self._idle_work, self._explained = self._allowed, 0, 0
         for state, view in zip(self.properties, stream.views, strict=True):
             worse.append(degraded or state.failures > 0 or state.renewed)
-            outcomes.append(state.step(view, time, signals, failed, latest))
+            outcomes.append(state.step(view, time, signals, failed, latest, allowed))
+            allowed -= state.work
         decision = self._decide(step, outcomes, blameless)
-        if revisable and _is_denied(decision):
+        if revisable and is_denied(decision):
             self._recent.unnumber()
             number = None
         verdicts = []
@@ -271,7 +312,7 @@ class Judge:
             why = None
             if state.remember(n, outcome) or state.asked:
                 state.note_first(n, number, step.stamp)
-                why = self._explain(state, signals)
+                why = self._explain(state, signals, failed, self.present)
             passed_by = state.bypassed and not is_degraded
             verdicts.append(
                 Verdict(
@@ -285,24 +326,11 @@ class Judge:
         if not (self._decides and step.event.ask):
             return _NO_ONE
         held = self._held.get(step.event.monitor, Held())
+        signals, failed = self._derived.at(self.present, self.counters.steps, held.values, held.failed)
         return frozenset(
             i
             for i in stream.blames
-            if self.properties[i].silent(self._plan.silent[i], self.present, held.values, held.failed) in NEGATIVE
-        )
-
-    def _verdict(self, state: PropertyState, outcome: Outcome, signals: Mapping[str, Scalar], time: int) -> Verdict:
-        n, why = next(self._numbers), None
-        if state.remember(n, outcome) or state.asked:
-            state.note_first(n, None, time)
-            why = self._explain(state, signals)
-        return self._plain(state, n, outcome, why)
-
-    def _plain(self, state: PropertyState, n: int, outcome: Outcome, why: Explanation | None = None) -> Verdict:
-        is_degraded = self._degraded or state.failures > 0 or state.renewed
-        bypassed = state.bypassed and not is_degraded
-        return Verdict(
-            n, state.property.id, outcome, is_degraded or bypassed, why, bypassed=bypassed, pending=state.pending
+            if self.properties[i].silent(self.plan.silent[i], self.present, signals, failed) in NEGATIVE
         )
 
     def _move_on(self, step: Step, stream: StreamPlan) -> None:
@@ -336,15 +364,15 @@ class Judge:
         now: int,
         decision: Decision | None = None,
     ) -> Judged:
-        self.counters.denied += _is_denied(decision)
+        self.counters.denied += is_denied(decision)
         return Judged(step, number, self._order, now, verdicts, decision)
 
     def _decide(self, step: Step, outcomes: Sequence[Outcome], blameless: frozenset[int] = _NO_ONE) -> Decision | None:
         """The decision on an event, by the outcomes of all properties; None where none is wanted."""
         if not (step.event.ask and self._decides):
             return None
-        guards = self._plan.streams[step.event.stream].guards
-        denying = [i for i in guards if _denies(outcomes[i], blamed=i not in blameless)]
+        guards = self.plan.streams[step.event.stream].guards
+        denying = [i for i in guards if denies(outcomes[i], blamed=i not in blameless)]
         denied_by = tuple(self.properties[i].property.id for i in denying)
         return Decision("deny" if denied_by else "allow", denied_by)
 
@@ -363,43 +391,3 @@ class Judge:
         if known is None:
             return signals, step.failed
         return {**known.values, **signals}, step.failed | (known.failed - signals.keys())
-
-    def _explain(self, state: PropertyState, signals: Mapping[str, Scalar]) -> Explanation:
-        unanswered = state.unanswered
-        told = tuple(about(unanswered))
-        if state.why is None:
-            return Explanation(state.property.text, signals, about=told, about_count=len(unanswered))
-        timed = state.property.time == "seconds"
-        why = state.why.data(partial(self._recent.recall, timed=timed))
-        return Explanation(state.property.text, signals, state.why.text, why, told, len(unanswered))
-
-    def _last_event(self) -> EventRecord:
-        return self._recent.last()
-
-    def _past(self, index: int) -> Past:
-        """The last steps as one property observed them, and a tick that is being judged."""
-        views = self._plan.streams
-        tick = None if self._tick is None else (self._tick[0], self._plan.silent[index], *self._tick[1:])
-        return self._recent.past(lambda stream: views[stream].views[index], tick)
-
-
-def _denies(outcome: Outcome, *, blamed: bool) -> bool:
-    return outcome in DENYING and (blamed or outcome not in NEGATIVE)
-
-
-def _attempted(verdict: Verdict, *, owes: bool) -> Verdict:
-    """A verdict about an attempt that is taken back: it is not final, and no obligation was decided by it.
-
-    `owes`: the property waits for what comes, and did not deny the attempt.
-    """
-    if owes and verdict.outcome in NEGATIVE:
-        return msgspec.structs.replace(verdict, outcome=Outcome.CURRENTLY_TRUE, explanation=None)
-    return msgspec.structs.replace(verdict, outcome=verdict.outcome.current)
-
-
-def _denies_by(decision: Decision | None, state: PropertyState) -> bool:
-    return decision is not None and state.property.id in decision.denied_by
-
-
-def _is_denied(decision: Decision | None) -> bool:
-    return decision is not None and decision.choice == "deny"

@@ -11,11 +11,14 @@ from typing import Final, Literal
 
 Kind = Literal["topic", "request", "response"]
 """The kind of a stream."""
-StepKind = Literal[Kind, "tick"]
-"""What is judged: an event of a stream, or a deadline that has run out."""
+LineKind = Literal[Kind, "tick"]
+"""What a line of a trace is of: an event of a stream, or a deadline that has run out."""
+StepKind = Literal[LineKind, "revision"]
+"""What a row of the history is of: an event of a stream, a deadline that has run out, or a change of what stands."""
 RecordKind = Literal[StepKind, "unavailable"]
 """The `kind` of a verdict record: `unavailable` where the adapter did not get a decision in time."""
 TICK: Final = "tick"
+REVISION: Final = "revision"
 UNAVAILABLE: Final = "unavailable"
 
 
@@ -53,6 +56,7 @@ KINDS: Mapping[str, Traits] = {
     "request": Traits("service", "requests", "calls", leads=True, has_call=True, undoable=True, proxied=True),
     "response": Traits("service", "responses", "calls", has_call=True, proxied=True),
     TICK: Traits("", "ticks"),
+    REVISION: Traits("", "revisions"),
 }
 GROUPS = tuple(dict.fromkeys(traits.group for traits in KINDS.values() if traits.group))
 """The groups of kinds, each named by its key."""

@@ -8,8 +8,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from oracle_server.core.comparisons import contradictory
 from oracle_server.core.formula.render import render_atom
-from oracle_server.core.formula.tree import Any, Atom, Constraint, Formula, Position, Ref, Scalar
+from oracle_server.core.formula.tree import Any, Atom, Constraint, Formula, Position, Ref, Scalar, Signal, demanded
 from oracle_server.core.kinds import RESERVED
 from oracle_server.core.places import Place, likened, names_of
 from oracle_server.core.ranges import ANYTHING, Range
@@ -51,6 +52,11 @@ def misfits(atom: Atom, places: Sequence[Place]) -> Iterator[Doubt]:
     if not possible:
         return
     could = [p for p, first in zip(places, like, strict=True) if id(first) in possible]
+    unordered = contradictory(atom.constraints)
+    if unordered:
+        listed = " and ".join(f"`{constraint_text(c)}`" for c in unordered)
+        yield Doubt("never", atom, f"`{render_atom(atom)}` never holds: no two numbers meet {listed}", atom.at)
+        return
     if all(p.misfit(atom) for p in possible.values()):
         yield Doubt("never", atom, _never(atom, could), atom.at)
         return
@@ -130,7 +136,7 @@ def described(found: Range) -> str:
 def _mend(constraint: Constraint, found: Range) -> str:
     """What to write instead, where that is near."""
     wanted = constraint.value
-    if isinstance(wanted, Any | Ref):
+    if isinstance(wanted, Any | Ref | Signal):
         return ""
     key, op = constraint.key, ":" if constraint.op == "==" else f" {constraint.op}"
     numbers = found.whole is not None or "number" in found.kinds
@@ -173,4 +179,4 @@ def _literal(value: Scalar) -> str:
 
 def constraint_text(constraint: Constraint) -> str:
     """A constraint as formulas write it."""
-    return render_atom(Atom((constraint,)))[1:-1]
+    return render_atom(Atom((constraint, *demanded((constraint,)))))[1:-1]

@@ -12,6 +12,7 @@ from typing import Any
 
 from oracle_server.core.errors import one_line
 from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.records import VerdictRecord
 
 _SECOND = 10**9
 _DAY = 86_400
@@ -58,6 +59,20 @@ def first_name(state: Mapping[str, Any], beside: int | None = None) -> str:
 def event_name(stream: str, kind: str, seq: int, monitor: str) -> str:
     """An event by its stream and its number there."""
     return f"{stream} ({kind} {seq} of {monitor})"
+
+
+def cause_name(record: VerdictRecord | Mapping[str, Any]) -> str:
+    """The late events that a revision was made for, by its record: the first one with its delay, and how many more."""
+    cause, *_ = record["because"]
+    count, name = record["causes"], event_name(cause["stream"], cause["kind"], cause["seq"], cause["monitor"])
+    delay = 0 if cause["stamp"] is None else max(0, record["arrived"] - cause["stamp"]) // 10**6
+    late = f"{delay} ms late" if delay else "late"
+    return f"{name} came {late}" + (f", and {count - 1} more" if count > 1 else "")
+
+
+def retraction_text(record: VerdictRecord | Mapping[str, Any]) -> str:
+    """That a violation does not stand, and since which late events, by the record of the revision."""
+    return f"{record['property']} is not violated at verdict #{record['revises']['from']}: {cause_name(record)}"
 
 
 def value_text(value: Scalar) -> str:

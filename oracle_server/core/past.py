@@ -37,6 +37,8 @@ class Past:
     matches: Callable[[int], Matches]
     effort: int = 10_000
     seen: Callable[[int], Seen] | None = None
+    spent: Callable[[int], None] | None = None
+    """Is told what the explanation has cost, a formula's parts included."""
 
 
 NO_PAST = Past((), lambda _: ())

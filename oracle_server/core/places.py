@@ -6,9 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from oracle_server.core.atoms import meets
+from oracle_server.core.comparisons import contradictory, turned
+from oracle_server.core.derived.ranges import derived_ranges
 from oracle_server.core.expression import is_always_there, parse_expression
 from oracle_server.core.formula.parse import Time
-from oracle_server.core.formula.tree import Any, Atom, Constraint, Ref, Scalar
+from oracle_server.core.formula.tree import Any, Atom, Constraint, Ref, Scalar, Signal
 from oracle_server.core.kinds import RESERVED
 from oracle_server.core.plan import constants, has_reserved
 from oracle_server.core.ranges import ANYTHING, NUMBER, TEXT, Range, range_of, range_of_field
@@ -63,6 +65,8 @@ class Place:
         by_key: dict[str, list[Constraint]] = {}
         for constraint in atom.constraints:
             by_key.setdefault(constraint.key, []).append(constraint)
+            if isinstance(constraint.value, Signal):
+                by_key.setdefault(constraint.value.name, []).append(turned(constraint))
         for key, own in by_key.items():
             if key not in self.constants and not self.range(key).meets(own):
                 return own
@@ -76,14 +80,14 @@ class Place:
 
     def value(self, atom: Atom) -> bool | None:
         """Whether an atom holds at every event (true), at none (false), or that is not known."""
-        if not self.allows(atom) or self.lacks(atom) or self.misfit(atom):
+        if not self.allows(atom) or self.lacks(atom) or self.misfit(atom) or contradictory(atom.constraints):
             return False
         return True if all(self.sure(c) for c in atom.constraints) else None
 
     def sure(self, constraint: Constraint) -> bool:
         """Whether every event meets a constraint, on a signal that it allows."""
         key, wanted = constraint.key, constraint.value
-        if isinstance(wanted, Ref):
+        if isinstance(wanted, Ref | Signal):
             return False
         if key in self.constants or (key in self.always and wanted is Any.ANY):
             return True
@@ -105,10 +109,12 @@ class Place:
 def places(spec: Spec, time: Time, types: StreamTypes | None = None) -> list[Place]:
     """Where the properties of a time are judged. The expressions of the spec's signals must be sound."""
     ranges = _Ranges()
-    holding = frozenset[str]().union(*(s.hold for s in spec.streams))
+    holding = spec.kept
     owns = [_own(stream, (types or {}).get(stream.key), holding, ranges) for stream in spec.streams]
     streams = list(zip(spec.streams, owns, strict=True))
     held = {name: own.get(name, ANYTHING) for stream, (own, _) in streams for name in stream.hold}
+    derived = derived_ranges(spec) if spec.derive else {}
+    held |= {definition.name: ranges.same(derived[definition.name]) for definition in spec.derive}
     found = []
     for stream, (own, always) in streams:
         either = {key: ranges.same(one | held[key]) if key in held else one for key, one in own.items()}

@@ -6,11 +6,13 @@ A plan is shared by all sessions of its spec; it holds no state.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from oracle_server.core.atoms import AtomTest, Match, specialise, specialise_some
+from oracle_server.core.derived.layout import Layout, Part, parts, watched
 from oracle_server.core.events import StreamKey
 from oracle_server.core.formula.tree import Atom, Scalar
 from oracle_server.core.kinds import RESERVED, Kind
@@ -65,7 +67,8 @@ class StreamPlan:
     """One stream made ready; `views` has an entry for each property, `guards` the indexes of those that guard it.
 
     `blames` are those of the guards with `blame: caused`; `undoes`: a denied event is taken back; `asked` are the
-    indexes of the properties whose external oracles receive its events.
+    indexes of the properties whose external oracles receive its events; `derives` are the derived signals that it
+    concerns.
     """
 
     spec: StreamSpec
@@ -76,6 +79,7 @@ class StreamPlan:
     blames: tuple[int, ...]
     undoes: bool
     asked: tuple[int, ...] = ()
+    derives: tuple[Part, ...] = ()
 
     @property
     def fields(self) -> frozenset[str] | None:
@@ -105,7 +109,7 @@ class Plan:
 
     `silent` are the properties' views of a step that has no signals but held ones; `timed`: some property has
     `time: seconds`; `external` are the indexes of the properties that external oracles judge; `readers` are those that
-    guard or read a topic or service, by its name.
+    guard or read a topic or service, by its name; `derived` is None where the spec derives no signals.
     """
 
     spec: Spec
@@ -114,23 +118,26 @@ class Plan:
     timed: bool
     external: tuple[int, ...] = ()
     readers: Mapping[str, frozenset[int]] = field(default_factory=dict)
+    derived: Layout | None = None
 
 
 def plan(spec: Spec) -> Plan:
     """Make a spec ready. Raises `ExpressionError` where an expression of its signals can't be read."""
     making = _Making(spec)
-    silent = tuple(_view(len(atoms), specialise(atoms, {}, making.held.__contains__)) for atoms in making.formulas)
+    silent = making.silent()
     timed = any(p.time == "seconds" for p in spec.properties)
     external = tuple(i for i, p in enumerate(spec.properties) if p.external is not None)
     streams = {s.key: making.stream(s) for s in spec.streams}
-    return Plan(spec, streams, silent, timed, external, making.readers())
+    return Plan(spec, streams, silent, timed, external, making.readers(), making.derived(silent))
 
 
 def judged_by(ready: Plan, by: By | None) -> Plan:
-    """A plan that judges in another order than its spec asks for, None for the same."""
+    """A plan that judges in another order than its spec asks for, None for the same; only by publication it revises."""
     if by is None:
         return ready
     ordering = replace(ready.spec.ordering, by=by)
+    if by != "publication" and ordering.late == "revise":
+        ordering = replace(ordering, late="judge")
     return replace(ready, spec=replace(ready.spec, ordering=ordering))
 
 
@@ -163,8 +170,10 @@ class _Making:
     """A plan in the making: what is the same for many streams is computed once."""
 
     def __init__(self, spec: Spec) -> None:
-        self.formulas = tuple(p.atoms for p in spec.properties)
-        self.held = frozenset[str]().union(*(s.hold for s in spec.streams))
+        self._count = len(spec.properties)
+        self.formulas = spec.readings
+        """The atoms of the properties, and behind them what derived signals read."""
+        self.held = spec.kept
         self._spec, self._reach = spec, Reach(self.formulas)
         self._views: dict[object, list[View]] = {}
         self._keys: dict[Kind, list[frozenset[_Keys]]] = {}
@@ -179,7 +188,8 @@ class _Making:
         else:
             names = frozenset(stream.signals)
             project = Projection(stream.signals)
-        views = self._views_of(stream, names | {key for key in RESERVED if has_reserved(stream, key)})
+        reserved = {key for key in RESERVED if has_reserved(stream, key)}
+        views, derives = self._divided(self._views_of(stream, names | reserved), names, reserved)
         asked, properties = [], self._spec.properties
         for i, prop in enumerate(properties):
             if prop.external is not None and prop.external.receives(stream):
@@ -189,14 +199,60 @@ class _Making:
         guards = tuple(i for i, p in enumerate(properties) if stream.name in p.guards)
         blames = tuple(i for i in guards if properties[i].blame == "caused")
         undoes = stream.on_deny == "undo" and stream.traits.undoable
-        return StreamPlan(stream, project, constants(stream), tuple(views), guards, blames, undoes, tuple(asked))
+        return StreamPlan(
+            stream, project, constants(stream), tuple(views), guards, blames, undoes, tuple(asked), derives
+        )
+
+    def silent(self) -> tuple[View, ...]:
+        """The properties' views of a step without signals but held and derived ones, and those that it is for."""
+        keys = {d.by for d in self._spec.derive}
+        possible = {*self.held, *keys}
+        formulas = self.formulas[: self._count]
+        return tuple(_view(len(atoms), specialise(atoms, {}, possible.__contains__)) for atoms in formulas)
+
+    def derived(self, silent: Sequence[View]) -> Layout | None:
+        """What the derived signals are at ticks, where properties have these views."""
+        derive, properties = self._spec.derive, self._spec.properties
+        if not derive:
+            return None
+        read = frozenset[str]().union(*(view.reads for view in silent))
+        timed = [
+            (i, [prop.atoms[test.index] for test in view.tests])
+            for i, (prop, view) in enumerate(zip(properties, silent, strict=True))
+            if prop.time == "seconds"
+        ]
+        at_ticks = parts(derive, [()] * len(derive), (), (), read)
+        return Layout(derive, at_ticks, watched(derive, timed), frozenset(d.by for d in derive if d.by))
+
+    def _divided(
+        self, views: list[View], own: _Keys, reserved: AbstractSet[str]
+    ) -> tuple[list[View], tuple[Part, ...]]:
+        """The properties' views of a stream, and the derived signals that concern it."""
+        of_properties, of_derived = views[: self._count], views[self._count :]
+        if not of_derived:
+            return of_properties, ()
+        read = frozenset[str]().union(*(view.reads for view in of_properties))
+        return of_properties, parts(self._spec.derive, [v.tests for v in of_derived], own, reserved, read)
 
     def readers(self) -> dict[str, frozenset[int]]:
         """The properties that guard or read each topic or service, by its name."""
         readers: dict[str, frozenset[int]] = {}
+        through = self._through_derived()
         for stream in self._spec.streams:
-            readers[stream.name] = readers.get(stream.name, frozenset()) | self._concerned(stream)
+            found = self._concerned(stream)
+            known = found.union(*(through[i] for i in found if i >= self._count)) if through else found
+            properties = frozenset(i for i in known if i < self._count)
+            readers[stream.name] = readers.get(stream.name, frozenset()) | properties
         return readers
+
+    def _through_derived(self) -> dict[int, frozenset[int]]:
+        """For each derived signal, by its place among all formulas, the properties that read it, or what reads it."""
+        found: dict[int, frozenset[int]] = {}
+        names = {d.name: self._count + i for i, d in enumerate(self._spec.derive)}
+        for name, place in reversed(names.items()):
+            direct = [i for i, atoms in enumerate(self.formulas) if any(name in _keys(atom) for atom in atoms)]
+            found[place] = frozenset(direct).union(*(found[i] for i in direct if i >= self._count))
+        return found
 
     def _views_of(self, stream: StreamSpec, own: frozenset[str]) -> list[View]:
         """The properties' views of a stream with these signals."""
@@ -242,8 +298,8 @@ class _Making:
 
         def reads(keys: _Keys) -> bool:
             if own is not None:
-                return not keys or not keys.isdisjoint(own)
-            return not keys or not keys <= others or not keys.isdisjoint(RESERVED)
+                return not keys.isdisjoint(own)
+            return not keys <= others or not keys.isdisjoint(RESERVED)
 
         alike = stream.kind, own, stream.hold
         if alike not in self._reading:

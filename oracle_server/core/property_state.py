@@ -7,8 +7,18 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import NamedTuple
 
-from oracle_server.core.atoms import Matches
-from oracle_server.core.engine import MAX_WORK, Answer, Engine, Explaining, Measuring, Receiving, Revisable, Savable
+from oracle_server.core.engine import (
+    MAX_WORK,
+    Answer,
+    Bounded,
+    Broken,
+    Engine,
+    Explaining,
+    Measuring,
+    Receiving,
+    Revisable,
+    Savable,
+)
 from oracle_server.core.errors import EngineError
 from oracle_server.core.explanation import Why
 from oracle_server.core.formula.tree import Scalar
@@ -22,13 +32,14 @@ from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import FINAL, NEGATIVE, Outcome
 
 Names = frozenset[str] | set[str]
+_IDLE = f"its deadlines cost too much: {MAX_WORK} values may be looked at for those of all properties between two steps"
 
 
 builtin_property = property
 """`property`, which is a field here."""
 
 
-class _Mark(NamedTuple):
+class Mark(NamedTuple):
     """The part of a property's state that a step which is taken back must not change."""
 
     outcome: Outcome
@@ -36,17 +47,6 @@ class _Mark(NamedTuple):
     failures: int
     violations: int
     first: tuple[int | None, int | None, int | None]
-
-
-class _Broken:
-    """Replaces an engine that failed, to free its memory; `complaint` is what that engine reported."""
-
-    def __init__(self, complaint: str | None) -> None:
-        self.complaint = complaint
-
-    def step(self, time: int, matches: Matches) -> Outcome:  # noqa: ARG002
-        """No judgement."""
-        return Outcome.UNKNOWN
 
 
 @dataclass(slots=True)
@@ -68,9 +68,11 @@ class PropertyState:
     """Why the engine does not judge any more."""
     why: Why | None = None
     """Why it became negative, where the engine can explain it; where `asked`, why the last outcome is as it is."""
-    past: Callable[[], Past] | None = None
-    """Returns what is remembered of the last steps, up to the present one."""
+    past: Callable[[], Past | None] | None = None
+    """Returns what is remembered of the last steps, up to the present one; None where nothing more is explained."""
     asked: bool = False
+    work: int = 0
+    """What its last step or tick cost."""
     idle_work: int = 0
     """The cost of the ticks since the last step, which the engine forgets with them."""
     grace: int = 0
@@ -81,6 +83,8 @@ class PropertyState:
     """Whether a stream that it guards or reads is bypassed at present."""
     renewed: bool = False
     """Whether its external oracle may have lost its state."""
+    lacking: Callable[[], str | None] | None = None
+    """Returns why derived signals that it reads have failed for want of room, where it reads any."""
     unexplained: int = 0
     """How often an explanation failed; engines that never explain are not counted."""
     _inexplicable: str = ""
@@ -95,12 +99,24 @@ class PropertyState:
         """Find out whether its engine has obligations: that is asked at each step."""
         self.owed = self.engine.owed if isinstance(self.engine, Owing) else None
 
-    def step(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names, latest: int = 0) -> Outcome:
-        """The outcome at the next step; `latest` is the time (ns) that must have come by then, whatever its stamp."""
-        self.idle_work, self.unanswered = 0, ()
+    def step(
+        self,
+        view: View,
+        time: int,
+        signals: Mapping[str, Scalar],
+        failed: Names,
+        latest: int = 0,
+        allowed: int = MAX_WORK,
+    ) -> Outcome:
+        """The outcome at the next step, which may cost what is `allowed`.
+
+        `latest` is the time (ns) that must have come by then, whatever its stamp.
+        """
+        self.work = self.idle_work = 0
+        self.unanswered = ()
         if self.outcome in FINAL:
             return self.outcome
-        outcome = self._ask_engine(view, time, signals, failed)
+        outcome = self._ask_engine(view, time, signals, failed, allowed)
         self._take_unanswered()
         if outcome is Outcome.UNKNOWN or (failed and not view.reads.isdisjoint(failed)):
             self.failures += view.observed
@@ -151,17 +167,22 @@ class PropertyState:
         """Begin its grace at a time (ns), that of its session's begin."""
         self.judged_from = time + self.grace if self.grace else 0
 
-    def tick(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names) -> Outcome:
-        """The outcome at a step that is then taken back; final only where the property is latched."""
+    def tick(
+        self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names, allowed: int = MAX_WORK
+    ) -> Outcome:
+        """The outcome at a step that is then taken back, and may cost what is `allowed`; final only where latched."""
+        self.work, self.settles = 0, False
         engine = self._revisable()
         if engine is None or self.property.time != "seconds" or self.outcome in FINAL:
             return self.outcome
         if self.owed is not None and isinstance(engine, Owing):
             return self._pass(partial(engine.pass_time, time))
         engine.mark()
-        outcome = self._ask_engine(view, time, signals)
+        outcome = self._ask_engine(view, time, signals, failed, allowed)
         if outcome in NEGATIVE and time < self.judged_from:
             outcome = Outcome.UNKNOWN
+        if self.broken is not None and allowed < MAX_WORK:
+            self.broken = _IDLE
         self._explain(outcome)
         self._take_back(engine)
         if self.broken is not None:
@@ -181,15 +202,15 @@ class PropertyState:
         self._take_back(engine)
         return outcome if view.reads.isdisjoint(failed) else Outcome.UNKNOWN
 
-    def mark(self) -> _Mark:
+    def mark(self) -> Mark:
         """Remember how the property stands, and begin a step that may be taken back."""
         engine = self._revisable()
         if engine is not None:
             engine.mark()
         first = self.first_violation, self.first_violation_step, self.first_violation_at
-        return _Mark(self.outcome, self.negative, self.failures, self.violations, first)
+        return Mark(self.outcome, self.negative, self.failures, self.violations, first)
 
-    def back(self, mark: _Mark, *, counts: bool = True) -> None:
+    def back(self, mark: Mark, *, counts: bool = True) -> None:
         """Take the step back; a violation stays counted, and an engine that failed at it stays failed.
 
         Not so of obligations where the property did not deny the step, so that it `counts`: they will be decided yet.
@@ -253,7 +274,8 @@ class PropertyState:
     @builtin_property
     def complaint(self) -> str | None:
         """What went wrong in the engine, None for nothing."""
-        found = getattr(self.engine, "complaint", None)
+        told = [getattr(self.engine, "complaint", None), None if self.lacking is None else self.lacking()]
+        found: str | None = "; ".join(each for each in told if each) or None
         if self.unexplained:
             times = "once" if self.unexplained == 1 else f"{self.unexplained} times"
             found = f"{found}; " if found else ""
@@ -269,7 +291,7 @@ class PropertyState:
         if self.asked or (outcome in NEGATIVE and (not self.negative or self.unanswered)):
             past = NO_PAST if self.past is None else self.past()
             self.why = None
-            if isinstance(self.engine, Explaining):
+            if past is not None and isinstance(self.engine, Explaining):
                 try:
                     self.why = self.engine.explain(past)
                 except Exception as error:  # noqa: BLE001 -- an outcome stands, whether or not it can be explained
@@ -280,15 +302,15 @@ class PropertyState:
         """Take a tick back, and count its cost."""
         if self.broken is not None:
             return
-        self.idle_work += getattr(engine, "work", 0)
+        self.idle_work += self.work
         engine.back()
         if self.idle_work > MAX_WORK:
-            self.give_up(f"its deadlines cost too much: {MAX_WORK} values may be looked at for those between two steps")
+            self.give_up(_IDLE)
 
     def give_up(self, reason: str) -> None:
         """Stop judging, for this reason."""
         self.broken = reason
-        self.engine, self.owed = _Broken(self.complaint), None
+        self.engine, self.owed = Broken(self.complaint), None
 
     def _revisable(self) -> Revisable | None:
         return self.engine if self.broken is None and isinstance(self.engine, Revisable) else None
@@ -317,16 +339,26 @@ class PropertyState:
             self._explain(outcome)
         return Outcome.FALSE if self.property.latch and self.unanswered else outcome
 
-    def _ask_engine(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names = frozenset()) -> Outcome:
+    def _ask_engine(
+        self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names, allowed: int = MAX_WORK
+    ) -> Outcome:
         if self.broken is not None:
             return Outcome.UNKNOWN
+        engine = self.engine
         try:
-            if failed and self.owed and isinstance(self.engine, Owing) and not view.reads.isdisjoint(failed):
-                self.engine.lose(lost(view, signals, failed))
-            return self.engine.step(time, view.matches(signals))
+            if failed and self.owed and isinstance(engine, Owing) and not view.reads.isdisjoint(failed):
+                engine.lose(lost(view, signals, failed))
+            if allowed < MAX_WORK and isinstance(engine, Bounded):
+                engine.allow(allowed)
+                outcome = engine.step(time, view.matches(signals))
+                engine.allow(MAX_WORK)
+            else:
+                outcome = engine.step(time, view.matches(signals))
         except Exception as error:  # noqa: BLE001 -- one engine's failure must not end a session
             self.give_up(str(error) or type(error).__name__)
-            return Outcome.UNKNOWN
+            outcome = Outcome.UNKNOWN
+        self.work = getattr(engine, "work", 0)
+        return outcome
 
     def remember(self, verdict: int, outcome: Outcome) -> bool:
         """Record the outcome of verdict number `verdict`; true where the property became negative with it."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import deque
 from collections.abc import Callable, Collection
 from typing import Any
@@ -16,6 +17,8 @@ from oracle_server.core.records import EventRecord
 SIZE = 1024
 """Steps that are remembered; of older ones an explanation has the number or the time only."""
 EFFORT = 10_000
+EFFORT_TOGETHER = 50_000
+"""What the explanations of all properties may have cost at one step before another one begins."""
 """What one explanation may cost: some milliseconds."""
 
 Kept = tuple[int, int, StreamKey, int, str, int, Signals, Collection[str]]
@@ -28,9 +31,10 @@ _NONE: frozenset[str] = frozenset()
 class Recent:
     """The last steps; all times in nanoseconds."""
 
-    def __init__(self, size: int = SIZE, effort: int = EFFORT) -> None:
-        self._steps: deque[Kept] = deque(maxlen=size)
-        self._effort = effort
+    def __init__(self, size: int = SIZE, effort: int = EFFORT, spare: int = 0) -> None:
+        """Remember so many steps, and so many more that are there again where the last ones are removed."""
+        self._steps: deque[Kept] = deque(maxlen=size + spare)
+        self._size, self._effort = size, effort
         self._unnumbered = False
         """Whether the last step is an attempt that is about to be taken back, so that its number will be another's."""
 
@@ -43,9 +47,10 @@ class Recent:
         """Let explanations not give the number of the last step: it is an attempt that is about to be taken back."""
         self._unnumbered = True
 
-    def remove(self) -> None:
-        """Forget the last step."""
-        self._steps.pop()
+    def remove(self, count: int = 1) -> None:
+        """Forget the last steps."""
+        for _ in range(min(count, len(self._steps))):
+            self._steps.pop()
         self._unnumbered = False
 
     def last(self) -> EventRecord:
@@ -54,7 +59,7 @@ class Recent:
 
     def snapshot(self) -> list[Any]:
         """The steps as plain data."""
-        return [(*rest, sorted(failed)) for *rest, failed in self._steps]
+        return [(*rest, sorted(failed)) for *rest, failed in self._last]
 
     def restore(self, data: Any) -> None:
         """Take over a snapshot; older ones lack the signals that failed."""
@@ -62,9 +67,14 @@ class Recent:
             failures = failed[0] if failed else _NONE
             self._steps.append((number, time, StreamKey(*stream), stamp, monitor, seq, signals, failures))
 
-    def past(self, views: Callable[[StreamKey], View], tick: Tick | None = None) -> Past:
-        """These steps, and a tick after them, as a property observes them by its view of each stream."""
-        steps = list(self._steps)
+    def past(
+        self, views: Callable[[StreamKey], View], tick: Tick | None = None, spent: Callable[[int], None] | None = None
+    ) -> Past:
+        """These steps, and a tick after them, as a property observes them by its view of each stream.
+
+        `spent` is told what the explanation costs.
+        """
+        steps = self._last
         times = [time for _, time, *_ in steps] + ([] if tick is None else [tick[0]])
 
         def matches(place: int) -> Matches:
@@ -80,7 +90,12 @@ class Recent:
             assert tick is not None  # noqa: S101 -- else there is no such step
             return Seen(None, tick[0], "", tick[2], tick[3])
 
-        return Past(times, matches, self._effort, seen)
+        return Past(times, matches, self._effort, seen, spent)
+
+    @property
+    def _last(self) -> list[Kept]:
+        spare = len(self._steps) - self._size
+        return list(self._steps) if spare <= 0 else list(itertools.islice(self._steps, spare, None))
 
     def recall(self, at: int, step: int | None, *, timed: bool) -> EventRecord | None:
         """The event of a reason: of step number `step`, where that is known, else the only one at a time or number."""

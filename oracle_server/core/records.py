@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal, NotRequired, TypedDict
 
-from oracle_server.core.events import Order
+from oracle_server.core.events import Order, Released
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.kinds import RecordKind, StepKind
 
@@ -36,7 +36,8 @@ class AboutRecord(EventRecord):
 class FailingRecord(TypedDict):
     """A constraint that a step did not meet: the signal, its value, and what was wanted, compared by `op`.
 
-    `value` is None where the signal is `missing`: absent, or not computed. `wanted` is None for any other value.
+    `value` is None where the signal is `missing`: absent, or not computed. `wanted` is None for any other value; it is
+    the value of the signal `than`, where there is one.
     """
 
     signal: str
@@ -44,6 +45,7 @@ class FailingRecord(TypedDict):
     wanted: Scalar | None
     value: Scalar | None
     missing: NotRequired[Literal["absent", "failed"]]
+    than: NotRequired[str]
 
 
 class ReasonRecord(TypedDict):
@@ -88,6 +90,20 @@ class ExplanationRecord(TypedDict):
     about_count: NotRequired[int]
 
 
+class CauseRecord(TypedDict):
+    """A late event that a revision was made for; `stamp` is in nanoseconds."""
+
+    monitor: str
+    seq: int
+    stream: str
+    kind: StepKind
+    stamp: int | None
+
+
+RevisesRecord = TypedDict("RevisesRecord", {"from": int, "to": int})
+"""The numbers of the first and the last verdict that a revision changes."""
+
+
 class VerdictRecord(TypedDict):
     """The verdict of one property at one step; `stamp`, `arrived` and `judged` are in nanoseconds.
 
@@ -96,13 +112,18 @@ class VerdictRecord(TypedDict):
 
     Of a property that waits for what comes, `pending` is how many of its obligations are open, else None; `about` has
     the events of those that were not answered here, 100 at most, and `about_count` is how many they are.
+
+    `released` is why the order of publication released the event, missing where it was not in that order. Of specs that
+    revise: `place` is the step's place in what stood at the record, `unheard` the streams that the property reads and
+    that had not been heard beyond the step, while they may still be; `revised` is the number of the revision by which
+    the record is as it stands. A revision (`kind`) has `revises`; its `outcome` is None where those are retracted.
     """
 
     n: int
     step: int | None
     property: str
     order: Order
-    outcome: str
+    outcome: str | None
     stream: str
     kind: RecordKind
     monitor: str
@@ -121,3 +142,11 @@ class VerdictRecord(TypedDict):
     pending: int | None
     about: list[AboutRecord]
     about_count: int
+    released: NotRequired[Released]
+    place: NotRequired[int]
+    unheard: NotRequired[list[str]]
+    revised: NotRequired[int]
+    revises: NotRequired[RevisesRecord]
+    retracted: NotRequired[bool]
+    because: NotRequired[list[CauseRecord]]
+    causes: NotRequired[int]

@@ -17,6 +17,7 @@ from typing import Generic, TypeVar
 
 import msgspec
 
+from oracle_server.core.events import Released as Why
 from oracle_server.core.events import StreamKey
 
 T = TypeVar("T")
@@ -25,11 +26,16 @@ Source = tuple[str, StreamKey]
 
 
 class Released(msgspec.Struct, Generic[T], frozen=True, gc=False):
-    """An item whose turn has come; `late` is older than one before it, `forced` left because the buffer was full."""
+    """An item whose turn has come, and why; `late` is older than one before it."""
 
     item: T
+    why: Why
     late: bool = False
-    forced: bool = False
+
+    @property
+    def forced(self) -> bool:
+        """Whether it left because the buffer was full."""
+        return self.why == "capacity"
 
 
 MAX_PUBLISHERS = 1_000
@@ -72,6 +78,10 @@ class _Frontier:
         self.clock = clock
         if self.reached is None or clock > self.reached:
             self.reached = clock
+
+    def is_told(self, stamp: int) -> bool:
+        """Whether a clock alone, and not what came, tells that nothing older than a stamp will come."""
+        return not self.publishers or self._first() < stamp
 
     def _first(self) -> int:
         """The least of the newest stamps."""
@@ -176,10 +186,10 @@ class ReorderBuffer(Generic[T]):
             frontier.observe(publisher, stamp)
             self._moved(source, new=known is None)
         if self.present is not None and stamp < self.present:
-            return [Released(item, late=True), *self._release()]
+            return [Released(item, self._why(stamp), late=True), *self._release()]
         if not self._heap and self._limit is not None and stamp <= self._limit:
             self.present = stamp
-            return [Released(item)]
+            return [Released(item, self._why(stamp))]
         self._arrivals += 1
         heapq.heappush(self._heap, (stamp, self._arrivals))
         self._held[self._arrivals] = item
@@ -187,7 +197,7 @@ class ReorderBuffer(Generic[T]):
             self._deadlines.append((now + self._max_delay, stamp, self._arrivals))
         released = self._release()
         while len(self._held) > self._capacity:
-            released.append(self._pop(forced=self.due is None))
+            released.append(self._pop("capacity" if self.due is None else None))
         return released
 
     def put_back(self, item: T, source: Source, publisher: str, stamp: int, now: int) -> list[Released[T]]:
@@ -219,9 +229,29 @@ class ReorderBuffer(Generic[T]):
         """Release what is due and was not released with others."""
         return self._release()
 
+    def expire(self) -> None:
+        """Let all that is held be due."""
+        if self._heap:
+            self._expired = max(self._expired, *self._heap)
+
     def flush(self) -> list[Released[T]]:
         """Release everything, in order."""
         return [self._pop() for _ in range(len(self._heap))]
+
+    def unheard(self, stamp: int) -> frozenset[str]:
+        """The names of the open streams that may have something older than a stamp still, as far as they told."""
+        if self._limit is not None and self._limit >= stamp:
+            return frozenset()
+        waited = self._frontiers.items()
+        return frozenset(stream.name for (_, stream), f in waited if f.reached is None or f.reached < stamp)
+
+    def _why(self, stamp: int) -> Why:
+        """Why something with this stamp may leave now."""
+        if self._slowest is None:
+            return "frontier"
+        if self._limit is None or self._limit < stamp:
+            return "max_delay"
+        return "clock" if any(frontier.is_told(stamp) for frontier in self._frontiers.values()) else "frontier"
 
     def _release(self) -> list[Released[T]]:
         released: list[Released[T]] = []
@@ -229,10 +259,10 @@ class ReorderBuffer(Generic[T]):
             released.append(self._pop())
         return released
 
-    def _pop(self, *, forced: bool = False) -> Released[T]:
+    def _pop(self, why: Why | None = None) -> Released[T]:
         stamp, arrival = heapq.heappop(self._heap)
         self.present = stamp
-        return Released(self._held.pop(arrival), forced=forced)
+        return Released(self._held.pop(arrival), why or self._why(stamp))
 
     def _moved(self, source: Source, *, new: bool = False) -> None:
         """A frontier rises unless a new publisher lowers it, so that the least one changes only where it moved."""

@@ -8,29 +8,31 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import msgspec
 
+from oracle_server.core.arriving import Arriving
 from oracle_server.core.asking import Ask, Asking, Waiting
-from oracle_server.core.boot import BootClock
 from oracle_server.core.bypass import Bypass, Bypasses
 from oracle_server.core.engine import Answer, Engine
-from oracle_server.core.events import ENDED, Event, Order, Step, StreamKey
+from oracle_server.core.events import Event, Order, Step, StreamKey
 from oracle_server.core.judge import Judge
-from oracle_server.core.kinds import TICK
 from oracle_server.core.plan import Plan
 from oracle_server.core.reorder import Released, ReorderBuffer, Source
+from oracle_server.core.resumable import Resumable
+from oracle_server.core.revise.judge import RevisingJudge
+from oracle_server.core.revise.lateness import Lateness
+from oracle_server.core.revise.saving import SavableJudge
 from oracle_server.core.simulated import ClockReading, SimulatedTime
-from oracle_server.core.snapshot import SessionSnapshot
-from oracle_server.core.spec import SECOND, Spec
-from oracle_server.core.stamps import Stamp, since_boot_in, stamp_in
+from oracle_server.core.spec import SECOND, orders
 from oracle_server.core.tally import HoldTimes, StreamCounts
 from oracle_server.core.verdicts import FINAL, Judged
 
 Put = Callable[[Step, Source, str, int, int], list[Released[Step]]]
 _NEVER = 2**63
+_NONE = frozenset[str]()
 _LOOK_AGAIN = SECOND
 """How long expired deadlines wait while nothing can be judged, in nanoseconds."""
 
 
-class Session:
+class Session(Resumable):
     """Judges the events of its monitors against the properties of one spec.
 
     Every method takes the present time in nanoseconds and returns what was judged, in order. Time never goes back: an
@@ -47,10 +49,16 @@ class Session:
         ordering = plan.spec.ordering
         numbers = itertools.count(1)
         self.plan = plan
-        self.judges = {
-            order: Judge(plan, own, order, numbers, decides=order == orders(plan.spec)[0])
-            for order, own in zip(orders(plan.spec), engines, strict=True)
-        }
+        self.lateness: Lateness | None = None
+        """What comes late and is put in its place; None where the spec does not revise."""
+        self.judges: dict[Order, Judge] = {}
+        for order, own in zip(orders(plan.spec), engines, strict=True):
+            if ordering.late == "revise":
+                revising = self.judges[order] = SavableJudge(plan, own, order, numbers)
+                revising.ticking = ticking and plan.timed
+                self.lateness = Lateness(revising)
+            else:
+                self.judges[order] = Judge(plan, own, order, numbers, decides=order == orders(plan.spec)[0])
         self.buffer: ReorderBuffer[Step] = ReorderBuffer(ordering.max_delay, ordering.capacity)
         self.counts: defaultdict[Source, StreamCounts] = defaultdict(StreamCounts)
         self.holds = HoldTimes()
@@ -61,23 +69,33 @@ class Session:
         if begun is not None:
             self._begin(begun)
         self._ticking = ticking and plan.timed
-        self.simulated: SimulatedTime | None = None
-        """The time of the simulation that the session runs in; None where its time is the server's."""
+        self._arriving = Arriving(plan)
         self.asking = Asking() if plan.external else None
         """What waits for external oracles; None where the spec has none."""
-        self._boots: defaultdict[str, BootClock] = defaultdict(lambda: BootClock(ordering.max_skew))
         self.suspended = False
         """Whether events are skipped, since their verdicts could not be kept."""
         self._enough: Callable[[], bool] = _never
+        self._unticked: dict[Order, int] = {}
+        """Until when expired deadlines are still to be judged before anything else, where enough was done."""
         self.ready_since: int | None = 0
         """Since when all monitors are connected again (ns); None while some are awaited after a restart."""
 
     @property
+    def simulated(self) -> SimulatedTime | None:
+        """The time of the simulation that the session runs in; None where its time is the server's."""
+        return self._arriving.simulated
+
+    @simulated.setter
+    def simulated(self, time: SimulatedTime | None) -> None:
+        self._arriving.simulated = time
+
+    @property
     def next_deadline(self) -> int | None:
         """When `advance` should be called next, None while nothing waits for time to pass."""
-        if self.buffer.due is not None:
+        if self.buffer.due is not None or self._unticked:
             return self.now
-        deadline = self.buffer.next_deadline
+        late = None if self.lateness is None else self.lateness.next_deadline(self.now)
+        deadline = min((d for d in (self.buffer.next_deadline, late) if d is not None), default=None)
         if not self._ticking or self.simulated is not None or self.asking:
             return deadline
         waits = {order: self._longest_wait(order) for order in self.judges}
@@ -91,7 +109,7 @@ class Session:
         return min((d for d in (deadline, *ticks) if d is not None), default=None)
 
     def divide(self, enough: Callable[[], bool]) -> None:
-        """Judge what the order releases at once step by step, until `enough`; the rest is due at once.
+        """Judge what the order releases at once, and deadlines, one by one until `enough`; the rest is due at once.
 
         That changes when something is judged, and neither its order nor what becomes of it.
         """
@@ -111,14 +129,14 @@ class Session:
 
     def ingest(self, event: Event) -> list[Judged]:
         """Take an event of a stream of the spec, at its time of arrival."""
-        judged = self.advance(event.arrived)
+        judged = self.advance(event.arrived, wholly=True)
         if event.lost:
             self._note_loss(event)
-        step = self._step(event)
+        step = self._arriving.step(event)
         if self.begun is None:
             self._begin(step.event.arrived)
         if "arrival" in self.judges:
-            judged += [self._judge_one("arrival", step)] if self.asking is None else self._ask("arrival", step)
+            judged += self._judge_one("arrival", step) if self.asking is None else self._ask("arrival", step)
         if "publication" in self.judges:
             judged += self._order(step)
         return judged + self._run_out() if self._ticking else judged
@@ -135,17 +153,34 @@ class Session:
             judged += self._judge(self.buffer.clock((monitor, reading.stream), reading.stamp))
         return judged + self._run_out()
 
-    def advance(self, now: int) -> list[Judged]:
-        """Let time pass: judge what has waited for `max_delay`."""
+    @property
+    def is_behind(self) -> bool:
+        """Whether expired deadlines wait, and what comes next behind them."""
+        return bool(self._unticked)
+
+    def advance(self, now: int, *, wholly: bool = False) -> list[Judged]:
+        """Let time pass: judge what has waited for `max_delay`, and expired deadlines, `wholly` or until enough."""
         self.now = max(self.now, now)
         released = self.buffer.advance(self.now)
         judged = self._judge(released) if released else []
-        return judged + self._run_out() if self._ticking else judged
+        if self.lateness is not None:
+            judged += self.lateness.go_on(self.now, self._enough)
+        return judged + self._run_out(wholly=wholly) if self._ticking else judged
+
+    def release(self, now: int) -> list[Judged]:
+        """Let all that is held be due: `advance` judges it in turns, as `finish` does at once."""
+        judged = self.advance(now, wholly=True)
+        self.buffer.expire()
+        if self.lateness is not None:
+            self.lateness.expire(self.now)
+        return judged
 
     def finish(self, now: int) -> list[Judged]:
         """Judge all that is held, in order."""
         enough, self._enough = self._enough, _never
         judged = self.advance(now) + self._judge(self.buffer.flush())
+        if self.lateness is not None:
+            judged += self.lateness.finish(self.now)
         self._enough = enough
         return judged
 
@@ -178,58 +213,6 @@ class Session:
         for index, answer in answers.items():
             self.judges[order].properties[index].receive(answer)
 
-    def rejudge(self, order: Order, step: Step, judged: int) -> Judged | None:
-        """Judge again what was judged before, in the same sequence, to restore a session.
-
-        None where a tick changed an outcome then, and does not now.
-        """
-        if step.event.stream.kind == TICK:
-            self.now = max(self.now, judged)
-            judge = self.judges[order]
-            ended = step.event.source == ENDED
-            again, number = judge.end(judged) if ended else judge.tick(step.stamp, judged), step.event.seq
-            judge.counters.ticks = max(judge.counters.ticks, number)  # each number stands in the history once
-            return again
-        if order == "publication" and not step.late and self.plan.spec.by_key[step.event.stream].ordered:
-            self.buffer.present = step.time
-        self.now = max(self.now, judged)
-        if step.event.lost and order == orders(self.plan.spec)[-1]:  # which noted it first
-            self._note_loss(step.event)
-        if order == orders(self.plan.spec)[0]:
-            self.counts[step.event.monitor, step.event.stream].late += step.late
-        return self.judges[order].judge(step, judged)
-
-    def snapshot(self) -> SessionSnapshot | None:
-        """All that later verdicts depend on except what is held in the order, as plain data.
-
-        None where an engine can't be saved, or where events are judged in two orders, and may be judged in one only.
-        """
-        if len(self.judges) > 1:
-            return None
-        judges = {order: saved for order, judge in self.judges.items() if (saved := judge.snapshot()) is not None}
-        if not judges:
-            return None
-        counts = [(m, stream, count.late, count.lost) for (m, stream), count in self.counts.items()]
-        return {"judges": judges, "present": self.buffer.present, "now": self.now, "counts": counts}
-
-    def restore(self, data: SessionSnapshot, first: int) -> None:
-        """Continue from a snapshot, before the first event; verdicts are numbered from `first`.
-
-        Raises `EngineError` where an engine can't use it.
-        """
-        numbers = itertools.count(first)
-        for order, judge in self.judges.items():
-            judge.restore(data["judges"][order], numbers)
-        self.buffer.present, self.now = data["present"], data["now"]
-        for monitor, stream, late, lost in data["counts"]:
-            self.counts[monitor, StreamKey(*stream)] = StreamCounts(late, lost)
-
-    def give_up(self, first: int, reason: str) -> None:
-        """Stop judging, for this reason; verdicts, all unknown, are numbered from `first`."""
-        numbers = itertools.count(first)
-        for judge in self.judges.values():
-            judge.give_up(reason, numbers)
-
     def hold(self, step: Step) -> list[Judged]:
         """Put a step back into the order of publication, where it was before and was not judged yet."""
         return self._order(step, self.buffer.put_back)
@@ -242,7 +225,7 @@ class Session:
     def _order(self, step: Step, put: Put | None = None) -> list[Judged]:
         event = step.event
         if not self.plan.spec.by_key[event.stream].ordered:
-            return [self._judge_one("publication", step)] if self.asking is None else self._ask("publication", step)
+            return self._judge_one("publication", step) if self.asking is None else self._ask("publication", step)
         source = (event.monitor, event.stream)
         return self._judge((put or self.buffer.push)(step, source, event.source, step.time, self.now))
 
@@ -259,18 +242,14 @@ class Session:
             self.holds.add(self.now - event.came)
             if r.late:
                 self.counts[event.monitor, event.stream].late += 1
-        if self.asking is not None:
-            return [judged for r in released for judged in self._ask_released(r)]
-        if not self._ticking:
-            return [self._judge_one("publication", r.item, late=r.late, forced=r.forced) for r in released]
         judged: list[Judged] = []
-        for r in released:
-            if not r.late:
-                judged += self._ticks("publication", r.item.time - 1)
-            judged.append(self._judge_one("publication", r.item, late=r.late, forced=r.forced))
+        for step in map(self._marked, released):
+            if self._ticking and not step.late and self.lateness is None:
+                judged += self._ticks("publication", step.time - 1)
+            judged += self._judge_one("publication", step) if self.asking is None else self._ask("publication", step)
         return judged
 
-    def _run_out(self) -> list[Judged]:
+    def _run_out(self, *, wholly: bool = False) -> list[Judged]:
         """Judge expired deadlines for which no older event can come any more, or is waited for any longer."""
         judged: list[Judged] = []
         now = self.now if self.simulated is None else self.simulated.now
@@ -281,8 +260,10 @@ class Session:
                 reached.append(now - wait)
             if order == "publication" and self.buffer.limit is not None:
                 reached.append(self.buffer.limit - 1)  # an event of that very time may still come
+            if order in self._unticked:
+                reached.append(self._unticked[order])
             if reached:
-                judged += self._ticks(order, min(max(reached), self._before_due(order)))
+                judged += self._ticks(order, min(max(reached), self._before_due(order)), wholly=wholly)
         return judged
 
     def _before_due(self, order: Order) -> int:
@@ -301,18 +282,28 @@ class Session:
         """Since when monitors are connected again that may send what they kept during a restart, or 0."""
         return 0 if order == "arrival" or self.simulated is not None else self.ready_since or 0
 
-    def _ticks(self, order: Order, until: int) -> list[Judged]:
+    def _ticks(self, order: Order, until: int, *, wholly: bool = True) -> list[Judged]:
         if self.asking:
             self.asking.add_ticks(order, until)
             return []
-        return self._tick_until(order, until)
+        return self._tick_until(order, until, wholly=wholly or self.asking is not None)
 
-    def _tick_until(self, order: Order, until: int) -> list[Judged]:
-        judge, judged = self.judges[order], []
+    def _tick_until(self, order: Order, until: int, *, wholly: bool = True) -> list[Judged]:
+        """Judge deadlines up to a time, and first up to that at which enough was done before."""
+        judge, judged = self.judges[order], list[Judged]()
+        until = max(until, self._unticked.pop(order, until))
+        if isinstance(judge, RevisingJudge):
+            if not self.suspended:
+                judged, done = judge.tick_until(until, self.now, _never if wholly else self._enough)
+                self._unticked |= {} if done else {order: until}
+            return judged
         while not self.suspended and (deadline := judge.next_deadline) is not None and deadline <= until:
             tick = judge.tick(deadline, self.now)
             if tick is not None:
                 judged.append(tick)
+            if not wholly and self._enough():
+                self._unticked[order] = until
+                break
         return judged
 
     def bypass(self, monitor: str, streams: Mapping[StreamKey, Bypass]) -> None:
@@ -321,29 +312,22 @@ class Session:
         for judge in self.judges.values():
             judge.bypass(self.bypasses.properties)
 
-    def note_refusal(self) -> None:
-        """Note that an event was lost because it could not be read."""
-        for judge in self.judges.values():
-            judge.degrade()
+    def _judge_one(self, order: Order, step: Step) -> list[Judged]:
+        if self.suspended:
+            step = msgspec.structs.replace(step, skipped=True)
+        if self.lateness is not None:
+            return self.lateness.take(step, self.now, self._enough)
+        return [self.judges[order].judge(step, self.now)]
 
-    def _note_loss(self, event: Event) -> None:
-        """Held events may be younger than what was lost: verdicts are degraded as soon as the loss is known."""
-        self.counts[event.monitor, event.stream].lost += event.lost
-        self.note_refusal()
-
-    def _judge_one(self, order: Order, step: Step, *, late: bool = False, forced: bool = False) -> Judged:
-        if late or forced or self.suspended:
-            step = self._marked(step, late=late, forced=forced)
-        return self.judges[order].judge(step, self.now)
-
-    def _marked(self, step: Step, *, late: bool, forced: bool) -> Step:
-        skipped = self.suspended or (late and self.plan.spec.ordering.late == "skip")
-        return msgspec.structs.replace(step, late=late, forced=forced, skipped=skipped)
-
-    def _ask_released(self, released: Released[Step]) -> list[Judged]:
+    def _marked(self, released: Released[Step]) -> Step:
+        """A released step with what the order knows of it."""
         step, late = released.item, released.late
-        ticks = self._ticks("publication", step.time - 1) if self._ticking and not late else []
-        return ticks + self._ask("publication", self._marked(step, late=late, forced=released.forced))
+        skipped = late and self.plan.spec.ordering.late == "skip"
+        heard = self.lateness is None or released.why in ("frontier", "clock")
+        return Step(
+            step.event, step.signals, step.failed, step.stamp, step.skewed, late, released.why == "capacity", skipped,
+            released.why, _NONE if heard else self.buffer.unheard(step.time),
+        )  # fmt: skip
 
     def _ask(self, order: Order, step: Step) -> list[Judged]:
         """Ask external oracles about a step whose turn has come, and judge it where it waits for none."""
@@ -371,34 +355,6 @@ class Session:
             judged.append(self.judges[item.order].judge(step, self.now))
         return judged
 
-    def _step(self, event: Event) -> Step:
-        stream = self.plan.streams[event.stream]
-        signals, failed = stream.project(event.data)
-        stamp = self._stamp(event, stream.spec.stamp)
-        if self.simulated is not None:
-            event = msgspec.structs.replace(event, arrived=self.simulated.arrival(stamp), received=event.arrived)
-        stamp = stamp or event.arrived
-        skewed = stamp - event.arrived > self.plan.spec.ordering.max_skew
-        return Step(event, signals, failed, stamp, skewed)
-
-    def _stamp(self, event: Event, where: Stamp | None) -> int | None:
-        """An event's publication time (ns): what the monitor said, or what the server reads of the message itself."""
-        if where is None or where.plain:
-            return event.stamp or stamp_in(event.data, where)
-        if where.epoch == "unix":
-            return stamp_in(event.data, where) or event.stamp
-        since_boot = since_boot_in(event.data, where)
-        if since_boot is None:
-            return event.stamp
-        known = event.stamp or (self.simulated and self.simulated.now) or event.arrived
-        return self._boots[event.monitor].place((event.stream, event.source), since_boot, known)
-
 
 def _never() -> bool:
     return False
-
-
-def orders(spec: Spec) -> tuple[Order, ...]:
-    """The orders that a session of a spec judges in; the first one decides."""
-    by = spec.ordering.by
-    return ("publication", "arrival") if by == "both" else (by,)

@@ -31,7 +31,7 @@ class JudgeSnapshot(TypedDict):
     """One order of events; times in nanoseconds.
 
     `held` has a monitor each, the values of its held signals, and the names of those that failed. `recent` are the
-    last steps as `Recent` has them.
+    last steps as `Recent` has them, and `derived` is what derived signals are computed of, where there are any.
     """
 
     properties: list[PropertySnapshot]
@@ -42,12 +42,33 @@ class JudgeSnapshot(TypedDict):
     ticked: int
     outdated: bool
     recent: list[Any]
+    derived: NotRequired[Any]
+
+
+class RevisingSnapshot(TypedDict):
+    """A judge that revises, as of before the first row that it keeps: it can still go back to any that is newer.
+
+    `position` is that of the last row before them, and `included` are late events after it that were put in places
+    before them. `before` and `floor` are as in `Point` and `Keeping`, `finals` those of `RevisableState`.
+    """
+
+    judge: JudgeSnapshot
+    position: int
+    included: list[int]
+    floor: int
+    before: int
+    numbered: int
+    finals: Sequence[tuple[str | None, int, bool]]
 
 
 class SessionSnapshot(TypedDict):
-    """A session; times in nanoseconds. `counts` has a monitor and a stream each: what came late, and what was lost."""
+    """A session; times in nanoseconds. `counts` has a monitor and a stream each: what came late, and what was lost.
+
+    `revising` is in the place of `judges` where the spec revises.
+    """
 
     judges: dict[Order, JudgeSnapshot]
+    revising: NotRequired[RevisingSnapshot]
     present: int | None
     now: int
     counts: Sequence[tuple[str, StreamKey, int, int]]

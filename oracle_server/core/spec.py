@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal
 
-from oracle_server.core.events import StreamKey
+from oracle_server.core.derived.definition import Definition
+from oracle_server.core.events import Order, StreamKey
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import Atom, Formula, atoms
 from oracle_server.core.kinds import KINDS, Kind, Traits
@@ -16,6 +17,8 @@ from oracle_server.core.stamps import Stamp
 IDENTIFIER = r"^[A-Za-z0-9_.-]{1,64}$"
 """What specs, properties, sessions and tokens may be called."""
 SECOND = 10**9
+HORIZON = 2 * SECOND
+LONGEST_HORIZON = 3600 * SECOND
 By = Literal["publication", "arrival", "both"]
 SILENT = Atom(())
 """The formula of a property that an external oracle judges; nothing reads it."""
@@ -23,13 +26,17 @@ SILENT = Atom(())
 
 @dataclass(frozen=True, slots=True)
 class Ordering:
-    """How the events of a session's monitors are put in order; durations in nanoseconds."""
+    """How the events of a session's monitors are put in order; durations in nanoseconds.
+
+    With `late: revise`, an event that is late by no more than `horizon` is put in its place.
+    """
 
     by: By = "publication"
     max_delay: int | None = SECOND // 5
-    late: Literal["judge", "skip"] = "judge"
+    late: Literal["judge", "skip", "revise"] = "judge"
     max_skew: int = SECOND
     capacity: int = 10_000
+    horizon: int = HORIZON
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,6 +140,7 @@ class Spec:
     description: str = ""
     digest: str = ""
     retention: Retention = Retention()
+    derive: tuple[Definition, ...] = ()
 
     @cached_property
     def by_key(self) -> Mapping[StreamKey, StreamSpec]:
@@ -140,6 +148,28 @@ class Spec:
         return {stream.key: stream for stream in self.streams}
 
     @cached_property
+    def kept(self) -> frozenset[str]:
+        """The signals that a step may have whatever its stream is: those that are held, and those that are derived."""
+        derived = frozenset(definition.name for definition in self.derive)
+        return derived.union(*(stream.hold for stream in self.streams))
+
+    def derived_of(self, prop: Property) -> tuple[str, ...]:
+        """The derived signals that a property reads, in their order."""
+        keys = {c.key for atom in prop.atoms for c in atom.constraints}
+        return tuple(definition.name for definition in self.derive if definition.name in keys)
+
+    @cached_property
+    def readings(self) -> tuple[tuple[Atom, ...], ...]:
+        """The atoms of each property, and behind them what each derived signal reads."""
+        return (*(prop.atoms for prop in self.properties), *(definition.atoms for definition in self.derive))
+
+    @cached_property
     def names(self) -> frozenset[str]:
         """The names of all topics and services."""
         return frozenset(stream.name for stream in self.streams)
+
+
+def orders(spec: Spec) -> tuple[Order, ...]:
+    """The orders that a session of a spec judges in; the first one decides."""
+    by = spec.ordering.by
+    return ("publication", "arrival") if by == "both" else (by,)

@@ -15,10 +15,10 @@ from oracle_server.core.spec import Spec, StreamSpec
 
 def unmet(spec: Spec) -> Iterator[SpecProblem]:
     """Atoms that no event of a spec can meet."""
-    held = frozenset[str]().union(*(s.hold for s in spec.streams))
+    held = spec.kept
     for i, prop in enumerate(spec.properties):
         for atom in prop.atoms:
-            reason = _why_never(atom, spec, held)
+            reason = why_never(atom, spec, held)
             if reason:
                 yield SpecProblem(("properties", i, "formula"), f"formula of '{prop.id}': {reason}", atom.at)
 
@@ -30,7 +30,7 @@ def has_signal(stream: StreamSpec, key: str, held: frozenset[str]) -> bool:
     return stream.signals is None or key in stream.signals or key in held
 
 
-def _why_never(atom: Atom, spec: Spec, held: frozenset[str]) -> str | None:
+def why_never(atom: Atom, spec: Spec, held: frozenset[str]) -> str | None:
     """Why an atom can never hold, since it names something that the spec does not have; None where it can."""
     for constraint in atom.constraints:
         if constraint.key in GROUPS and constraint.op == "==" and isinstance(constraint.value, str):

@@ -15,6 +15,8 @@ from oracle_server.core.formula.ahead import looks_ahead
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.render import render, render_atom
 from oracle_server.core.formula.tree import (
+    FALSE,
+    TRUE,
     Any,
     Atom,
     Bound,
@@ -27,6 +29,7 @@ from oracle_server.core.formula.tree import (
     Position,
     Since,
     atoms,
+    lasted,
     walk,
 )
 from oracle_server.core.instants import Instants, Occurrence
@@ -154,7 +157,8 @@ class _Seen:
             effect = f"so that `{render(node, self.prop.time)}` is false {after}; write `{mended}`"
         else:
             mended = render(Since(Implies(guard, operand), node.right, node.bound), self.prop.time)
-            effect = f"so that each of them ends the `since`; write `{mended}`"
+            word = "since" if lasted(node) is None else "lasting"
+            effect = f"so that each of them ends the `{word}`; write `{mended}`"
         why = _lack(operand, failing)
         place = _place(operand)
         yield Doubt("false", operand, f"`{text}` is false at every event of {names_of(failing)}{why}, {effect}", place,
@@ -165,6 +169,8 @@ class _Seen:
         for instant in self.known.operands():
             row = self.known.row(instant)
             value = row[0]
+            if instant is not self.prop.formula and instant in (TRUE, FALSE):
+                continue
             if value is None or any(v is not value for v in row):
                 continue
             if not told & {id(node) for node in walk(instant)}:

@@ -97,7 +97,8 @@ class Judged(msgspec.Struct, frozen=True, gc=False):
 
     `number` counts the session's judged events, and is None for ticks, where the event was skipped as late, and where
     it was denied and taken back;
-    `judged` is the time of judgement in nanoseconds; `decision` is None where nothing was asked.
+    `judged` is the time of judgement in nanoseconds; `decision` is None where nothing was asked. `place` is that of a
+    late event which was put in its place among the steps, None where that is its number.
     """
 
     step: Step
@@ -106,6 +107,7 @@ class Judged(msgspec.Struct, frozen=True, gc=False):
     judged: int
     verdicts: tuple[Verdict, ...]
     decision: Decision | None
+    place: int | None = None
 
 
 class DecisionFrame(TypedDict):
@@ -121,7 +123,7 @@ class DecisionFrame(TypedDict):
 def record(judged: Judged, verdict: Verdict) -> VerdictRecord:
     """A record of the history as plain data, one per step and property."""
     step, event = judged.step, judged.step.event
-    found: VerdictRecord = {
+    made: VerdictRecord = {
         "n": verdict.n,
         "step": judged.number,
         "property": verdict.property,
@@ -146,7 +148,11 @@ def record(judged: Judged, verdict: Verdict) -> VerdictRecord:
         "about": [],
         "about_count": 0,
     }
-    return explained(found, explain(judged, verdict))
+    if step.released is not None:
+        made["released"] = step.released
+    if judged.place is not None:
+        made["place"] = judged.place
+    return explained(made, explain(judged, verdict))
 
 
 def explained(found: VerdictRecord, explanation: ExplanationRecord | None) -> VerdictRecord:

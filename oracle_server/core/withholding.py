@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable
 
 from oracle_server.core.formula.ahead import Ahead, Obligation, obligation
 from oracle_server.core.formula.tree import (
+    TRUE,
     Always,
     And,
     Atom,
@@ -27,13 +28,17 @@ from oracle_server.core.spec import Property, Spec
 
 def mendable(spec: Spec, prop: Property, name: str) -> bool:
     """Whether the property always holds at a step without signals, or never fails at an event of the stream."""
-    held = frozenset[str]().union(*(s.hold for s in spec.streams))
+    held = spec.kept
     own = [s for s in spec.streams if s.name == name]
 
     def quiet(atom: Atom) -> bool | None:
+        if atom == TRUE:
+            return True
         return None if all(c.key in held for c in atom.constraints) else False
 
     def at_event(atom: Atom) -> bool | None:
+        if atom == TRUE:
+            return True
         return None if any(can_meet(s, atom) for s in own) else False
 
     found = obligation(prop.formula)

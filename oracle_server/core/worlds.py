@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from itertools import product
 
 from oracle_server.core.atoms import meets
+from oracle_server.core.comparisons import met, others, signs
 from oracle_server.core.formula.tree import (
     And,
     Atom,
@@ -26,6 +27,7 @@ from oracle_server.core.formula.tree import (
     Once,
     Or,
     Ref,
+    Signal,
     Since,
     walk,
 )
@@ -42,6 +44,8 @@ _MOST = 256
 """Most combinations of values that are tried for a place."""
 _MOST_JOINED = 4
 """Most variables with whose values a signal is compared; of others nothing is known."""
+_MOST_COMPARED = 2
+"""Most signals with which one is compared, of which something is known."""
 _LARGEST = 100
 """Most constraints of an instant that is looked at."""
 
@@ -143,14 +147,31 @@ class Worlds:
 
 def _choices(key: str, asked: Mapping[_Fact, Constraint], place: Place) -> Iterator[_World]:
     """What the constraints on a signal can come to, by the values that it can have."""
-    plain = {fact: c for fact, c in asked.items() if not isinstance(c.value, Ref)}
-    joined = [fact for fact in asked if fact not in plain][:_MOST_JOINED]
+    plain = {fact: c for fact, c in asked.items() if not isinstance(c.value, Ref | Signal)}
+    joined = [fact for fact, c in asked.items() if isinstance(c.value, Ref)][:_MOST_JOINED]
+    compared = {fact: c for fact, c in asked.items() if isinstance(c.value, Signal)}
     values = place.range(key).telling(list(plain.values()))
-    for found in {tuple(meets(c, v) for c in plain.values()) for v in values}:
-        for equal in product((False, True), repeat=len(joined)):
-            yield dict(zip((*plain, *joined), (*found, *equal), strict=True))
+    for found, number in {(tuple(meets(c, v) for c in plain.values()), not isinstance(v, str | bool)) for v in values}:
+        for orders in _orders(compared, number=number):
+            for equal in product((False, True), repeat=len(joined)):
+                yield {**dict(zip((*plain, *joined), (*found, *equal), strict=True)), **orders}
     if key not in place.always:
         yield dict.fromkeys(asked, False)
+
+
+def _orders(compared: Mapping[_Fact, Constraint], *, number: bool) -> Iterator[_World]:
+    """What comparisons with other signals can come to; those with all but a few are not known."""
+    if not number:
+        yield dict.fromkeys(compared, False)
+        return
+    names = others(compared.values())[:_MOST_COMPARED]
+    for found in product(signs(), repeat=len(names)):
+        known = dict(zip(names, found, strict=True))
+        yield {
+            fact: met(c, known[c.value.name])
+            for fact, c in compared.items()
+            if isinstance(c.value, Signal) and c.value.name in known
+        }
 
 
 def _asked_of(constraint: Constraint, scope: Mapping[str, int]) -> object:

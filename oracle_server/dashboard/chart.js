@@ -12,24 +12,26 @@ const MOST = 1000; // records in one answer
 export function chartView(id, n) {
   const picture = new Place("section", { class: "chart" });
   const history = new DelayedHistory();
-  let [order, records, witnesses, moved] = [null, [], [], true];
+  let [order, records, said, witnesses, moved] = [null, [], {}, [], true];
 
   async function refresh(state) {
     const orders = [...new Set(state.properties.map((each) => each.order))];
     const properties = [...new Set(state.properties.map((each) => each.id))];
-    if (history.isDue(JSON.stringify([n, state.counters, state.properties.map((each) => each.outcome)]))) {
+    if (history.isDue(JSON.stringify([n, state.counters, state.revising?.passes, state.properties.map((each) => each.outcome)]))) {
       const requested = n;
       const found = await around(id, requested, properties.length);
       history.wasRead();
+      const first = found.some((each) => each.revised) ? await around(id, requested, properties.length, "first") : [];
       if (requested !== n) return; // another verdict was chosen meanwhile, which has its own request
       records = found;
+      said = Object.fromEntries(first.map((each) => [each.n, each.outcome]));
     }
     if (moved) order = records.find((each) => each.n === n)?.order ?? order ?? orders[0];
     draw({ id, n, orders, properties });
   }
 
   function draw(by) {
-    const columns = columnsOf(records, by.properties.length).filter((each) => each.order === order);
+    const columns = columnsOf(records, by.properties.length, said).filter((each) => each.order === order);
     const scrolled = scrolledBack(picture.node.firstChild);
     const changed = picture.show({ ...by, order, witnesses, columns }, (shown) => drawn(shown, (other) => {
       order = other;
@@ -49,26 +51,27 @@ export function chartView(id, n) {
   };
 }
 
-/** The records of the newest steps, or of those around one; `width` is how many properties there are. */
-async function around(id, n, width) {
+/** The records of the newest steps, or of those around one, as they stand or were said at first; `width` is how many properties there are. */
+async function around(id, n, width, as = "standing") {
   const steps = Math.max(1, Math.min(STEPS, Math.floor(MOST / width)));
   const limit = Math.min(MOST, steps * width);
-  if (!n) return (await items(of(id, "verdicts"), { order: "desc", limit })).reverse();
+  if (!n) return (await items(of(id, "verdicts"), { as, order: "desc", limit })).reverse();
   const before = Math.max(0, Math.ceil(n / width) - 1 - Math.floor(steps * BEFORE));
-  return items(of(id, "verdicts"), { after: before * width, limit });
+  return items(of(id, "verdicts"), { as, after: before * width, limit });
 }
 
 function scrolledBack(box) {
   return box?.scrollWidth && box.scrollLeft + box.clientWidth < box.scrollWidth - 8;
 }
 
-/** The records grouped by step. */
-function columnsOf(records, width) {
+/** The records grouped by step; `said` is what was said at first of those that were revised, by their numbers. */
+function columnsOf(records, width, said) {
   const columns = new Map();
   for (const record of records) {
     const position = Math.ceil(record.n / width);
     if (!columns.has(position)) columns.set(position, { ...record, outcomes: {} });
-    columns.get(position).outcomes[record.property] = { n: record.n, outcome: record.outcome, violation: record.violation };
+    const { n, outcome, violation, revised } = record;
+    columns.get(position).outcomes[record.property] = { n, outcome, violation, said: revised ? said[n] ?? "something else" : null };
   }
   return [...columns.values()];
 }
@@ -128,8 +131,8 @@ function title(of) {
 function cell(id, n, property, of) {
   const verdict = of.outcomes[property];
   if (!verdict) return "";
-  const { outcome } = verdict;
-  const classes = [outcome, verdict.violation && "violation", verdict.n === n && "chosen"].filter(Boolean).join(" ");
-  const label = `${property} at step ${of.step ?? "–"}: ${outcome}`;
+  const { outcome, said } = verdict;
+  const classes = [outcome, verdict.violation && "violation", said && "revised", verdict.n === n && "chosen"].filter(Boolean).join(" ");
+  const label = `${property} at step ${of.step ?? "–"}: ${outcome}${said ? `, revised; said at first: ${said}` : ""}`;
   return h("a", { class: classes, href: at(id, verdict.n), title: label, "aria-label": label }, mark(outcome));
 }

@@ -40,6 +40,10 @@ function described(spec) {
       each.id,
       [h("code", {}, each.formula), h("p", { class: "hint" }, each.description)],
     ])),
+    ...(spec.derive ? [
+      h("h2", {}, "Derived signals"),
+      table("derived signals", ["signal", "what it is"], spec.derive.map((each) => [each.name, h("code", {}, each.signal)])),
+    ] : []),
     h("h2", {}, "Streams"),
     table("streams", ["stream", "type", "action"], spec.streams.map((each) => [
       stream(each.name, each.kind), each.type ?? "any", each.action,

@@ -1,8 +1,8 @@
 // The explanation of one verdict.
 
-import { get, items, of, Problem } from "./api.js";
+import { DelayedHistory, get, items, of, Problem } from "./api.js";
 import { h, Place } from "./dom.js";
-import { badge, event, moment, place, span } from "./words.js";
+import { badge, causes, event, moment, place, span } from "./words.js";
 
 const WITHIN = 600_000; // ms, as the command line waits: the session is judged again up to the verdict
 const PROMPT = 300; // ms within which most explanations arrive, so that they are shown at once
@@ -11,10 +11,11 @@ const LATER = [404, 503]; // not in the history yet, or too many requests: tried
 /** A view of verdict `n`; `onWitnesses` receives the steps that explain it, `again` is called when a slow answer arrives. */
 export function verdictView(id, n, onWitnesses, again) {
   const place = new Place("section", { class: "verdict", "aria-live": "polite" });
+  const history = new DelayedHistory();
   let request = null;
 
-  async function refresh({ clock }) {
-    if (n && (!request || request.record?.early)) await send();
+  async function refresh({ clock, revising }) {
+    if (n && (!request || request.record?.early || await isRevised(revising?.passes))) await send();
     if (request?.problem) {
       const { problem } = request;
       request = null; // it is sent again at the next refresh
@@ -23,6 +24,13 @@ export function verdictView(id, n, onWitnesses, again) {
     const shown = n && (request?.record ?? { n, computing: true });
     onWitnesses([...stepsOf(shown?.explanation?.reasons)]);
     place.show({ clock, shown }, () => (shown ? described(shown, clock) : []));
+  }
+
+  /** Whether the verdict that is shown was revised since; looked up where the number of passes has changed. */
+  async function isRevised(passes) {
+    if (!request.record || !history.isDue(passes)) return false;
+    history.wasRead();
+    return (await recordOf(id, n, "standing"))?.revised !== request.record.revised;
   }
 
   /** Request the explanation, and wait a moment for it; the last answer is shown until the next one arrives. */
@@ -53,14 +61,27 @@ export function verdictView(id, n, onWitnesses, again) {
 async function explained(id, n, signal) {
   try {
     const record = await get(of(id, `verdicts/${n}/explanation`), {}, { within: WITHIN, signal });
-    if (record.n === n) return record;
+    if (record.n === n) return { ...record, ...await revisionOf(id, record) };
     throw new TypeError(`no record ${n}`);
   } catch (problem) {
     if (!(problem instanceof Problem) || [0, 200, 401, 403].includes(problem.status)) throw problem;
-    const [record] = await items(of(id, "verdicts"), { after: n - 1, limit: 1 });
+    const record = await recordOf(id, n, "standing");
     const early = LATER.includes(problem.status);
-    return { ...(record?.n === n ? record : {}), n, refusal: problem.message, early };
+    return { ...record, ...await revisionOf(id, record), n, refusal: problem.message, early };
   }
+}
+
+/** The record of verdict `n` as it stands (`standing`), or was said at first (`first`); undefined where there is none. */
+async function recordOf(id, n, as) {
+  const [record] = await items(of(id, "verdicts"), { as, after: n - 1, limit: 1 });
+  return record?.n === n ? record : undefined;
+}
+
+/** What was said at first of a record that was revised, and the revision; nothing of others. */
+async function revisionOf(id, record) {
+  if (!record?.revised) return {};
+  const [said, revision] = await Promise.all([recordOf(id, record.n, "first"), recordOf(id, record.revised, "all")]);
+  return { said, revision };
 }
 
 function* stepsOf(reasons) {
@@ -76,6 +97,7 @@ function described(record, clock) {
     h("h3", {}, record.property ? [`${record.property} `, badge(record.outcome), ` at ${place(record.step, record.stamp, clock)} `] : "Verdict ",
       h("span", { class: "hint" }, `#${record.n}`)),
     record.property ? facts(record, clock) : null,
+    record.revised ? revised(record) : null,
     record.computing ? h("p", { class: "hint" }, "The explanation is being computed: the session is judged again up to this verdict.") : null,
     record.refusal ? h("p", { class: "complaint" }, record.refusal) : null,
     explanation ? why(explanation) : null,
@@ -105,6 +127,11 @@ function facts(record, clock) {
     decided,
     ...marks,
   ].filter(Boolean).join(" · "));
+}
+
+function revised({ revised: number, said, revision }) {
+  return h("p", { class: "waiting" }, "Said at first: ", said ? badge(said.outcome) : "something else", ", and revised",
+    revision ? ` since ${causes(revision)}` : "", h("span", { class: "hint" }, ` #${number}`));
 }
 
 function passed({ passed: went }) {

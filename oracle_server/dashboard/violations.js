@@ -2,7 +2,7 @@
 
 import { DelayedHistory, get, of } from "./api.js";
 import { h, Place } from "./dom.js";
-import { at, place } from "./words.js";
+import { at, causes, place } from "./words.js";
 
 const PAGE = 20;
 const MOST = 1000;
@@ -14,9 +14,9 @@ export function violationsView(id, again) {
   let [limit, latest] = [PAGE, null];
 
   async function refresh(state) {
-    if (history.isDue(JSON.stringify([limit, state.properties.map((each) => each.violations)]))) {
-      const { items, next } = await get(of(id, "violations"), { order: "desc", limit });
-      latest = { items, more: next !== null && limit < MOST };
+    if (history.isDue(JSON.stringify([limit, state.revising?.passes, state.properties.map((each) => each.violations)]))) {
+      const { items, next } = await get(of(id, "violations"), { as: "all", order: "desc", limit });
+      latest = { items: withRetractions(items), more: next !== null && limit < MOST };
       history.wasRead();
     }
     list.show({ ...latest, clock: state.clock }, (shown) => listed(shown, () => {
@@ -28,14 +28,42 @@ export function violationsView(id, again) {
   function listed({ items, more, clock }, older) {
     if (!items.length) return h("p", { class: "hint" }, "None.");
     return [
-      h("ol", { class: "violations" }, items.map((each) => h("li", {},
-        h("a", { href: at(id, each.n) }, place(each.step, each.stamp, clock)),
-        each.order === "arrival" ? " by arrival: " : " ",
-        each.explanation.text ?? `${each.property} does not hold`,
-        h("span", { class: "hint" }, ` #${each.n}`)))),
+      h("ol", { class: "violations" }, items.map((each) => entry(each, clock))),
       more ? h("button", { onclick: older }, "Older ones") : null,
     ];
   }
 
+  function entry({ record, retraction }, clock) {
+    const text = record.explanation.text ?? `${record.property} does not hold`;
+    const { stamp } = record.revises ? record.explanation.event : record;
+    return h("li", retraction ? { class: "retracted", title: `${causes(retraction)} (#${retraction.n})` } : {},
+      h("a", { href: at(id, verdictOf(record)) }, place(record.step, stamp, clock)),
+      record.order === "arrival" ? " by arrival: " : " ",
+      retraction ? h("s", {}, text) : text,
+      h("span", { class: "hint" }, ` #${record.n}`),
+      retraction ? h("strong", {}, " retracted") : null,
+      record.revises ? h("span", { class: "hint" }, ` known since ${causes(record)}`) : null);
+  }
+
   return { node: list.node, refresh };
+}
+
+/** The number of the verdict that a violation is at. */
+function verdictOf(record) {
+  return record.revises?.from ?? record.n;
+}
+
+/** The violations among records, the newest first, each with the revision by which it does not stand, if there is one. */
+function withRetractions(records) {
+  const retractions = new Map();
+  const found = [];
+  for (const record of records) {
+    const n = verdictOf(record);
+    if (record.retracted) retractions.set(n, record);
+    else {
+      found.push({ record, retraction: retractions.get(n) ?? null });
+      retractions.delete(n);
+    }
+  }
+  return found;
 }

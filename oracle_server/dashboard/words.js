@@ -59,6 +59,13 @@ export function event(of) {
   return `${of.stream} (${of.kind} ${of.seq} of ${of.monitor})`;
 }
 
+/** The text of the late events that a revision was made for: the first one with its delay, and how many more. */
+export function causes({ because, causes: all, arrived }) {
+  const [first] = because;
+  const ms = first.stamp === null ? 0 : Math.floor((Number(arrived) - Number(first.stamp)) / 1e6);
+  return `${event(first)} came ${ms > 0 ? `${ms} ms ` : ""}late${all > 1 ? `, and ${all - 1} more` : ""}`;
+}
+
 /** The address of a session on this page, or of its verdict `n`. */
 export function at(session, n) {
   return `#/sessions/${encodeURIComponent(session)}${n ? `?n=${n}` : ""}`;

@@ -12,12 +12,12 @@ import h11
 from uvicorn._types import ASGISendEvent
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.utils import ClientDisconnected
-from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.frames import CloseCode
 from websockets.http11 import Request
 from websockets.protocol import OPEN
 
 from oracle_server.edge.problems import problem
+from oracle_server.edge.slices import SlicedWebSocket
 from oracle_server.edge.visitors import REQUEST_WITHIN, Visitor, Visitors
 
 READ_WITHIN = 10.0
@@ -105,8 +105,12 @@ class Receiver(Protocol):
     def take(self, process: Callable[[bytes], None], data: bytes) -> None:
         """Process what was read from the socket, which offers each message in it, then write replies."""
 
+    @property
+    def rest(self) -> float:
+        """For how many seconds nothing more should be read."""
 
-class WebSocketTransport(WebSocketsSansIOProtocol):
+
+class WebSocketTransport(SlicedWebSocket):
     """One WebSocket; the extensions of its scope hold it as `DIRECT`."""
 
     receiver: Receiver | None = None
@@ -141,13 +145,21 @@ class WebSocketTransport(WebSocketsSansIOProtocol):
             cast("dict[str, object]", self.scope["extensions"])[DIRECT] = self
 
     def data_received(self, data: bytes) -> None:
-        """Offer the messages in `data` to the receiver, which then writes its replies."""
-        if self._cut_off:  # TLS may still hand over what had arrived
-            return
-        if self.receiver is None:
+        """Process what was read."""
+        if not self._cut_off:  # TLS may still hand over what had arrived
             super().data_received(data)
+
+    @property
+    def rest(self) -> float:
+        """For how many seconds nothing more should be read."""
+        return 0.0 if self.receiver is None else self.receiver.rest
+
+    def process(self, data: bytes) -> None:
+        """Offer the messages in a slice to the receiver, which then writes its replies."""
+        if self.receiver is None:
+            super().process(data)
         else:
-            self.receiver.take(super().data_received, data)
+            self.receiver.take(super().process, data)
 
     def send_receive_event_to_app(self) -> None:
         """Offer a message to the receiver, or queue it where others wait before it."""

@@ -35,6 +35,15 @@ class BothEngine:
                 self._compare(outcome, other)
         return outcome
 
+    @property
+    def work(self) -> int:
+        """What the last step cost the native engine; reelay's cost can't be counted."""
+        return self._native.work
+
+    def allow(self, work: int) -> None:
+        """Let the native engine look at so many values for a step; see `Bounded.allow`."""
+        self._native.allow(work)
+
     def explain(self, past: Past = NO_PAST) -> Why:
         """Why the formula holds, or does not, at the last step; see `Explaining.explain`."""
         return self._native.explain(past)

@@ -9,11 +9,11 @@ from typing import NamedTuple
 from oracle_server.core.engine import Engine
 from oracle_server.core.errors import EngineError
 from oracle_server.core.formula.ahead import looks_ahead
+from oracle_server.core.formula.names import Names
 from oracle_server.core.formula.parse import Time, parse_formula
 from oracle_server.core.formula.tree import Formula
 from oracle_server.core.plan import Plan
-from oracle_server.core.session import orders
-from oracle_server.core.spec import Property
+from oracle_server.core.spec import Property, orders
 from oracle_server.engines import stl
 from oracle_server.engines.both import BothEngine
 from oracle_server.engines.external import ExternalEngine
@@ -49,14 +49,15 @@ class Row(NamedTuple):
     """An engine.
 
     `make` returns a fresh one for a property, which may cost a `share` of what engines may. `read` reads a formula in
-    the engine's language, and raises `FormulaError`, or `EngineError` where something is not installed. `refuses`
-    returns why it can't judge a property, `goes_back` whether it can take steps back. A verdict of an `explicable`
-    one is explained on request by the native engine, which reads the same formulas; the outcomes of a `native` one are
-    that engine's own. The formulas of a `numeric` one are over numbers, and only their signals are known outside it.
+    the engine's language, with names of `define:` where that has any, and raises `FormulaError`, or `EngineError` where
+    something is not installed. `refuses` returns why it can't judge a property, `goes_back` whether it can take steps
+    back. A verdict of an `explicable` one is explained on request by the native engine, which reads the same formulas;
+    the outcomes of a `native` one are that engine's own. The formulas of a `numeric` one are over numbers, and only
+    their signals are known outside it.
     """
 
     make: Callable[[Property, float], Engine]
-    read: Callable[[str, Time], Formula] = parse_formula
+    read: Callable[[str, Time, Names], Formula] = parse_formula
     refuses: Callable[[Property], Refusal | None] = _any
     goes_back: Callable[[Property], bool] = _always
     explicable: bool = True
@@ -87,7 +88,7 @@ def _external(prop: Property, _: float) -> Engine:
     return ExternalEngine(prop.text)
 
 
-def _read_stl(text: str, time: Time) -> Formula:
+def _read_stl(text: str, time: Time, _: Names) -> Formula:
     stl.demand()
     from oracle_server.engines.stl.parse import read_stl
 

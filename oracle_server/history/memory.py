@@ -13,6 +13,7 @@ import msgspec
 import structlog
 
 from oracle_server.core.events import Order, StreamKey
+from oracle_server.core.records import ExplanationRecord
 from oracle_server.core.verdicts import FINAL
 from oracle_server.history.port import Done
 from oracle_server.history.query import Query
@@ -22,6 +23,7 @@ from oracle_server.history.records import (
     Extent,
     MonitorRecord,
     Refusal,
+    Restated,
     SessionRecord,
     SnapshotRecord,
     StoredStep,
@@ -54,6 +56,14 @@ class _Kept:
     def index(self, position: int) -> int:
         """Where the step at a position, or the next one, stands in `steps`."""
         return bisect_left(self.steps, position, key=attrgetter("position"))
+
+    def restate(self, position: int, stands: Restated) -> None:
+        """Keep what stands of the step at a position, if it is not deleted."""
+        index = self.index(position)
+        if index < len(self.steps) and (step := self.steps[index]).position == position:
+            standing = msgspec.structs.replace(stands.standing, explanations=_plain_whys(stands.standing.explanations))
+            revised = {**step.revised, **stands.revised}
+            self.steps[index] = msgspec.structs.replace(step, standing=standing, revised=revised)
 
 
 @dataclass(slots=True)
@@ -136,10 +146,20 @@ class MemoryHistory:
         """Keep a monitor of a session."""
         self._do(_Command(session, lambda: self._of(session).monitors.update({monitor.name: monitor}), done))
 
-    def append(self, session: int, steps: Sequence[StoredStep], done: Done) -> None:
-        """Keep steps that were judged, without their data."""
+    def append(
+        self, session: int, steps: Sequence[StoredStep], done: Done, restated: Mapping[int, Restated] | None = None
+    ) -> None:
+        """Keep steps that were judged, without their data, and what stands of earlier ones."""
         kept = _made(lambda: [_without_data(step) for step in steps])
-        self._do(_Command(session, lambda: self._of(session).steps.extend(kept()), done))
+        standing = dict(restated or {})
+
+        def extend() -> None:
+            of = self._of(session)
+            of.steps.extend(kept())
+            for position, stands in standing.items():
+                of.restate(position, stands)
+
+        self._do(_Command(session, extend, done))
 
     def refuse(self, session: int, refusal: Refusal, done: Done) -> None:
         """Keep that an event was refused."""
@@ -285,7 +305,7 @@ class MemoryHistory:
 
     async def by_arrival(self, session: int) -> AsyncGenerator[list[StoredStep], None]:
         """All steps by pages, by arrival."""
-        found = sorted(self._steps(session), key=_arrival)
+        found = sorted((s for s in self._steps(session) if s.revision is None), key=_arrival)
         for start in range(0, len(found), _PAGE):
             yield found[start : start + _PAGE]
 
@@ -305,7 +325,7 @@ class MemoryHistory:
     async def first_final(self, session: int, order: Order, index: int, upto: int) -> int | None:
         """The position of the first step at which a property is final."""
         steps = (s for s in self._steps(session) if s.order == order and s.position <= upto)
-        return next((s.position for s in steps if s.outcomes[index] in FINAL), None)
+        return next((s.position for s in steps if s.revision is None and s.outcomes[index] in FINAL), None)
 
     async def last_counted(self, session: int, order: Order, upto: int, undoing: Sequence[StreamKey]) -> int | None:
         """The position of the last step that later ones build on."""
@@ -358,8 +378,11 @@ def _plain(value: Any) -> Any:
 def _without_data(stored: StoredStep) -> StoredStep:
     event = msgspec.structs.replace(stored.step.event, data=None, stamp=stored.step.stamp, received=None)
     step = msgspec.structs.replace(stored.step, event=event)
-    explanations = {i: _plain(why) for i, why in stored.explanations.items()}
-    return msgspec.structs.replace(stored, step=step, explanations=explanations)
+    return msgspec.structs.replace(stored, step=step, explanations=_plain_whys(stored.explanations))
+
+
+def _plain_whys(explanations: Mapping[int, ExplanationRecord]) -> dict[int, ExplanationRecord]:
+    return {i: _plain(why) for i, why in explanations.items()}
 
 
 def _arrival(stored: StoredStep) -> tuple[int, str, int, int]:

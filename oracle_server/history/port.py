@@ -24,6 +24,7 @@ from oracle_server.history.records import (
     Extent,
     MonitorRecord,
     Refusal,
+    Restated,
     SessionRecord,
     SnapshotRecord,
     StoredStep,
@@ -84,8 +85,14 @@ class Writing(Protocol):
         """Keep a monitor of a session, in place of the one of that name."""
         ...
 
-    def append(self, session: int, steps: Sequence[StoredStep], done: Done) -> None:
-        """Keep steps that were judged; their positions follow the last one's."""
+    def append(
+        self, session: int, steps: Sequence[StoredStep], done: Done, restated: Mapping[int, Restated] | None = None
+    ) -> None:
+        """Keep steps that were judged, and revisions; their positions follow the last one's.
+
+        What stands since then of steps, by their positions, is kept with them, as far as they are not deleted. All of
+        one call is committed at once, or nothing of it.
+        """
         ...
 
     def refuse(self, session: int, refusal: Refusal, done: Done) -> None:
@@ -173,9 +180,9 @@ class Reading(Protocol):
         ...
 
     def by_arrival(self, session: int) -> AsyncGenerator[list[StoredStep], None]:
-        """All steps by pages: by arrival, monitor, sequence number and position. The memory needed does not grow.
+        """All steps by pages: by arrival, monitor, sequence number and position; no revisions.
 
-        Nothing is kept open between two pages that a writer would wait for.
+        The memory needed does not grow. Nothing is kept open between two pages that a writer would wait for.
         """
         ...
 

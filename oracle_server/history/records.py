@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import msgspec
 
 from oracle_server.core.bypass import Bypass
-from oracle_server.core.events import Order, Step, StreamKey
+from oracle_server.core.events import Event, Order, Step, StreamKey
 from oracle_server.core.kinds import TICK
-from oracle_server.core.records import ExplanationRecord, VerdictRecord
+from oracle_server.core.records import ExplanationRecord
+from oracle_server.core.revisions import Change, Revision, Standing
 from oracle_server.core.simulated import TimeBase
 from oracle_server.core.spec import By
-from oracle_server.core.verdicts import UNDECIDED, Decision, Judged, Outcome, Verdict, explain, explained, record
+from oracle_server.core.verdicts import Decision, Judged, Outcome, Verdict, explain
 
 Document = dict[str, Any]
 
@@ -86,8 +88,26 @@ class Extent(NamedTuple):
     last: int
 
 
+class StoredRevision(msgspec.Struct, frozen=True, gc=False):
+    """What a `Revision` changes, an entry a property, and the late events that it names of `causes`, as they are kept.
+
+    What stands since then is kept with the steps that it revises.
+    """
+
+    changes: tuple[Change | None, ...]
+    because: tuple[Event, ...]
+    causes: int
+
+
+class Restated(NamedTuple):
+    """What stands of a step since revisions, and their numbers: by the property's index, that of the last one."""
+
+    standing: Standing
+    revised: Mapping[int, int]
+
+
 class StoredStep(msgspec.Struct, frozen=True, gc=False):
-    """A judged step as it is kept, without the event's data.
+    """A judged step as it is kept, without the event's data; or a revision, which takes its place in the sequence.
 
     `position` counts 1, 2, 3… in the sequence in which the session judged, over all orders; `number` is the step's own,
     None for ticks, where it was skipped and where it was taken back; `gap` are the sequence numbers before the event
@@ -95,6 +115,8 @@ class StoredStep(msgspec.Struct, frozen=True, gc=False):
     `explanations` one for each violation, by the property's index; `bypassed` are the indexes of those degraded only
     because a stream was bypassed at the time; `pending` are the open obligations of properties that have any, by their
     indexes. `passed` and `why` are what the adapter did, None while it is not known.
+    `place` is that of a late event which was put in its place among the steps. `standing` and `revised` are as in
+    `Restated`, of a step that was revised. A `revision` has no outcomes of its own.
     """
 
     position: int
@@ -111,6 +133,10 @@ class StoredStep(msgspec.Struct, frozen=True, gc=False):
     passed: bool | None = None
     why: str | None = None
     bypassed: tuple[int, ...] = ()
+    place: int | None = None
+    standing: Standing | None = None
+    revised: Mapping[int, int] = {}
+    revision: StoredRevision | None = None
     pending: Mapping[int, int] = {}
 
     @property
@@ -122,6 +148,13 @@ class StoredStep(msgspec.Struct, frozen=True, gc=False):
     def is_tick(self) -> bool:
         """Whether it is a deadline that ran out, and no event."""
         return self.step.event.stream.kind == TICK
+
+    @property
+    def tells_violations(self) -> bool:
+        """Whether any violation was said, appeared or is retracted by it, or stands at it."""
+        if self.revision is not None:
+            return any(c is not None and (c.violation or c.retracted) for c in self.revision.changes)
+        return bool(self.explanations or (self.standing is not None and self.standing.explanations))
 
 
 def stored(position: int, gap: int, judged: Judged, handling: tuple[bool, str] | None = None) -> StoredStep:
@@ -137,23 +170,61 @@ def stored(position: int, gap: int, judged: Judged, handling: tuple[bool, str] |
         position, judged.order, judged.number, judged.step, gap, judged.judged, judged.decision,
         tuple([v.outcome for v in verdicts]), tuple([v.degraded for v in verdicts]), explanations,
         None if robustness.count(None) == len(robustness) else tuple(robustness), passed, why,
-        tuple([i for i, v in enumerate(verdicts) if v.bypassed]),
-        {i: v.pending for i, v in enumerate(verdicts) if v.pending is not None},
+        tuple([i for i, v in enumerate(verdicts) if v.bypassed]), judged.place,
+        pending={i: v.pending for i, v in enumerate(verdicts) if v.pending is not None},
     )  # fmt: skip
 
 
-def records(step: StoredStep, properties: tuple[str, ...]) -> list[VerdictRecord]:
-    """The verdict records of a stored step, one a property."""
-    judged = Judged(step.step, step.number, step.order, step.judged, (), step.decision)
-    first = (step.position - 1) * len(properties) + 1
-    found = []
-    for i, name in enumerate(properties):
-        robustness = step.robustness[i] if step.robustness else None
-        pending = step.pending.get(i)
-        verdict = Verdict(first + i, name, step.outcomes[i], step.degraded[i], None, robustness, pending=pending)
-        made = explained(record(judged, verdict), step.explanations.get(i))
-        made["passed"], made["violation"] = step.passed, i in step.explanations
-        if step.why in UNDECIDED:
-            made["kind"] = "unavailable"
-        found.append(made)
-    return found
+def stored_revision(position: int, revision: Revision) -> StoredStep:
+    """A revision as it is kept, as the row at a position."""
+    kept = StoredRevision(revision.changes, tuple([_named(event) for event in revision.because]), revision.causes)
+    return StoredStep(
+        position, revision.order, None, revision.step, 0, revision.judged, None, (), (), revision=kept
+    )  # fmt: skip
+
+
+def _named(event: Event) -> Event:
+    """What is kept of a late event with a revision: the rest of it has a row of its own."""
+    return Event(event.stream, event.monitor, event.seq, event.stamp, event.arrived, None)
+
+
+def restated(revisions: Iterable[Revision], width: int) -> dict[int, Restated]:
+    """What stands of steps since some revisions in a row, by their positions, in a session of `width` properties."""
+    standing: dict[int, Standing] = {}
+    revised: defaultdict[int, dict[int, int]] = defaultdict(dict)
+    passed: Mapping[int, Standing] = {}
+    for revision in revisions:
+        passed = revision.standing or passed
+        standing |= revision.standing
+        for i, change in enumerate(revision.changes):
+            if change is not None:
+                positions = range((change.first - 1) // width + 1, (change.last - 1) // width + 2)
+                for position in filter(passed.__contains__, positions):
+                    revised[position][i] = change.n
+    return {position: Restated(stands, revised[position]) for position, stands in standing.items()}
+
+
+def recorded(stored: StoredStep, properties: tuple[str, ...]) -> Judged:
+    """A stored row as it was judged, or rather as it stands; a revision without what it changes in other rows."""
+    first, revision = (stored.position - 1) * len(properties) + 1, stored.revision
+    if revision is not None:
+        return Revision(
+            step=stored.step, number=None, order=stored.order, judged=stored.judged, verdicts=(), decision=None,
+            first=first, changes=revision.changes, because=revision.because, causes=revision.causes,
+        )  # fmt: skip
+    stands = stored.standing
+    outcomes, degraded = (stored.outcomes, stored.degraded) if stands is None else (stands.outcomes, stands.degraded)
+    verdicts = [
+        Verdict(
+            first + i,
+            name,
+            outcomes[i] or Outcome.UNKNOWN,
+            degraded[i],
+            bypassed=i in stored.bypassed,
+            pending=stored.pending.get(i),
+        )
+        for i, name in enumerate(properties)
+    ]
+    return Judged(
+        stored.step, stored.number, stored.order, stored.judged, tuple(verdicts), stored.decision, stored.place
+    )

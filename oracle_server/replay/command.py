@@ -9,6 +9,7 @@ from pathlib import Path
 from oracle_server.core.errors import FindingKind, one_line
 from oracle_server.core.spec import By
 from oracle_server.core.units import counted
+from oracle_server.history.views import View
 from oracle_server.process.progress import progress
 from oracle_server.replay.conclusion import UNJUDGED, conclude, gravest
 from oracle_server.replay.formats import Format, Report, make_report
@@ -33,11 +34,13 @@ def run_replay(
     *,
     strict: bool = False,
     signals: bool = False,
+    view: View = "standing",
 ) -> int:
     """Judge a recording by each spec, and print the report; returns the exit status, the gravest of all specs.
 
-    With `strict` whatever was not judged is no success; with `signals` a text report counts all signals. Raises
-    `SpecError` and `TraceError` where an input can't be used.
+    With `strict` whatever was not judged is no success; with `signals` a text report counts all signals. `view`: which
+    verdicts are told of a spec that revises; a JUnit report tells those that stand. Raises `SpecError` and `TraceError`
+    where an input can't be used.
     """
     refuse_swapped(specs, trace)
     known = Types(types)
@@ -50,7 +53,8 @@ def run_replay(
         _say(warnings)
         recording = open_recording(trace, spec, types)
         shapes, _ = stream_types(spec, known, None)
-        replay = Replay(spec, recording, by, types=shapes, warnings=warnings, strict=strict)
+        told: View = "standing" if form == "junit" else view
+        replay = Replay(spec, recording, by, types=shapes, warnings=warnings, strict=strict, view=told)
         _run(replay, recording, report)
         statuses.append(_tell(replay, form))
     report.finish()

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from oracle_server.core.errors import one_line
 from oracle_server.core.events import StreamKey
+from oracle_server.core.formula.tree import Atom, Signal
 from oracle_server.core.plan import can_meet
 from oracle_server.core.ranges import ValueKind
 from oracle_server.core.spec import Property, Spec
@@ -84,6 +85,8 @@ def conclude(replay: Replay) -> Conclusion:
     elif unjudged or (replay.strict and (doubts or replay.warnings)):
         status = UNJUDGED
     remarks = tuple(note.text for note in notes if not note.unusable and not note.doubt)
+    if replay.revised:
+        remarks += (replay.revised,)
     return Conclusion(
         status, replay.strict, tuple(unusable), unjudged, tuple(doubts), replay.warnings, remarks, coverage
     )
@@ -121,14 +124,25 @@ def _incomparable(replay: Replay, coverage: Coverage) -> Iterator[str]:
         for stream in replay.spec.streams:
             compared: dict[str, set[ValueKind | None]] = {}
             for atom in prop.atoms:
-                for constraint in atom.constraints if can_meet(stream, atom) else ():
-                    compared.setdefault(constraint.key, set()).add(kind_of(constraint.value))
+                for name, kind in _compared(atom) if can_meet(stream, atom) else ():
+                    compared.setdefault(name, set()).add(kind)
             for name in coverage[stream.key]["signals"]:
                 had, wanted = replay.kinds(stream.key, name), compared.get(name, {None})
                 if had and None not in wanted and not had & wanted:
                     was, other = (" or a ".join(sorted(map(str, kinds))) for kinds in (had, wanted))
                     signal = f"{stream.key}: the signal {name}"
                     yield f"{signal} was always a {was}, and {prop.id} compares it with a {other}"
+
+
+def _compared(atom: Atom) -> Iterator[tuple[str, ValueKind | None]]:
+    """The signals that an atom compares, each with the kind of what it is compared with; None for any."""
+    ordered = {c.value.name for c in atom.constraints if isinstance(c.value, Signal)}
+    for constraint in atom.constraints:
+        if isinstance(constraint.value, Signal):
+            yield constraint.key, "number"
+        elif constraint.key not in ordered:
+            yield constraint.key, kind_of(constraint.value)
+    yield from ((name, "number") for name in ordered)
 
 
 def _was(count: int) -> str:

@@ -40,8 +40,7 @@ def signal_names(spec: Spec, key: StreamKey) -> tuple[str, ...]:
     stream = spec.by_key[key]
     if stream.signals is not None:
         return tuple(stream.signals)
-    held = frozenset[str]().union(*(s.hold for s in spec.streams))
-    return tuple(sorted(named_signals(stream, tuple(p.atoms for p in spec.properties), held)))
+    return tuple(sorted(named_signals(stream, spec.readings, spec.kept)))
 
 
 def counted_names(spec: Spec, key: StreamKey, type_: TypedMessage | None) -> tuple[str, ...]:

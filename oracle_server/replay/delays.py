@@ -38,7 +38,7 @@ class Delays:
         """Begin with nothing judged."""
         self._ordered = {stream.key for stream in spec.streams if stream.ordered}
         self._events: Counter[StreamKey] = Counter()
-        self._late, self._skewed = _Displaced(), _Displaced()
+        self._late, self._placed, self._skewed = _Displaced(), _Displaced(), _Displaced()
         self._present = 0
 
     def note(self, judged: Judged) -> None:
@@ -50,7 +50,8 @@ class Delays:
         if step.skewed:
             self._skewed.add(stream, step.stamp - step.event.arrived)
         if step.late:
-            self._late.add(stream, self._present - step.time)
+            found = self._late if judged.place is None else self._placed
+            found.add(stream, self._present - step.time)
         self._present = max(self._present, step.time)
 
     def notes(self) -> Iterator[Note]:
@@ -62,3 +63,8 @@ class Delays:
                     by = f"{found.most[stream] / SECOND:.6g} s"
                     text = f"{stream}: {part_of(count, events)} {before} {by} {after}"
                     yield Note(text, doubt=count > max(_HANDFUL, events // 2))
+            count = self._placed.count[stream]
+            if count:
+                most = self._placed.most[stream]  # 0 where only a deadline was judged before
+                by = f", up to {most / SECOND:.6g} s {_LATE[1]}" if most else ""
+                yield Note(f"{stream}: {part_of(count, events)} late{by}; what was said without that was put right")

@@ -9,8 +9,9 @@ from xml.sax.saxutils import escape, quoteattr
 from oracle_server.core.errors import one_line
 from oracle_server.core.naming import step_name
 from oracle_server.core.units import counted
-from oracle_server.core.verdicts import Judged, explain
+from oracle_server.core.verdicts import Judged
 from oracle_server.replay.conclusion import Conclusion, conclude
+from oracle_server.replay.lines import violations
 from oracle_server.replay.run import Replay
 
 _MOST_SHOWN = 20
@@ -28,11 +29,10 @@ class JunitReport:
     def judged(self, replay: Replay, judged: Judged) -> None:
         """Keep the explanations of the first violations."""
         both = replay.spec.ordering.by == "both" and judged.order == "arrival"
-        for verdict in judged.verdicts:
-            texts = self._texts[verdict.property + (" (arrival)" if both else "")]
-            why = explain(judged, verdict)
-            if why is not None and len(texts) < _MOST_SHOWN:
-                texts.append(why["text"])
+        for row, text in violations(judged):
+            texts = self._texts[row["property"] + (" (arrival)" if both else "")]
+            if len(texts) < _MOST_SHOWN:
+                texts.append(text)
         replay.comparison.take()
 
     def ended(self, replay: Replay) -> None:

@@ -11,7 +11,7 @@ from msgspec import Meta, Struct
 
 from oracle_server.core.errors import one_line
 from oracle_server.core.expression import told
-from oracle_server.core.kinds import StepKind
+from oracle_server.core.kinds import LineKind
 from oracle_server.core.nearest import nearest
 from oracle_server.replay.recording import Place, Projected
 from oracle_server.wire.flat import decode_object, flat_event
@@ -44,7 +44,7 @@ class Line(Struct):
     data: dict[str, Any] | None = None
     signals: dict[str, str | bool | int | float] | None = None
     failed: list[str] = []
-    kind: StepKind = "topic"
+    kind: LineKind = "topic"
     stamp: Natural | None = None
     arrived: Natural | None = None
     monitor: str = "replay"

@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple, Protocol
 from msgspec import Struct
 
 from oracle_server.core.engine import Answer
-from oracle_server.core.events import Event
+from oracle_server.core.events import Event, Released
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.units import counted
 
@@ -27,7 +27,8 @@ class Place(Struct, frozen=True, gc=False):
 
     `position` counts all steps, of both orders; `degraded` is whether something before was known to be lost; `bypassed`
     are the properties that were degraded only because a stream of theirs was bypassed at the time; `said` are the
-    answers of external oracles, by the properties that they judge.
+    answers of external oracles, by the properties that they judge; `place` is that of a late event which was put in its
+    place among the steps, and `released` why the order let the event go.
     """
 
     position: int
@@ -40,6 +41,8 @@ class Place(Struct, frozen=True, gc=False):
     degraded: bool = False
     bypassed: tuple[str, ...] = ()
     said: dict[str, Answer] = {}
+    place: int | None = None
+    released: Released | None = None
 
 
 class Recorded(Struct, frozen=True, gc=False):

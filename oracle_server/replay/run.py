@@ -4,34 +4,36 @@ from __future__ import annotations
 
 import heapq
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
-from oracle_server.core.engine import Answer
-from oracle_server.core.errors import TraceError
 from oracle_server.core.events import Event, Step, StreamKey
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.kinds import TICK
 from oracle_server.core.plan import plan
 from oracle_server.core.ranges import ValueKind
-from oracle_server.core.session import Session, orders
-from oracle_server.core.spec import By, Spec
+from oracle_server.core.revise.judge import RevisingJudge
+from oracle_server.core.session import Session
+from oracle_server.core.spec import By, Spec, orders
 from oracle_server.core.typed import StreamTypes
-from oracle_server.core.verdicts import Judged, Outcome
+from oracle_server.core.units import counted
+from oracle_server.core.verdicts import Judged
 from oracle_server.engines.table import make_engines
+from oracle_server.history.views import View
 from oracle_server.remote.offline import OfflineOracles
+from oracle_server.replay.again import Again
 from oracle_server.replay.comparison import Comparison
 from oracle_server.replay.coverage import Counting, Coverage, counted_names
 from oracle_server.replay.delays import Delays
 from oracle_server.replay.lacking import Lacking
 from oracle_server.replay.recording import Place, Recorded, Recording
+from oracle_server.replay.settling import Handling, Settling
 from oracle_server.replay.units import Units
 from oracle_server.replay.unjudged import Unjudged
 
 _FOR_EVER = 2**63
-_NOT_KEPT = Answer(Outcome.UNKNOWN, "was not asked: a session's trace has no messages, only their signals")
 
 
 class Replay:
@@ -50,14 +52,16 @@ class Replay:
         types: StreamTypes = MappingProxyType({}),
         warnings: Sequence[str] = (),
         strict: bool = False,
+        view: View = "standing",
     ) -> None:
         """`by` overrides the order that the spec asks for; `strict`: whatever was not judged is no success.
+
+        `view`: which verdicts are told where the spec revises; what stands at the end is what counts.
 
         Messages are held against `types`, those of the streams whose types are known; `warnings` are of the formulas.
         """
         self.strict, self.warnings = strict, tuple(warnings)
-        ordering = replace(spec.ordering, by=by) if by else spec.ordering
-        self.spec = replace(spec, ordering=ordering)
+        self.spec = in_order(spec, by)
         self.events = 0
         self.forced = 0
         """Steps that were judged before their time, since too many were held."""
@@ -77,28 +81,59 @@ class Replay:
         self._unjudged = Unjudged(ready)
         self._reorder = by is not None
         self._session: Session | None = None
+        names = tuple(prop.id for prop in spec.properties)
+        self._settling = Settling(names, view, self._changeable, self._handling, self._note)
         self._oracles: OfflineOracles | None = None
 
     def __iter__(self) -> Iterator[Judged]:
-        """The judged steps, in order. Raises `TraceError` where the recording can't be used."""
+        """The judged steps, in order, as `view` has them where the spec revises. Raises `TraceError` as `outputs`."""
+        groups = self.outputs()
+        if self.revises:
+            yield from self._settling.told(groups)
+            return
+        for judged in itertools.chain.from_iterable(groups):
+            self._note(judged)
+            yield judged
+
+    def outputs(self) -> Iterator[list[Judged]]:
+        """What the session gives as the recording goes on, revisions included; what belongs together is in one list.
+
+        Raises `TraceError` where the recording can't be used.
+        """
         recorded = iter(self.recording)
         first = next(recorded, None)
         if first is None:
             return
         judge = self._in_recorded_order if first.places and not self._reorder else self._as_new
         try:
-            for item in judge(first, recorded):
-                if self.comparison.is_waiting:
-                    self.comparison.compare(item)
-                self._unjudged.note(item)
-                self.delays.note(item)
-                self.forced += item.step.forced
-                yield item
+            yield from judge(first, recorded)
         finally:
             if self._oracles is not None:
                 self._oracles.close()
 
-    def _as_new(self, first: Recorded, rest: Iterator[Recorded]) -> Iterator[Judged]:
+    def _note(self, judged: Judged) -> None:
+        """Note what stands of a step at the end."""
+        if self.comparison.is_waiting:
+            self.comparison.compare(judged)
+        self._unjudged.note(judged)
+        self.delays.note(judged)
+        self.forced += judged.step.forced
+
+    @property
+    def revises(self) -> bool:
+        """Whether what comes late puts the verdicts right."""
+        return self.spec.ordering.late == "revise"
+
+    def _changeable(self) -> Set[int] | None:
+        return None if self._session is None else changeable(self._session)
+
+    def _handling(self, judged: Judged) -> Handling | None:
+        """What the adapter did with an event, where that is recorded."""
+        event = judged.step.event
+        found = self.passed.pop((event.monitor, event.seq), None) if judged.decision else None
+        return None if found is None else (found[0], found[1] or "decision")
+
+    def _as_new(self, first: Recorded, rest: Iterator[Recorded]) -> Iterator[list[Judged]]:
         session = self._session = self._open(first.begun)
         if session.asking is not None:
             self._oracles = OfflineOracles(session)
@@ -109,32 +144,35 @@ class Replay:
                 continue  # the new session has deadlines of its own
             if event.monitor not in monitors:
                 monitors.add(event.monitor)
-                yield from self._settled(session.attach(event.monitor, self.spec.by_key, event.arrived))
-            yield from self._settled(session.ingest(event))
-        yield from self._settled(session.finish(session.now))
-        yield from session.end(session.now)
+                yield self._answered(session.attach(event.monitor, self.spec.by_key, event.arrived))
+            if self.revises:
+                yield from _meanwhile(session, event.arrived)
+            yield self._answered(session.ingest(event))
+        yield self._answered(session.finish(session.now))
+        yield session.end(session.now)
 
-    def _settled(self, judged: list[Judged]) -> list[Judged]:
+    def _answered(self, judged: list[Judged]) -> list[Judged]:
         return judged if self._oracles is None else judged + self._oracles.settle()
 
-    def _in_recorded_order(self, first: Recorded, rest: Iterator[Recorded]) -> Iterator[Judged]:
+    def _in_recorded_order(self, first: Recorded, rest: Iterator[Recorded]) -> Iterator[list[Judged]]:
         """Judge steps by their recorded positions, each once all events that arrived before it are read."""
         used = {place.order for place in first.places}
         ordering = replace(self.spec.ordering, by="both" if len(used) > 1 else used.pop())
         self.spec = replace(self.spec, ordering=ordering)
         session = self._session = self._open(first.begun)
+        again = Again(session)
         waiting: list[tuple[int, Place, Step]] = []
-        upcoming = itertools.count(1)
         for recorded in itertools.chain((first,), rest):
             event = self._take(recorded)
             while waiting and waiting[0][1].judged < event.arrived:
-                yield from _rejudge(session, next(upcoming), *heapq.heappop(waiting))
+                yield again.judge(*heapq.heappop(waiting))
             signals, failed = _project(session, event)
             step = Step(event, signals, failed, event.stamp or event.arrived)
             for place in recorded.places:
                 heapq.heappush(waiting, (place.position, place, step))
         while waiting:
-            yield from _rejudge(session, next(upcoming), *heapq.heappop(waiting))
+            yield again.judge(*heapq.heappop(waiting))
+        yield again.finish()
 
     def _take(self, recorded: Recorded) -> Event:
         event = recorded.event
@@ -210,7 +248,21 @@ class Replay:
             "late": sum(c.late for c in counters),
             "properties": states,
         }
+        if self.revises:
+            summary |= {"revised": self._settling.revised, "retracted": self._settling.retracted}
+            summary["appeared"] = self._settling.appeared
         return summary | self.comparison.summary()
+
+    @property
+    def revised(self) -> str:
+        """What was put right because of late events, in words; empty where nothing was."""
+        found = self._settling
+        if not found.revised:
+            return ""
+        text = f"{counted(found.revised, 'verdict')} {'was' if found.revised == 1 else 'were'} revised"
+        text += f", {counted(found.retracted, 'violation')} retracted" if found.retracted else ""
+        text += f", and {counted(found.appeared, 'violation')} found" if found.appeared else ""
+        return f"{text}, because of events that came late"
 
     def states(self) -> dict[str, dict[str, Any]]:
         """The state of each property."""
@@ -234,26 +286,36 @@ class Replay:
         }
 
 
+def changeable(session: Session) -> Set[int] | None:
+    """The positions of the rows of a session that can still be revised; None where it may be any."""
+    kept: set[int] = set()
+    for judge in session.judges.values():
+        if isinstance(judge, RevisingJudge):
+            if judge.is_going:
+                return None
+            kept.update(row.position for row in judge.keeping)
+    return kept
+
+
+def _meanwhile(session: Session, until: int) -> Iterator[list[Judged]]:
+    """What a session does of itself before a time (ns): what came late is put in its place before the next event."""
+    last = -1
+    while (due := session.next_deadline) is not None and last < due < until:
+        yield session.advance(due)
+        last = due
+
+
+def in_order(spec: Spec, by: By | None) -> Spec:
+    """A spec with another order, None for its own; only that of publication is revised."""
+    if by is None:
+        return spec
+    ordering = replace(spec.ordering, by=by)
+    if by != "publication" and ordering.late == "revise":
+        ordering = replace(ordering, late="judge")
+    return replace(spec, ordering=ordering)
+
+
 def _project(session: Session, event: Event) -> tuple[Mapping[str, Scalar], frozenset[str]]:
     if event.stream.kind == TICK:
         return {}, frozenset()
     return session.plan.streams[event.stream].project(event.data)
-
-
-def _rejudge(session: Session, upcoming: int, position: int, place: Place, step: Step) -> list[Judged]:
-    if upcoming == 1 and position > 1:
-        raise TraceError(
-            f"the session's first steps are not in the recording, which begins with step {position}, so that its "
-            "verdicts would differ; use --by to judge the recorded events afresh"
-        )
-    if place.degraded:
-        session.judges[place.order].degrade()
-    bypassed = [i for i, p in enumerate(session.plan.spec.properties) if p.id in place.bypassed]
-    session.judges[place.order].bypass(bypassed)
-    for index in session.plan.external:
-        session.receive(place.order, {index: place.said.get(session.plan.spec.properties[index].id, _NOT_KEPT)})
-    placed = Step(
-        step.event, step.signals, step.failed, step.stamp, place.skewed, place.late, place.forced, place.skipped
-    )
-    judged = session.rejudge(place.order, placed, place.judged)
-    return [] if judged is None else [judged]

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Iterator
 from typing import IO
 
 from oracle_server.core.errors import one_line
+from oracle_server.core.naming import cause_name
+from oracle_server.core.records import VerdictRecord
 from oracle_server.core.verdicts import Judged
 from oracle_server.replay.lines import records
 from oracle_server.replay.run import Replay
@@ -21,6 +24,21 @@ def _csv_cell(value: object) -> object:
     return f"'{text}" if text[:1] in ("=", "+", "-", "@") else text
 
 
+_COLUMNS = tuple(name for name in VerdictRecord.__annotations__ if name not in ("unheard", "causes", "about"))
+"""The fields that records of a replay may have; `because` tells how many causes there are."""
+
+
+def _csv_row(row: VerdictRecord) -> Iterator[object]:
+    """What stands in the columns of a record; of what is several values, a text."""
+    values: dict[str, object] = {**row}
+    if why := row["explanation"]:
+        values["explanation"] = why["text"]
+    if "revises" in row:
+        values["revises"] = f"{row['revises']['from']} to {row['revises']['to']}"
+        values["because"] = cause_name(row)
+    return (_csv_cell(values.get(name)) for name in _COLUMNS)
+
+
 class CsvReport:
     """A row for each verdict record, below the names of its fields; times in nanoseconds."""
 
@@ -31,13 +49,10 @@ class CsvReport:
     def judged(self, replay: Replay, judged: Judged) -> None:
         """Write the records of a step, and the heading before the first one."""
         for row in records(replay, judged):
-            why = row["explanation"]
-            values: dict[str, object] = {**row, "explanation": why["text"] if why else None}
-            del values["about"]
             if not self._headed:
-                self._out.writerow(("spec", *values))
+                self._out.writerow(("spec", *_COLUMNS))
                 self._headed = True
-            self._out.writerow((replay.spec.id, *map(_csv_cell, values.values())))
+            self._out.writerow((replay.spec.id, *_csv_row(row)))
 
     def ended(self, replay: Replay) -> None:
         """Write nothing: the table has no summary."""

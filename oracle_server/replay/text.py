@@ -8,11 +8,12 @@ from rich.console import Console
 from rich.table import Table
 
 from oracle_server.core.errors import one_line
-from oracle_server.core.naming import first_name
+from oracle_server.core.naming import first_name, retraction_text
 from oracle_server.core.units import counted
-from oracle_server.core.verdicts import Judged, explain
+from oracle_server.core.verdicts import Judged
 from oracle_server.replay.conclusion import conclude
 from oracle_server.replay.coverage import Coverage, because
+from oracle_server.replay.lines import retractions, violations
 from oracle_server.replay.run import Replay
 
 
@@ -24,12 +25,14 @@ class TextReport:
 
     def judged(self, replay: Replay, judged: Judged) -> None:
         """Write violations, and differences from recorded verdicts."""
-        for verdict in judged.verdicts:
-            why = explain(judged, verdict)
-            if why is not None:
-                order = " by arrival" if judged.order == "arrival" else ""
-                text = one_line(why["text"])
-                self._write(replay, f"violation{order}: {text} (#{verdict.n})")
+        order = " by arrival" if judged.order == "arrival" else ""
+        for row, text in violations(judged):
+            self._write(replay, f"violation{order}: {one_line(text)} (#{row['n']})")
+        for row in retractions(judged):
+            self._write(replay, f"retracted: {one_line(retraction_text(row))} (#{row['n']})")
+        self._differences(replay)
+
+    def _differences(self, replay: Replay) -> None:
         for found in replay.comparison.take():
             broken = f" ({', '.join(found.properties)})" if found.properties else ""
             event = f"{found.event.stream} {found.event.seq}"
@@ -37,6 +40,7 @@ class TextReport:
 
     def ended(self, replay: Replay) -> None:
         """Write a table of the properties, and the counts."""
+        self._differences(replay)
         summary = replay.summary()
         table = Table("property", "outcome", "violations", "first at", "unknown", box=None, pad_edge=False)
         for name, state in summary["properties"].items():

@@ -14,14 +14,17 @@ from oracle_server.core.events import ENDED, Order
 from oracle_server.core.plan import Plan, judged_by, plan
 from oracle_server.core.presence import grace
 from oracle_server.core.records import ExplanationRecord, VerdictRecord
-from oracle_server.core.session import Session, orders
-from oracle_server.core.spec import SECOND, Property
+from oracle_server.core.revise.judge import Asked
+from oracle_server.core.revise.saving import SavableJudge
+from oracle_server.core.session import Session
+from oracle_server.core.spec import SECOND, Property, Spec, orders
 from oracle_server.core.verdicts import Outcome, explain
 from oracle_server.core.verdicts import explained as with_explanation
 from oracle_server.engines.native import NativeEngine
 from oracle_server.engines.table import ENGINES
 from oracle_server.history.port import Reading
-from oracle_server.history.records import SessionRecord, SnapshotRecord, StoredStep, records
+from oracle_server.history.records import SessionRecord, SnapshotRecord, StoredStep, recorded
+from oracle_server.history.views import View, records, said
 from oracle_server.review.beginning import begin
 from oracle_server.specfiles.load import parse_spec
 
@@ -38,11 +41,12 @@ class NoExplanationError(OracleError):
     """A verdict can't be explained."""
 
 
-async def explained(history: Reading, session: int, n: int) -> VerdictRecord | None:
+async def explained(history: Reading, session: int, n: int, view: View = "standing") -> VerdictRecord | None:
     """Verdict record `n` of a session with its explanation, None where there is no such record.
 
-    A verdict that was final already is explained by the step that made it final. This takes as long as judging all
-    steps before it, in a thread, and can be cancelled. Raises `NoExplanationError` or `HistoryError`.
+    It is explained as it stands, or was said at first. A verdict that was final already is explained by the step that
+    made it final. This takes as long as judging all steps before it, in a thread, and can be cancelled. Raises
+    `NoExplanationError` or `HistoryError`.
     """
     opened = await history.session(session)
     if opened is None:
@@ -51,14 +55,27 @@ async def explained(history: Reading, session: int, n: int) -> VerdictRecord | N
     stored = await history.step(session, before + 1)
     if stored is None:
         return None
-    record = records(stored, opened.properties)[index]
+    record = next((r for r in records(stored, opened.properties, view) if r["n"] == n), None)
+    if record is None and stored.revision is None:
+        raise NoExplanationError(f"verdict {n} does not stand: its deadline would not have run out; ask with as=first")
+    if record is None or (record["explanation"] is not None and ("revised" in record or "revises" in record)):
+        return record
+    if "revises" in record:
+        first = record["revises"]["from"]
+        raise NoExplanationError(f"verdict {n} is a revision; ask why verdict {first} stands as it does")
     ready = await history.in_thread(partial(_plan, opened))
     prop = ready.spec.properties[index]
     if not ENGINES[prop.engine].explicable and record["explanation"] is not None:
         return record
-    _demand_explicable(record, prop, stored, opened.begun)
+    _demand_explicable(record, ready.spec, prop, stored, opened.begun)
     target = await _decided(history, session, stored, index, ready)
-    again = _Explaining(ready, index, stored.order, target, opened.begun)
+    if ready.spec.ordering.late == "revise":
+        step = stored if target == stored.position else await history.step(session, target)
+        if step is None:
+            raise NoExplanationError(_GONE)
+        again: _Explaining = _ExplainingRevised(ready, index, step, opened.begun, stands=view == "standing")
+    else:
+        again = _Explaining(ready, index, stored.order, target, opened.begun)
     return with_explanation(record, await _explain(history, session, again))
 
 
@@ -66,7 +83,9 @@ def _plan(opened: SessionRecord) -> Plan:
     return judged_by(plan(parse_spec(opened.text, opened.id, bounded=False).spec), opened.by)
 
 
-def _demand_explicable(record: VerdictRecord, prop: Property, stored: StoredStep, begun: int | None) -> None:
+def _demand_explicable(
+    record: VerdictRecord, spec: Spec, prop: Property, stored: StoredStep, begun: int | None
+) -> None:
     if not ENGINES[prop.engine].explicable:
         raise NoExplanationError(f"the engine of '{prop.id}' can't explain its verdicts")
     if stored.step.skipped and not stored.is_tick:
@@ -74,6 +93,9 @@ def _demand_explicable(record: VerdictRecord, prop: Property, stored: StoredStep
     if record["outcome"] == Outcome.UNKNOWN:
         failed = ", ".join(sorted(stored.step.failed))
         reason = f"computing failed for {failed}" if failed else "the engine failed"
+        read = spec.derived_of(prop)
+        if read and not failed:
+            reason = f"a sample of {' or '.join(read)} has failed, or the engine did"
         allowed, time = grace(prop.formula, prop.time), stored.step.event.arrived
         if (
             not failed
@@ -109,11 +131,15 @@ async def _explain(history: Reading, session: int, again: _Explaining) -> Explan
     position = await history.in_thread(partial(again.begin, snapshot))
     if position < first - 1:
         raise NoExplanationError(_GONE)
-    async for page in history.steps(session, position, again.target):
+    async for page in history.steps(session, position, again.upto):
         await _judge(history, again, page, position)
         position = page[-1].position
-    if position != again.target:
+        if again.is_done:
+            break
+    if position < again.target:
         raise NoExplanationError(_GONE)
+    if again.explanation is None and again.upto != again.target:
+        raise NoExplanationError("judged again, it does not come out as it stands, so that it can't be explained")
     return again.explanation
 
 
@@ -133,6 +159,8 @@ class _Explaining:
 
     def __init__(self, ready: Plan, index: int, order: Order, target: int, begun: int | None) -> None:
         self.target = target
+        self.upto: int | None = target
+        """The position of the last step that is judged again; None for the last one that there is."""
         self.given_up = False
         """Whether the request was cancelled."""
         self.explanation: ExplanationRecord | None = None
@@ -141,6 +169,11 @@ class _Explaining:
         self._core: Session
         self._recorded: list[tuple[int, _Recorded]] = []
 
+    @property
+    def is_done(self) -> bool:
+        """Whether later steps change nothing of the explanation."""
+        return False
+
     def begin(self, snapshot: SnapshotRecord | None) -> int:
         """Begin the session, from a snapshot where it can be used; returns the position of its last step."""
         self._core, position, _ = begin(self._fresh, snapshot)
@@ -148,19 +181,22 @@ class _Explaining:
 
     def judge(self, steps: Sequence[StoredStep], position: int) -> None:
         """Judge the steps after a position again."""
-        state = self._core.judges[self._order].properties[self._index]
         for expected, stored in enumerate(steps, position + 1):
             if stored.position != expected:  # they were deleted meanwhile
                 raise NoExplanationError(_GONE)
             if self.given_up:
                 return
-            for place, engine in self._recorded:
-                engine.outcome = stored.outcomes[place]
-            state.asked = stored.position == self.target
-            judged = self._core.rejudge(stored.order, stored.step, stored.judged)
+            self._judge(stored)
             time.sleep(0)  # yields the interpreter to the event loop
-            if state.asked and judged is not None:
-                self.explanation = explain(judged, judged.verdicts[self._index])
+
+    def _judge(self, stored: StoredStep) -> None:
+        state = self._core.judges[self._order].properties[self._index]
+        for place, engine in self._recorded:
+            engine.outcome = stored.outcomes[place]
+        state.asked = stored.position == self.target
+        judged = self._core.rejudge(stored.order, stored.step, stored.judged)
+        if state.asked and judged is not None:
+            self.explanation = explain(judged, judged.verdicts[self._index])
 
     def _fresh(self) -> Session:
         self._recorded = []
@@ -177,6 +213,44 @@ class _Explaining:
         engine = _Recorded()
         self._recorded.append((index, engine))
         return engine
+
+
+class _ExplainingRevised(_Explaining):
+    """The same of a session that revises: late events are put in their places again.
+
+    What stands is explained with those that came after it, as far as its place could be before theirs.
+    """
+
+    def __init__(self, ready: Plan, index: int, step: StoredStep, begun: int | None, *, stands: bool) -> None:
+        super().__init__(ready, index, step.order, step.position, begun)
+        self.upto = None if stands else step.position
+        self._asked = Asked(step.position, index, step.step.stamp if step.is_tick else None)
+        self._names = tuple([p.id for p in ready.spec.properties])
+        self._outcome = said(step, "standing" if stands else "first").outcomes[index]
+        self._judged = False
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the step is not kept any more: no late event can change it."""
+        return self._judged and all(row.position != self.target for row in self._revising.keeping)
+
+    def begin(self, snapshot: SnapshotRecord | None) -> int:
+        """Begin the session, and ask of the step."""
+        position = super().begin(snapshot)
+        self._revising.asked = self._asked
+        return position
+
+    @property
+    def _revising(self) -> SavableJudge:
+        assert self._core.lateness is not None  # noqa: S101 -- as the spec revises
+        return self._core.lateness.judge
+
+    def _judge(self, stored: StoredStep) -> None:
+        self._core.rejudge_row(recorded(stored, self._names), stored.position)
+        self._judged = self._judged or stored.position == self.target
+        answer = self._revising.answer
+        stands = answer is not None and answer.verdicts[self._index].outcome is self._outcome
+        self.explanation = explain(answer, answer.verdicts[self._index]) if answer is not None and stands else None
 
 
 class _Recorded:

@@ -6,7 +6,7 @@ Steps before the snapshot may be deleted. If they are, and the snapshot can't be
 from __future__ import annotations
 
 import asyncio
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -17,11 +17,14 @@ from oracle_server.core.engine import Answer
 from oracle_server.core.events import Order, Step, StreamKey
 from oracle_server.core.numbering import JUDGED, Numbering
 from oracle_server.core.plan import Plan
-from oracle_server.core.session import Session, orders
+from oracle_server.core.revise.kept import MOST
+from oracle_server.core.session import Session
 from oracle_server.core.simulated import TimeBase
+from oracle_server.core.spec import orders
+from oracle_server.core.verdicts import Outcome
 from oracle_server.engines.table import make_engines
 from oracle_server.history.port import Reading
-from oracle_server.history.records import MonitorRecord, Refusal, SnapshotRecord, StoredStep
+from oracle_server.history.records import MonitorRecord, Refusal, SnapshotRecord, StoredStep, recorded
 from oracle_server.review.beginning import begin
 
 _ONCE = "was asked before the server was restarted"
@@ -126,14 +129,25 @@ class _Rejudging:
     def __init__(self, core: Session, plan: Plan) -> None:
         self.used: defaultdict[str, list[_Used]] = defaultdict(list)
         self.waiting: dict[tuple[str, int], tuple[Step, int]] = {}
-        self.differing = 0
-        """How many steps have other outcomes than recorded."""
+        self._differing = 0
+        self._last: deque[StoredStep] = deque(maxlen=MOST)
+        """The last rows of a session that revises, which may be among those that it keeps."""
+        self._names = tuple(prop.id for prop in plan.spec.properties)
         self._core, self._plan, self._deciding = core, plan, orders(plan.spec)[0]
+
+    @property
+    def differing(self) -> int:
+        """How many steps have other outcomes than recorded; where the spec revises, of those that may still change."""
+        if self._core.lateness is None:
+            return self._differing
+        rows = {row.position: row.judged for row in self._core.lateness.judge.keeping}
+        recorded = ((stored.position, _outcomes(stored)) for stored in self._last if stored.position in rows)
+        return sum([v.outcome.current for v in rows[at].verdicts] != outcomes for at, outcomes in recorded)
 
     def use(self, steps: Sequence[StoredStep]) -> None:
         """Mark the numbers of steps that are not judged again as used."""
         for stored in steps:
-            if not stored.is_tick:
+            if stored.step.event.monitor:
                 event = stored.step.event
                 self.used[event.monitor].append((event.seq, stored.gap, JUDGED))
 
@@ -150,6 +164,9 @@ class _Rejudging:
             self._core.note_refusal()
 
     def _judge(self, stored: StoredStep) -> None:
+        if stored.revision is not None:
+            self._core.rejudge_row(recorded(stored, self._names), stored.position)
+            return
         order, step, outcomes, degraded = stored.order, stored.step, stored.outcomes, stored.degraded
         if stored.lost:  # a loss was known before the event was judged
             self._core.judges[order].degrade()
@@ -157,8 +174,12 @@ class _Rejudging:
         if not stored.is_tick and not step.skipped:
             asked = self._plan.streams[step.event.stream].asked
             self._core.receive(order, {i: Answer(outcomes[i], _ONCE, degraded[i]) for i in asked})
-        judged = self._core.rejudge(order, step, stored.judged)
-        self.differing += tuple([v.outcome for v in judged.verdicts] if judged else ()) != outcomes
+        if self._core.lateness is not None:
+            self._core.rejudge_row(recorded(stored, self._names), stored.position)
+            self._last.append(stored)
+        else:
+            judged = self._core.rejudge(order, step, stored.judged)
+            self._differing += tuple([v.outcome for v in judged.verdicts] if judged else ()) != outcomes
         if not stored.is_tick:
             self._settle(order, step, stored.gap)
 
@@ -169,6 +190,12 @@ class _Rejudging:
             self.used[monitor].append((seq, gap, JUDGED))
         else:
             self.waiting[monitor, seq] = step, gap
+
+
+def _outcomes(stored: StoredStep) -> list[Outcome | None]:
+    """The outcomes that stand, none of them final: that is said later."""
+    outcomes = stored.outcomes if stored.standing is None else stored.standing.outcomes
+    return [outcome and outcome.current for outcome in outcomes]
 
 
 def _known(monitor: MonitorRecord, numbering: Numbering) -> KnownMonitor:

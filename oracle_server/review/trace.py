@@ -89,6 +89,10 @@ def _place(stored: StoredStep, external: dict[int, str], properties: Sequence[st
         "skipped": step.skipped,
         "degraded": stored.lost,
     }
+    if step.released is not None:
+        place["released"] = step.released
+    if stored.place is not None:
+        place["place"] = stored.place
     if stored.bypassed:
         place["bypassed"] = [properties[i] for i in stored.bypassed]
     return place | {"said": _answers(stored, external)} if external else place

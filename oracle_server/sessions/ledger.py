@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 
 from oracle_server.core.numbering import JUDGED
+from oracle_server.core.revisions import Revision
 from oracle_server.core.session import Session
-from oracle_server.core.verdicts import Judged, record
+from oracle_server.core.verdicts import Judged
 from oracle_server.history.port import History
-from oracle_server.history.records import MonitorRecord, Refusal, SessionRecord, stored
+from oracle_server.history.records import (
+    MonitorRecord,
+    Refusal,
+    SessionRecord,
+    StoredStep,
+    restated,
+    stored,
+    stored_revision,
+)
 from oracle_server.process.clock import Clock
 from oracle_server.review.restore import Restored
 from oracle_server.sessions.backlog import Backlog
@@ -21,9 +30,10 @@ from oracle_server.sessions.monitor import Monitor
 from oracle_server.sessions.shares import Share
 from oracle_server.sessions.snapshots import Snapshots
 from oracle_server.sessions.standing import Standing
+from oracle_server.sessions.telling import News, for_log, news, tell
 from oracle_server.sessions.violations import ViolationLog
 from oracle_server.wire.errors import WireError
-from oracle_server.wire.frames import VerdictsFrame, ViolationFrame
+from oracle_server.wire.frames import VerdictsFrame
 from oracle_server.wire.incoming import AnyEvent, Handling, QuickHandling
 
 _WRITE_AFTER = 0.01
@@ -38,9 +48,13 @@ class Ledger:
 
     def __init__(
         self, opened: SessionRecord, core: Session, history: History, clock: Clock, counters: Counters,
-        backlog: Backlog, share: Share, monitors: Mapping[str, Monitor],
+        backlog: Backlog, share: Share, monitors: Mapping[str, Monitor], arm: Callable[[], None],
     ) -> None:  # fmt: skip
-        """Write for a session; `monitors` is the session's own mapping, to which later monitors are added."""
+        """Write for a session; `monitors` is the session's own mapping, to which later monitors are added.
+
+        It calls `arm` where the session may be due earlier than it was.
+        """
+        self._arm = arm
         self.commits = Commits()
         self.snapshots = Snapshots(
             opened.id, opened.number, core, history, backlog, partial(share.run_for_server, self.save)
@@ -63,7 +77,7 @@ class Ledger:
         self.snapshots.resume(restored.position, restored.saved)
 
     def add(self, judged: list[Judged]) -> None:
-        """Queue judged steps; many are written together, within `_WRITE_AFTER`."""
+        """Queue judged steps; many are written together, within `_WRITE_AFTER`, and all of one call are."""
         if not self._unwritten:
             asyncio.get_running_loop().call_later(_WRITE_AFTER, self._share.run, self.write)
         self._unwritten += judged
@@ -71,27 +85,18 @@ class Ledger:
     def write(self) -> None:
         """Write all queued steps to the history."""
         judged, self._unwritten = self._unwritten, []
-        steps, used = [], []
-        violations: list[ViolationFrame] = []
-        for item in judged:
-            self._position += 1
-            event, gap, handling = item.step.event, 0, None
-            if event.monitor:
-                monitor = self._monitors[event.monitor]
-                gap = monitor.gaps.get(event.seq, 0)
-                if item.order == self._deciding:
-                    monitor.gaps.pop(event.seq, None)
-                    handling = monitor.handlings.pop(event.seq, None)
-                    used.append((monitor, event.seq, gap, JUDGED))
-            steps.append(stored(self._position, gap, item, handling))
-            violations += [{"type": "violation", **record(item, v)} for v in item.verdicts if v.explanation]
-        if steps:
-            self._counters.add_steps([step.outcomes for step in steps])
-            standing, position = self._standing.changed(self._last_verdict), self._position
-            done = partial(self._share.run, self._committed, used, position, violations, standing)
-            self._history.append(self._session, steps, done)
-            if self.snapshots.is_due(self._position):
-                self._share.run_for_server(self.save)
+        if not judged:
+            return
+        used: list[_Used] = []
+        steps = [self._stored(item, used) for item in judged]
+        told = [frame for item in judged for frame in news(item)]
+        self._counters.add_steps([step.outcomes for step in steps if step.revision is None])
+        standing, position = self._standing.changed(self._last_verdict), self._position
+        done = partial(self._share.run, self._committed, used, position, told, standing)
+        stands = restated([item for item in judged if isinstance(item, Revision)], self._width)
+        self._history.append(self._session, steps, done, stands)
+        if self.snapshots.is_due(self._position):
+            self._share.run_for_server(self.save)
 
     def restate(self, monitor: MonitorRecord) -> None:
         """Write what a monitor reports of its streams, and send how the properties then stand."""
@@ -103,6 +108,7 @@ class Ledger:
         """Take a snapshot, so that a restart judges only later steps again."""
         self.write()
         self.snapshots.save(self._position, self._monitors)
+        self._arm()
 
     def refuse(self, monitor: Monitor, seq: int, gap: int, code: str, message: str) -> WireError:
         """Record the refusal of an event, which uses up its number and the gap before it.
@@ -145,21 +151,31 @@ class Ledger:
         if monitor.verdicts and monitor.outbox and self._standing.committed:
             monitor.outbox.send(self._standing.committed)
 
+    def _stored(self, item: Judged, used: list[_Used]) -> StoredStep:
+        """The next row, and in `used` the number that its event uses up."""
+        self._position += 1
+        if isinstance(item, Revision):
+            return stored_revision(self._position, item)
+        event, gap, handling = item.step.event, 0, None
+        if event.monitor:
+            monitor = self._monitors[event.monitor]
+            gap = monitor.gaps.get(event.seq, 0)
+            if item.order == self._deciding:
+                monitor.gaps.pop(event.seq, None)
+                handling = monitor.handlings.pop(event.seq, None)
+                used.append((monitor, event.seq, gap, JUDGED))
+        return stored(self._position, gap, item, handling)
+
     @property
     def _last_verdict(self) -> int:
         return self._position * self._width
 
-    def _committed(
-        self, used: list[_Used], position: int, violations: list[ViolationFrame], standing: VerdictsFrame | None
-    ) -> None:
+    def _committed(self, used: list[_Used], position: int, told: list[News], standing: VerdictsFrame | None) -> None:
         self.snapshots.committed(position)
         self.commits.notify()
         self._settle(used)
-        self._violations.add(violations)
-        for frame in violations:
-            for monitor in self._monitors.values():
-                if monitor.outbox:
-                    monitor.outbox.send(frame)
+        self._violations.add(for_log(told))
+        tell(self._monitors.values(), told)
         self._announce(standing)
 
     def _announce(self, standing: VerdictsFrame | None) -> None:

@@ -18,6 +18,7 @@ from oracle_server.core.simulated import ClockReading, SimulatedTime
 from oracle_server.core.verdicts import Judged, decision_frame
 from oracle_server.history.port import History
 from oracle_server.history.records import MonitorRecord, SessionRecord
+from oracle_server.history.views import Doubts
 from oracle_server.process.clock import Clock
 from oracle_server.remote.live import Oracles
 from oracle_server.review.restore import Restored
@@ -28,7 +29,7 @@ from oracle_server.sessions.monitor import Monitor, Outbox, check_time, claimed
 from oracle_server.sessions.shares import Share
 from oracle_server.wire.data import DataDecoder, data_decoder, nothing
 from oracle_server.wire.errors import WireError
-from oracle_server.wire.incoming import AnyClock, AnyEvent, Attach, Handling, QuickHandling, ReportMessage
+from oracle_server.wire.incoming import REVISIONS, AnyClock, AnyEvent, Attach, Handling, QuickHandling, ReportMessage
 
 _MOST_UNKEPT = 20_000
 """Events that are taken of a session of which nothing more can be kept; beyond, its monitors are not read."""
@@ -52,7 +53,7 @@ class LiveSession:
         core.divide(share.is_over)
         self.share = share
         """What it takes of the event loop's time; while it rests, its monitors are not read."""
-        self.ledger = Ledger(record, core, history, clock, counters, backlog, share, self.monitors)
+        self.ledger = Ledger(record, core, history, clock, counters, backlog, share, self.monitors, self._arm)
         self.closing = False
         self.clock_went_back = False
         """Whether its simulation was restarted, so that it ignores all further events."""
@@ -87,7 +88,7 @@ class LiveSession:
             monitor.numbering.restart()
         monitor.instance, monitor.outbox, monitor.streams, monitor.detaching = wanted.instance, outbox, streams, False
         monitor.clock = wanted.clock
-        monitor.verdicts = wanted.verdicts
+        monitor.verdicts, monitor.revisions = wanted.verdicts, REVISIONS in wanted.features
         if wanted.verdicts:
             self.ledger.follow_verdicts()
         self._set_attached(monitor, attached=True)
@@ -128,6 +129,22 @@ class LiveSession:
         if self.trouble is not None:
             message = f"session '{self.id}' can't be kept any more: {self.trouble}; close it, and open another"
             raise WireError("history_unavailable", message, fatal=True)
+
+    @property
+    def is_behind(self) -> bool:
+        """Whether deadlines have expired that are not judged yet: an event would have to wait for all of them."""
+        if self.closing or self.core.buffer.due is not None:
+            return False
+        return self.core.is_behind or (self._armed is not None and self._armed <= self.clock.now())
+
+    async def caught_up(self) -> None:
+        """Judge expired deadlines in turns, between which others are served, until none is left."""
+        while self.is_behind:
+            armed = self._armed
+            self.share.run(self._tick)
+            if self._armed == armed and not self.core.is_behind:
+                return
+            await asyncio.sleep(self.share.rest)
 
     def send_verdicts(self, monitor: Monitor) -> None:
         """Send the last committed `verdicts` frame to a monitor, if it requested these frames."""
@@ -220,6 +237,14 @@ class LiveSession:
             loop = asyncio.get_running_loop()
             monitor.expiry = loop.call_later(self._resume_within, self._expire, monitor)
 
+    async def drain(self) -> None:
+        """Before `close`: judge all held events in turns, between which other sessions are served; take no more."""
+        self.closing = True
+        self.share.run(lambda: self._deliver(self.core.release(self._enter())))
+        while self.core.buffer.due is not None:
+            self.share.run(lambda: self._deliver(self.core.advance(self._enter())))
+            await asyncio.sleep(0)
+
     def close(self) -> None:
         """Judge all held events, in order, and stop the timers."""
         self.closing = True
@@ -279,14 +304,25 @@ class LiveSession:
             monitor.gaps[step.event.seq] = gap
             self._deliver(self.core.hold(step))
 
+    @property
+    def doubts(self) -> Doubts | None:
+        """Which verdicts may still be revised, None where none ever is."""
+        lateness = self.core.lateness
+        if lateness is None:
+            return None
+        return Doubts(lateness.judge.newest - lateness.judge.horizon, self.core.plan.readers)
+
     def counts(self) -> Counter[str]:
-        """The session's counts so far, in the order that decides, by the names of the metrics."""
-        judge = next(iter(self.core.judges.values()))
-        names = ("late", "skewed", "skipped", "lost", "denied")
-        found = Counter({name: getattr(judge.counters, name) for name in names})
+        """The session's counts so far, in the order that decides, by the names of the metrics.
+
+        None ever falls: violations are those that were told, also the `retracted` ones.
+        """
+        properties, counters = next(iter(self.core.judges.values())).told
+        names = ("late", "skewed", "skipped", "lost", "denied", "revised", "retracted")
+        found = Counter({name: getattr(counters, name) for name in names})
         found["duplicates"] = sum(count.duplicates for count in self.core.counts.values())
         found["refused"] = self.ledger.refused
-        found["violations"] = sum(p.violations for p in judge.properties)
+        found["violations"] = sum(p.violations for p in properties) + counters.retracted
         found["engine_failures"] = sum(p.broken is not None for j in self.core.judges.values() for p in j.properties)
         return found
 
@@ -377,10 +413,12 @@ class LiveSession:
         if self._timer:
             self._timer.cancel()
         loop = asyncio.get_running_loop()
-        delay = max(0, deadline - self.clock.now()) / 10**9
+        delay = self.share.rest if self.core.is_behind else max(0, deadline - self.clock.now()) / 10**9
         self._armed, self._timer = deadline, loop.call_later(delay, self.share.run, self._tick)
 
     def _tick(self) -> None:
+        if self._timer:
+            self._timer.cancel()
         self._armed = self._timer = None
         self._deliver(self.core.advance(self._enter()))
 

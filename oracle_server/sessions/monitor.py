@@ -51,6 +51,8 @@ class Monitor:
     detaching: bool = False
     verdicts: bool = False
     """Whether it requested `verdicts` frames."""
+    revisions: bool = False
+    """Whether it requested `revision` frames."""
     lost: int = 0
     """Events that never arrived or could not be read since the last event; the next one carries this count."""
     unsettled: int = 0

@@ -157,6 +157,9 @@ class Registry:
         """Judge what a session holds, and close it, unless the server stops: the next server restores it then."""
         if session.closing:
             return
+        await session.drain()
+        if self._stopping:
+            return
         session.close()
         await session.settle()
         session.end()

@@ -17,12 +17,16 @@ FREE = 0.002
 """Seconds that a session may take before it rests."""
 ACTIVE = 1.0
 """Seconds for which a session counts as active after it took some time."""
-LONGEST = 1.0
+LONGEST = 3.0
 """Seconds after which it is read on in any case."""
 _MOST = 3
 """It rests this many times what it took where at least as many others are active: a quarter of the time is its own."""
-_SURCHARGE = 20
-"""It rests this many times what it took beyond `FREE`, so that pieces that can't be divided are rare."""
+_RARE = 100
+"""What a piece takes beyond `FREE` keeps each of the others waiting: it rests as many times that as others are active,
+so many times at most. Where there are that many, it is 1 % of the time, and 99 % of their events do not meet it.
+"""
+_SAVED = 3.0
+"""Seconds of such rest that count as made up for in advance: a dear piece now and then is no reason to rest."""
 
 Args = TypeVarTuple("Args")
 T = TypeVar("T")
@@ -66,6 +70,8 @@ class Share:
         self._shares = shares
         self._used = 0.0
         """Seconds that it took and did not make up for."""
+        self._owed = -_SAVED
+        """Seconds for which it should rest for what could not be divided; below 0, what it has saved up."""
         self._at = self._until = 0.0
         self._inner = 0.0
         self._began: float | None = None
@@ -73,7 +79,7 @@ class Share:
 
     def run(self, work: Callable[[Unpack[Args]], T], *args: *Args) -> T:
         """Do some of the session's work now, and charge it, also where it fails."""
-        return self._run(_SURCHARGE, work, *args)
+        return self._run(_RARE, work, *args)
 
     def run_for_server(self, work: Callable[[Unpack[Args]], T], *args: *Args) -> T:
         """Do what the server itself wants of the session: a single large piece is charged like many small ones."""
@@ -100,7 +106,7 @@ class Share:
         while rest := self.rest:
             await sleep(rest)
 
-    def _run(self, surcharge: int, work: Callable[[Unpack[Args]], T], *args: *Args) -> T:
+    def _run(self, rare: int, work: Callable[[Unpack[Args]], T], *args: *Args) -> T:
         outer, self._inner, begin, outermost = self._inner, 0.0, self._shares.spent(), self._began is None
         self._began = begin if outermost else self._began
         try:
@@ -108,18 +114,23 @@ class Share:
         finally:
             self._began = None if outermost else self._began
             took = self._shares.spent() - begin
-            self._charge(took - self._inner, surcharge)
+            self._charge(took - self._inner, rare)
             self._inner = outer + took
 
-    def _charge(self, took: float, surcharge: int) -> None:
+    def _charge(self, took: float, rare: int) -> None:
         shares, now = self._shares, self._shares.clock()
-        others = min(_MOST, shares.others(self, now - took))  # none of them could do anything meanwhile
+        others = shares.others(self, now - took)  # none of them could do anything meanwhile
         shares.touch(self, now)
+        passed, self._at = now - self._at, now
+        self._owed = max(-_SAVED, self._owed - passed)
         if not others:
             self._used = self._until = 0.0
-        else:
-            self._used = max(0.0, self._used - (now - self._at) / (1 + others)) + took
-            if self._used > FREE:
-                rest = others * self._used + surcharge * (self._used - FREE)
-                self._until, self._used = max(self._until, now + min(rest, LONGEST)), 0.0
-        self._at = now
+            return
+        fair = min(_MOST, others)
+        self._used = max(0.0, self._used - passed / (1 + fair)) + took
+        self._owed = min(LONGEST, self._owed + min(rare, others) * max(0.0, took - FREE))
+        rest = self._owed
+        if self._used > FREE:
+            rest, self._used = max(rest, fair * self._used), 0.0
+        if rest > 0:
+            self._until = max(self._until, now + min(rest, LONGEST))

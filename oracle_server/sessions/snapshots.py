@@ -24,7 +24,7 @@ _LIGHT = 10
 _REST = 500
 """For this many times the duration of a snapshot, no other one is taken unless it must: all sessions wait meanwhile."""
 _ASK_AGAIN = 0.1
-"""Seconds until a snapshot is tried again that could not be taken, since an external oracle is asked."""
+"""Seconds until a snapshot is tried again that could not be taken: an oracle is asked, or a pass goes on."""
 
 log = structlog.get_logger()
 
@@ -80,7 +80,7 @@ class Snapshots:
 
         The monitors' numbers are as of the last commit: steps up to there are not needed for a restart.
         """
-        if self._core.asking:  # the order is ahead of what was judged
+        if not self._core.can_be_saved:
             self._rested = time.monotonic() + _ASK_AGAIN
             return
         begin = time.thread_time()  # the time of this thread alone
@@ -98,8 +98,13 @@ class Snapshots:
             self._backlog.forget(self)
             return
         self._count(position)
+        if "revising" in data:  # a late event may still change what was judged after that
+            position = data["revising"]["position"]
+            if not position:
+                return
         numbers = {name: monitor.numbering.saved() for name, monitor in monitors.items()}
-        self._history.save_snapshot(self._number, SnapshotRecord(position, data, self._committed, numbers))
+        settled = min(position, self._committed)
+        self._history.save_snapshot(self._number, SnapshotRecord(position, data, settled, numbers))
 
     @property
     def rested(self) -> bool:

@@ -25,7 +25,9 @@ def caveats(core: Session, index: int) -> list[str]:
     ]
 
 
-_Mark = tuple[Outcome, int, bool, bool, tuple[str, ...]]
+_Mark = tuple[Outcome, int, int | None, bool, bool, tuple[str, ...]]
+"""A property's outcome, its violations and the first one, whether any step could not be judged, whether it waits, and
+its caveats."""
 
 
 class Standing:
@@ -35,7 +37,7 @@ class Standing:
         self.committed: VerdictsFrame | None = None
         """The frame as of the last commit; None while no monitor has requested it."""
         self._core = core
-        self._states = next(iter(core.judges.values())).properties
+        self._judge = next(iter(core.judges.values()))
         self._mark: tuple[_Mark, ...] = ()
 
     def follow(self, n: int) -> None:
@@ -50,11 +52,17 @@ class Standing:
         before, self._mark = self._mark, self._marked()
         return None if self._mark == before else self._frame(n)
 
+    @property
+    def _states(self) -> Sequence[PropertyState]:
+        return self._judge.told.properties
+
     def _marked(self) -> tuple[_Mark, ...]:
-        """For each property: its outcome and violations, whether any step failed, whether it waits, and its caveats."""
         return tuple(
             [
-                (state.outcome, state.violations, state.failures > 0, bool(state.pending), self._caveats(i, state))
+                (
+                    *(state.outcome, state.violations, state.first_violation, state.failures > 0),
+                    *(bool(state.pending), self._caveats(i, state)),
+                )
                 for i, state in enumerate(self._states)
             ]
         )
@@ -63,12 +71,12 @@ class Standing:
         return tuple(caveats(self._core, index)) if state.bypassed else ()
 
     def _frame(self, n: int) -> VerdictsFrame:
-        states = enumerate(self._states)
+        states = self._states
         return {
             "type": "verdicts",
             "n": n,
-            "worst": worst(state.outcome for state in self._states).value,
-            "properties": {state.property.id: _standing(state, self._caveats(i, state)) for i, state in states},
+            "worst": worst(state.outcome for state in states).value,
+            "properties": {s.property.id: _standing(s, self._caveats(i, s)) for i, s in enumerate(states)},
         }
 
 

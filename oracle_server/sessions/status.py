@@ -1,4 +1,4 @@
-"""The state of a session, as plain data for HTTP."""
+"""The state of a session, as plain data for HTTP: what stands."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 
 from oracle_server.core.events import Step
 from oracle_server.core.reorder import Source
+from oracle_server.core.revise.lateness import Lateness
 from oracle_server.core.session import Session
 from oracle_server.core.tally import BOUNDS, HoldTimes, StreamCounts
 from oracle_server.core.verdicts import json_number
@@ -34,6 +35,7 @@ def session_state(session: LiveSession, now: int) -> dict[str, Any]:
         "awaited": _awaited(core.buffer.awaited),
         "waiting": _waiting(core, now),
         "hold": _hold(core.holds),
+        "revising": None if core.lateness is None else _revising(core.lateness),
         "properties": list(_properties(core)),
         "disagree": _disagree(core),
         "counters": _counters(session),
@@ -55,7 +57,7 @@ def _monitors(session: LiveSession) -> Iterator[dict[str, Any]]:
 def _properties(core: Session) -> Iterator[dict[str, Any]]:
     """Each property, in each order."""
     for order, judge in core.judges.items():
-        for i, state in enumerate(judge.properties):
+        for i, state in enumerate(judge.told.properties):
             yield {
                 "id": state.property.id,
                 "order": order,
@@ -77,9 +79,9 @@ def _counters(session: LiveSession) -> dict[str, int]:
     """The counts of the order that decides, as in the metrics: each event once."""
     core, counts = session.core, session.counts()
     return {
-        "steps": max(judge.counters.steps for judge in core.judges.values()),
+        "steps": max(judge.told.counters.steps for judge in core.judges.values()),
         "held": len(core.buffer),
-        **{name: counts[name] for name in ("refused", "late", "skewed", "skipped", "lost", "denied")},
+        **{name: counts[name] for name in ("refused", "late", "skewed", "skipped", "lost", "denied", "revised")},
     }
 
 
@@ -140,6 +142,21 @@ def _age(step: Step, now: int) -> int:
     return max(0, now - event.came) // 10**6
 
 
+def _revising(lateness: Lateness) -> dict[str, Any]:
+    """How late events are put in their places; `shorter`: more steps than are kept lie within the horizon (ns)."""
+    judge = lateness.judge
+    return {
+        "horizon": judge.horizon,
+        "kept": len(judge.keeping),
+        "shorter": judge.keeping.crowded,
+        "placed": lateness.placed,
+        "beyond": lateness.beyond,
+        "passes": lateness.passes,
+        "waiting": lateness.waiting,
+        "going": judge.is_going,
+    }
+
+
 def _hold(holds: HoldTimes) -> dict[str, Any]:
     """How long events were held (ns): each bucket counts those held for `le` or less; null is no bound."""
     counts = accumulate(holds.buckets)
@@ -149,5 +166,5 @@ def _hold(holds: HoldTimes) -> dict[str, Any]:
 
 def _disagree(core: Session) -> list[str]:
     """The properties with different violations in the two orders: a sign of a slow network, not of a faulty node."""
-    judged = [judge.properties for judge in core.judges.values()]
+    judged = [judge.told.properties for judge in core.judges.values()]
     return [states[0].property.id for states in zip(*judged, strict=True) if len({s.violations for s in states}) > 1]

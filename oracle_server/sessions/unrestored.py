@@ -41,6 +41,7 @@ class Unrestored(NamedTuple):
             "awaited": None,
             "waiting": None,
             "hold": {"count": 0, "sum": 0, "buckets": []},
+            "revising": None,
             "properties": [],
             "disagree": [],
             "counters": dict.fromkeys(_COUNTED),

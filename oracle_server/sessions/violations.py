@@ -1,4 +1,4 @@
-"""Violations in the server's log: each with its text, but for a flood of them."""
+"""Violations in the server's log, and those that were retracted: each with its text, but for a flood of them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Iterable
 import structlog
 
 from oracle_server.core.errors import one_line
+from oracle_server.core.naming import retraction_text
 from oracle_server.core.records import VerdictRecord
 from oracle_server.process.clock import Clock
 
@@ -26,18 +27,24 @@ class ViolationLog:
         self._since = self._logged = 0
 
     def add(self, records: Iterable[VerdictRecord]) -> None:
-        """Log committed violations."""
+        """Log committed violations, and revisions that retract one."""
         for record in records:
             now = self._clock.now()
             if now - self._since >= _WITHIN:
                 self._since, self._logged = now, 0
             self._logged += 1
             if self._logged <= _MOST:
-                why = record["explanation"]
-                text = f"{record['property']} is violated" if why is None else why["text"]
-                log.warning(f"violation: {_shortened(text)}", session=self._session, n=record["n"])
+                log.warning(_line(record), session=self._session, n=record["n"])
             elif self._logged == _MOST + 1:
                 log.warning("more violations are in the history, and not logged for now", session=self._session)
+
+
+def _line(record: VerdictRecord) -> str:
+    if record.get("retracted"):
+        return f"retracted: {one_line(retraction_text(record))}"
+    why = record["explanation"]
+    text = f"{record['property']} is violated" if why is None else why["text"]
+    return f"violation: {_shortened(text)}"
 
 
 def _shortened(text: str) -> str:

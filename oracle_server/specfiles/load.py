@@ -15,6 +15,7 @@ from urllib.parse import urlsplit
 from pydantic import ValidationError
 
 from oracle_server.core.dependencies import GraphNode
+from oracle_server.core.derived.definition import Definition
 from oracle_server.core.errors import EngineError, Finding, FormulaError, SpecError, SpecProblem
 from oracle_server.core.formula.tree import Atom, Formula, walk
 from oracle_server.core.hazards import inspect
@@ -24,6 +25,8 @@ from oracle_server.core.stamps import Stamp
 from oracle_server.engines.table import ENGINES
 from oracle_server.rostypes.known import Types
 from oracle_server.rostypes.streams import stream_types
+from oracle_server.specfiles.defining import Definitions
+from oracle_server.specfiles.derive import definitions
 from oracle_server.specfiles.document import MAX_TEXT, Document, read_yaml
 from oracle_server.specfiles.model import HalfModel, PropertyModel, ServiceModel, SpecModel, TopicModel
 from oracle_server.specfiles.texts import formula_finding, texts_findings
@@ -87,10 +90,14 @@ def parse_spec(
         model = SpecModel.model_validate(document.value)
     except ValidationError as error:
         raise SpecError(_sorted([*model_findings(document, error.errors()), *texts_findings(document)])) from None
-    findings: list[Finding] = []
-    properties = [_property(document, i, p, findings) for i, p in enumerate(model.properties)]
-    spec = _spec(model, tuple(p or _make(m, SILENT, "") for p, m in zip(properties, model.properties, strict=True)))
-    pairs = len(spec.streams) * sum(_parts(prop) for prop in spec.properties)
+    named = Definitions(document)
+    findings = [*named.findings()]
+    derived = definitions(document, model.derive, findings)
+    properties = [_property(document, i, p, named, findings) for i, p in enumerate(model.properties)]
+    made = [p or _make(m, SILENT, "") for p, m in zip(properties, model.properties, strict=True)]
+    spec = _spec(model, tuple(made), tuple(derived))
+    formulas = [prop.formula for prop in spec.properties] + [d.formula or SILENT for d in spec.derive]
+    pairs = len(spec.streams) * sum(_parts(formula) for formula in formulas)
     if bounded and pairs > MOST_PAIRS:
         message = (
             f"the formulas have too many parts for {len(spec.streams)} streams: at most {MOST_PAIRS:,} pairs of a "
@@ -99,7 +106,15 @@ def parse_spec(
         raise SpecError(_sorted([*findings, Finding(file, *document.place(("properties",)), message)]))
     known, typed = stream_types(spec, types, ros) if types is not None else (None, [])
     typed = [replace(problem, kind="type") for problem in typed]
-    problems = [*typed, *inspect(spec, graph, known), *_engines(spec), *(_on_ros(spec, ros, typed) if ros else ())]
+    problems = [
+        *typed,
+        *inspect(spec, graph, known),
+        *_engines(spec),
+        *_revising(spec, model),
+        *(_on_ros(spec, ros, typed) if ros else ()),
+        *named.numeric(spec),
+        *named.unused(),
+    ]
     told = {(p.path, p.within) for p in problems if p.kind == "type" and p.within and p.severity == "error"}
     problems = [p for p in problems if p.kind == "type" or (p.path, p.within) not in told]
     if findings:  # what is doubtful may be so because of them
@@ -107,7 +122,7 @@ def parse_spec(
     elif any(p.severity == "error" for p in problems):
         problems = [p for p in problems if p.severity == "error" or p.path[-1] != "formula"]
     places = [number - 1 for number in accumulate(stream.traits.leads for stream in spec.streams)]
-    findings = _sorted(dict.fromkeys([*findings, *(_finding(document, p, spec, places) for p in problems)]))
+    findings = _sorted(dict.fromkeys([*findings, *(_finding(document, p, spec, places, named) for p in problems)]))
     if any(f.severity == "error" for f in findings):
         raise SpecError(findings)
     return SpecFile(spec, text, tuple(findings))
@@ -117,9 +132,9 @@ def _sorted(findings: Iterable[Finding]) -> list[Finding]:
     return sorted(findings, key=lambda f: (f.line, f.column))
 
 
-def _parts(prop: Property) -> int:
+def _parts(formula: Formula) -> int:
     """How many operators and comparisons a formula has."""
-    return sum(max(1, len(node.constraints)) if isinstance(node, Atom) else 1 for node in walk(prop.formula))
+    return sum(max(1, len(node.constraints)) if isinstance(node, Atom) else 1 for node in walk(formula))
 
 
 def _size(value: Any, key: str) -> int:
@@ -135,7 +150,9 @@ def _crowd(document: Document, key: str) -> Finding:
 _ONLY_EXTERNAL = ("url", "timeout", "streams", "names")
 
 
-def _property(document: Document, index: int, model: PropertyModel, findings: list[Finding]) -> Property | None:
+def _property(
+    document: Document, index: int, model: PropertyModel, definitions: Definitions, findings: list[Finding]
+) -> Property | None:
     place: tuple[str | int, ...] = ("properties", index)
     external = model.engine == "external"
     if external:
@@ -158,12 +175,13 @@ def _property(document: Document, index: int, model: PropertyModel, findings: li
         findings.append(Finding(document.file, *document.place(place), message))
         return None
     try:
-        formula = ENGINES[model.engine].read(model.formula, model.time)
+        formula = ENGINES[model.engine].read(model.formula, model.time, definitions.names)
     except EngineError as error:
         findings.append(Finding(document.file, *document.place((*place, "engine")), f"property '{model.id}': {error}"))
         return None
     except FormulaError as error:
-        findings.append(formula_finding(document, index, model.id, error))
+        if not error.told:
+            findings.append(formula_finding(document, index, model.id, error, definitions))
         return None
     return _make(model, formula, " ".join(model.formula.split()))
 
@@ -216,7 +234,7 @@ def _make(model: PropertyModel, formula: Formula, text: str, external: External 
     )
 
 
-def _spec(model: SpecModel, properties: tuple[Property, ...]) -> Spec:
+def _spec(model: SpecModel, properties: tuple[Property, ...], derived: tuple[Definition, ...]) -> Spec:
     streams = tuple(stream for m in model.streams for stream in _streams(m))
     ordering = Ordering(**model.ordering.model_dump())
     retention = Retention(**model.retention.model_dump())
@@ -228,8 +246,14 @@ def _spec(model: SpecModel, properties: tuple[Property, ...]) -> Spec:
     for prop in meaning["properties"]:
         if prop["at_end"] == "ignore":  # so that specs without it keep the digest that older versions gave them
             del prop["at_end"]
+    if not model.define:  # a spec without names is what it was before there were any
+        del meaning["define"]
+    if not derived:  # as in specs of versions that knew none
+        del meaning["derive"]
+    else:
+        meaning["derive"] = list(meaning["derive"].items())  # in order
     digest = hashlib.sha256(json.dumps(meaning, sort_keys=True).encode()).hexdigest()
-    return Spec(model.id, streams, properties, ordering, model.description, digest, retention)
+    return Spec(model.id, streams, properties, ordering, model.description, digest, retention, derived)
 
 
 def _streams(model: TopicModel | ServiceModel) -> Iterator[StreamSpec]:
@@ -265,6 +289,12 @@ def _engines(spec: Spec) -> Iterator[SpecProblem]:
             yield SpecProblem(("properties", i, refusal.key), f"property '{prop.id}': {refusal.reason}")
         if row.goes_back(prop):
             continue
+        if spec.ordering.late == "revise":
+            yield SpecProblem(
+                ("properties", i, "engine"),
+                f"property '{prop.id}': `late: revise` judges again what came after a late event, and `engine: "
+                f"{prop.engine}` can't go back; `native` can, or write `late: judge` under `ordering`",
+            )
         native = f"needs an engine that can take steps back, and `engine: {prop.engine}` can't; `native` can"
         if prop.blame == "caused":
             yield SpecProblem(("properties", i, "blame"), f"`blame: caused` {native}")
@@ -273,18 +303,47 @@ def _engines(spec: Spec) -> Iterator[SpecProblem]:
                 yield SpecProblem(("streams", j, "on_deny"), f"`on_deny: undo` {native} (property '{prop.id}')")
 
 
+def _revising(spec: Spec, model: SpecModel) -> Iterator[SpecProblem]:
+    """What keeps `late: revise` from being what it says."""
+    if spec.ordering.late != "revise":
+        if "horizon" in model.ordering.model_fields_set:
+            yield SpecProblem(
+                ("ordering", "horizon"),
+                "`horizon` is that of `late: revise`; write that too, or leave `horizon` out",
+            )
+        return
+    if spec.derive:
+        yield SpecProblem(
+            ("ordering", "late"),
+            "`late: revise` can't go back over derived signals; write `late: judge`, or leave `derive` out",
+        )
+    if spec.ordering.by != "publication":
+        yield SpecProblem(
+            ("ordering", "late"),
+            f"`late: revise` puts right the order of publication alone, and `by` is {spec.ordering.by}; leave `by` "
+            "out, or write `late: judge`",
+        )
+    elif not any(stream.ordered for stream in spec.streams):
+        yield SpecProblem(
+            ("ordering", "late"), "no stream is ordered, so that nothing comes late; leave out `late: revise`"
+        )
+
+
 def _on_ros(spec: Spec, ros: Ros, typed: Iterable[SpecProblem]) -> Iterator[SpecProblem]:
     """What would not work on a version of ROS; nothing is said of streams whose types are not there at all."""
     mistaken = {problem.path[:2] for problem in typed if problem.severity == "error" and problem.path[2:] == ("type",)}
     return (problem for problem in ros_hazards(spec, ros) if problem.path[:2] not in mistaken)
 
 
-def _finding(document: Document, problem: SpecProblem, spec: Spec, places: Sequence[int]) -> Finding:
-    place = document.place(_in_file(problem.path, spec, places), problem.within)
-    first = ""
+def _finding(
+    document: Document, problem: SpecProblem, spec: Spec, places: Sequence[int], definitions: Definitions
+) -> Finding:
+    path = _in_file(problem.path, spec, places)
+    place = document.key_place(path) if path[0] == "define" else document.place(path, problem.within)
+    first = definitions.where(path, problem.within)
     if problem.first is not None:
         line, _ = document.place(_in_file(problem.first, spec, places))
-        first = f"; the first is at {document.file}:{line}"
+        first += f"; the first is at {document.file}:{line}"
     return Finding(document.file, *place, problem.message + first, problem.severity, problem.kind)
 
 

@@ -12,7 +12,7 @@ from oracle_server.specfiles.document import Document, KeyPath
 
 def mend(document: Document, path: KeyPath, value: object) -> str:
     """What follows the refusal of a value: a sentence that begins with its separator, or nothing."""
-    key = path[-1]
+    key = "formula" if len(path) > 1 and path[0] == "define" else path[-1]
     if isinstance(value, str):
         return _of_text(document, path, value)
     if isinstance(value, list):

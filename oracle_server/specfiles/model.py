@@ -11,6 +11,7 @@ from pydantic import (
     ConfigDict,
     Discriminator,
     Field,
+    SerializerFunctionWrapHandler,
     StrictBool,
     StrictInt,
     StrictStr,
@@ -18,7 +19,7 @@ from pydantic import (
     model_serializer,
 )
 
-from oracle_server.core.spec import IDENTIFIER
+from oracle_server.core.spec import HORIZON, IDENTIFIER, LONGEST_HORIZON
 from oracle_server.core.stamps import Epoch, Unit
 from oracle_server.core.units import duration, size
 from oracle_server.engines.table import ENGINES
@@ -63,9 +64,17 @@ class OrderingModel(_Model):
 
     by: Literal["publication", "arrival", "both"] = "publication"
     max_delay: Delay = 200 * 10**6
-    late: Literal["judge", "skip"] = "judge"
+    late: Literal["judge", "skip", "revise"] = "judge"
     max_skew: Duration = 10**9
     capacity: Annotated[int, Field(strict=True, ge=1, le=1_000_000)] = 10_000
+    horizon: Annotated[Duration, Field(gt=0, le=LONGEST_HORIZON)] = HORIZON
+
+    @model_serializer(mode="wrap")
+    def _meaning(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        meaning: dict[str, Any] = plain(self)
+        if self.late != "revise":
+            del meaning["horizon"]
+        return meaning
 
 
 class StampModel(_Model):
@@ -168,6 +177,42 @@ class RetentionModel(_Model):
     size: Size | None = None
 
 
+def _over(value: object) -> tuple[int, bool]:
+    """A window: nanoseconds, or, with true behind it, samples."""
+    if isinstance(value, int) and not isinstance(value, bool):
+        if value < 1:
+            raise ValueError(f"a window has at least 1 sample, found {value}")
+        return value, True
+    found = duration(value)
+    if not found:
+        raise ValueError("a window is longer than 0s")
+    return found, False
+
+
+def _derived(value: object) -> object:
+    """A derived signal: a text alone is its expression."""
+    return {"expression": value} if isinstance(value, str) else value
+
+
+class DeriveModel(_Model):
+    """A derived signal: one operation with its operand, and its window."""
+
+    expression: StrictStr | None = None
+    count: StrictStr | None = None
+    rate: StrictStr | None = None
+    sum: StrictStr | None = None
+    mean: StrictStr | None = None
+    min: StrictStr | None = None
+    max: StrictStr | None = None
+    last: StrictStr | None = None
+    previous: StrictStr | None = None
+    delta: StrictStr | None = None
+    age: StrictStr | None = None
+    over: Annotated[tuple[int, bool] | None, BeforeValidator(_over)] = None
+    by: SignalName | None = None
+    forget: Annotated[Duration, Field(gt=0)] | None = None
+
+
 class SpecModel(_Model):
     """A whole spec file."""
 
@@ -176,4 +221,6 @@ class SpecModel(_Model):
     ordering: OrderingModel = OrderingModel()
     retention: RetentionModel = RetentionModel()
     streams: Annotated[list[StreamModel], Field(min_length=1)]
+    define: dict[SignalName, StrictStr] = {}
+    derive: dict[SignalName, Annotated[DeriveModel, BeforeValidator(_derived)]] = {}
     properties: Annotated[list[PropertyModel], Field(min_length=1)]

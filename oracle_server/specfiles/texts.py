@@ -11,23 +11,29 @@ from yaml import events
 from oracle_server.core.errors import EngineError, ExpressionError, Finding, FormulaError
 from oracle_server.core.expression import parse_expression
 from oracle_server.engines.table import ENGINES
+from oracle_server.specfiles.defining import Definitions
+from oracle_server.specfiles.derive import derive_findings
 from oracle_server.specfiles.document import Document, KeyPath
 
 
 def texts_findings(document: Document) -> Iterator[Finding]:
     """What is wrong with the formulas and expressions of a document, as far as they are found in it."""
     value = document.value if isinstance(document.value, dict) else {}
+    definitions = Definitions(document)
+    yield from definitions.findings()
     for i, prop in enumerate(_list(value.get("properties"))):
         engine, time = prop.get("engine", "auto"), prop.get("time", "steps")
         row = ENGINES.get(engine) if isinstance(engine, str) else None
         if row is None or engine == "external" or not isinstance(prop.get("formula"), str):
             continue
         try:
-            row.read(prop["formula"], "seconds" if time == "seconds" else "steps")
+            row.read(prop["formula"], "seconds" if time == "seconds" else "steps", definitions.names)
         except FormulaError as error:
-            yield formula_finding(document, i, prop.get("id", i + 1), error)
+            if not error.told:
+                yield formula_finding(document, i, prop.get("id", i + 1), error, definitions)
         except EngineError:
             pass  # what is not installed is told once the keys are right
+    yield from derive_findings(document, value.get("derive"))
     for i, stream in enumerate(_list(value.get("streams"))):
         for half in ((), ("request",), ("response",)):
             channel = stream.get(half[0]) if half else stream
@@ -35,11 +41,13 @@ def texts_findings(document: Document) -> Iterator[Finding]:
             yield from _expressions(document, ("streams", i, *half, "signals"), signals)
 
 
-def formula_finding(document: Document, index: int, name: object, error: FormulaError) -> Finding:
+def formula_finding(
+    document: Document, index: int, name: object, error: FormulaError, definitions: Definitions
+) -> Finding:
     """A formula that can't be read, at its place in the file."""
-    path = ("properties", index, "formula")
-    place = document.place(path, (error.line, error.column))
-    return Finding(document.file, *place, f"formula of '{name}': {error.message}{_comment(document, path)}")
+    path, within = ("properties", index, "formula"), (error.line, error.column)
+    more = f"{definitions.where(path, within)}{_comment(document, path)}"
+    return Finding(document.file, *document.place(path, within), f"formula of '{name}': {error.message}{more}")
 
 
 def _expressions(document: Document, path: KeyPath, signals: object) -> Iterator[Finding]:

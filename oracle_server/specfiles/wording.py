@@ -13,6 +13,7 @@ from oracle_server.core.nearest import near, nearest
 from oracle_server.specfiles.document import Document, KeyPath
 from oracle_server.specfiles.mending import at, is_map, mend
 from oracle_server.specfiles.model import (
+    DeriveModel,
     HalfModel,
     OrderingModel,
     PropertyModel,
@@ -25,6 +26,7 @@ from oracle_server.specfiles.model import (
 
 _NAMES = "a list of topics and services, such as [/cmd_vel]"
 _DURATION = "a time such as 20ms, 2s or 1.5s"
+_DERIVED = "one of count, rate, sum and so on, such as {rate: '{topic: /scan}', over: 2s}, or an expression"
 _SWITCH = "true or false, without quotes"
 _TAKES: Mapping[str, str] = {
     "id": "1 to 64 letters, digits, `_`, `-` and `.`, as in speed_limit",
@@ -47,6 +49,7 @@ _TAKES: Mapping[str, str] = {
     "latency": _DURATION,
     "decide_within": _DURATION,
     "max_skew": _DURATION,
+    "horizon": f"{_DURATION}, longer than 0s and at most an hour",
     "timeout": f"{_DURATION}, longer than 0s",
     "age": _DURATION,
     "max_delay": f"{_DURATION}, or none",
@@ -54,12 +57,22 @@ _TAKES: Mapping[str, str] = {
     "capacity": "a whole number from 1 to 1000000",
     "events": "a whole number, at least 1",
     "formula": "a text in quotes, such as '{speed > 1} -> {enabled}'",
+    "define": "names, each with a formula in quotes, such as moving: '{speed > 0.1}'",
     "url": "an address such as ws://127.0.0.1:8080",
     "ordering": "keys of its own, such as {max_delay: 500ms}",
     "retention": "keys of its own, such as {age: 168h}",
     "properties": "a list of at least one property, each of which begins with `- id:`",
+    "derive": "names, each with what it is, such as {scan_rate: {rate: '{topic: /scan}', over: 2s}}",
 }
 """What each key takes, those aside that take one of some words."""
+_DERIVING: Mapping[str, str] = {
+    "expression": "an expression over signals, such as 'limit - speed'",
+    **dict.fromkeys(("count", "rate", "age"), "a formula in quotes, such as '{topic: /scan}'"),
+    **dict.fromkeys(("sum", "mean", "min", "max", "last", "previous", "delta", "by"), "the name of a signal"),
+    "over": "a time such as 2s, or a number of samples such as 20",
+    "forget": f"{_DURATION}, longer than 0s",
+}
+"""What each key of a derived signal takes."""
 _STREAMS = "a list of at least one stream, each of which begins with `- topic:` or `- service:`"
 _LEVELS: Mapping[str, Any] = {
     "the file": SpecModel,
@@ -70,13 +83,15 @@ _LEVELS: Mapping[str, Any] = {
     "`request` or `response`": HalfModel,
     "`stamp`": StampModel,
     "a property": PropertyModel,
+    "a derived signal": DeriveModel,
 }
 """The keys that there are, by where they stand."""
 _FIRST = ("topic", "service", "type", "request", "response", "signals", "hold", "stamp")
 """The keys of a stream that are told first."""
 _KEYS_MEANT: Mapping[str, Mapping[str, str]] = {
     "the file": {"name": "id", "topics": "streams", "services": "streams", "rules": "properties",
-        "formulas": "properties", "requirements": "properties"},
+        "formulas": "properties", "requirements": "properties", "derived": "derive", "compute": "derive",
+        **dict.fromkeys(("definitions", "macros", "names", "let"), "define")},
     "a topic": {"name": "topic", "msg_type": "type", "message_type": "type", "datatype": "type", "fields": "signals",
         "variables": "signals", "timestamp": "stamp", "keep": "hold", "timeout": "decide_within"},
     "a service": {"name": "service", "srv_type": "type", "timeout": "decide_within", "req": "request",
@@ -84,6 +99,9 @@ _KEYS_MEANT: Mapping[str, Mapping[str, str]] = {
     "`request` or `response`": {"fields": "signals", "variables": "signals", "keep": "hold"},
     "a property": {"name": "id", **dict.fromkeys(("expression", "expr", "ltl", "stl", "spec", "rule"), "formula"),
         "guard": "guards", "message": "description", "unit": "time", "clock": "time"},
+    "a derived signal": {"window": "over", "within": "over", "avg": "mean", "average": "mean", "frequency": "rate",
+        "hz": "rate", "key": "by", "group_by": "by", "per": "by", "minimum": "min", "maximum": "max",
+        "difference": "delta", "diff": "delta", "total": "sum"},
 }  # fmt: skip
 """What people call keys elsewhere, by where they stand."""
 _MEANT = {
@@ -128,6 +146,8 @@ def place_name(document: Document, path: KeyPath) -> str:
     """What stands before a message: the stream or property that a path is in, empty elsewhere."""
     if len(path) > 1 and path[0] in ("ordering", "retention"):
         return f"{path[0]}: "
+    if len(path) > 1 and path[0] == "derive":
+        return f"derived signal '{path[1]}': "
     if len(path) < 2 or path[0] not in ("streams", "properties") or not isinstance(path[1], int):
         return ""
     value = at(document.value, path[:2])
@@ -200,8 +220,8 @@ def _level(document: Document, path: KeyPath) -> str:
         case ("streams", int(), *_):
             value = at(document.value, path[:2])
             return "a service" if is_map(value) and "service" in value else "a topic"
-        case ("properties", int(), *_):
-            return "a property"
+        case ("properties" | "derive" as key, _, *_):
+            return "a property" if key == "properties" else "a derived signal"
     return "the file"
 
 
@@ -238,9 +258,12 @@ def _takes(path: KeyPath) -> str:
         return _NAMES if path[-1] == "streams" else "a ROS name such as /cmd_vel"
     if isinstance(path[-1], int):
         return "the name of a signal"
+    if len(path) == 2 and path[0] == "define":
+        return _TAKES["formula"]
     if len(path) >= 2 and path[-2] == "signals":
         return "an expression in quotes, such as 'msg.data'"
-    return _TAKES.get(str(path[-1]), "something else")
+    own = {2: _DERIVED, 3: _DERIVING.get(str(path[-1]))}.get(len(path)) if path[0] == "derive" else None
+    return own or _TAKES.get(str(path[-1]), "something else")
 
 
 def _word(key: str, value: object, expected: object) -> str:

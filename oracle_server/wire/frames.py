@@ -65,6 +65,12 @@ class ViolationFrame(VerdictRecord):
     type: Literal["violation"]
 
 
+class RevisionFrame(VerdictRecord):
+    """The record of a revision."""
+
+    type: Literal["revision"]
+
+
 Level = Literal["ok", "warn", "error", "stale"]
 
 
@@ -114,5 +120,13 @@ class DetachedFrame(TypedDict):
 
 
 Outgoing = (
-    AttachedFrame | DecisionFrame | AckFrame | ViolationFrame | VerdictsFrame | ErrorFrame | CreditFrame | DetachedFrame
+    AttachedFrame
+    | DecisionFrame
+    | AckFrame
+    | ViolationFrame
+    | RevisionFrame
+    | VerdictsFrame
+    | ErrorFrame
+    | CreditFrame
+    | DetachedFrame
 )

@@ -22,6 +22,10 @@ MAX_STREAMS = 10_000
 """Most streams that a frame tells of: ten times as many as a spec may have."""
 MAX_KEYS = 50_000
 """Most keys of all objects in one event's data."""
+MAX_FEATURES = 100
+"""Most features that a monitor names."""
+REVISIONS = "revisions"
+"""The feature of monitors that are told what was revised."""
 MAX_PARTS = 100_000
 """The most lists and objects in an event's data: as many as there are where each key holds a list of one object."""
 
@@ -48,6 +52,8 @@ class Attach(_Message):
     clock: TimeBase = "wall"
     verdicts: bool = False
     """Whether it wants `verdicts` frames: how the properties stand, now and after each commit that changes it."""
+    features: Annotated[list[str], Field(max_length=MAX_FEATURES, fail_fast=True)] = []
+    """What else it wants; unknown words are ignored. `revisions`: `revision` frames, of verdicts put right."""
 
 
 class EventMessage(_Message):

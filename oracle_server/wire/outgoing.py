@@ -6,8 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
-from oracle_server.core.events import Order
-from oracle_server.core.kinds import Kind, RecordKind
+from oracle_server.core.events import Order, Released
+from oracle_server.core.kinds import Kind, RecordKind, StepKind
 from oracle_server.core.verdicts import Outcome
 from oracle_server.wire.incoming import Incoming
 
@@ -78,14 +78,34 @@ class AckFrame(_Frame):
     upto: int
 
 
+class CauseRecord(_Frame):
+    """A late event that a revision was made for."""
+
+    monitor: str
+    seq: int
+    stream: str
+    kind: StepKind
+    stamp: int | None
+
+
+class RevisesRecord(_Frame):
+    """The numbers of the first and the last verdict that a revision changes."""
+
+    from_: int = Field(alias="from")
+    to: int
+
+
 class Record(BaseModel):
-    """The verdict of one property at a step, or at a deadline that ran out (`kind` is `tick`); times in nanoseconds."""
+    """The verdict of one property at a step, or at a deadline that ran out (`kind` is `tick`); times in nanoseconds.
+
+    Or, where `kind` is `revision`, what stands since then of a run of the property's verdicts.
+    """
 
     n: int = Field(description="The number of the verdict in its session, without gaps")
     step: int | None = Field(description="The number of the step; null for ticks and events that were not judged")
     property: str
     order: Order
-    outcome: Outcome
+    outcome: Outcome | None = Field(description="Null for a revision that retracts what was said at deadlines")
     stream: str
     kind: RecordKind
     monitor: str
@@ -104,15 +124,34 @@ class Record(BaseModel):
     pending: int | None = Field(description="Of a property that waits for what comes: how many obligations are open")
     about: list[dict[str, Any]] = Field(description="The events of those that were not answered here, 100 at most")
     about_count: int = Field(description="How many were not answered here")
+    released: Released | None = Field(None, description="Why the order of publication released the event")
+    place: int | None = Field(None, description="The place of a late event among the steps, where it was put in it")
+    unheard: list[str] | None = Field(
+        None, description="Streams that the property reads, and of which older events may still come"
+    )
+    revised: int | None = Field(None, description="The number of the revision by which it is as it stands")
+    revises: RevisesRecord | None = Field(None, description="Which verdicts a revision changes")
+    retracted: bool | None = Field(None, description="Whether the violation that a revision begins with does not stand")
+    because: list[CauseRecord] | None = Field(None, description="Late events that a revision was made for, at most 10")
+    causes: int | None = Field(None, description="How many late events those were in all")
 
 
 class ViolationFrame(Record):
-    """A verdict record at which a property became negative, after its commit."""
+    """A verdict record at which a property became negative, after its commit; it may be a revision."""
 
     model_config = ConfigDict(extra="forbid")
 
     type: Literal["violation"]
+    outcome: Outcome
     explanation: dict[str, Any]
+
+
+class RevisionFrame(Record):
+    """To monitors that attached with the feature `revisions`: the record of a revision, after its commit."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    type: Literal["revision"]
 
 
 class PropertyStanding(_Frame):
@@ -174,6 +213,7 @@ Outgoing = Annotated[
     | DecisionFrame
     | AckFrame
     | ViolationFrame
+    | RevisionFrame
     | VerdictsFrame
     | ErrorFrame
     | CreditFrame

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import chain
 from typing import Any, NamedTuple
 
 import msgspec
@@ -36,6 +37,8 @@ _HEAD = EventMessage.model_fields.keys() - {"data"}
 _NO_DATA = msgspec.Raw()
 _UNREADABLE = (msgspec.MsgspecError, ValueError, RecursionError)
 _LOWEST, _HIGHEST = -(2**63), 2**64 - 1
+_LARGE = 2**14
+"""Bytes from which on data is looked through level by level, which is fast where there is much."""
 _TAGS = frozenset({"attach", "events", "outcome", "outcomes", "clock", "report", "detach"})
 
 
@@ -77,7 +80,7 @@ def event_in(raw: msgspec.Raw, decoders: Decoders, *, suspicious: bool) -> Quick
 def event_of(value: Any, *, suspicious: bool) -> QuickEvent:
     """An event that is decoded already, checked. Raises `WireError`."""
     event = _checked(value)
-    reason = _unfit(event.data, odd=suspicious)
+    reason = _unfit(event.data, much=suspicious)
     if reason is not None:
         raise WireError("bad_event", reason, seq=event.seq)
     return event
@@ -105,13 +108,13 @@ def _data(raw: msgspec.Raw, decoder: DataDecoder, seq: int, *, odd: bool) -> dic
 def _decoded_fit(decoder: DataDecoder, raw: msgspec.Raw, odd: bool) -> dict[str, Any] | str:
     """An event's data, or why it can't be judged: it is let go of here, before the garbage collector looks at it."""
     data = decoder.decode(raw)
-    reason = _unfit(data, odd=odd)
+    reason = _unfit(data, much=odd or memoryview(raw).nbytes > _LARGE)
     return data if reason is None else reason
 
 
-def _unfit(data: dict[str, Any], *, odd: bool) -> str | None:
+def _unfit(data: dict[str, Any], *, much: bool) -> str | None:
     """Why an event's data can't be judged, None where it can."""
-    return (_crowd(data) if odd else None) or _flaw(data, MAX_DEPTH)
+    return _flaw_in_much(data) if much else _flaw(data, MAX_DEPTH)
 
 
 def _decode_slowly(text: str, decoders: Decoders, *, odd: bool) -> Frame:
@@ -199,24 +202,28 @@ def _flaw(data: dict[str, Any] | list[Any], depth: int) -> str | None:
     return None
 
 
-def _crowd(data: dict[str, Any]) -> str | None:
-    """What there is too much of in data, in words; None where nothing is."""
-    level: list[Any] = [data]
+def _flaw_in_much(data: dict[str, Any]) -> str | None:
+    """The same, and what there is too much of, level by level."""
+    dicts: list[Any] = [data]
+    lists: list[Any] = []
     keys = parts = 0
-    while level:
-        parts += len(level)
-        keys += sum([len(outer) for outer in level if type(outer) is dict])
+    for _ in range(MAX_DEPTH):
+        keys += sum(map(len, dicts))
+        parts += len(dicts) + len(lists)
         if keys > MAX_KEYS:
             return f"data: more than {MAX_KEYS} keys"
         if parts > MAX_PARTS:
             return f"data: more than {MAX_PARTS} lists and objects"
-        level = [
-            value
-            for outer in level
-            for value in (outer.values() if type(outer) is dict else outer)
-            if type(value) is dict or type(value) is list
-        ]
-    return None
+        values = [*chain.from_iterable(map(dict.values, dicts)), *chain.from_iterable(lists)]
+        kinds = {*map(type, values)}
+        whole_numbers = [v for v in values if type(v) is int] if int in kinds else ()
+        if whole_numbers and not _LOWEST <= min(whole_numbers) <= max(whole_numbers) <= _HIGHEST:
+            return "data: an integer of more than 64 bits"
+        dicts = [v for v in values if type(v) is dict] if dict in kinds else []
+        lists = [v for v in values if type(v) is list] if list in kinds else []
+        if not dicts and not lists:
+            return None
+    return f"data: nested more than {MAX_DEPTH} deep"
 
 
 def _seq(value: Any) -> int | None:

@@ -39,8 +39,10 @@ class Adapter:
         streams = attach.get("streams")
         hello = {key: attach.get(key) for key in ("session", "spec", "verdicts")}
         names = None if streams is None else tuple(streams)
+        features = tuple(attach["features"]) if "features" in attach else None
+        clock = attach.get("clock", "wall")
         self.protocol = Protocol(
-            Hello(attach["monitor"], attach["instance"], streams=names, clock=attach.get("clock", "wall"), **hello), 100
+            Hello(attach["monitor"], attach["instance"], streams=names, clock=clock, features=features, **hello), 100
         )
         self.answers: dict[int, Any] = {}
         self.unsaid: list[Frame] = []

@@ -31,7 +31,7 @@ class Blocked:
         self.allowed = asyncio.Event()
         self.at_once = 0
 
-    async def __call__(self, _: object, __: int, n: int) -> dict[str, Any]:
+    async def __call__(self, _: object, __: int, n: int, ___: str) -> dict[str, Any]:
         self.begun.append(n)
         self.at_once = max(self.at_once, len(self.begun) - len(self.ended))
         try:

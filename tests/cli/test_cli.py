@@ -41,6 +41,19 @@ def test_check_of_sound_specs() -> None:
     assert f"{SPEC}: sound" in ended.stdout
 
 
+def test_check_prints_formulas_with_names_written_out(tmp_path: Path) -> None:
+    spec = tmp_path / "s.yaml"
+    spec.write_text(
+        "id: s\ndefine: {near(r): '{robot: *r, d < limit}'}\nstreams:\n  - topic: /a\n"
+        "    signals: {robot: msg.r, d: msg.d, limit: msg.l}\n"
+        "properties:\n  - {id: p, time: seconds, formula: 'forall[x]. near(x) -> not lasting[2s] near(x)'}\n"
+    )
+    told = "forall[x]. {robot: *x, d < limit} -> not lasting[2s] {robot: *x, d < limit}"
+    assert run("check", spec, "--formulas").stdout == f"{spec}: p: {told}\n{spec}: sound\n"
+    (line,) = run("check", spec, "--formulas", "--json").stdout.splitlines()
+    assert json.loads(line) == {"file": str(spec), "property": "p", "time": "seconds", "formula": told}
+
+
 def test_check_tells_how_types_are_made_known(tmp_path: Path) -> None:
     ended = run("check", SPEC)
     assert (ended.returncode, ended.stdout) == (0, f"{SPEC}: sound\n1 spec sound, 1 warning\n")

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from oracle_server.core.engine import MAX_WORK
+from oracle_server.core.engine import MAX_WORK, MAX_WORK_TOGETHER
 from oracle_server.core.errors import EngineError
 from oracle_server.core.session import Session
 from oracle_server.core.spec import Property, StreamSpec
@@ -94,3 +94,83 @@ def test_deadlines_that_run_out_all_at_once_cost_no_more_than_they_may(count: in
         assert told(judged, "answered") == {"unknown"}
         assert answered.failures == 2
     assert small.outcome is Outcome.CURRENTLY_TRUE
+
+
+def many_values(ids: int, count: int) -> tuple[Session, Feed]:
+    """Properties of which each looks at all values that were seen once `w` is 1."""
+    streams = [StreamSpec("/a"), StreamSpec("/b")]
+    session = open_session(
+        [prop(f"p{i}", "exists[x]. once{v: *x} and {w: 1}") for i in range(count)],
+        attach={"m": [A, B]}, streams=streams, maker=lambda p: NativeEngine(p.formula, p.time), by="arrival",
+    )  # fmt: skip
+    feed = Feed(session)
+    for n in range(1, ids + 1):
+        feed(A, n, {"v": n})
+    return session, feed
+
+
+def test_a_step_of_many_properties_costs_no_more_together_than_they_may() -> None:
+    session, feed = many_values(15_000, 8)
+    judged = feed(A, 20_000, {"w": 1})
+    states = session.judges["arrival"].properties
+    cost = sum(state.work for state in states)
+    assert cost <= MAX_WORK_TOGETHER
+    assert [j.step.event.seq for j in judged] == [15_001]
+    within = [state for state in states if state.broken is None]
+    assert len(within) == MAX_WORK_TOGETHER // 15_000, "those that come first are judged"
+    assert {state.outcome for state in within} == {Outcome.CURRENTLY_TRUE}
+    assert all("cost too much together" in (state.broken or "") for state in states if state not in within)
+
+
+def test_one_property_may_look_at_many_values_whatever_stands_beside_it() -> None:
+    session, feed = many_values(15_000, 1)
+    feed(A, 20_000, {"w": 1})
+    (state,) = session.judges["arrival"].properties
+    assert state.broken is None
+    assert state.work >= 15_000
+
+
+def test_a_key_costs_more_where_more_is_asked_of_it() -> None:
+    def cost(operands: int) -> int:
+        body = " and ".join(f"not {{w: {i}}}" for i in range(operands))
+        property_ = prop("p", f"exists[x]. once{{v: *x}} and {body}")
+        session = open_session(
+            [property_], attach={"m": [A]}, streams=[StreamSpec("/a")], maker=lambda p: NativeEngine(p.formula),
+            by="arrival",
+        )  # fmt: skip
+        feed = Feed(session)
+        for n in range(1, 101):
+            feed(A, n, {"v": n})
+        feed(A, 1000, {"w": 1})
+        return session.judges["arrival"].properties[0].work
+
+    assert cost(80) > 9 * cost(5)
+
+
+def test_deadlines_of_many_properties_cost_no_more_together_than_they_may() -> None:
+    text = "not exists[i]. once[5s:]{v: *i} and not once{w: *i} and pre {v: 0}"
+    session = opened(*[prop(f"p{i}", text, time="seconds") for i in range(30)])
+    feed = Feed(session)
+    for n in range(1, 151):
+        feed(A, n * 1000, {"v": n})
+    session.advance(60 * SECOND)
+    states = session.judges["arrival"].properties
+    assert all(state.idle_work < MAX_WORK for state in states), "each by itself costs less"
+    assert sum(state.idle_work for state in states) <= MAX_WORK
+    assert any("deadlines cost too much" in (state.broken or "") for state in states)
+
+
+def test_of_a_thousand_violations_at_once_some_are_explained_and_all_are_told() -> None:
+    text = "once[:200]{v: 3} or once[:200]({v: 5} and once[:200]{w: 6}) or not {w: 1}"
+    properties = [prop(f"p{i}", text) for i in range(300)]
+    session = open_session(
+        properties, attach={"m": [A]}, streams=[StreamSpec("/a")], maker=lambda p: NativeEngine(p.formula), by="arrival"
+    )
+    feed = Feed(session)
+    for n in range(1, 301):
+        feed(A, n, {"v": 7, "w": 0})
+    (judged,) = feed(A, 1000, {"v": 7, "w": 1})
+    explained = [v.explanation.why is not None for v in judged.verdicts if v.explanation is not None]
+    assert len(explained) == 300
+    assert explained == sorted(explained, reverse=True)
+    assert 2 <= sum(explained) < 100

@@ -11,7 +11,7 @@ import pytest
 
 from oracle_server.core.formula.parse import parse_formula
 from oracle_server.core.formula.tree import Atom
-from oracle_server.core.kinds import GROUPS, KINDS, RESERVED, TICK, UNAVAILABLE, Kind, RecordKind, StepKind
+from oracle_server.core.kinds import GROUPS, KINDS, RESERVED, REVISION, TICK, UNAVAILABLE, Kind, RecordKind, StepKind
 from oracle_server.core.plan import can_meet, plan
 from oracle_server.core.spec import Property, Spec, StreamSpec
 
@@ -20,7 +20,7 @@ OF_STREAMS: tuple[Kind, ...] = get_args(Kind)
 
 def test_the_words_of_the_types_are_the_rows_of_the_table() -> None:
     assert set(OF_STREAMS) == {kind for kind, traits in KINDS.items() if traits.group}
-    assert set(get_args(StepKind)) == KINDS.keys() == {*OF_STREAMS, TICK}
+    assert set(get_args(StepKind)) == KINDS.keys() == {*OF_STREAMS, TICK, REVISION}
     assert set(get_args(RecordKind)) == {*KINDS, UNAVAILABLE}
 
 

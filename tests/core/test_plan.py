@@ -74,7 +74,7 @@ def _reads(spec: Spec, stream: StreamSpec, prop: Property) -> bool:
         return True
     own = named_signals(stream, (prop.atoms,), held) if stream.signals is None else frozenset(stream.signals)
     read = [{c.key for c in atom.constraints} for atom in prop.atoms if can_meet(stream, atom)]
-    return any(not keys or not keys.isdisjoint(own | RESERVED) for keys in read)
+    return any(not keys.isdisjoint(own | RESERVED) for keys in read)
 
 
 def _shown(tests: Iterable[AtomTest]) -> list[tuple[int, list[tuple[str, bool]], tuple[str, ...]]]:

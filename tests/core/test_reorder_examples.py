@@ -86,10 +86,13 @@ def test_waits_max_delay_and_no_longer() -> None:
     buffer.push(2, SB, "", 40, 105)
     assert buffer.next_deadline == 110
     assert buffer.advance(109) == []
-    assert buffer.advance(110) == [Released(2), Released(0)]  # the older one goes first, though it came later
-    assert buffer.push(3, SC, "", 49, 110) == [Released(3, late=True)]
+    assert buffer.advance(110) == [
+        Released(2, "max_delay"),
+        Released(0, "max_delay"),
+    ]  # the older one goes first, though it came later
+    assert buffer.push(3, SC, "", 49, 110) == [Released(3, "max_delay", late=True)]
     assert buffer.push(4, SC, "", 50, 110) == []
-    assert buffer.advance(111) == [Released(4), Released(1)]
+    assert buffer.advance(111) == [Released(4, "max_delay"), Released(1, "max_delay")]
     assert buffer.next_deadline is None
 
 
@@ -97,8 +100,8 @@ def test_the_oldest_leaves_for_want_of_room() -> None:
     buffer = opened(None, capacity=2)
     assert [buffer.push(n, SA, "", stamp, n) for n, stamp in enumerate((3, 5, 5))][:2] == [[], []]
     assert len(buffer) == 2
-    assert buffer.push(3, SB, "", 4, 4) == [Released(3, forced=True)]
-    assert buffer.push(4, SB, "", 2, 5) == [Released(4, late=True)]
+    assert buffer.push(3, SB, "", 4, 4) == [Released(3, "capacity")]
+    assert buffer.push(4, SB, "", 2, 5) == [Released(4, "max_delay", late=True)]
 
 
 def test_closing_lets_the_others_go_on() -> None:

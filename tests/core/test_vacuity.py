@@ -108,13 +108,20 @@ def some_spec(rng: random.Random, time: Time) -> tuple[Spec, StreamTypes]:
             more.append(Constraint(rng.choice(generate.KEYS), rng.choice(("<", "<=", ">", ">=")), wanted))
         if rng.random() < 0.2:
             more.append(Constraint(rng.choice(generate.KEYS), "==", rng.choice(("A", "B", "C", True, tree.Any.ANY))))
-        return Atom((*more, *atom.constraints) if rng.random() < 0.6 else tuple(more) or atom.constraints)
+        for _ in range(rng.choice((0, 0, 0, 0, 1, 1, 2))):
+            key, other = rng.sample(generate.KEYS, 2)
+            more.append(Constraint(key, rng.choice(("<", "<=", ">", ">=")), tree.Signal(other)))
+        found = (*more, *atom.constraints) if rng.random() < 0.6 else tuple(more) or atom.constraints
+        return Atom((*found, *tree.demanded(found)))
+
+    def worded(atom: Atom) -> Formula:
+        return rng.choice((tree.TRUE, tree.FALSE, tree.FIRST)) if rng.random() < 0.05 else change(atom)
 
     def joined(atom: Atom) -> Atom:
         keys = {key: rng.choice(("topic", "monitor", "kind")) for key, _ in atom.refs if rng.random() < 0.1}
         return Atom(tuple(replace(c, key=keys.get(c.key, c.key)) for c in atom.constraints))
 
-    formula = rewritten(generate.formula(rng, time, rng.randint(0, 4)), lambda a: joined(a) if a.refs else change(a))
+    formula = rewritten(generate.formula(rng, time, rng.randint(0, 4)), lambda a: joined(a) if a.refs else worded(a))
     guards = frozenset(rng.sample([s.name for s in streams], 1))
     return Spec("x", tuple(streams), (Property("p", formula, time=time, guards=guards),)), types
 

@@ -1,4 +1,4 @@
-"""What edge/transport.py and server.py take from uvicorn without its promise: still there, and still called alike."""
+"""What `edge` and server.py take from uvicorn without its promise: still there, and still called alike."""
 
 from __future__ import annotations
 
@@ -25,9 +25,12 @@ METHODS: dict[type, dict[str, list[str]]] = {
     },
     WebSocketsSansIOProtocol: {
         "connection_made": ["transport"],
+        "connection_lost": ["exc"],
         "data_received": ["data"],
         "handle_connect": ["event"],
+        "handle_ping": [],
         "keepalive_timeout": [],
+        "receive": [],
         "run_asgi": [],
         "schedule_ping": [],
         "send": ["message"],
@@ -90,7 +93,9 @@ async def test_the_fields_that_are_used_are_there() -> None:
 def test_every_method_that_is_overridden_is_looked_at() -> None:
     ours = {H11Protocol: HttpTransport, WebSocketsSansIOProtocol: WebSocketTransport, Server: _Server}
     for owner, own in ours.items():
-        overridden = {name for name, value in vars(own).items() if inspect.isfunction(value) and hasattr(owner, name)}
+        layers = own.__mro__[: own.__mro__.index(owner)]
+        functions = {name for layer in layers for name, value in vars(layer).items() if inspect.isfunction(value)}
+        overridden = {name for name in functions if hasattr(owner, name)}
         assert overridden - {"__init__"} == METHODS[owner].keys() - CALLED, own.__name__
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from oracle_server.core.engine import Answer, Explaining
 from oracle_server.core.explanation import Why
+from oracle_server.core.formula.names import Names
 from oracle_server.core.past import NO_PAST, Past
 from oracle_server.core.spec import SILENT, External, Property
 from oracle_server.core.verdicts import Outcome
@@ -22,7 +23,7 @@ def made(engine: Any) -> Property:
     if engine == "external":
         return Property("p", SILENT, "the oracle", engine=engine, external=External("ws://127.0.0.1:1"))
     text = "historically (v < 1.5)" if engine == "rtamt" else RISES
-    return Property("p", ENGINES[engine].read(text, "steps"), text, engine=engine)
+    return Property("p", ENGINES[engine].read(text, "steps", Names()), text, engine=engine)
 
 
 @pytest.mark.parametrize("engine", ["native", "auto", "both", "external", "rtamt"])

@@ -5,18 +5,21 @@ from __future__ import annotations
 import os
 import random
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 import pytest
 
 from oracle_server.core.explanation import Reason
+from oracle_server.core.formula import tree
 from oracle_server.core.formula.parse import Time, parse_formula
 from oracle_server.core.formula.render import render
+from oracle_server.core.formula.tree import Call, Formula
 from oracle_server.core.past import Past
 from oracle_server.engines.native import NativeEngine
 from tests import generate
 from tests.brute import TimedSignals, truths
 from tests.engines.test_against_brute import SEED, matches
-from tests.strategies import SECOND
+from tests.strategies import SECOND, free
 
 CASES = int(os.environ.get("CASES", "1000"))
 
@@ -31,12 +34,25 @@ def explained(reasons: Iterable[Reason]) -> Iterator[tuple[int, int]]:
         yield from explained(reason.parts)
 
 
+def named(rng: random.Random, formula: Formula) -> Formula:
+    """The same formula, in half of the cases with names for some of its parts."""
+    share = rng.choice((0, 0.4))
+
+    def change(node: Formula) -> Formula:
+        if isinstance(node, tree.Since) and node.bound.upper is None and rng.random() < 0.4:
+            node = replace(node, left=node.right)
+        call = Call(f"n{rng.randint(0, 9)}", tuple(free(node)))
+        return replace(tree.rebuilt(node, change), written=call if rng.random() < share else None)
+
+    return change(formula)
+
+
 @pytest.mark.parametrize("time", ["steps", "seconds"])
 def test_the_explained_steps_alone_make_the_same_outcome(time: Time) -> None:
     shorter = 0
     for number in range(SEED, SEED + CASES):
         rng = random.Random(f"explain {time} {number}")
-        formula = generate.formula(rng, time, rng.randint(2, 5))
+        formula = named(rng, generate.formula(rng, time, rng.randint(2, 5)))
         engine, steps = NativeEngine(formula, time), generate.trace(rng, 10)
         told = list(matches(formula, steps))
         for last, (at, found) in enumerate(told, start=1):
@@ -60,7 +76,7 @@ def test_the_explained_steps_alone_make_the_same_outcome(time: Time) -> None:
 def test_every_formula_can_be_explained(time: Time) -> None:
     for number in range(SEED, SEED + CASES):
         rng = random.Random(f"any {time} {number}")
-        formula = generate.formula(rng, time, rng.randint(2, 5))
+        formula = named(rng, generate.formula(rng, time, rng.randint(2, 5)))
         engine, steps = NativeEngine(formula, time), generate.trace(rng, 6)
         for (at, found), holds in zip(matches(formula, steps), truths(formula, steps, time), strict=True):
             engine.step(at, found)

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from oracle_server.core.atoms import canonical
 from oracle_server.core.errors import FormulaError
+from oracle_server.core.formula.names import Names
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import Scalar, atoms
 from oracle_server.core.verdicts import Outcome
@@ -29,7 +30,7 @@ class Stepped:
 
     def __init__(self, text: str, time: Time = "steps") -> None:
         self.engine = StlEngine(text, time)
-        self._names = [atom.constraints[0].key for atom in atoms(ENGINES["rtamt"].read(text, time))]
+        self._names = [atom.constraints[0].key for atom in atoms(ENGINES["rtamt"].read(text, time, Names()))]
 
     def step(self, signals: Mapping[str, Scalar], time: int = 0) -> tuple[Outcome, float | None]:
         matches = [(canonical(signals[name]),) if name in signals else None for name in self._names]
@@ -149,6 +150,6 @@ def test_a_window_of_a_million_samples_costs_no_more_than_a_small_one() -> None:
 )
 def test_what_can_not_be_judged_is_refused_at_its_place(text: str, place: tuple[int, int], word: str) -> None:
     with pytest.raises(FormulaError) as refused:
-        ENGINES["rtamt"].read(text, "steps")
+        ENGINES["rtamt"].read(text, "steps", Names())
     assert word in refused.value.message
     assert (refused.value.line, refused.value.column) == place

@@ -51,7 +51,7 @@ def judge(*events: tuple[str, Any], hold: str = "speed", latch: str = "false") -
     return records
 
 
-def told(records: list[VerdictRecord]) -> list[tuple[str, Any]]:
+def told(records: list[VerdictRecord]) -> list[tuple[str | None, Any]]:
     return [(r["outcome"], r["robustness"]) for r in records]
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from hypothesis import strategies as st
 
-from oracle_server.core.events import Event, Step, StreamKey
+from oracle_server.core.events import REVISIONS, Event, Step, StreamKey
 from oracle_server.core.kinds import StepKind
 from oracle_server.core.records import ExplanationRecord
+from oracle_server.core.revisions import Change, Revision, Standing
 from oracle_server.core.verdicts import Decision, Outcome
 from oracle_server.history.port import History
 from oracle_server.history.records import SessionRecord, StoredStep
@@ -44,14 +45,15 @@ def step(
     )  # fmt: skip
     assert event.stamp is not None
     made = Step(event, {"v": position}, frozenset(), event.stamp, skipped=number is None)
-    explanations: dict[int, ExplanationRecord] = {i: _explanation(made, PROPERTIES[i]) for i in violated}
+    explanations: dict[int, ExplanationRecord] = {i: explanation(made, PROPERTIES[i]) for i in violated}
     return StoredStep(
         position, "publication", position if number == 0 else number, made, 0, 100 * position, decision,
         tuple(outcomes), (False, True), explanations,
     )  # fmt: skip
 
 
-def _explanation(made: Step, name: str) -> ExplanationRecord:
+def explanation(made: Step, name: str) -> ExplanationRecord:
+    """Why a property does not hold at a step."""
     stream, kind = made.event.stream
     return {
         "text": f"{name} does not hold",
@@ -61,6 +63,18 @@ def _explanation(made: Step, name: str) -> ExplanationRecord:
             "signals": {},
         },
     }  # fmt: skip
+
+
+def revision(
+    position: int, *changes: Change | None, standing: Mapping[int, Standing] | None = None, stamp: int = 5
+) -> Revision:
+    """A revision that is made at a position, because of one late event."""
+    late = Event(StreamKey("/a", "topic"), "m", 1000 + position, stamp, 10 * position, {"large": "data"})
+    event = Event(REVISIONS, "", -position, stamp, 10 * position, None)
+    return Revision(
+        Step(event, {}, frozenset(), stamp, skipped=True), None, "publication", 100 * position, (), None,
+        first=(position - 1) * len(PROPERTIES) + 1, changes=changes, because=(late,), causes=1, standing=standing or {},
+    )  # fmt: skip
 
 
 async def add(history: History, *steps: StoredStep, session: int = 1) -> None:

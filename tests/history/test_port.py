@@ -29,9 +29,9 @@ from oracle_server.history.records import (
     Refusal,
     SnapshotRecord,
     StoredStep,
-    records,
 )
 from oracle_server.history.sqlite.history import SqliteHistory
+from oracle_server.history.views import records
 from tests.history.making import PROPERTIES, add, opened, some_steps, step
 
 Direction = Literal["asc", "desc"]

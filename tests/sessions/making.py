@@ -59,14 +59,16 @@ class Kept:
         return found
 
 
-def registry(history: History, folder: Path, *specs: str, shares: Shares | None = None) -> Registry:
+def registry(
+    history: History, folder: Path, *specs: str, shares: Shares | None = None, clock: Clock | None = None
+) -> Registry:
     """A registry over a history that is started, with these specs."""
     library = Library(None, folder)
     for text in specs:
         spec_id = text.split("id: ", 1)[1].split("\n", 1)[0]
         library.put(spec_id, text)
     history.start(asyncio.get_running_loop())
-    return Registry(history, library, Clock(), resume_within=10.0, shares=shares)
+    return Registry(history, library, clock or Clock(), resume_within=10.0, shares=shares)
 
 
 def attach(session: str, spec: str, monitor: str = "m", instance: str = "i") -> Attach:

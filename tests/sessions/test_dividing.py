@@ -6,7 +6,11 @@ import asyncio
 from itertools import pairwise
 from pathlib import Path
 
+from oracle_server.core.events import Signals
+from oracle_server.core.spec import SECOND
+from oracle_server.core.verdicts import Judged
 from oracle_server.history.memory import MemoryHistory
+from oracle_server.process.clock import Clock
 from oracle_server.sessions.shares import FREE, Shares
 from oracle_server.wire.incoming import EventMessage
 from tests.processes import PATIENCE
@@ -51,4 +55,93 @@ async def test_what_is_released_at_once_is_judged_in_turns(tmp_path: Path) -> No
     assert max(after - before for before, after in pairwise([0, *steps])) <= 2
     assert session.core.buffer.due is None
     assert await sessions.closed_within(session, PATIENCE)
+    history.close()
+
+
+TIMED = """
+id: timed
+ordering: {by: arrival}
+streams:
+  - {topic: /a, signals: {v: msg.v}}
+properties:
+  - id: p
+    time: seconds
+    formula: 'historically[1s:2s] {v > 0}'
+"""
+
+
+class Standing(Clock):
+    """A clock that stands still until it is set."""
+
+    time = 10**18
+
+    def now(self) -> int:
+        return self.time
+
+
+async def test_deadlines_that_expire_at_once_are_judged_in_turns_and_events_come_behind_them(tmp_path: Path) -> None:
+    """Each event has deadlines of its own, which all expire within a microsecond."""
+    spent = 0.0
+
+    def look() -> float:
+        nonlocal spent
+        spent += 2 * FREE
+        return spent
+
+    history, clock = MemoryHistory(), Standing()
+    sessions = registry(history, tmp_path, TIMED, shares=Shares(lambda: 0.0, look), clock=clock)
+    session, monitor = await sessions.attach(attach("s", "timed"), Kept())
+    judge = session.core.judges["arrival"]
+    ticks, tick = 0, judge.tick
+
+    def counted(time: int, now: int, recorded: Signals | None = None) -> Judged | None:
+        nonlocal ticks
+        ticks += 1
+        return tick(time, now, recorded)
+
+    judge.tick = counted  # type: ignore[method-assign]
+    for seq in range(1, HELD + 1):
+        clock.time += 2
+        session.share.run(session.ingest, monitor, EventMessage(seq=seq, stream="/a", stamp=seq, data={"v": seq}))
+    behind = [session.is_behind]
+    clock.time += 10 * SECOND
+    behind.append(session.is_behind)
+    assert behind == [False, True], "an event would have to wait for all of them"
+    done = [ticks]
+    async with asyncio.timeout(PATIENCE):
+        waiting = asyncio.create_task(session.caught_up())
+        while not waiting.done():
+            done.append(ticks)
+            await asyncio.sleep(0)
+    done.append(ticks)
+    assert ticks >= HELD
+    assert max(after - before for before, after in pairwise(done)) <= 2
+    assert await sessions.closed_within(session, PATIENCE)
+    history.close()
+
+
+async def test_what_is_held_when_a_session_is_closed_is_judged_in_turns(tmp_path: Path) -> None:
+    spent = 0.0
+
+    def look() -> float:
+        nonlocal spent
+        spent += 2 * FREE
+        return spent
+
+    history = MemoryHistory()
+    sessions = registry(history, tmp_path, ORDERED, shares=Shares(lambda: 0.0, look))
+    session, monitor = await sessions.attach(attach("s", "ordered"), Kept())
+    counters = session.core.judges["publication"].counters
+    for seq in range(1, HELD + 1):
+        session.share.run(session.ingest, monitor, EventMessage(seq=seq, stream="/a", stamp=seq, data={"v": seq}))
+    assert counters.steps == 0
+    closing = asyncio.create_task(sessions.closed_within(session, PATIENCE))
+    steps = [0]
+    async with asyncio.timeout(PATIENCE):
+        while not closing.done():
+            await asyncio.sleep(0)
+            steps.append(counters.steps)
+    assert closing.result()
+    assert steps[-1] == HELD
+    assert max(after - before for before, after in pairwise(steps)) <= 2
     history.close()

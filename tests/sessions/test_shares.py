@@ -65,14 +65,46 @@ def test_beside_others_it_rests_until_its_share_is_one_of_as_many_and_a_quarter_
     assert share.rest == pytest.approx(FREE * times, rel=0.3)
 
 
-def test_what_takes_long_at_once_rests_longer(shares: Shares, machine: Machine) -> None:
-    others(shares, machine, 5)
+def spend_savings(share: Share, machine: Machine) -> None:
+    """Let a session use up what it may take at once now and then."""
+    run(share, machine, 10.0)
+    machine.now += LONGEST
+
+
+@pytest.mark.parametrize(("number", "times"), [(5, 5), (99, 99), (500, 100)])
+def test_what_takes_long_at_once_is_the_rarer_the_more_wait_for_it(
+    shares: Shares, machine: Machine, number: int, times: int
+) -> None:
     share = shares.share()
+    others(shares, machine, number)
+    spend_savings(share, machine)
+    others(shares, machine, number)
     run(share, machine, 0.010)
-    assert share.rest == pytest.approx(3 * 0.010 + 20 * (0.010 - FREE))
-    other = shares.share()
-    run(other, machine, 0.5)
-    assert other.rest == LONGEST
+    assert share.rest == pytest.approx(max(3 * 0.010, times * (0.010 - FREE)), abs=0.011)
+    run(share, machine, 5.0)
+    others(shares, machine, number)
+    assert share.rest == pytest.approx(LONGEST, abs=0.01)
+
+
+def test_a_hundredth_of_the_time_at_most_is_beyond_what_is_free_beside_a_hundred_others(
+    shares: Shares, machine: Machine
+) -> None:
+    share, beyond = shares.share(), 0.0
+    for _ in range(100):
+        others(shares, machine, 100)
+        run(share, machine, 0.028)
+        beyond += 0.028 - FREE
+        machine.now += share.rest
+    assert beyond / machine.now < 0.011
+
+
+def test_what_takes_long_now_and_then_is_no_reason_to_rest_longer(shares: Shares, machine: Machine) -> None:
+    share = shares.share()
+    for _ in range(5):
+        others(shares, machine, 100)
+        run(share, machine, 0.028)
+        assert share.rest == pytest.approx(3 * 0.028, rel=0.01)
+        machine.now += 3
 
 
 def test_it_is_read_on_once_it_has_rested(shares: Shares, machine: Machine) -> None:
@@ -89,11 +121,11 @@ def test_it_is_read_on_once_it_has_rested(shares: Shares, machine: Machine) -> N
 
 def test_it_rests_no_longer_once_it_is_alone(shares: Shares, machine: Machine) -> None:
     others(shares, machine, 1)
-    machine.now += 0.9 * ACTIVE
+    machine.now += 0.95 * ACTIVE
     share = shares.share()
     run(share, machine, 0.04)
-    assert share.rest > 0.5
-    machine.now += 0.1 * ACTIVE
+    assert share.rest == pytest.approx(0.04)
+    machine.now += 0.02 * ACTIVE
     assert share.rest == 0
 
 
@@ -170,5 +202,5 @@ async def test_one_can_wait_for_the_rest(shares: Shares, machine: Machine) -> No
     assert slept == []
     run(share, machine, 0.01)
     await share.rested(sleep)
-    assert sum(slept) == pytest.approx(3 * 0.010 + 20 * (0.010 - FREE))
+    assert sum(slept) == pytest.approx(3 * 0.010)
     assert share.rest == 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ import msgspec
 import pytest
 
 from oracle_server.history.port import Done
-from oracle_server.history.records import SessionRecord, StoredStep
+from oracle_server.history.records import Restated, SessionRecord, StoredStep
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.process.clock import Clock
 from oracle_server.sessions import live as live_module
@@ -30,8 +30,11 @@ BAD = 13
 class Choosy(SqliteHistory):
     """A history that gets some steps with an integer that SQLite refuses."""
 
-    def append(self, session: int, steps: Sequence[StoredStep], done: Done) -> None:
-        super().append(session, [_spoiled(s) if s.step.signals.get("speed") == BAD else s for s in steps], done)
+    def append(
+        self, session: int, steps: Sequence[StoredStep], done: Done, restated: Mapping[int, Restated] | None = None
+    ) -> None:
+        spoiled = [_spoiled(s) if s.step.signals.get("speed") == BAD else s for s in steps]
+        super().append(session, spoiled, done, restated)
 
 
 def _spoiled(stored: StoredStep) -> StoredStep:

@@ -12,7 +12,10 @@ from oracle_server.sessions.violations import ViolationLog
 
 
 def logged(text: str) -> str:
-    record: dict[str, Any] = {"n": 7, "property": "p", "explanation": {"text": text}}
+    return line_of({"n": 7, "property": "p", "explanation": {"text": text}})
+
+
+def line_of(record: dict[str, Any]) -> str:
     with capture_logs() as lines:
         ViolationLog("s", Clock()).add([cast("VerdictRecord", record)])
     (line,) = lines
@@ -31,3 +34,21 @@ def test_a_text_of_a_megabyte_is_cut() -> None:
         assert line.startswith("violation: p does not hold at step 1: ")
         assert line.endswith("… (the history has all of it)")
         assert len(line) < 3000
+
+
+def test_what_is_retracted_is_logged_with_the_event_that_came_late() -> None:
+    cause = {"monitor": "m", "seq": 17, "stream": "/odom", "kind": "topic", "stamp": 10**18}
+    record = {
+        "n": 7,
+        "property": "near",
+        "retracted": True,
+        "revises": {"from": 5, "to": 6},
+        "arrived": 10**18 + 310 * 10**6,
+    }
+    assert line_of({**record, "because": [cause], "causes": 1}) == (
+        "retracted: near is not violated at verdict #5: /odom (topic 17 of m) came 310 ms late"
+    )
+    cause["stamp"] = None
+    assert line_of({**record, "because": [cause], "causes": 3}).endswith(
+        ": /odom (topic 17 of m) came late, and 2 more"
+    )

@@ -9,7 +9,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
-from oracle_adapter.board import first_text, violation_text
+from oracle_adapter.violations import first_text, violation_text
 
 from oracle_server.core.naming import moment
 from tests.whole.client import BASE, attached, make_event

@@ -37,4 +37,7 @@ async def test_live_and_replayed_verdicts_are_the_same(
             batch = [event | {"seq": seq} for seq, event in enumerate(events[start : start + 50], start=start + 1)]
             await monitor.send(make_events(*batch))
         await monitor.detach()
-    assert stable(server.records(session)) == stable(records)
+    said, again = stable(server.records(session)), stable(records)
+    for record in (*said, *again):  # the last ones are released by the monitor's leave, or by the recording's end
+        assert record.pop("released")
+    assert said == again

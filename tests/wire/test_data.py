@@ -140,6 +140,22 @@ def test_each_event_of_a_batch_may_have_as_many() -> None:
         assert len(event_in(raw, whole, suspicious=True).data["v"]) == MAX_PARTS // 2
 
 
+@pytest.mark.parametrize(
+    "odd", ["[" * 63 + "]" * 63, "[" * 64 + "]" * 64, str(2**64 - 1), str(2**64), f'[{{"a":{-(2**63) - 1}}}]']
+)
+def test_much_data_is_refused_for_what_little_data_is(odd: str) -> None:
+    def refusal(text: str) -> str | None:
+        try:
+            read(None, text)
+        except WireError as error:
+            return error.message
+        return None
+
+    much = ",".join(["[1,2.5]"] * 10_000)
+    assert refusal(f'{{"x":{odd},"y":[{much}]}}') == refusal(f'{{"x":{odd}}}')
+    assert (refusal(f'{{"x":{odd}}}') is None) == (odd in {"[" * 63 + "]" * 63, str(2**64 - 1)})
+
+
 @pytest.mark.parametrize("text", ['{"v":1,"x":}', '{"v":1,"x":"\\ud800"}', '{"v":1,"x":NaN}', '{"v":1,"x":01}'])
 def test_what_is_no_json_is_refused_wherever_it_is(text: str) -> None:
     with pytest.raises(WireError, match="not JSON"):

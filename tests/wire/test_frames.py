@@ -9,13 +9,21 @@ from typing import Any, Literal, NotRequired, Union, get_args, get_origin, get_t
 import pytest
 from pydantic import BaseModel
 
+from oracle_server.core import records
 from oracle_server.core.records import AboutRecord, ExplanationRecord
 from oracle_server.core.verdicts import Outcome
 from oracle_server.wire import frames, outgoing
 
 MODELS: dict[str, type[BaseModel]] = {model.__name__: model for model in get_args(get_args(outgoing.Outgoing)[0])}
 PARTS: dict[str, type[BaseModel]] = {
-    model.__name__: model for model in (outgoing.StreamFrame, outgoing.Limits, outgoing.PropertyStanding)
+    model.__name__: model
+    for model in (
+        outgoing.StreamFrame,
+        outgoing.Limits,
+        outgoing.PropertyStanding,
+        outgoing.CauseRecord,
+        outgoing.RevisesRecord,
+    )
 }
 
 
@@ -43,12 +51,15 @@ def test_each_frame_has_a_model() -> None:
 
 @pytest.mark.parametrize("name", [*MODELS, *PARTS])
 def test_a_frame_and_its_model_say_the_same(name: str) -> None:
-    hints, model = get_type_hints(getattr(frames, name), include_extras=True), (MODELS | PARTS)[name]
-    modelled = {key: plain(field.annotation) for key, field in model.model_fields.items()}
+    typed_dict = getattr(frames, name, None) or getattr(records, name)
+    hints, model = get_type_hints(typed_dict, include_extras=True), (MODELS | PARTS)[name]
+    fields = {field.alias or key: field for key, field in model.model_fields.items()}
+    modelled = {key: plain(field.annotation) for key, field in fields.items()}
     optional = {key for key, hint in hints.items() if get_origin(hint) is NotRequired}
-    assert optional == {key for key, field in model.model_fields.items() if not field.is_required()}
+    assert optional == {key for key, field in fields.items() if not field.is_required()}
     typed = {key: plain(get_args(hint)[0] if key in optional else hint) for key, hint in hints.items()}
-    loose = {*optional, "explanation"} if name == "ViolationFrame" else optional  # a record may have no explanation
+    of_some = {"explanation", "outcome"} if name == "ViolationFrame" else set()  # other records may have none
+    loose = optional | of_some
     for key in loose:  # a model has None for what is not there
         typed[key], modelled[key] = or_none(typed[key]), or_none(modelled[key])
     assert typed == modelled

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Callable, Dict, List, Mapping, Tuple
 from oracle_adapter.decision import should_pass
 from oracle_adapter.outage import Outages
 from oracle_adapter.screen import ERROR, LEVELS, OK, STALE, SafeScreen, Status
+from oracle_adapter.violations import Violations, first_text
 
 if TYPE_CHECKING:
     from oracle_adapter.decision import Answer, Policy, Why
@@ -33,32 +34,6 @@ def graph_name(monitor: str) -> str:
     return "".join(f"/_{part}" if part[0].isdigit() else f"/{part}" for part in parts) or "/monitor"
 
 
-def violation_text(record: Mapping[str, Any]) -> str:
-    """A violation's record in one line: the property, the event, why, and the verdict's number."""
-    explanation = record.get("explanation") or {}
-    known = {**dict.fromkeys(("step", "stream", "kind", "seq", "monitor"), "?"), **record}
-    event = "step {step}, {stream} ({kind} {seq} of {monitor})".format_map(known)
-    text = explanation.get("text") or f"{record.get('property')} does not hold at {event}"
-    return f"violation: {text} (#{record.get('n')})"
-
-
-def first_text(state: Mapping[str, Any]) -> str:
-    """Where the first violation of a property was: its step and time; older servers do not tell."""
-    step, stamp = state.get("first_violation_step"), state.get("first_violation_at")
-    if stamp is None:
-        return "-"
-    return time_text(stamp) if step is None else f"step {step}, {time_text(stamp)}"
-
-
-def time_text(stamp: int) -> str:
-    """A time (ns) as the server tells it: of the day in UTC, in seconds if the clock is near 0."""
-    if stamp < 10**18:
-        return f"{stamp / 10**9:.3f} s"
-    second = stamp // 10**9 % 86_400
-    day = f"{second // 3600:02}:{second // 60 % 60:02}:{second % 60:02}"
-    return f"{day}.{stamp // 10**6 % 1000:03}Z"
-
-
 class Board:
     """Takes the link's news and what was done with events, and shows it on a screen."""
 
@@ -69,6 +44,7 @@ class Board:
         self._monitor, self._screen, self._clock = monitor, SafeScreen(screen), clock
         self._lock = threading.Lock()  # guards what follows; nothing is shown under it
         self._outages = Outages(clock)
+        self._violations = Violations()  # of the link's thread alone
         self._attached, self._detail = False, "not attached yet"
         self._properties: Mapping[str, Mapping[str, Any]] = {}
         self._troubles: Dict[str, str] = {}
@@ -88,10 +64,17 @@ class Board:
 
     def on_violation(self, record: Mapping[str, Any]) -> None:
         """Show a violation."""
-        self._screen.error(violation_text(record))
+        self._screen.error(self._violations.told(record))
+
+    def on_revision(self, record: Mapping[str, Any]) -> None:
+        """Show what was taken back; a violation that appears is told as one."""
+        if record.get("retracted"):
+            self._screen.error(self._violations.retracted(record))
 
     def on_state(self, state: State, detail: str) -> None:
         """Show whether the oracle is connected; without a connection the verdict is unknown."""
+        if state == "attached":
+            self._violations.attached(detail)
         with self._lock:
             self._attached, self._detail = state == "attached", detail
             over = self._outages.over() if self._attached else None

@@ -15,7 +15,15 @@ from oracle_adapter import logs
 from oracle_adapter.deadlines import Deadlines
 from oracle_adapter.decision import Answer
 from oracle_adapter.errors import LinkError
-from oracle_adapter.protocol import Answered, Attached, Protocol, Room, Verdicts, Violation
+from oracle_adapter.protocol import (
+    Answered,
+    Attached,
+    Protocol,
+    Revision,
+    Room,
+    Verdicts,
+    Violation,
+)
 
 if TYPE_CHECKING:
     from typing import Iterable, List, Mapping, Tuple
@@ -46,9 +54,10 @@ class Exchange:
         on_state: Optional[Callable[[State, str], None]],
         on_error: Optional[Callable[[LinkError], None]],
         on_verdicts: Optional[Callable[[Mapping[str, Any]], None]] = None,
+        on_revision: Optional[Callable[[Mapping[str, Any]], None]] = None,
     ) -> None:
         self._on_violation, self._on_state, self._on_error = on_violation, on_state, on_error
-        self._on_verdicts = on_verdicts
+        self._on_verdicts, self._on_revision = on_verdicts, on_revision
         self._lock = threading.Lock()  # guards all that follows
         self._changed = threading.Condition(self._lock)  # opened, attached or ended
         self._protocol = protocol
@@ -301,6 +310,8 @@ class Exchange:
                     self._wake()
             elif isinstance(notice, Violation):
                 _call(self._on_violation, notice.record)
+            elif isinstance(notice, Revision):
+                _call(self._on_revision, notice.record)
             elif isinstance(notice, Verdicts):
                 _call(self._on_verdicts, notice.frame)
             elif not notice.fatal:  # a fatal one is reported at the end

@@ -53,10 +53,11 @@ class Link:
     holds, or events are lost here before the server makes room. `tls`: default, for an encrypted
     address, by `ORACLE_CA`, `ORACLE_CLIENT_CERT` and `ORACLE_CLIENT_KEY`.
 
-    `on_violation(record)`, `on_verdicts(frame)`, `on_state(state, detail)`, `on_error(error)` are
-    called in the link's thread, as the futures' callbacks are: they must be quick, and must neither
-    wait for an answer nor close the link. `on_verdicts` gets the state of the properties, once
-    attached and whenever it changes. Errors that no `on_error` takes are logged.
+    `on_violation(record)`, `on_revision(record)`, `on_verdicts(frame)`, `on_state(state, detail)`,
+    `on_error(error)` are called in the link's thread, as the futures' callbacks are: they must be
+    quick, and must neither wait for an answer nor close the link. `on_verdicts` gets the state of
+    the properties, once attached and whenever it changes; `on_revision` what stands otherwise than
+    was said, because of what came late. Errors that no `on_error` takes are logged.
     """
 
     def __init__(
@@ -76,12 +77,17 @@ class Link:
         on_state: Optional[Callable[[State, str], None]] = None,
         on_error: Optional[Callable[[LinkError], None]] = None,
         on_verdicts: Optional[Callable[[Mapping[str, Any]], None]] = None,
+        on_revision: Optional[Callable[[Mapping[str, Any]], None]] = None,
     ) -> None:
         names = None if streams is None else tuple(streams)
         wanted = True if on_verdicts else None
-        hello = Hello(monitor, _instance(os.getpid()), session, spec, names, clock, wanted)
+        features = ("revisions",) if on_revision else None
+        instance = _instance(os.getpid())
+        hello = Hello(monitor, instance, session, spec, names, clock, wanted, features)
         protocol = Protocol(hello, capacity)
-        self._exchange = Exchange(protocol, on_violation, on_state, on_error, on_verdicts)
+        self._exchange = Exchange(
+            protocol, on_violation, on_state, on_error, on_verdicts, on_revision
+        )
         if tls is None and attach_url(url).startswith("wss:"):
             tls = context_from(os.environ)
         address = Address(attach_url(url), token, tls)

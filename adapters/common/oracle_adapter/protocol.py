@@ -41,7 +41,8 @@ TimeSource = Literal["field", "middleware", "arrival"]
 class Hello:
     """What a monitor sends to attach; `streams` are those it will observe, None for all.
 
-    `verdicts`: whether the state of the properties is wanted.
+    `verdicts`: whether the state of the properties is wanted; `features`: what else, by the
+    server's words for it, which older servers ignore.
     """
 
     monitor: str
@@ -51,6 +52,7 @@ class Hello:
     streams: Optional[Tuple[str, ...]] = None
     clock: Literal["wall", "sim"] = "wall"
     verdicts: Optional[bool] = None
+    features: Optional[Tuple[str, ...]] = None
 
 
 @dataclass(frozen=True)
@@ -81,6 +83,13 @@ class Violation:
 
 
 @dataclass(frozen=True)
+class Revision:
+    """Verdicts stand otherwise than was said."""
+
+    record: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
 class Room:
     """There may be events to write again."""
 
@@ -92,7 +101,7 @@ class Verdicts:
     frame: Mapping[str, Any]
 
 
-Notice = Union[Attached, Answered, Violation, Verdicts, Room, LinkError]
+Notice = Union[Attached, Answered, Violation, Revision, Verdicts, Room, LinkError]
 
 
 class Protocol:
@@ -115,6 +124,7 @@ class Protocol:
             "ack": self._on_ack,
             "decision": self._on_decision,
             "violation": self._on_violation,
+            "revision": self._on_revision,
             "verdicts": self._on_verdicts,
             "credit": self._on_credit,
             "error": self._on_error,
@@ -329,6 +339,9 @@ class Protocol:
 
     def _on_violation(self, frame: Mapping[str, Any]) -> None:
         self._notices.append(Violation(_without_type(frame)))
+
+    def _on_revision(self, frame: Mapping[str, Any]) -> None:
+        self._notices.append(Revision(_without_type(frame)))
 
     def _on_verdicts(self, frame: Mapping[str, Any]) -> None:
         self._notices.append(Verdicts(_without_type(frame)))

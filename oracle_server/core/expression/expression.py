@@ -32,6 +32,11 @@ class Expression:
         return tuple(dict.fromkeys(_dotted(names) for names in found))
 
     @cached_property
+    def signals(self) -> tuple[str, ...]:
+        """Of one over signals: those that are read, each once."""
+        return tuple(dict.fromkeys(path[0] for path in self.paths if path))
+
+    @cached_property
     def traced(self) -> Code:
         """The same code, whose stops say which part of the expression has no value."""
         return compile_tree(self.tree, traced=True)[0]
@@ -51,9 +56,12 @@ class Expression:
         return [steps, *[None] * self.slots]
 
 
-def parse_expression(text: str) -> Expression:
-    """Read and check an expression. Raises `ExpressionError`, with the line and column in the text."""
-    node = parse(text)
+def parse_expression(text: str, *, signals: bool = False) -> Expression:
+    """Read and check an expression, over `msg` or over `signals`, which stand in it by their names.
+
+    Raises `ExpressionError`, with the line and column in the text.
+    """
+    node = parse(text, signals=signals)
     code, slots = compile_tree(node)
     return Expression(text, node, code, slots)
 

@@ -9,7 +9,16 @@ from oracle_server.core.expression import tree
 from oracle_server.core.expression.cost import MAX_NAMES, MAX_NESTING
 from oracle_server.core.expression.functions import FUNCTIONS, LOOPS, MODULES, of_module, unknown_function
 from oracle_server.core.expression.patterns import unreadable
-from oracle_server.core.expression.slips import compared, missing, no_power, unexpected, unknown_name
+from oracle_server.core.expression.slips import (
+    NO_FIELDS,
+    NO_MESSAGE,
+    compared,
+    is_foreign,
+    missing,
+    no_power,
+    unexpected,
+    unknown_name,
+)
 from oracle_server.core.expression.tokens import Token, number_value, refusal, text_value, tokens
 from oracle_server.core.expression.tree import Node
 
@@ -17,9 +26,9 @@ _WORDS = {"true": True, "false": False, "null": None}
 _COMPARE = frozenset({"<", "<=", ">", ">=", "==", "!=", "in"})
 
 
-def parse(text: str) -> Node:
-    """Read an expression. Raises `ExpressionError` with line and column."""
-    parser = _Parser(text)
+def parse(text: str, *, signals: bool = False) -> Node:
+    """Read an expression over `msg`, or over `signals`. Raises `ExpressionError` with line and column."""
+    parser = _Parser(text, signals=signals)
     node = parser.choice()
     parser.ends()
     level = [node]
@@ -31,8 +40,9 @@ def parse(text: str) -> Node:
 
 
 class _Parser:
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, *, signals: bool) -> None:
         self._text = text
+        self._signals = signals
         self._tokens = tokens(text)
         self._at = 0
         self._open: list[Token] = []
@@ -143,6 +153,8 @@ class _Parser:
         return self._field(node, name.text, name.start, name.end)
 
     def _field(self, node: Node, name: str, place: int, end: int) -> Node:
+        if self._signals and isinstance(node, tree.Path):
+            raise refusal(self._text, place, NO_FIELDS)
         if not isinstance(node, tree.Path):
             return tree.Field(node, name, place, node.start, end)
         if len(node.names) == MAX_NAMES:
@@ -235,7 +247,7 @@ class _Parser:
         if name.text in self._variables:
             return tree.Variable(name.text, name.start, name.end)
         if name.text == "msg":
-            return tree.Path((), (), name.start, name.end)
+            return self._message(name)
         if name.text in _WORDS:
             return tree.Literal(_WORDS[name.text], name.start, name.end)
         if name.text in ("b", "B", "rb", "br") and self._next.kind == "text" and self._next.start == name.end:
@@ -253,6 +265,16 @@ class _Parser:
             raise self._refused(
                 name, "a text has no fields in it; put texts together by `+`, as in 'a' + string(msg.x)"
             )
+        return self._signal(name, before)
+
+    def _message(self, name: Token) -> Node:
+        if self._signals:
+            raise self._refused(name, NO_MESSAGE)
+        return tree.Path((), (), name.start, name.end)
+
+    def _signal(self, name: Token, before: Token | None) -> Node:
+        if self._signals and not is_foreign(name.text):
+            return tree.Path((name.text,), (name.start,), name.start, name.end)
         is_compared = before is not None and before.text in ("==", "!=", "=", "is")
         raise self._refused(name, unknown_name(name.text, self._variables, compared=is_compared))
 
@@ -274,7 +296,8 @@ class _Parser:
         match arguments:
             case [tree.Path(names=[_, *_]) | tree.Field() | tree.Index() as of]:
                 return tree.Has(of, name.start, end)
-        raise self._refused(name, "'has' asks for a field, as in has(msg.field)")
+        wanted = "a signal, as in has(speed)" if self._signals else "a field, as in has(msg.field)"
+        raise self._refused(name, f"'has' asks for {wanted}")
 
     def _list(self) -> Node:
         opened = self._opens()

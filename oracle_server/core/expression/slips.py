@@ -9,6 +9,8 @@ from oracle_server.core.expression.functions import FUNCTIONS, unknown_function
 from oracle_server.core.expression.tokens import Token
 from oracle_server.core.nearest import near, nearest
 
+NO_MESSAGE = "a derived signal has no `msg`: write the names of signals, as in `limit - speed`"
+NO_FIELDS = "signals have no fields: write the name of a signal alone, and declare one for the field under `signals`"
 _NO_BITS = "there are no bit operators; whether a bit is set, here that of 4, is asked by `(msg.data / 4) % 2 == 1`"
 _CLOSES = {"(": ")", "[": "]", "{": "}"}
 _INSTEAD = {
@@ -103,6 +105,11 @@ def unknown_name(name: str, variables: Iterable[str], *, compared: bool) -> str:
         return f"{told}; an expression reads the message alone, as in msg.field"
     text = f", or '{name}' for the text" if compared else ""
     return f"{told}; an expression reads `msg`: write `msg.{name}` for the field{text}"
+
+
+def is_foreign(name: str) -> bool:
+    """Whether a name is a word of another language."""
+    return name in _INSTEAD or name.lower() in ("and", "or", "not")
 
 
 def _elsewhere(name: str) -> str | None:

@@ -5,11 +5,16 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
+from oracle_server.core.formula.names import Names
+
 CLOSING = {"{": "}", "(": ")", "[": "]"}
 """What closes each bracket."""
+CONSTANTS = ("true", "false", "first")
+"""The words that are whole formulas."""
 OPERATORS = (
-    *("not", "and", "or", "implies", "pre", "once", "historically", "since", "forall", "exists"),
+    *("not", "and", "or", "implies", "pre", "once", "historically", "since", "forall", "exists", "lasting"),
     *("eventually", "always", "until", "next"),
+    *CONSTANTS,
 )
 """The words of formulas."""
 BOUNDED = ("once", "historically", "since", "P", "H", "S", "eventually", "always", "until")
@@ -18,6 +23,9 @@ AHEAD = ("eventually", "always", "until")
 """Those of them that wait for what comes."""
 QUANTIFIERS = ("forall", "exists", "A", "E")
 """Those behind which variables stand."""
+
+WORDS = frozenset({*OPERATORS, *BOUNDED, *QUANTIFIERS, "Y"})
+"""All words that are operators, and the letters that stand for some."""
 
 _TOKEN = re.compile(
     r"""(?P<space>\s+)
@@ -39,8 +47,8 @@ class Token:
 class Around:
     """The text around one place of it."""
 
-    def __init__(self, text: str, at: int) -> None:
-        self.text, self.at = text, at
+    def __init__(self, text: str, at: int, names: Names | None = None) -> None:
+        self.text, self.at, self.names = text, at, names or Names()
         tokens = [t for t in _tokens(text) if t.kind != "space"]
         self.before = [t for t in tokens if t.at + len(t.text) <= at]
         self.after = tokens[len(self.before) :]
@@ -82,11 +90,33 @@ class Around:
         """The text of a token before, empty where there is none."""
         return self.before[-i].text if i <= len(self.before) else ""
 
+    @property
+    def complete(self) -> bool:
+        """Whether a part of the formula ends here."""
+        return self.last() in ("}", ")", *CONSTANTS) or self.last() in self.names.known
+
     def unclosed(self) -> str:
         """What is said of the innermost open bracket."""
         begun = " ".join(self.text[self.open[-1].at :].split())
         shown = begun if len(begun) <= 20 else f"{begun[:20]}…"
         return f"`{shown}` is not closed by `{CLOSING[self.inside]}`"
+
+
+def first_unknown(text: str, names: Names) -> int | None:
+    """Where the first word outside of braces stands that is no operator and no name; None where all are."""
+    stack: list[str] = []
+    before = ""
+    for token in _tokens(text):
+        if token.kind == "space":
+            continue
+        if token.kind == "mark" and token.text in CLOSING:
+            stack.append("call" if token.text == "(" and before in names.known else token.text)
+        elif token.kind == "mark" and stack and token.text in CLOSING.values():
+            stack.pop()
+        elif token.kind == "word" and (not stack or stack[-1] == "(") and token.text not in {*names.known, *WORDS}:
+            return token.at
+        before = token.text
+    return None
 
 
 def _tokens(text: str) -> Iterator[Token]:

@@ -48,7 +48,7 @@ WORDS = {
         ("rise", "rises", "rising", "changed", "start"), "write `{a} and not pre {a}` for where it begins to hold"
     ),
     **dict.fromkeys(("fall", "falls", "falling", "end"), "write `not {a} and pre {a}` for where it ends"),
-    "for": "that something has lasted is `{a} since[5s:] {a}`, with `time: seconds`",
+    "for": "that something has lasted is `lasting[5s] {a}`, with `time: seconds`",
     "within": "a time stands in brackets, as in `once[:2s] {…}` with `time: seconds`",
     **dict.fromkeys(
         ("before", "previously", "past", "ever", "O"), "write `once {…}` for what held at some step until now"
@@ -64,8 +64,7 @@ WORDS = {
     "&": "write `and`",
     "|": "write `or`",
     "?": "write `({a} -> {b}) and (not {a} -> {c})`",
-    **dict.fromkeys(("true", "True"), "it is no formula; leave it out, or write an atom such as `{flag: true}`"),
-    **dict.fromkeys(("false", "False"), "it is no formula; write an atom such as `{flag: false}`"),
+    **dict.fromkeys(("True", "False", "TRUE", "FALSE"), ""),
 }
 """What to write for a word; empty where it is the same word in small letters."""
 UNITS = {

@@ -29,6 +29,11 @@ RYE = r"""
     | EVENTUALLY [bound] unary                            -> eventually
     | ALWAYS [bound] unary                                -> always
     | NEXT unary                                         -> next
+    | TRUE                                                -> truth
+    | FALSE                                               -> falsity
+    | FIRST                                               -> first
+    | LASTING "[" LOWER "]" unary                         -> lasting
+    | DEFINED ["(" VARIABLE ("," VARIABLE)* ")"]          -> use
     | EXISTS "[" VARIABLE ("," VARIABLE)* "]" "." implication -> exists
     | FORALL "[" VARIABLE ("," VARIABLE)* "]" "." implication -> forall
 
@@ -42,6 +47,7 @@ constraint: key                                           -> flag
     | key (":" | "==" | "=") value                        -> equal
     | key "!=" literal                                    -> unequal
     | key COMPARE NUMBER                                  -> compare
+    | key COMPARE NAME                                    -> compare_signals
 key: NAME | STRING
 ?value: literal
     | "*" VARIABLE                                        -> ref
@@ -67,6 +73,8 @@ UNTIL: /until\b/
 EVENTUALLY: /eventually\b/
 ALWAYS: /always\b/
 NEXT: /next\b/
+LASTING: /lasting\b/
+FIRST: /first\b/
 EXISTS: /(exists|E)\b/
 FORALL: /(forall|A)\b/
 _INF: /inf\b/
@@ -76,6 +84,7 @@ TRUE.2: /true\b/
 FALSE.2: /false\b/
 NAME: /[A-Za-z_][A-Za-z0-9_]*/
 ROSNAME: /[~\/][A-Za-z0-9_\/]*/
+DEFINED.-1: /[A-Za-z_][A-Za-z0-9_]*/
 VARIABLE: /[A-Za-z_][A-Za-z0-9_]*/
 STRING: /"[^"\n]*"/ | /'[^'\n]*'/
 NUMBER: /-?\d+(\.\d+)?([eE][+-]?\d+)?/

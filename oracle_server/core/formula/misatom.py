@@ -86,11 +86,16 @@ def _of_comparison(found: Around) -> str:
     if before in ("<", "<=", ">", ">=", ":", "=", "==", "!=") and mark in (".", "+") and found.kind(1) == "number":
         return f"a number is written `{'0.' if mark == '.' else ''}{found.next(1)}`"
     if before in ("<", "<=", ">", ">="):
-        mend = "of two fields declare one signal: `faster: msg.speed > msg.limit`"
-        return f"`{before}` compares with a number, and {found.shown} is none; {mend}"
+        return of_value(before, found.next())
     if before == "!=":
         return f"`!=` compares with a text, a number, true or false, and {found.shown} is none of these"
     return ""
+
+
+def of_value(op: str, text: str) -> str:
+    """Of what a signal can't be compared with."""
+    shown = text if len(text) <= 40 else f"{text[:40]}…"
+    return f"`{op}` compares with a number or with another signal, and `{shown}` is none, as in `speed {op} limit`"
 
 
 def _of_sign(found: Around) -> str:

@@ -31,6 +31,8 @@ def of_bound(found: Around) -> str:
     if found.inside != "[" or found.opener in QUANTIFIERS:
         return ""
     within = found.within.strip()
+    if found.opener == "lasting":
+        return of_lasting(within)
     if not found.text[found.open[-1].at + 1 + len(found.within) :].startswith("]"):
         ends = _ends(within)
         bound = _bound(ends) if ends and not isinstance(ends, str) else None
@@ -38,6 +40,13 @@ def of_bound(found: Around) -> str:
         return f"the bound that begins with `[{begun}` is not closed: write `{bound or '[2:5]'}`"
     wrong = f"the bound [{within}]" if len(within) <= 40 else "the bound"
     return f"{wrong} can't be read: {mended(within, ahead=found.opener in AHEAD)}"
+
+
+def of_lasting(within: str) -> str:
+    """Of `lasting` and what stands behind it, where that is not how long something has lasted."""
+    ends = _ends(within)
+    told = [end.text for end in ends if end.text] if not isinstance(ends, str) else []
+    return f"`lasting` is followed by how long, in square brackets: write `lasting[{told[0] if told else 5}] {{…}}`"
 
 
 def of_displaced(found: Around) -> str:

@@ -5,24 +5,37 @@ from __future__ import annotations
 import re
 
 from oracle_server.core.errors import FormulaError
-from oracle_server.core.formula.around import BOUNDED, CLOSING, OPERATORS, QUANTIFIERS, Around
+from oracle_server.core.formula.around import BOUNDED, CLOSING, CONSTANTS, OPERATORS, QUANTIFIERS, Around, first_unknown
 from oracle_server.core.formula.foreign import SYMBOLS, WORDS
 from oracle_server.core.formula.misatom import of_atom
-from oracle_server.core.formula.misbound import of_bound, of_displaced, of_variables, unbounded
+from oracle_server.core.formula.misbound import of_bound, of_displaced, of_lasting, of_variables, unbounded
+from oracle_server.core.formula.names import Names
 from oracle_server.core.nearest import nearest
 
 _BETWEEN = "between two parts stands `and`, `or`, `since` or `->`"
 _COMPARE = ("<", "<=", ">", ">=", "==", "!=", "=", ":")
 
-_UNBOUNDED = {"pre": "pre", "Y": "pre", "not": "not", "!": "not", "next": "next"}
+_UNBOUNDED = {
+    "pre": "pre", "Y": "pre", "not": "not", "!": "not", "next": "next", **{word: word for word in CONSTANTS},
+}  # fmt: skip
+_BEGINNING = (
+    *("{", "(", "!", "not", "once", "pre", "historically", "eventually", "always", "next", ",", ";"),
+    *CONSTANTS,
+)
 
 
-def misread(text: str, at: int | None) -> FormulaError:
-    """The error for a formula that can't be read from the character `at` on, None or the length for its end."""
+def misread(text: str, at: int | None, names: Names | None = None) -> FormulaError:
+    """The error for a formula that can't be read from the character `at` on, None or the length for its end.
+
+    A word before, which could be a name and is none of these `names`, is told in its place.
+    """
+    names = names or Names()
     if not text.strip():
         return FormulaError("the formula is empty; write what must hold, as in `{speed > 1} -> {enabled}`")
     end = len(text.rstrip())
-    found = Around(text, end if at is None or at < 0 or at >= end else at)
+    at = end if at is None or at < 0 or at >= end else at
+    unknown = first_unknown(text, names)
+    found = Around(text, at if unknown is None else min(at, unknown), names)
     if found.after:
         message = _reason(found)
     elif found.open:
@@ -35,7 +48,8 @@ def misread(text: str, at: int | None) -> FormulaError:
 def _reason(found: Around) -> str:
     """Why the formula can't be read on, by the first cause that explains it."""
     causes = (
-        _of_symbol, _of_comment, _of_quote, of_bound, of_displaced, of_variables, _of_foreign, _of_brackets, of_atom,
+        _of_symbol, _of_comment, _of_quote, _of_arguments, _of_name, of_bound, of_displaced, of_variables,
+        _of_foreign, _of_brackets, of_atom,
         _of_word, _of_outside, _of_operator,
     )  # fmt: skip
     for cause in causes:
@@ -65,6 +79,30 @@ def _of_quote(found: Around) -> str:
     if char in "\"'" and len(found.next()) == 1:
         return f"the quote {char} is not closed on its line"
     return ""
+
+
+def _of_name(found: Around) -> str:
+    """A name that is used where it can't be."""
+    word, names = found.next(), found.names
+    if found.inside == "{" or not word:
+        return ""
+    if word == names.reading:
+        return f"`{word}` is defined by itself here; a name may use those above it"
+    if word in names.below:
+        return f"`{word}` is defined below; a name may use those above it: move it up"
+    if word in names.known:
+        return f"`{word}` is not expected here: {_BETWEEN}"
+    if word in _COMPARE and found.last() in names.known:
+        return f"`{found.last()}` stands for a formula, which holds or does not: a signal is compared in braces"
+    return ""
+
+
+def _of_arguments(found: Around) -> str:
+    """What are no variables between the parentheses of a name."""
+    if found.inside != "(" or found.opener not in found.names.known:
+        return ""
+    call = found.names.known[found.opener].call
+    return f"between the parentheses of a name stand variables, without `*`: write `{call}`"
 
 
 def _of_foreign(found: Around) -> str:
@@ -118,10 +156,10 @@ def _of_word(found: Around) -> str:
     if follows in _COMPARE:
         atom = f"{word} {follows} {found.next(2)}".replace(" :", ":")
         return f"`{atom}` stands outside of braces: write `{{{atom}}}`"
-    near = nearest(word, OPERATORS, 0.7)
+    near = nearest(word, (*OPERATORS, *found.names.known), 0.7)
     if near:
-        return f"there is no operator `{word}`; {near}"
-    if found.before and found.last() in ("}", ")"):
+        return f"there is no operator {'or name ' if found.names.known else ''}`{word}`; {near}"
+    if found.before and found.complete:
         return f"`{word}` is not expected here: {_BETWEEN}"
     return f"`{word}` stands outside of braces: a signal is written `{{{word}}}`"
 
@@ -138,29 +176,18 @@ def _of_outside(found: Around) -> str:
         return f"an atom stands in braces: write `{{{inner}}}`"
     if mark == "/":
         return "a stream stands in an atom's braces, as in `{topic: /cmd_vel, speed > 1}`"
-    if found.kind() == "number" and found.last() in ("}", ")"):
+    if found.kind() == "number" and found.complete:
         return f"`{mark}` is not expected here: a time or a number of steps stands in a bound, as in `once[:5] {{…}}`"
     return ""
 
 
 def _of_operator(found: Around) -> str:
     mark, last = found.next(), found.last()
+    if last == "lasting" and found.inside != "{":
+        return of_lasting(found.text[found.at + 1 :].partition(")")[0] if mark == "(" else mark)
     if found.inside != "{" and re.fullmatch(r"[-=]+>", mark) and mark != "->":
         return f"there is no operator `{mark}`: write `->`"
-    if mark in (
-        "{",
-        "(",
-        "!",
-        "not",
-        "once",
-        "pre",
-        "historically",
-        "eventually",
-        "always",
-        "next",
-        ",",
-        ";",
-    ) and last in ("}", ")"):
+    if mark in _BEGINNING and found.complete:
         return f"`{mark}` is not expected here: {_BETWEEN}"
     if mark in ("and", "or", "->", "since", "until", "implies", "&&", "||"):
         first = f"after `{last}`" if found.before else "at the beginning"

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from fractions import Fraction
 from functools import cache
-from typing import Literal, TypeVar, cast
+from typing import TypeVar, cast
 
 from lark import Lark, Token, Transformer, UnexpectedInput, v_args
 from lark.exceptions import VisitError
@@ -14,15 +15,16 @@ from oracle_server.core.errors import FormulaError
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.ahead import check_ahead
 from oracle_server.core.formula.grammar import RYE
+from oracle_server.core.formula.misatom import of_value
 from oracle_server.core.formula.misread import misread
+from oracle_server.core.formula.names import Names, uses, written_out
 from oracle_server.core.formula.tree import ALL_PAST, UNBOUNDED, Atom, Bound, Constraint, Formula, Ref
 
-Time = Literal["steps", "seconds"]
-
+Time = tree.Time
 MAX_TEXT = 16_384
 """Longest formula, in characters."""
-MAX_DEPTH = 100
-"""Deepest nesting of a formula; every walk over a tree stays far from Python's recursion limit."""
+_VALUES = ("true", "false", "nan", "inf", "infinity", "none", "null")
+"""Names that are values elsewhere, and no signals with which others are compared."""
 MAX_DISTANCE = 10**18
 """Largest bound, in steps or nanoseconds (31 years)."""
 
@@ -31,26 +33,35 @@ NANOSECONDS = {"ns": 1, "us": 10**3, "ms": 10**6, "s": 10**9, "min": 60 * 10**9,
 _Quantifier = TypeVar("_Quantifier", tree.Exists, tree.Forall)
 
 
-def parse_formula(text: str, time: Time = "steps") -> Formula:
-    """Read a formula.
+def parse_formula(text: str, time: Time = "steps", names: Names | None = None) -> Formula:
+    """Read a formula, with the names in it written out.
 
     `time` decides what bounds count: judged events (`steps`, whole numbers) or nanoseconds (`seconds`, where the
     text has seconds or carries units). Raises `FormulaError` with line and column.
     """
+    written = read_part(text, time, names or Names())
+    check_variables(written)
+    check_ahead(written)
+    return written
+
+
+def read_part(text: str, time: Time, names: Names) -> Formula:
+    """Read what may have variables that something around it binds. Raises `FormulaError` with line and column."""
     if len(text) > MAX_TEXT:
         raise FormulaError(f"the formula has {len(text)} characters; at most {MAX_TEXT} are read")
     try:
         parsed = cast("Formula", _parser(time).parse(text))
     except UnexpectedInput as error:
-        raise misread(text, _where(error)) from None
+        raise misread(text, _where(error), names) from None
     except VisitError as error:
         if isinstance(error.orig_exc, FormulaError):
             raise error.orig_exc from None
         raise
-    _check_depth(parsed)
-    _check_variables(parsed)
-    check_ahead(parsed)
-    return parsed
+    used = sorted(uses(parsed), key=lambda use: use.at)
+    for use in used:
+        if use.call.name not in names.known:
+            raise misread(text, _offset(text, use.at), names)
+    return written_out(parsed, used, names, time)
 
 
 @cache
@@ -64,31 +75,31 @@ def _where(error: UnexpectedInput) -> int | None:
     return None if ended else error.pos_in_stream
 
 
-def _check_depth(formula: Formula) -> None:
-    level: list[Formula] = [formula]
-    for _ in range(MAX_DEPTH):
-        level = [child for node in level for child in tree.children(node)]
-        if not level:
-            return
-    raise FormulaError(f"the formula is nested more than {MAX_DEPTH} deep")
+def _offset(text: str, at: tree.Position) -> int:
+    """The character at a place of the text."""
+    lines = text.split("\n")
+    return sum(len(line) + 1 for line in lines[: at[0] - 1]) + at[1] - 1
 
 
-def _check_variables(formula: Formula) -> None:
-    _used(formula, frozenset())
+def check_variables(
+    formula: Formula, given: frozenset[str] = frozenset(), of: tree.Call | None = None
+) -> frozenset[str]:
+    """The variables of a formula, that `of` a name or a property's, which nothing in it binds.
+
+    Raises `FormulaError` where they are not `given`, and where a quantifier binds what nothing uses.
+    """
+    return _used(formula, given, of)
 
 
-def _used(node: Formula, bound: frozenset[str]) -> frozenset[str]:
+def _used(node: Formula, bound: frozenset[str], of: tree.Call | None) -> frozenset[str]:
     """The free variables of a node; refuses those that nothing binds and quantifiers that nothing uses."""
     if isinstance(node, Atom):
         for _, name in node.refs:
             if name not in bound:
-                raise FormulaError(
-                    f"the variable '{name}' is free; bind it with forall[{name}]. or exists[{name}]. in front",
-                    *node.at,
-                )
+                raise FormulaError(f"the variable '{name}' is free; {_bind(name, of)}", *node.at)
         return frozenset(name for _, name in node.refs)
     if isinstance(node, tree.Exists | tree.Forall):
-        used = _used(node.body, bound | {node.variable})
+        used = _used(node.body, bound | {node.variable}, of)
         if node.variable not in used:
             raise FormulaError(
                 f"the variable '{node.variable}' is bound here and used nowhere; a value is bound with a `*`, as in "
@@ -96,7 +107,15 @@ def _used(node: Formula, bound: frozenset[str]) -> frozenset[str]:
                 *node.at,
             )
         return used - {node.variable}
-    return frozenset().union(*(_used(child, bound) for child in tree.children(node)))
+    return frozenset().union(*(_used(child, bound, of) for child in tree.children(node)))
+
+
+def _bind(name: str, of: tree.Call | None) -> str:
+    """How a variable can be bound."""
+    mend = f"bind it with forall[{name}]. or exists[{name}]. in front"
+    if of is None:
+        return mend
+    return f"{mend}, or name it as a variable of its own: `{tree.Call(of.name, (*of.arguments, name))}`"
 
 
 @v_args(inline=True)
@@ -131,6 +150,22 @@ class _Builder(Transformer[Token, Formula]):
     def next(self, word: Token, operand: Formula) -> Formula:
         return tree.Next(operand, _place(word))
 
+    def truth(self, word: Token) -> Formula:
+        return _placed(tree.TRUE, word)
+
+    def falsity(self, word: Token) -> Formula:
+        return _placed(tree.FALSE, word)
+
+    def first(self, word: Token) -> Formula:
+        return _placed(tree.FIRST, word)
+
+    def lasting(self, _word: Token, distance: Token, operand: Formula) -> Formula:
+        return tree.lasting(operand, self._distance(distance))
+
+    def use(self, name: Token, *arguments: Token | None) -> Formula:
+        call = tree.Call(str(name), tuple(str(argument) for argument in arguments if argument is not None))
+        return tree.Use(call, _place(name))  # type: ignore[return-value] # it is written out before anything sees it
+
     def exists(self, word: Token, *parts: object) -> Formula:
         return _quantify(tree.Exists, word, parts)
 
@@ -150,7 +185,7 @@ class _Builder(Transformer[Token, Formula]):
         return Bound(0, self._distance(upper))
 
     def atom(self, brace: Token, *constraints: Constraint) -> Atom:
-        return Atom(constraints, _place(brace))
+        return Atom((*constraints, *tree.demanded(constraints)), _place(brace))
 
     def key(self, token: Token) -> str:
         return _unquoted(token)
@@ -166,6 +201,13 @@ class _Builder(Transformer[Token, Formula]):
 
     def compare(self, key: str, op: Token, value: Token) -> Constraint:
         return Constraint(key, str(op), self.number(value))  # type: ignore[arg-type]
+
+    def compare_signals(self, key: str, op: Token, name: Token) -> Constraint:
+        if str(name).lower() in _VALUES:
+            raise FormulaError(of_value(str(op), str(name)), *_place(name))
+        if key == name:
+            raise FormulaError(f"`{key}` is compared with itself; write the signal or the number meant", *_place(name))
+        return Constraint(key, str(op), tree.Signal(str(name)))  # type: ignore[arg-type]
 
     def ref(self, name: Token) -> Ref:
         return Ref(str(name))
@@ -221,6 +263,13 @@ def _quantify(kind: type[_Quantifier], word: Token, parts: tuple[object, ...]) -
     for name in reversed(names):
         body = kind(str(name), body, _place(word))  # type: ignore[arg-type]
     return body  # type: ignore[return-value]
+
+
+def _placed(formula: Formula, word: Token) -> Formula:
+    """What a word stands for, where it stands."""
+    if isinstance(formula, Atom):
+        return replace(formula, at=_place(word))
+    return tree.rebuilt(formula, lambda part: _placed(part, word))
 
 
 def _place(token: Token) -> tree.Position:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from oracle_server.core.formula import tree
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import (
     Always,
@@ -23,6 +24,7 @@ from oracle_server.core.formula.tree import (
     Pre,
     Ref,
     Scalar,
+    Signal,
     Since,
     Until,
 )
@@ -31,57 +33,82 @@ from oracle_server.core.units import span
 _LOOSEST, _IMPLIES, _OR, _AND, _SINCE, _UNARY = range(6)
 
 
-def render(formula: Formula, time: Time = "steps") -> str:
-    """The formula as Rye text; bounds are printed in the unit that `time` reads."""
-    return _render(formula, _LOOSEST, time)
+def render(formula: Formula, time: Time = "steps", *, named: bool = False) -> str:
+    """The formula as Rye text; bounds are printed in the unit that `time` reads.
+
+    `named`: names of `define:` stand below it where its author wrote them; else all is written out.
+    """
+    return _Printer(time, named).text(formula)
+
+
+def render_value(value: Scalar) -> str:
+    """A value as Rye text."""
+    return _value(value)
 
 
 def render_atom(atom: Atom) -> str:
     """An atom as Rye text."""
-    return "{" + ", ".join(_constraint(c) for c in atom.constraints) + "}"
+    if not atom.constraints:
+        return "true"
+    return "{" + ", ".join(_constraint(c) for c in _said(atom.constraints)) + "}"
 
 
-def _render(node: Formula, tightness: int, time: Time) -> str:  # noqa: C901, PLR0912 -- a case a node
-    own = _UNARY
-    match node:
-        case Atom():
-            text = render_atom(node)
-        case Not(operand):
-            text = f"not {_render(operand, _UNARY, time)}"
-        case Pre(operand):
-            text = f"pre {_render(operand, _UNARY, time)}"
-        case Once(operand, bound):
-            text = f"once{_bound(bound, time)} {_render(operand, _UNARY, time)}"
-        case Historically(operand, bound):
-            text = f"historically{_bound(bound, time)} {_render(operand, _UNARY, time)}"
-        case Since(left, right, bound):
-            own = _SINCE
-            text = f"{_render(left, _SINCE, time)} since{_bound(bound, time)} {_render(right, _UNARY, time)}"
-        case Next(operand):
-            text = f"next {_render(operand, _UNARY, time)}"
-        case Eventually(operand, bound):
-            text = f"eventually{_bound(bound, time)} {_render(operand, _UNARY, time)}"
-        case Always(operand, bound):
-            text = f"always{_bound(bound, time)} {_render(operand, _UNARY, time)}"
-        case Until(left, right, bound):
-            own = _SINCE
-            text = f"{_render(left, _SINCE, time)} until{_bound(bound, time)} {_render(right, _UNARY, time)}"
-        case And(left, right):
-            own = _AND
-            text = f"{_render(left, _AND, time)} and {_render(right, _SINCE, time)}"
-        case Or(left, right):
-            own = _OR
-            text = f"{_render(left, _OR, time)} or {_render(right, _AND, time)}"
-        case Implies(left, right):
-            own = _IMPLIES
-            text = f"{_render(left, _OR, time)} -> {_render(right, _IMPLIES, time)}"
-        case Exists(variable, body):
-            own = _LOOSEST
-            text = f"exists[{variable}]. {_render(body, _LOOSEST, time)}"
-        case Forall(variable, body):
-            own = _LOOSEST
-            text = f"forall[{variable}]. {_render(body, _LOOSEST, time)}"
-    return f"({text})" if own < tightness else text
+class _Printer:
+    """Prints with or without names."""
+
+    def __init__(self, time: Time, named: bool) -> None:
+        self._time, self._named = time, named
+
+    def text(self, node: Formula, tightness: int = _LOOSEST) -> str:
+        """A node where it stands, with its name left out."""
+        own, text = self._short(node) or self._operator(node)
+        return f"({text})" if own < tightness else text
+
+    def _part(self, node: Formula, tightness: int) -> str:
+        return str(node.written) if self._named and node.written else self.text(node, tightness)
+
+    def _short(self, node: Formula) -> tuple[int, str] | None:
+        """A formula for which there is a word of its own; None for any other."""
+        lasted, word = tree.lasted(node), tree.word_of(node)
+        if lasted is not None:
+            return _UNARY, f"lasting[{_distance(lasted[1], self._time)}] {self._part(lasted[0], _UNARY)}"
+        return None if word is None else (_UNARY, word)
+
+    def _operator(self, node: Formula) -> tuple[int, str]:  # noqa: C901, PLR0911, PLR0912 -- a case a node
+        """How tightly a node binds, and its text."""
+        match node:
+            case Atom():
+                return _UNARY, render_atom(node)
+            case Not(operand):
+                return _UNARY, f"not {self._part(operand, _UNARY)}"
+            case Pre(operand):
+                return _UNARY, f"pre {self._part(operand, _UNARY)}"
+            case Once(operand, bound):
+                return _UNARY, f"once{_bound(bound, self._time)} {self._part(operand, _UNARY)}"
+            case Historically(operand, bound):
+                return _UNARY, f"historically{_bound(bound, self._time)} {self._part(operand, _UNARY)}"
+            case Since(left, right, bound):
+                word = f"since{_bound(bound, self._time)}"
+                return _SINCE, f"{self._part(left, _SINCE)} {word} {self._part(right, _UNARY)}"
+            case Next(operand):
+                return _UNARY, f"next {self._part(operand, _UNARY)}"
+            case Eventually(operand, bound):
+                return _UNARY, f"eventually{_bound(bound, self._time)} {self._part(operand, _UNARY)}"
+            case Always(operand, bound):
+                return _UNARY, f"always{_bound(bound, self._time)} {self._part(operand, _UNARY)}"
+            case Until(left, right, bound):
+                word = f"until{_bound(bound, self._time)}"
+                return _SINCE, f"{self._part(left, _SINCE)} {word} {self._part(right, _UNARY)}"
+            case And(left, right):
+                return _AND, f"{self._part(left, _AND)} and {self._part(right, _SINCE)}"
+            case Or(left, right):
+                return _OR, f"{self._part(left, _OR)} or {self._part(right, _AND)}"
+            case Implies(left, right):
+                return _IMPLIES, f"{self._part(left, _OR)} -> {self._part(right, _IMPLIES)}"
+            case Exists(variable, body):
+                return _LOOSEST, f"exists[{variable}]. {self._part(body, _LOOSEST)}"
+            case Forall(variable, body):
+                return _LOOSEST, f"forall[{variable}]. {self._part(body, _LOOSEST)}"
 
 
 def _bound(bound: Bound, time: Time) -> str:
@@ -95,6 +122,12 @@ def _distance(distance: int, time: Time) -> str:
     return str(distance) if time == "steps" else span(distance)
 
 
+def _said(constraints: tuple[Constraint, ...]) -> tuple[Constraint, ...]:
+    """The constraints without those at their end that the others demand."""
+    whole = range(len(constraints))
+    return next((constraints[:n] for n in whole if tree.demanded(constraints[:n]) == constraints[n:]), constraints)
+
+
 def _constraint(constraint: Constraint) -> str:
     key = constraint.key if _is_name(constraint.key) else _quoted(constraint.key)
     if constraint.op != "==":
@@ -104,12 +137,14 @@ def _constraint(constraint: Constraint) -> str:
     return f"{key}: {_value(constraint.value)}"
 
 
-def _value(value: Scalar | Any | Ref) -> str:
+def _value(value: Scalar | Any | Ref | Signal) -> str:
     match value:
         case Any():
             return "*"
         case Ref(name):
             return f"*{name}"
+        case Signal(name):
+            return name
         case bool():
             return "true" if value else "false"
         case str():

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Literal
 
 Position = tuple[int, int]
 """Line and column in the formula's text, both from 1."""
 
+Time = Literal["steps", "seconds"]
+"""What bounds count."""
 Scalar = str | bool | int | float
 
 
@@ -26,13 +28,20 @@ class Ref:
     name: str
 
 
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """The value of another signal at the same step, with which a constraint compares: `{key > name}`."""
+
+    name: str
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Constraint:
     """One `key op value` of an atom; `a: 1` and `a: true` are different, though Python's 1 and True are equal."""
 
     key: str
     op: Literal["==", "!=", "<", "<=", ">", ">="]
-    value: Scalar | Any | Ref
+    value: Scalar | Any | Ref | Signal
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Constraint) and self._identity == other._identity
@@ -60,8 +69,37 @@ ALL_PAST = UNBOUNDED = Bound()
 
 
 @dataclass(frozen=True, slots=True)
-class Atom:
-    """`{k: v, …}`: holds where the step's signals meet every constraint."""
+class Call:
+    """A name of `define:` where it is used, and the variables that stand for its own."""
+
+    name: str
+    arguments: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return f"{self.name}({', '.join(self.arguments)})" if self.arguments else self.name
+
+
+@dataclass(frozen=True, slots=True)
+class _Node:
+    """What all nodes have: the name that stands for one in the text; it does not count as part of the formula."""
+
+    written: Call | None = field(default=None, compare=False, repr=False, kw_only=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Use:
+    """A name where it stands in a text that is being read; no formula has any."""
+
+    call: Call
+    at: Position = field(default=(1, 1), compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Atom(_Node):
+    """`{k: v, …}`: holds where the step's signals meet every constraint; without any it is `true`.
+
+    Of two signals that are compared both are there: `{v > limit}` has the constraint `limit: *` as well.
+    """
 
     constraints: tuple[Constraint, ...]
     at: Position = field(default=(1, 1), compare=False)
@@ -73,14 +111,14 @@ class Atom:
 
 
 @dataclass(frozen=True, slots=True)
-class Not:
+class Not(_Node):
     """`not φ`."""
 
     operand: Formula
 
 
 @dataclass(frozen=True, slots=True)
-class And:
+class And(_Node):
     """`φ and ψ`."""
 
     left: Formula
@@ -88,7 +126,7 @@ class And:
 
 
 @dataclass(frozen=True, slots=True)
-class Or:
+class Or(_Node):
     """`φ or ψ`."""
 
     left: Formula
@@ -96,7 +134,7 @@ class Or:
 
 
 @dataclass(frozen=True, slots=True)
-class Implies:
+class Implies(_Node):
     """`φ -> ψ`."""
 
     left: Formula
@@ -104,14 +142,14 @@ class Implies:
 
 
 @dataclass(frozen=True, slots=True)
-class Pre:
+class Pre(_Node):
     """`pre φ`: there is a step before this one and φ held there."""
 
     operand: Formula
 
 
 @dataclass(frozen=True, slots=True)
-class Once:
+class Once(_Node):
     """`once[a:b] φ`."""
 
     operand: Formula
@@ -119,7 +157,7 @@ class Once:
 
 
 @dataclass(frozen=True, slots=True)
-class Historically:
+class Historically(_Node):
     """`historically[a:b] φ`."""
 
     operand: Formula
@@ -127,7 +165,7 @@ class Historically:
 
 
 @dataclass(frozen=True, slots=True)
-class Since:
+class Since(_Node):
     """`φ since[a:b] ψ`."""
 
     left: Formula
@@ -136,7 +174,7 @@ class Since:
 
 
 @dataclass(frozen=True, slots=True)
-class Exists:
+class Exists(_Node):
     """`exists[x]. φ`, over all values: those seen so far and those not seen yet."""
 
     variable: str
@@ -145,7 +183,7 @@ class Exists:
 
 
 @dataclass(frozen=True, slots=True)
-class Forall:
+class Forall(_Node):
     """`forall[x]. φ`, over all values: those seen so far and those not seen yet."""
 
     variable: str
@@ -154,7 +192,7 @@ class Forall:
 
 
 @dataclass(frozen=True, slots=True)
-class Next:
+class Next(_Node):
     """`next φ`: φ holds at the step after this one."""
 
     operand: Formula
@@ -162,7 +200,7 @@ class Next:
 
 
 @dataclass(frozen=True, slots=True)
-class Eventually:
+class Eventually(_Node):
     """`eventually[a:b] φ`."""
 
     operand: Formula
@@ -171,7 +209,7 @@ class Eventually:
 
 
 @dataclass(frozen=True, slots=True)
-class Always:
+class Always(_Node):
     """`always[a:b] φ`."""
 
     operand: Formula
@@ -180,7 +218,7 @@ class Always:
 
 
 @dataclass(frozen=True, slots=True)
-class Until:
+class Until(_Node):
     """`φ until[a:b] ψ`."""
 
     left: Formula
@@ -208,6 +246,41 @@ Formula = (
 )
 
 
+def demanded(constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
+    """That the signals are there with which others are compared, where nothing else asks for them."""
+    keys = {c.key for c in constraints}
+    others = dict.fromkeys(c.value.name for c in constraints if isinstance(c.value, Signal))
+    return tuple(Constraint(name, "==", Any.ANY) for name in others if name not in keys)
+
+
+TRUE = Atom(())
+"""`true`: holds at every step."""
+FALSE = Not(TRUE)
+"""`false`: holds at none."""
+FIRST = And(Atom((Constraint("kind", "==", Any.ANY),)), Not(Pre(TRUE)))
+"""`first`: there is no step before; not at a deadline, which is no event of any kind."""
+WORDS = {"true": TRUE, "false": FALSE, "first": FIRST}
+"""The formulas that are written as a word."""
+
+
+def word_of(formula: Formula) -> str | None:
+    """The word that a formula is written as, None for most."""
+    return next((word for word, meant in WORDS.items() if meant == formula), None)
+
+
+def lasting(operand: Formula, distance: int) -> Formula:
+    """`lasting[d] φ`: φ held at a step at least d ago, and ever since."""
+    return Since(operand, operand, Bound(distance))
+
+
+def lasted(node: Formula) -> tuple[Formula, int] | None:
+    """What has lasted, and for how long, where a formula says that; None for any other."""
+    match node:
+        case Since(left, right, Bound(int(lower), None)) if lower and left == right:
+            return right, lower
+    return None
+
+
 def children(node: Formula) -> tuple[Formula, ...]:
     """The direct sub-formulas of a node, from left to right."""
     match node:
@@ -221,6 +294,21 @@ def children(node: Formula) -> tuple[Formula, ...]:
             return (left, right)
         case Exists(_, body) | Forall(_, body):
             return (body,)
+
+
+def rebuilt(node: Formula, change: Callable[[Formula], Formula]) -> Formula:
+    """A new node like this one, with each of its direct sub-formulas changed."""
+    match node:
+        case Atom():
+            return replace(node)
+        case Not(operand) | Pre(operand) | Once(operand) | Historically(operand):
+            return replace(node, operand=change(operand))
+        case Next(operand) | Eventually(operand) | Always(operand):
+            return replace(node, operand=change(operand))
+        case And(left, right) | Or(left, right) | Implies(left, right) | Since(left, right) | Until(left, right):
+            return replace(node, left=change(left), right=change(right))
+        case Exists(_, body) | Forall(_, body):
+            return replace(node, body=change(body))
 
 
 def walk(formula: Formula) -> Iterator[Formula]:

@@ -13,6 +13,8 @@ from oracle_server.engines.native.timeline import FEW, Timeline
 
 _MOST_APART = 256
 """Keys that are looked at, at each step, to find out that a quantifier has settled."""
+_LIGHT = 8
+"""Operands of a body that cost no more to look at than a key by itself."""
 
 Expression = Any
 """A node, `("not", node)`, or `("and" | "or", left, right)`: negations stand at nodes only."""
@@ -195,6 +197,7 @@ class Body:
         "_leaves",
         "_parts",
         "_timeline",
+        "_weight",
         "at",
         "can_settle",
         "flat",
@@ -220,6 +223,8 @@ class Body:
         self._timeline = timeline
         self._cost = 1 + len(self._leaves) ** 2 // 16
         """What it takes to look at a region: each operator looks at all below it, and so does each below."""
+        self._weight = 1 + sum(len(nodes_of(e)) for e in expressions) // _LIGHT
+        """What it takes to look at a key: each operand is asked for its value there."""
         if not self.flat:
             for node in self.nodes:
                 node.index()
@@ -250,7 +255,7 @@ class Body:
     def look_at(self, keys: int) -> None:
         """Count keys that the node above looks at. Raises `EngineError` where they cost too much."""
         if keys > FEW:
-            self._timeline.spend(keys)
+            self._timeline.spend(keys * self._weight)
 
     def all_settled(self, value: bool, *, some: bool, own: Sequence[Text] = ()) -> bool:
         """Whether the first expression has settled on a value at all keys that begin with these texts, or at `some`.
@@ -276,7 +281,7 @@ class Body:
             return self._resolve([[ALL] * len(self.variables)], own)
         keys = set(own.points()).union(*(part.points() for part in self._parts))
         if len(keys) > FEW:
-            self._timeline.spend(len(keys))
+            self._timeline.spend(len(keys) * self._weight)
         keys.discard(self._fresh)
         return [*keys, self._fresh]
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Collection, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from oracle_server.core.atoms import Matches
 from oracle_server.core.errors import EngineError
@@ -16,10 +17,19 @@ from oracle_server.core.verdicts import Outcome
 from oracle_server.engines.native.build import build
 from oracle_server.engines.native.explain import explain
 from oracle_server.engines.native.timeline import Timeline
+from oracle_server.engines.native.unanswered import explain_obligations
 
+Journal = list[Callable[[], object]]
 _NEVER = 2**63
 FORMAT = 2
 """The number of the form that snapshots have."""
+
+
+class Frame(NamedTuple):
+    """A step at which something changed, by its number, and what takes it back, the last change last."""
+
+    step: int
+    journal: Journal
 
 
 class NativeEngine:
@@ -36,7 +46,9 @@ class NativeEngine:
         """What it waits for; None where its formula only looks back."""
         (self._holds,), (self._settled,) = network.root.at, network.root.settled
         self._can_settle = any(network.root.can_settle[0](frozenset()))
-        self._journals: list[list[Callable[[], object]]] = []
+        self._marks: list[Journal] = []
+        self._frames: deque[Frame] | None = None
+        """The last steps at which something changed, the last one last; None where none are recorded."""
         self._steps = 0
         self._due = 0
         """When something may change although no atom does: a step's number, or nanoseconds."""
@@ -46,10 +58,17 @@ class NativeEngine:
         """Judge the next step; see `Engine.step`."""
         self._steps += 1
         now = time if self._timed else self._steps
-        self._timeline.move(now)
         silent = matches.count(None) == len(matches)
+        recording = self._frames is not None and not self._marks
         if silent and now < self._due:
+            if recording:
+                self._timeline.pass_by(now)
+            else:
+                self._timeline.move(now)
             return self._last
+        if recording:
+            self._open_frame(self._steps, [self._returning(self._steps - 1)])
+        self._timeline.move(now)
         for place, atom in self._atoms:
             match = matches[place]
             if match is not None or not atom.idle:
@@ -108,8 +127,14 @@ class NativeEngine:
         """What the last step cost, in values that were looked at."""
         return self._timeline.work
 
+    def allow(self, work: int) -> None:
+        """Let it look at so many values for a step; see `Bounded.allow`."""
+        self._timeline.allowed = work
+
     def explain(self, past: Past = NO_PAST) -> Why:
         """Why the formula holds, or does not, at the last step; see `Explaining.explain`."""
+        if self.owed is not None:
+            return explain_obligations(self._formula, self._network, self.owed, self._time, self._steps, past)
         return explain(self._formula, self._network, self._time, self._steps, past)
 
     def snapshot(self) -> dict[str, Any]:
@@ -139,16 +164,8 @@ class NativeEngine:
 
     def mark(self) -> None:
         """Record all changes from now on, until `back` or `keep`; marks can be nested."""
-        steps, due, last = self._steps, self._due, self._last
-        atoms = [(atom, atom.current) for _, atom in self._atoms]
-
-        def back() -> None:
-            self._steps, self._due, self._last = steps, due, last
-            for atom, current in atoms:
-                atom.current = current
-
-        self._journals.append([back])
-        self._timeline.journal = self._journals[-1]
+        self._marks.append([self._returning(self._steps)])
+        self._timeline.journal = self._marks[-1]
 
     def back(self) -> None:
         """Take back all steps since the last mark."""
@@ -156,14 +173,61 @@ class NativeEngine:
             undo()
 
     def keep(self) -> None:
-        """Keep the steps since the last mark."""
+        """Keep the steps since the last mark; a recording engine takes them back together."""
         journal = self._close()
-        if self._timeline.journal is not None:
-            self._timeline.journal += journal
+        if self._marks:
+            self._marks[-1] += journal
+        elif self._frames is not None:
+            self._open_frame(self._steps, journal)
 
-    def _close(self) -> list[Callable[[], object]]:
-        journal = self._journals.pop()
-        self._timeline.journal = self._journals[-1] if self._journals else None
+    def record(self) -> None:
+        """From now on, keep what is needed to go back."""
+        self._frames = deque()
+        self._timeline.journal = []
+
+    def rewind(self, step: int, time: int, before: int) -> None:
+        """Go back to a step; see `Rewindable.rewind`."""
+        assert self._frames is not None  # noqa: S101 -- it was told to record
+        left = self._steps - step
+        while self._frames and self._frames[-1].step > step:
+            for undo in reversed(self._frames.pop().journal):
+                undo()
+            left -= 1
+        self._timeline.place(*((time, before) if self._timed else (step, max(0, step - 1))), left)
+        self._steps = step
+        self._timeline.journal = self._frames[-1].journal if self._frames else []
+
+    def forget(self, step: int, time: int) -> None:
+        """Keep no more than is needed to go back to a step."""
+        assert self._frames is not None  # noqa: S101 -- it was told to record
+        while self._frames and self._frames[0].step <= step:
+            self._frames.popleft()
+        self._timeline.trim(time if self._timed else step)
+
+    def _open_frame(self, step: int, journal: Journal) -> None:
+        """Begin a frame with what takes its step back; what is noted until the next one is undone with it."""
+        assert self._frames is not None  # noqa: S101 -- only called where it records
+        self._frames.append(Frame(step, journal))
+        self._timeline.journal = journal
+
+    def _returning(self, steps: int) -> Callable[[], None]:
+        """What restores what the engine itself keeps of a step, with so many steps."""
+        due, last = self._due, self._last
+        atoms = [(atom, atom.current) for _, atom in self._atoms]
+
+        def back() -> None:
+            self._steps, self._due, self._last = steps, due, last
+            for atom, current in atoms:
+                atom.current = current
+
+        return back
+
+    def _close(self) -> Journal:
+        journal, frames = self._marks.pop(), self._frames
+        if self._marks:
+            self._timeline.journal = self._marks[-1]
+        else:
+            self._timeline.journal = None if frames is None else frames[-1].journal if frames else []
         return journal
 
     def _next_due(self) -> int:

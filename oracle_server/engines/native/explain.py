@@ -7,8 +7,9 @@ explained at several steps at once is explained once.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from functools import partial
+from collections.abc import Sequence
+
+from msgspec import structs
 
 from oracle_server.core.explanation import Failing, Reason, Why
 from oracle_server.core.formula import tree
@@ -20,29 +21,36 @@ from oracle_server.engines.native.ever import Ever
 from oracle_server.engines.native.guarded import SomeGuarded
 from oracle_server.engines.native.keys import key_of, texts_of
 from oracle_server.engines.native.latest import Latest
-from oracle_server.engines.native.obligations import Obligations
 from oracle_server.engines.native.parts import Part, is_simple
+from oracle_server.engines.native.reasons import leaves, size, spots
 from oracle_server.engines.native.recall import Recall
 from oracle_server.engines.native.saying import Saying
 from oracle_server.engines.native.some import Some, SomeOf
-from oracle_server.engines.native.unanswered import explain_obligations
 from oracle_server.engines.native.window import Window
 from oracle_server.engines.native.wording import Wording, scalar
 
 Steps = Sequence[int]
 """Numbers of remembered steps, ascending."""
 _MOST_STEPS = 2_000
+A_PART = 50
+"""What a part of the formula costs, in the effort that the past is looked through with."""
 _MOST_TOLD = 3
 """Values that are shown where all decide together."""
 
 
 def explain(formula: Formula, network: Network, time: Time, last: int, past: Past) -> Why:
     """Why the formula holds, or does not, at the last step, number `last`; `past` are the remembered steps."""
-    part = Part(formula, (), {}, {})
-    if network.obligations is not None:
-        return _explain_obligations(formula, network, network.obligations, time, last, past)
     recall = Recall(formula, network, time, last, past)
-    explainer = _Explainer(network, recall, Wording(time, network.timeline.now, recall))
+    try:
+        return _explain(formula, network, time, recall)
+    finally:
+        if past.spent is not None:
+            past.spent(recall.spent + A_PART * (len(network.atoms) + len(network.operators)))
+
+
+def _explain(formula: Formula, network: Network, time: Time, recall: Recall) -> Why:
+    part, last = Part(formula, (), {}, {}), recall.last
+    explainer = Explainer(network, recall, Wording(time, network.timeline.now, recall))
     holds = explainer.holds(part)
     deciding = None
     if isinstance(formula, tree.Exists | tree.Forall) and holds is isinstance(formula, tree.Exists):
@@ -54,19 +62,9 @@ def explain(formula: Formula, network: Network, time: Time, last: int, past: Pas
     return Why(holds, values, others, tuple(explainer.reasons(inner, explainer.holds(inner), [last])))
 
 
-def _explain_obligations(
-    formula: Formula, network: Network, owed: Obligations, time: Time, last: int, past: Past
-) -> Why:
-    """The same of a formula that waits for what comes."""
-    reasons = None
-    if owed.at_step:
-        recall = Recall(formula, network, time, last, past)
-        explainer = _Explainer(network, recall, Wording(time, network.timeline.now, recall))
-        reasons = partial(explainer.reasons, holds=False, steps=[last])
-    return explain_obligations(formula, owed, time, reasons)
+class Explainer:
+    """Finds the reasons of parts that look back."""
 
-
-class _Explainer:
     def __init__(self, network: Network, recall: Recall, wording: Wording) -> None:
         self._network, self._recall, self._wording = network, recall, wording
         self._saying = Saying(recall, wording)
@@ -78,8 +76,20 @@ class _Explainer:
 
     def reasons(self, part: Part, holds: bool, steps: Steps) -> list[Reason]:
         """What decides that a part holds at all of some steps, or at none of them."""
-        many = len(steps) > _MOST_STEPS
-        return [self._plain(part, steps, holds)] if many else self._deciding_parts(part, steps, holds)
+        if len(steps) > _MOST_STEPS or part.formula in (tree.FIRST, tree.FALSE):
+            return [self._plain(part, steps, holds)]
+        found = self._deciding_parts(part, steps, holds)
+        if part.formula.written is None or is_simple(part.formula):
+            return found
+        if isinstance(part.formula, tree.Not | tree.And | tree.Or | tree.Implies):
+            return [self._named(part, steps, holds, found)]
+        return [structs.replace(reason, told=True) for reason in found]
+
+    def _named(self, part: Part, steps: Steps, holds: bool, found: list[Reason]) -> Reason:
+        """That a part with a name held, or did not, and why."""
+        now = "holds" if holds else "does not hold"
+        text = now if [*steps] == [self._now] else "held" if holds else "did not hold"
+        return self._reason(part, steps, holds, text, parts=tuple(found), told=True)
 
     def _deciding_parts(self, part: Part, steps: Steps, holds: bool) -> list[Reason]:  # noqa: PLR0911 -- a case a node
         match part.formula:
@@ -113,10 +123,11 @@ class _Explainer:
         if not isinstance(node, Some | SomeOf | SomeGuarded):
             return None
         own = key_of([part.values.get(v) for v in node.variables])
-        keys = sorted(node.keys(own), key=lambda key: [(text is None, text or "") for text in texts_of(key)])
+        keys = node.keys(own)
         if not keys:
             return None
-        found = dict(zip(node.body_variables, texts_of(keys[0]), strict=True))
+        first = min(keys, key=lambda key: [(text is None, text or "") for text in texts_of(key)])
+        found = dict(zip(node.body_variables, texts_of(first), strict=True))
         return part.body(self._network).given(found), len(keys) - 1
 
     def _all(self, sides: list[tuple[Part, bool]], steps: Steps) -> list[Reason]:
@@ -127,7 +138,7 @@ class _Explainer:
         found = [[s for s in steps if self._recall.at(side, s) is value] for side, value in sides]
         alone = [self.reasons(*side, steps) for side, held in zip(sides, found, strict=True) if len(held) == len(steps)]
         if alone:
-            return min(alone, key=_size)
+            return min(alone, key=size)
         rest = sorted({*steps}.difference(found[0]))
         if not {*rest}.issubset(found[1]):
             return [self._plain(part, steps, holds)]
@@ -169,9 +180,9 @@ class _Explainer:
         if not bodies or any(self._recall.at(body, s) is not holds for body in bodies for s in steps):
             return self._reason(part, steps, holds, text)
         found = [(body, self.reasons(body, holds, steps)) for body in bodies]
-        spots = [spot for _, reasons in found for spot in _spots(reasons)]
-        window = (min(spot[0] for spot in spots), max(spot[1] for spot in spots)) if spots else None
-        telling = [item for item in found if any(reason.holds for reason in _leaves(item[1]))][:_MOST_TOLD]
+        told = [spot for _, reasons in found for spot in spots(reasons)]
+        window = (min(spot[0] for spot in told), max(spot[1] for spot in told)) if told else None
+        telling = [item for item in found if any(reason.holds for reason in leaves(item[1]))][:_MOST_TOLD]
         parts = []
         for body, reasons in telling:
             given = f"for {self._wording.values(body.scope, body.values)}"
@@ -281,11 +292,13 @@ class _Explainer:
         else:
             found = sorted(witnesses)
             times = self._times(found)
-            parts = self._deeper([(right, True, found), (left, True, sorted(between))])
+            lasted = tree.lasted(part.formula) is not None
+            sides: list[tuple[Part, bool, Steps]] = [(right, True, found), (left, True, sorted(between))]
+            parts = self._deeper([(right, True, sorted(witnesses | between))] if lasted else sides)
             text = self._saying.since(left, right, times, found)
             text += self._saying.ran_out(part.formula.bound) if [*steps] == [self._now] else ""
             window = (times[0], self._recall.time(steps[-1])) if between else None
-            return self._reason(part, steps, True, text, times, found, window=window, parts=parts)
+            return self._reason(part, steps, True, text, times, found, window=window, parts=parts, told=lasted)
         when = self._when(part) if [*steps] == [self._now] else None
         if when is None:
             return self._plain(part, steps, True)
@@ -297,7 +310,7 @@ class _Explainer:
         window, whole = self._windows(part.formula.bound, steps)
         where, ends = self._where(part.formula.bound, steps, window)
         if whole and [*steps] == [self._now] and is_simple(right.formula) and self._recall.are(right, False, window):
-            text = f"no {self._wording.formula(right)} {where}"
+            text = f"no {self._wording.name(right)} {where}"
             text += self._saying.nearest(right, part.formula.bound, window)
             return self._reason(part, steps, False, text, window=ends)
         known, missing = True, set[int]()
@@ -316,8 +329,13 @@ class _Explainer:
         known = known and self._recall.are(right, False, missing)
         plain = is_simple(right.formula) and not broken
         sides = [(right, False, sorted(missing)), (left, False, sorted(broken))] if known and not plain else []
+        text = f"none with its left side ever since {where}"
+        lasted = tree.lasted(part.formula) is not None
+        if lasted:
+            sides = [(right, False, sorted(missing | broken))] if sides else []
+            text = "it has not lasted so long"
         parts = tuple(r for side, value, at in sides if at for r in self.reasons(side, value, at))
-        return self._reason(part, steps, False, f"none with its left side ever since {where}", window=ends, parts=parts)
+        return self._reason(part, steps, False, text, window=ends, parts=parts, told=lasted)
 
     def _windows(self, bound: Bound, steps: Steps) -> tuple[list[int], bool]:
         """All steps in the windows of some steps, and whether all of them are remembered."""
@@ -379,25 +397,3 @@ class _Explainer:
 def _bound(part: Part) -> Bound:
     assert isinstance(part.formula, tree.Once | tree.Historically)  # noqa: S101 -- see `reasons`
     return part.formula.bound
-
-
-def _leaves(reasons: Iterable[Reason]) -> Iterator[Reason]:
-    for reason in reasons:
-        if reason.parts:
-            yield from _leaves(reason.parts)
-        else:
-            yield reason
-
-
-def _size(reasons: Sequence[Reason]) -> int:
-    return sum(1 for _ in _leaves(reasons))
-
-
-def _spots(reasons: Iterable[Reason]) -> Iterator[tuple[int, int]]:
-    """The first and the last time of each reason that has any."""
-    for reason in reasons:
-        if reason.at is not None:
-            yield reason.at, reason.at
-        if reason.window is not None:
-            yield reason.window
-        yield from _spots(reason.parts)

@@ -41,5 +41,7 @@ class Part:
 
 
 def is_simple(formula: Formula) -> bool:
-    """Whether a formula needs no explanation but its truth: it is an atom, negated or not."""
-    return isinstance(formula, tree.Atom) or (isinstance(formula, tree.Not) and is_simple(formula.operand))
+    """Whether a formula needs no explanation but its truth: it is a word or an atom, negated or not."""
+    if isinstance(formula, tree.Atom) or formula == tree.FIRST:
+        return True
+    return isinstance(formula, tree.Not) and is_simple(formula.operand)

@@ -43,6 +43,11 @@ class Recall:
         self._texts: dict[str, set[str]] | None = None
         self._seen: dict[int, Matches] = {}
 
+    @property
+    def spent(self) -> int:
+        """What was spent of the effort."""
+        return self._past.effort - self._effort
+
     def time(self, step: int) -> int:
         """A step's time as explanations show it: its number or, with `time: seconds`, nanoseconds."""
         return self._times[step - self.first] if self._timed else step

@@ -51,12 +51,14 @@ class Saying:
     def since(self, left: Part, right: Part, times: Sequence[int], steps: Sequence[int]) -> str:
         """That the right side of a `since` held at steps, and the left one ever after."""
         text, _ = self.held(right, times, steps, holds=True)
-        name = self._wording.formula(right) if is_simple(right.formula) else "its right side"
+        if left.formula == right.formula:
+            return f"{self._wording.name(right) if is_simple(right.formula) else 'its operand'} {text}, and ever since"
+        name = self._wording.name(right) if is_simple(right.formula) else "its right side"
         after = left.formula
         if isinstance(after, tree.Not) and is_simple(after):
-            ever = f"no {self._wording.formula(left.child(after.operand))} since"
+            ever = f"no {self._wording.name(left.child(after.operand))} since"
         else:
-            ever = f"{self._wording.formula(left) if is_simple(after) else 'its left side'} ever since"
+            ever = f"{self._wording.name(left) if is_simple(after) else 'its left side'} ever since"
         return f"{name} {text}, and {ever}"
 
     def nearest(self, part: Part, bound: Bound, window: Sequence[int]) -> str:

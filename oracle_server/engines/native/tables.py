@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
 from functools import partial
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar, TypeVarTuple, Unpack
 
 from oracle_server.engines.native.keys import ALL, Key, Region, fresh_key
 from oracle_server.engines.native.timeline import FEW, Timeline
 
 S = TypeVar("S")
+Args = TypeVarTuple("Args")
 _NO_TEXTS: frozenset[str] = frozenset()
 
 
@@ -184,9 +185,10 @@ class Tree(Generic[S]):
         path: Key = ()
         for text in key:
             if text is not None and text not in self._branches.get(path, ()):
-                self._note()
                 self._grow((*path, None), (*path, text))
-                self._branches.setdefault(path, set()).add(text)
+                texts = self._branches.setdefault(path, set())
+                texts.add(text)
+                self._undo(texts.discard, text)
             path = (*path, text)
         return self.states[key]
 
@@ -198,9 +200,10 @@ class Tree(Generic[S]):
                 continue
             if not self._alike(path, (*path[:-1], None), same):
                 return
-            self._note()
             self._prune(path)
-            self._branches[path[:-1]].discard(path[-1])
+            texts = self._branches[path[:-1]]
+            texts.discard(path[-1])
+            self._undo(texts.add, path[-1])
 
     def known(self, key: Key) -> S | None:
         """The state of a key that is distinguished, None for others."""
@@ -233,15 +236,10 @@ class Tree(Generic[S]):
     def index(self) -> None:
         """Nothing to prepare."""
 
-    def _note(self) -> None:
-        """Let all be taken back as it is."""
+    def _undo(self, take_back: Callable[[Unpack[Args]], object], *args: *Args) -> None:
+        """Note what takes a change back."""
         if self._timeline.journal is not None:
-            self._timeline.spend(len(self.states))
-            branches = {path: set(texts) for path, texts in self._branches.items()}
-            self._timeline.journal.append(partial(self._reset, dict(self.states), branches))
-
-    def _reset(self, states: dict[Key, S], branches: dict[Key, set[str]]) -> None:
-        self.states, self._branches = states, branches
+            self._timeline.journal.append(partial(take_back, *args))
 
     def _find(self, key: Region) -> Key:
         path: Key = ()
@@ -255,10 +253,12 @@ class Tree(Generic[S]):
             self._timeline.spend(1)
             self._timeline.tell_apart(len(self.states) + 1)
             self.states[target] = self._copy(self.states[source])
+            self._undo(self.states.pop, target)
             return
         texts = self._branches.get(source, set())
         if texts:
             self._branches[target] = set(texts)
+            self._undo(self._branches.pop, target)
         for text in (None, *texts):
             self._grow((*source, text), (*target, text))
 
@@ -275,9 +275,12 @@ class Tree(Generic[S]):
     def _prune(self, path: Key) -> None:
         """Forget all that grows on a branch."""
         if len(path) == self._size:
-            del self.states[path]
+            self._undo(self.states.__setitem__, path, self.states.pop(path))
             return
-        for text in (None, *self._branches.pop(path, _NO_TEXTS)):
+        texts = self._branches.pop(path, None)
+        if texts is not None:
+            self._undo(self._branches.__setitem__, path, texts)
+        for text in (None, *(texts or ())):
             self._prune((*path, text))
 
 

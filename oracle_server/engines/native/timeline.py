@@ -6,7 +6,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Callable
 from typing import Any
 
-from oracle_server.core.engine import MAX_WORK, MAX_WORK_ON_AVERAGE
+from oracle_server.core.engine import MAX_WORK, MAX_WORK_ON_AVERAGE, MAX_WORK_TOGETHER
 from oracle_server.core.errors import EngineError
 
 _TRIM = 1024
@@ -23,7 +23,8 @@ class Timeline:
     """
 
     __slots__ = (
-        "_at_once", "_debt", "_horizon", "_on_average", "_times", "before", "first", "journal", "now", "timed", "work",
+        "_at_once", "_debt", "_horizon", "_on_average", "_times", "allowed", "before", "first", "journal", "now",
+        "timed", "work",
     )  # fmt: skip
 
     def __init__(self, *, timed: bool, share: float = 1) -> None:
@@ -32,6 +33,8 @@ class Timeline:
         self.first = True
         self.timed = timed
         self._at_once, self._on_average = int(MAX_WORK * share), int(MAX_WORK_ON_AVERAGE * share)
+        self.allowed = MAX_WORK
+        """Keys that may be looked at with this step, as others have looked at some."""
         self.work = 0
         """Keys that were looked at with this step, but for those of nodes that looked at few."""
         self._debt = 0
@@ -56,14 +59,39 @@ class Timeline:
             if len(self._times) % _TRIM == 0 and self.journal is None:
                 del self._times[: bisect_left(self._times, time - self._horizon)]
 
+    def pass_by(self, time: int) -> None:
+        """Go on to the next step, at which nothing changes, without noting how to take that back; see `place`."""
+        if self.work or self._debt:
+            self._debt, self.work = self._owed, 0
+        self.before, self.now = self.now, time
+        if self._horizon is not None:
+            self._times.append(time)
+
+    def place(self, time: int, before: int, steps: int) -> None:
+        """Go back to a step at a time, whose last one was at `before`; so many steps since were not taken back yet."""
+        self.before, self.now = before, time
+        if self._horizon is not None and steps:
+            del self._times[-steps:]
+
+    def trim(self, time: int) -> None:
+        """Forget what no window can reach from a time on."""
+        if self._horizon is not None:
+            del self._times[: bisect_left(self._times, time - self._horizon)]
+
     def spend(self, keys: int) -> None:
         """Count keys that a node looks at. Raises `EngineError` where a step, or all of them, cost too much."""
-        self.work += keys
-        if self.work + self._debt > self._at_once:
+        work = self.work + keys
+        if work + self._debt > self._at_once:
             raise EngineError(
                 f"its steps cost too much: {self._at_once} combinations of values may be looked at for one step, "
                 f"and {self._on_average} on average"
             )
+        if work > self.allowed:
+            raise EngineError(
+                f"the spec's properties cost too much together: {MAX_WORK_TOGETHER} combinations of values may be "
+                "looked at for one step of all of them"
+            )
+        self.work = work
 
     def tell_apart(self, keys: int) -> None:
         """Count keys of several variables that a node distinguishes. Raises `EngineError` where they are too many."""

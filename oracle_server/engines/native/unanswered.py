@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from oracle_server.core.explanation import Reason, Why
 from oracle_server.core.formula import tree
@@ -11,21 +12,37 @@ from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import Formula
 from oracle_server.core.naming import event_name, moment, step_name
+from oracle_server.core.past import Past
+from oracle_server.engines.native.build import Network
+from oracle_server.engines.native.explain import A_PART, Explainer
 from oracle_server.engines.native.keys import texts_of
 from oracle_server.engines.native.obligations import Decided, Obligations
 from oracle_server.engines.native.parts import Part
-from oracle_server.engines.native.wording import given
+from oracle_server.engines.native.recall import Recall
+from oracle_server.engines.native.wording import Wording, given
 
 _MOST_TOLD = 3
 Reasons = Callable[[Part], list[Reason]]
 """Why a part that only looks back does not hold at the present step."""
 
 
-def explain_obligations(formula: Formula, owed: Obligations, time: Time, reasons: Reasons | None) -> Why:
-    """Why obligations were decided false with the last step, or that none was.
+def explain_obligations(
+    formula: Formula, network: Network, owed: Obligations, time: Time, last: int, past: Past
+) -> Why:
+    """Why obligations were decided false with the last step, number `last`, or that none was."""
+    if not owed.at_step:
+        return _explain(formula, owed, time, None)
+    recall = Recall(formula, network, time, last, past)
+    explainer = Explainer(network, recall, Wording(time, network.timeline.now, recall))
+    try:
+        return _explain(formula, owed, time, partial(explainer.reasons, holds=False, steps=[last]))
+    finally:
+        if past.spent is not None:
+            past.spent(recall.spent + A_PART * (len(network.atoms) + len(network.operators)))
 
-    Without `reasons` time alone has decided.
-    """
+
+def _explain(formula: Formula, owed: Obligations, time: Time, reasons: Reasons | None) -> Why:
+    """Without `reasons` time alone has decided."""
     failed = owed.failed
     if not failed:
         text = f"none of its obligations failed here; {owed.pending} of them are open"

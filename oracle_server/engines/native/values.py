@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from oracle_server.core.atoms import meets
+from oracle_server.core.atoms import meets, precedes
 from oracle_server.core.explanation import Failing
 from oracle_server.core.formula import tree
-from oracle_server.core.formula.tree import Any, Atom, Constraint, Ref, Scalar
+from oracle_server.core.formula.tree import Any, Atom, Constraint, Ref, Scalar, Signal
 from oracle_server.core.kinds import RESERVED
 from oracle_server.core.naming import value_text
 from oracle_server.core.past import Seen
@@ -26,35 +26,42 @@ def failing(part: Part, atom: Atom, seen: Seen) -> tuple[Failing, ...]:
 
     Where these are of the event itself, as its topic, only those: what another event has is another matter.
     """
-    found = [each for c in atom.constraints if (each := _failing(part, c, seen)) is not None]
+    failed = [each for c in atom.constraints if (each := _failing(part, c, seen)) is not None]
+    missing = {each.signal for each in failed if each.value is None}
+    found = [each for each in failed if each.than not in missing]
     return tuple([each for each in found if each.signal in RESERVED] or found)
 
 
 def telling(part: Part, atom: Atom, seen: Seen) -> str:
     """The values with which an atom holds, as far as its text does not have them."""
-    told = [c.key for c in atom.constraints if c.op != "==" or _wanted(part, c) is None]
+    told = [c.key for c in atom.constraints if c.op != "==" or _wanted(part, c, seen) is None]
     values = [f"{key} = {value_text(seen.signals[key])}" for key in dict.fromkeys(told) if key in seen.signals]
     return ", ".join(values)
 
 
 def _failing(part: Part, constraint: Constraint, seen: Seen) -> Failing | None:
-    key, wanted = constraint.key, _wanted(part, constraint)
+    key, wanted = constraint.key, _wanted(part, constraint, seen)
     value = seen.signals.get(key)
     if value is None:
         return Failing(key, constraint.op, wanted, None, "failed" if key in seen.failed else "absent")
     if isinstance(constraint.value, Ref):
         met = wanted is not None and meets(Constraint(key, "==", wanted), value)
+    elif isinstance(constraint.value, Signal):
+        met = precedes(value, constraint.op, wanted)
     else:
         met = meets(constraint, value)
-    return None if met else Failing(key, constraint.op, wanted, value)
+    than = constraint.value.name if isinstance(constraint.value, Signal) else ""
+    return None if met else Failing(key, constraint.op, wanted, value, than=than)
 
 
-def _wanted(part: Part, constraint: Constraint) -> Scalar | None:
-    """What a constraint compares with; None for any value, and for those of a variable that were not seen yet."""
+def _wanted(part: Part, constraint: Constraint, seen: Seen) -> Scalar | None:
+    """What a constraint compares with at a step; None for any value, and for those of a variable not seen yet."""
     match constraint.value:
         case Any():
             return None
         case Ref(name):
             return scalar(part.values.get(part.scope[name]))
+        case Signal(name):
+            return seen.signals.get(name)
         case value:
             return value

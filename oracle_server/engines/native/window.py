@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Collection, Iterator
 from functools import partial
 from itertools import chain
 from typing import Any
@@ -18,47 +18,9 @@ from oracle_server.core.formula.tree import Bound
 from oracle_server.engines.native.body import Body
 from oracle_server.engines.native.keys import ALL, Key, Region, is_fresh, key_of, read_key
 from oracle_server.engines.native.nodes import texts_at
+from oracle_server.engines.native.runs import Runs
 from oracle_server.engines.native.tables import table
 from oracle_server.engines.native.timeline import FEW, Timeline
-
-
-class Runs:
-    """What is known at one key.
-
-    `left` and `right` are the sides' values at the last step; `starts` and `ends` the times at which runs of the right
-    side began and ended, the last one not yet where there is a start more; `value` the operator's value.
-    """
-
-    __slots__ = ("ends", "left", "right", "starts", "value")
-
-    def __init__(self) -> None:
-        self.left, self.right, self.value = True, False, False
-        self.starts: deque[int] | list[int] = []
-        self.ends: deque[int] | list[int] = []
-
-    def copy(self) -> Runs:
-        """The same, to go a way of its own."""
-        other = Runs.__new__(Runs)
-        other.left, other.right, other.value = self.left, self.right, self.value
-        other.starts, other.ends = self.starts.copy(), self.ends.copy()
-        return other
-
-    def data(self) -> Any:
-        """As plain data."""
-        return [self.left, self.right, self.value, list(self.starts), list(self.ends)]
-
-    @staticmethod
-    def of(data: Any, queue: Callable[[Iterable[int]], deque[int] | list[int]]) -> Runs:
-        """What `data` gave."""
-        runs = Runs()
-        runs.left, runs.right, runs.value = data[:3]
-        runs.starts, runs.ends = queue(data[3]), queue(data[4])
-        return runs
-
-    def become(self, other: Runs) -> None:
-        """Take over what another one knows."""
-        self.left, self.right, self.value = other.left, other.right, other.value
-        self.starts, self.ends = other.starts, other.ends
 
 
 class Window:
@@ -114,33 +76,26 @@ class Window:
     def _step_alone(self) -> None:
         """What `step` does, where there is one key only."""
         runs, timeline = self._table.fresh, self._timeline
-        if timeline.journal is not None:
-            self._note(runs)
+        journal = timeline.journal
+        if journal is not None:
+            journal.append(partial(runs.put, left=runs.left, right=runs.right, value=runs.value))
+            journal.append(partial(setattr, self, "_peopled", self._peopled))
         if self._sparse and self._upper is not None:
             self._peopled = timeline.any_between(self._lower, self._upper)
         right, left = self._right(()), self._left is None or self._left(())
         if right is not runs.right or left is not runs.left or not left:
             if self._move((), runs, left, right) and self._upper is not None:
-                self._leaving.append((timeline.before + self._upper + 1, ()))
-            self._entering.extend(self._new_entering)
-            self._new_entering.clear()
+                self._new_leaving.append((timeline.before + self._upper + 1, ()))
+            self._queue_new()
         for queue in (self._entering, self._leaving):
             while queue and queue[0][0] <= timeline.now:
-                queue.popleft()
+                entry = queue.popleft()
+                if journal is not None:
+                    journal.append(partial(queue.appendleft, entry))
         value = self._value(runs)
         if value is not runs.value:
             runs.value = value
             self.changes.append(())
-
-    def _note(self, runs: Runs) -> None:
-        """Let all of the one key be taken back as it is."""
-        journal = self._timeline.journal
-        if journal is not None:
-            self._copied(runs, len(self._entering) + len(self._leaving))
-            journal.append(partial(runs.become, runs.copy()))
-            journal.append(partial(setattr, self, "_peopled", self._peopled))
-            journal.append(partial(setattr, self, "_entering", self._entering.copy()))
-            journal.append(partial(setattr, self, "_leaving", self._leaving.copy()))
 
     def due(self) -> int | None:
         """When this must be stepped even if nothing changes below."""
@@ -152,7 +107,9 @@ class Window:
     def next_deadline(self, after: int) -> int | None:
         """The first time later than `after` at which the value may change without a step."""
         while self._leaving and not self._all and self._stale(*self._leaving[0]):
-            self._leaving.popleft()
+            entry = self._leaving.popleft()
+            if self._timeline.journal is not None:
+                self._timeline.journal.append(partial(self._leaving.appendleft, entry))
         # what holds at the last step may not hold at the next one, so that a run ends, or begins to count, there
         deadlines = [
             self._timeline.now + d for d in (self._lower, None if self._upper is None else self._upper + 1) if d
@@ -255,8 +212,7 @@ class Window:
         for key in keys:
             runs = self._table.own(key)
             if self._timeline.journal is not None:
-                self._copied(runs)
-                self._timeline.journal.append(partial(runs.become, runs.copy()))
+                self._timeline.journal.append(partial(runs.put, left=runs.left, right=runs.right, value=runs.value))
             left = self._left is None or self._left(key)
             closed = self._move(key, runs, left, self._right(key))
             self._refresh(key, runs)
@@ -269,6 +225,9 @@ class Window:
         else:
             for key in keys:
                 self._table.drop(key, self._same)
+        self._queue_new()
+
+    def _queue_new(self) -> None:
         for queue, new in ((self._entering, self._new_entering), (self._leaving, self._new_leaving)):
             if new:
                 new.sort(key=_deadline)
@@ -281,8 +240,7 @@ class Window:
         """Take the sides' values at this step; whether a run was closed."""
         held, closed = runs.right, False
         if not left:  # a run that counts begins where the left side fails for the last time
-            runs.starts.clear()
-            runs.ends.clear()
+            runs.clear(self._timeline.journal)
         elif not runs.left:
             if held:
                 self._open(key, runs, self._timeline.before)
@@ -303,30 +261,22 @@ class Window:
             if runs.starts:
                 return
         elif not self._lower:
-            runs.starts.clear()
-            runs.ends.clear()
-        runs.starts.append(start)
+            runs.clear(self._timeline.journal)
+        runs.begin(start, self._timeline.journal)
         if self._lower:
             self._new_entering.append((start + self._lower, key))
 
     def _close(self, runs: Runs) -> None:
         if self._upper is not None:
-            runs.ends.append(self._timeline.before)
+            runs.end(self._timeline.before, self._timeline.journal)
 
     def _refresh(self, key: Key, runs: Runs) -> None:
-        if self._timeline.journal is not None:
-            self._copied(runs)
-            self._timeline.journal.append(partial(runs.become, runs.copy()))
         value = self._value(runs)
         if value is not runs.value:
+            if self._timeline.journal is not None:
+                self._timeline.journal.append(partial(setattr, runs, "value", runs.value))
             runs.value = value
             self.changes.append(key)
-
-    def _copied(self, runs: Runs, more: int = 0) -> None:
-        """Count what is copied so that it can be taken back: numbers, of which a hundred cost what a key does."""
-        size = len(runs.starts) + len(runs.ends) + more
-        if size > FEW:
-            self._timeline.spend(size // 100)
 
     def _value(self, runs: Runs) -> bool:
         if not runs.left:
@@ -334,8 +284,7 @@ class Window:
         farthest = None if self._upper is None else self._timeline.now - self._upper
         if farthest is not None:
             while runs.ends and runs.ends[0] < farthest:
-                del runs.ends[0]
-                del runs.starts[0]
+                runs.forget(self._timeline.journal)
         nearest = self._timeline.now - self._lower
         if not runs.starts or runs.starts[0] > nearest:
             return False

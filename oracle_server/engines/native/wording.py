@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.parse import Time
-from oracle_server.core.formula.render import render
-from oracle_server.core.formula.tree import Atom, Bound, Constraint, Formula, Ref, Scalar
+from oracle_server.core.formula.render import render, render_value
+from oracle_server.core.formula.tree import Atom, Bound, Call, Constraint, Formula, Ref, Scalar
 from oracle_server.core.naming import step_name
 from oracle_server.engines.native.keys import Text
 from oracle_server.engines.native.parts import Part, Values
@@ -33,9 +34,19 @@ class Wording:
         """Whether the present step is about to be taken back, so that its number will be another's."""
 
     def formula(self, part: Part) -> str:
-        """A part, with values in place of its variables."""
-        values = {name: part.values[i] for name, i in part.scope.items() if part.values.get(i) is not None}
-        return render(given(part.formula, {name: scalar(text) for name, text in values.items()}), self._time)
+        """A part, with values in place of its variables; where it has a name, behind that."""
+        formula = self._valued(part)
+        text = render(formula, self._time, named=True)
+        return text if formula.written is None else f"{formula.written}: {text}"
+
+    def name(self, part: Part) -> str:
+        """The same within a sentence, where a name is enough."""
+        formula = self._valued(part)
+        return render(formula, self._time, named=True) if formula.written is None else str(formula.written)
+
+    def _valued(self, part: Part) -> Formula:
+        texts = {name: part.values.get(i) for name, i in part.scope.items()}
+        return given(part.formula, {name: scalar(text) for name, text in texts.items() if text is not None})
 
     def values(self, names: Mapping[str, int], values: Values) -> str:
         """What variables stand for."""
@@ -150,28 +161,27 @@ def _ranges(times: Sequence[int]) -> list[tuple[int, int]]:
     return ranges
 
 
-def given(formula: Formula, values: Mapping[str, Scalar | None]) -> Formula:  # noqa: PLR0911 -- a case a node
+def given(formula: Formula, values: Mapping[str, Scalar | None]) -> Formula:
     """The formula with values in place of its free variables."""
+    if not values:
+        return formula
+    written = _called(formula.written, values)
     match formula:
         case Atom(constraints):
-            return Atom(tuple(_given(c, values) for c in constraints))
-        case tree.Not(operand) | tree.Pre(operand):
-            return type(formula)(given(operand, values))
-        case tree.And(left, right) | tree.Or(left, right) | tree.Implies(left, right):
-            return type(formula)(given(left, values), given(right, values))
-        case tree.Once(operand, bound) | tree.Historically(operand, bound):
-            return type(formula)(given(operand, values), bound)
-        case tree.Since(left, right, bound):
-            return tree.Since(given(left, values), given(right, values), bound)
-        case tree.Next(operand):
-            return tree.Next(given(operand, values))
-        case tree.Eventually(operand, bound) | tree.Always(operand, bound):
-            return type(formula)(given(operand, values), bound)
-        case tree.Until(left, right, bound):
-            return tree.Until(given(left, values), given(right, values), bound)
+            return replace(formula, constraints=tuple(_given(c, values) for c in constraints), written=written)
         case tree.Exists(variable, body) | tree.Forall(variable, body):
             inner = {name: value for name, value in values.items() if name != variable}
-            return type(formula)(variable, given(body, inner))
+            return replace(formula, body=given(body, inner), written=written)
+        case _:
+            return replace(tree.rebuilt(formula, lambda part: given(part, values)), written=written)
+
+
+def _called(call: Call | None, values: Mapping[str, Scalar | None]) -> Call | None:
+    """A name with values in place of its variables."""
+    if call is None or not call.arguments:
+        return call
+    found = [(name, values.get(name)) for name in call.arguments]
+    return Call(call.name, tuple(name if value is None else render_value(value) for name, value in found))
 
 
 def _given(constraint: Constraint, values: Mapping[str, Scalar | None]) -> Constraint:

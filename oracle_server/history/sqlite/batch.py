@@ -38,6 +38,8 @@ class Work:
     done: Callable[[], object] | None = None
     needed: bool = True
     always: bool = False
+    then: tuple[str, Sequence[Any]] | None = None
+    """A statement with its values that is executed after it, together with it or not at all."""
 
 
 class Refused(NamedTuple):
@@ -99,6 +101,8 @@ def _merged(work: Sequence[Work]) -> list[tuple[str | Exception, list[Any]]]:
         if not merged or merged[-1][0] != one.what:
             merged.append((one.what, []))
         merged[-1][1].extend(one.values if one.what in COLUMNS else [one.values])
+        if one.then is not None:
+            merged.append((one.then[0], [one.then[1]]))
     return merged
 
 

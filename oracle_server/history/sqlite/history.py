@@ -21,6 +21,7 @@ from oracle_server.history.records import (
     Extent,
     MonitorRecord,
     Refusal,
+    Restated,
     SessionRecord,
     SnapshotRecord,
     StoredStep,
@@ -28,7 +29,6 @@ from oracle_server.history.records import (
 from oracle_server.history.sqlite.batch import REFUSED, Work
 from oracle_server.history.sqlite.reader import Reader
 from oracle_server.history.sqlite.rows import (
-    LETTERS,
     Row,
     conditions,
     document_of,
@@ -43,6 +43,7 @@ from oracle_server.history.sqlite.rows import (
     text,
 )
 from oracle_server.history.sqlite.schema import MONITOR_COLUMNS, REFUSED_COLUMNS, SESSION_COLUMNS, STEP_COLUMNS
+from oracle_server.history.sqlite.standing import LETTERS, RESTATE, restate_text
 from oracle_server.history.sqlite.writer import Durability, Writer
 
 T = TypeVar("T")
@@ -159,14 +160,17 @@ class SqliteHistory:
         sql = _insert("INSERT OR REPLACE INTO monitors", MONITOR_COLUMNS)
         self._execute(session, sql, lambda: monitor_row(session, monitor), done)
 
-    def append(self, session: int, steps: Sequence[StoredStep], done: Done) -> None:
-        """Keep steps that were judged."""
+    def append(
+        self, session: int, steps: Sequence[StoredStep], done: Done, restated: Mapping[int, Restated] | None = None
+    ) -> None:
+        """Keep steps that were judged, and what stands of earlier ones."""
         try:
             rows = [step_row(session, step) for step in steps]
+            then = (RESTATE, (restate_text(session, restated),)) if restated else None
         except REFUSED as error:
             self._writer.add(Work(session, error, ()))
         else:
-            self._writer.append(session, "steps", rows, done)
+            self._writer.append(session, "steps", rows, done, then)
 
     def refuse(self, session: int, refusal: Refusal, done: Done) -> None:
         """Keep that an event was refused."""
@@ -292,7 +296,8 @@ class SqliteHistory:
 
     async def by_arrival(self, session: int) -> AsyncGenerator[list[StoredStep], None]:
         """All steps by pages, by arrival."""
-        keys = "SELECT session, position FROM steps WHERE session = ? ORDER BY arrived, monitor, seq, position"
+        where = "session = ? AND revision IS NULL"
+        keys = f"SELECT session, position FROM steps WHERE {where} ORDER BY arrived, monitor, seq, position"  # noqa: S608
         columns = ",".join(f"steps.{name}" for name in STEP_COLUMNS)
         page = (
             f"SELECT {columns} FROM sorted JOIN steps USING (session, position) "  # noqa: S608

@@ -17,7 +17,20 @@ _STEPS = {
     4: "ALTER TABLE steps ADD COLUMN robustness TEXT;",
     5: "ALTER TABLE sessions ADD COLUMN begun INTEGER;"
     "ALTER TABLE monitors ADD COLUMN bypasses TEXT NOT NULL DEFAULT '[]';",
-    6: "ALTER TABLE steps ADD COLUMN pending TEXT;",
+    6: "".join(
+        f"ALTER TABLE steps ADD COLUMN {column};"
+        for column in (
+            "released TEXT",
+            "unheard TEXT",
+            "place INTEGER",
+            "standing TEXT",
+            "standing_degraded TEXT",
+            "standing_explanations TEXT",
+            "revised TEXT",
+            "revision TEXT",
+        )
+    ),
+    7: "ALTER TABLE steps ADD COLUMN pending TEXT;",
 }
 """By the version that they start from: statements that lead to the next one."""
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, cast
 
 import msgspec
 
@@ -13,20 +14,27 @@ from oracle_server.core.verdicts import Decision, Outcome, json_number
 from oracle_server.history.query import Query
 from oracle_server.history.records import Document, MonitorRecord, SessionRecord, SnapshotRecord, StoredStep
 from oracle_server.history.sqlite.schema import STEP_COLUMNS
+from oracle_server.history.sqlite.standing import (
+    LETTERS,
+    degraded_of,
+    letters,
+    outcomes_of,
+    revised_of,
+    revision_of,
+    standing_columns,
+    standing_of,
+    whys_of,
+    whys_text,
+)
 
 Row = tuple[Any, ...]
 
-LETTERS = {
-    Outcome.TRUE: "T",
-    Outcome.CURRENTLY_TRUE: "t",
-    Outcome.CURRENTLY_FALSE: "f",
-    Outcome.FALSE: "F",
-    Outcome.UNKNOWN: "u",
-}
-_OUTCOMES = {letter: outcome for outcome, letter in LETTERS.items()}
-
 _BYPASSED = "2"
 """Stands for `degraded` where that ends with a bypass."""
+_NONE = frozenset[str]()
+_UNREVISED: Mapping[int, int] = {}
+_PLAIN = (None,) * 5
+"""The columns of a step that was not revised."""
 
 _encode = msgspec.json.Encoder().encode
 _decode = msgspec.json.decode
@@ -40,16 +48,18 @@ def text(value: object) -> str:
 def step_row(session: int, stored: StoredStep) -> Row:
     """A step as a row of its table, in the order of `STEP_COLUMNS`."""
     step, event = stored.step, stored.step.event
+    plain = stored.standing is None and stored.revision is None  # as nearly all are, and each is written
     return (
         session, stored.position, stored.order, _number(stored), event.stream.name, event.stream.kind, event.monitor,
         event.seq, stored.gap, step.stamp, event.arrived, stored.judged, step.late, step.skewed, step.forced,
         event.lost, event.source, event.call, event.ask, stored.decision.choice if stored.decision else None,
         text(stored.decision.denied_by) if stored.decision else "[]", stored.passed, stored.why,
         _encode(step.signals).decode(), "[]" if not step.failed else text(sorted(step.failed)),
-        "".join([LETTERS[outcome] for outcome in stored.outcomes]),
-        _degraded(stored),
-        text({str(i): why for i, why in stored.explanations.items()}) if stored.explanations else None,
+        letters(stored.outcomes if plain else _told(stored)), _degraded(stored),
+        whys_text(stored.explanations) if stored.explanations or (not plain and stored.tells_violations) else None,
         None if stored.robustness is None else text([json_number(value) for value in stored.robustness]),
+        step.released, text(sorted(step.unheard)) if step.unheard else None, stored.place,
+        *(_PLAIN if plain else standing_columns(stored)),
         text({str(i): count for i, count in stored.pending.items()}) if stored.pending else None,
     )  # fmt: skip
 
@@ -63,18 +73,27 @@ def step_of(row: Row) -> StoredStep:
     )  # fmt: skip
     step = Step(
         event, _decode(r["signals"]), frozenset(_decode(r["failed"])), r["stamp"], bool(r["skewed"]), bool(r["late"]),
-        bool(r["forced"]), r["number"] is None,
+        bool(r["forced"]), r["number"] is None, r["released"],
+        frozenset(_decode(r["unheard"])) if r["unheard"] else _NONE,
     )  # fmt: skip
-    why = _decode(r["explanations"]) if r["explanations"] else {}
+    revision = None if r["revision"] is None else revision_of(r["revision"])
     return StoredStep(
         r["position"], r["ord"], r["number"] or None, step, r["gap"], r["judged"],
         None if r["decision"] is None else Decision(r["decision"], tuple(_decode(r["denied_by"]))),
-        tuple([_OUTCOMES[letter] for letter in r["outcomes"]]), tuple([digit != "0" for digit in r["degraded"]]),
-        {int(i): it for i, it in why.items()}, _robustness(r["robustness"]),
-        None if r["passed"] is None else bool(r["passed"]), r["why"],
-        tuple([i for i, digit in enumerate(r["degraded"]) if digit == _BYPASSED]),
+        () if revision else cast("tuple[Outcome, ...]", outcomes_of(r["outcomes"])), degraded_of(r["degraded"]),
+        whys_of(r["explanations"]), _robustness(r["robustness"]), None if r["passed"] is None else bool(r["passed"]),
+        r["why"], tuple([i for i, digit in enumerate(r["degraded"]) if digit == _BYPASSED]), r["place"],
+        None if r["standing"] is None else standing_of(r), revised_of(r["revised"]) if r["revised"] else _UNREVISED,
+        revision,
         {int(i): count for i, count in _decode(r["pending"]).items()} if r["pending"] else {},
     )  # fmt: skip
+
+
+def _told(stored: StoredStep) -> Sequence[Outcome | None]:
+    """What a row can be searched by: a step's outcomes, or those to which a revision changes them."""
+    if stored.revision is None:
+        return stored.outcomes
+    return [None if change is None else change.outcome for change in stored.revision.changes]
 
 
 def _degraded(stored: StoredStep) -> str:
@@ -85,8 +104,8 @@ def _degraded(stored: StoredStep) -> str:
 
 
 def _number(stored: StoredStep) -> int | None:
-    """The step's number; 0 for an attempt that was taken back, None for what was not judged, and for ticks."""
-    return 0 if stored.number is None and not stored.step.skipped and not stored.is_tick else stored.number
+    """The step's number; 0 for an attempt that was taken back, None for what was not judged or is no event."""
+    return 0 if stored.number is None and not stored.step.skipped and stored.step.event.monitor else stored.number
 
 
 def _robustness(value: str | None) -> tuple[float | None, ...] | None:
@@ -152,6 +171,8 @@ def conditions(session: int, query: Query, lower: int, upper: int) -> tuple[str,
     if query.until is not None:
         wanted.append(("stamp <= ?", query.until))
     if query.outcomes:
-        wanted.append(("outcomes GLOB ?", f"*[{''.join(sorted(LETTERS[o] for o in query.outcomes))}]*"))
+        column = "coalesce(standing, outcomes)" if query.view == "standing" else "outcomes"
+        wanted.append((f"{column} GLOB ?", f"*[{''.join(sorted(LETTERS[o] for o in query.outcomes))}]*"))
     where = " AND ".join(condition for condition, _ in wanted)
-    return where + " AND explanations IS NOT NULL" * query.violations, [value for _, value in wanted]
+    where += " AND explanations IS NOT NULL" * query.violations + " AND revision IS NULL" * (not query.revisions)
+    return where, [value for _, value in wanted]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-VERSION = 7
+VERSION = 8
 
 DDL = """
 CREATE TABLE IF NOT EXISTS sessions (
@@ -23,8 +23,8 @@ CREATE TABLE IF NOT EXISTS steps (
     session INTEGER NOT NULL,
     position INTEGER NOT NULL,   -- 1, 2, 3…: the sequence in which the session judged
     ord TEXT NOT NULL,
-    number INTEGER,              -- the step; NULL for ticks, and where it was skipped; 0 for an attempt taken back
-    stream TEXT NOT NULL,        -- empty for ticks, as is their monitor
+    number INTEGER,              -- the step; NULL where none was judged, and for ticks; 0 for an attempt taken back
+    stream TEXT NOT NULL,        -- empty for ticks and revisions, as is their monitor
     kind TEXT NOT NULL,
     monitor TEXT NOT NULL,
     seq INTEGER NOT NULL,
@@ -47,8 +47,16 @@ CREATE TABLE IF NOT EXISTS steps (
     failed TEXT NOT NULL,        -- JSON
     outcomes TEXT NOT NULL,      -- a character a property: T t f F u
     degraded TEXT NOT NULL,      -- a character a property: 0, 1, or 2 for one that is only while a stream is bypassed
-    explanations TEXT,           -- JSON, by the property's place; NULL where none became negative
+    explanations TEXT,           -- JSON, by the property's place; NULL where none became negative, nor any stands so
     robustness TEXT,             -- JSON: a number, "Infinity", "-Infinity" or null a property; NULL where there is none
+    released TEXT,               -- why the order of publication released it: frontier, clock, max_delay or capacity
+    unheard TEXT,                -- JSON: the streams that had not been heard beyond it; NULL where there are none
+    place INTEGER,               -- among the steps, of a late event that was put there
+    standing TEXT,               -- as `outcomes`, since it was revised; -: the deadline is retracted
+    standing_degraded TEXT,      -- as `degraded`, since it was revised
+    standing_explanations TEXT,  -- as `explanations`, since it was revised
+    revised TEXT,                -- JSON, by the property's place: the number of the revision by which it stands so
+    revision TEXT,               -- JSON, of a revision: what it changes, and because of which late events
     pending TEXT,                -- JSON, by the property's place: open obligations; NULL where no property has any
     PRIMARY KEY (session, position)
 ) WITHOUT ROWID;
@@ -86,7 +94,8 @@ CREATE TABLE IF NOT EXISTS refused (
 STEP_COLUMNS = (
     "session", "position", "ord", "number", "stream", "kind", "monitor", "seq", "gap", "stamp", "arrived", "judged",
     "late", "skewed", "forced", "lost", "source", "call", "ask", "decision", "denied_by", "passed", "why", "signals",
-    "failed", "outcomes", "degraded", "explanations", "robustness", "pending",
+    "failed", "outcomes", "degraded", "explanations", "robustness", "released", "unheard", "place", "standing",
+    "standing_degraded", "standing_explanations", "revised", "revision", "pending",
 )  # fmt: skip
 REFUSED_COLUMNS = ("session", "monitor", "seq", "gap", "at", "code", "message")
 SESSION_COLUMNS = ("number", "id", "spec", "text", "digest", "properties", "private", "opened", "asked", "begun")

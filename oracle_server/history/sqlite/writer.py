@@ -17,7 +17,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 import structlog
 
@@ -110,11 +110,20 @@ class Writer:
         return time.monotonic() - self._uncommitted[0] if self._uncommitted else 0.0
 
     def append(
-        self, session: int, table: Literal["steps", "refused"], rows: Sequence[Row], done: Callable[[], object]
+        self,
+        session: int,
+        table: Literal["steps", "refused"],
+        rows: Sequence[Row],
+        done: Callable[[], object],
+        then: tuple[str, Sequence[Any]] | None = None,
     ) -> None:
-        """Insert rows of a session with the next commit, and call `done` after it."""
+        """Insert rows of a session with the next commit, and call `done` after it.
+
+        `then` is a statement with its values, which is executed after them: all are written, or none.
+        """
         large = sum(len(row[_SIGNALS]) // _OF_ONE for row in rows) if table == "steps" else 0
-        self.add(Work(session, table, rows, done), len(rows) + large)
+        restated = 0 if then is None else 1 + len(str(then[1][0])) // _OF_ONE
+        self.add(Work(session, table, rows, done, then=then), len(rows) + large + restated)
 
     def add(self, work: Work, size: int = 1) -> None:
         """Do a piece of work with the next commit, after all earlier ones, and call its `done` after it.

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from oracle_server.core.errors import FormulaError, OracleError, one_line
 from oracle_server.core.formula.parse import parse_formula
 from oracle_server.core.formula.tree import (
+    TRUE,
     And,
     Atom,
     Bound,
@@ -20,6 +21,7 @@ from oracle_server.core.formula.tree import (
     Once,
     Or,
     Pre,
+    Signal,
     Since,
     walk,
 )
@@ -52,6 +54,10 @@ def read_formula(text: str) -> Formula:
     except FormulaError as error:
         raise UnreadableFormulaError(f"the formula can't be read ({one_line(str(error))})") from None
     for node in walk(formula):
+        if node == TRUE:
+            raise UnreadableFormulaError("reelay has no `true`, `false` and `first`")
+        if isinstance(node, Atom) and any(isinstance(c.value, Signal) for c in node.constraints):
+            raise UnreadableFormulaError("reelay compares with numbers alone")
         if isinstance(node, Once | Historically | Since) and node.bound == Bound(0, 0):
             raise UnreadableFormulaError("reelay takes the bound [0:0] for no bound at all")
     return formula

@@ -7,6 +7,7 @@ from typing import Any, Dict, List, Optional, Sequence, Tuple
 import pytest
 from oracle_adapter import Answer, Board, LinkError, Stats, Status, graph_name
 from oracle_adapter.screen import ERROR, OK, STALE, WARN
+from oracle_adapter.violations import MOST
 
 DENIED = Answer("decision", "deny", ("p", "q"))
 ALLOWED = Answer("decision", "allow")
@@ -242,6 +243,80 @@ def test_a_violation_is_told_with_its_property_its_event_and_why(
     assert len(screen.errors) == 3
 
 
+LATE = {"stream": "/odom", "kind": "topic", "seq": 17, "monitor": "m", "stamp": 10**18}
+REVISION = {
+    "n": 57,
+    "step": None,
+    "property": "near",
+    "kind": "revision",
+    "stamp": 10**18,
+    "arrived": 10**18 + 310_999_999,
+    "revises": {"from": 12, "to": 14},
+    "because": [LATE],
+    "causes": 1,
+}
+CAUSE = "/odom (topic 17 of m) came 310 ms late"
+
+
+def test_what_is_taken_back_is_told_with_its_step_and_what_came_late(
+    screen: Screen, board: Board
+) -> None:
+    board.on_state("attached", "s1")
+    board.on_violation({"n": 12, "property": "near", "step": 40, "stamp": 10**18 + 12 * 10**6})
+    board.on_revision({**REVISION, "retracted": True})
+    board.on_revision({**REVISION, "retracted": True, "causes": 3})
+    assert screen.errors[1:] == [
+        f"retracted: near is not violated at step 40 (01:46:40.012Z) (#12): {CAUSE}",
+        f"retracted: near is not violated (#12): {CAUSE}, and 2 more",
+    ]
+
+
+def test_other_revisions_are_told_by_the_verdicts_that_they_change(
+    screen: Screen, board: Board
+) -> None:
+    board.on_revision({**REVISION, "retracted": False, "violation": False})
+    board.on_revision({**REVISION, "violation": True})
+    assert screen.errors == []
+
+
+def test_a_violation_that_appears_says_since_when_it_is_known_and_may_be_taken_back(
+    screen: Screen, board: Board
+) -> None:
+    why = {"text": "near does not hold at step 40", "event": {"stamp": 10**18 + 9 * 10**6}}
+    board.on_violation({**REVISION, "violation": True, "explanation": why})
+    assert screen.errors == [f"violation: near does not hold at step 40; known since {CAUSE} (#57)"]
+    board.on_revision({**REVISION, "n": 90, "retracted": True})
+    assert screen.errors[1] == f"retracted: near is not violated at 01:46:40.009Z (#12): {CAUSE}"
+
+
+def test_numbers_are_those_of_one_session(screen: Screen, board: Board) -> None:
+    board.on_state("attached", "s1")
+    board.on_violation({"n": 12, "property": "near", "step": 40})
+    board.on_state("disconnected", "gone")
+    board.on_state("attached", "s2")
+    board.on_revision({**REVISION, "retracted": True})
+    assert screen.errors[1] == f"retracted: near is not violated (#12): {CAUSE}"
+
+
+def test_many_violations_are_not_remembered_for_ever(screen: Screen, board: Board) -> None:
+    for n in range(1, MOST + 2):
+        board.on_violation({"n": n, "property": "near", "step": n})
+    for n in (1, 2):
+        board.on_revision({**REVISION, "revises": {"from": n, "to": n}, "retracted": True})
+    assert screen.errors[-2:] == [
+        f"retracted: near is not violated (#1): {CAUSE}",
+        f"retracted: near is not violated at step 2 (#2): {CAUSE}",
+    ]
+
+
+def test_a_revision_that_says_little_is_told_as_far_as_it_goes(
+    screen: Screen, board: Board
+) -> None:
+    board.on_revision({})
+    board.on_revision({"retracted": True})
+    assert screen.errors == ["retracted: None is not violated (#None): ? (? ? of ?) came late"]
+
+
 @pytest.mark.parametrize(
     ("monitor", "name"),
     [
@@ -262,6 +337,7 @@ def test_a_monitors_topics_have_names_that_ros_takes(monitor: str, name: str) ->
 def test_no_robot_writes_to_the_operators_terminal(board: Board, screen: Screen) -> None:
     forged = "x\x1b[2J\r\nviolation 99: \u202e\u2028\x07\ud800"
     board.on_violation({"explanation": {"text": forged}, "property": forged, "n": 1})
+    board.on_revision({**REVISION, "retracted": True, "property": forged})
     board.on_state("attached", forged)
     board.error(forged)
     board.trouble("/a", forged)
@@ -281,5 +357,5 @@ def test_no_robot_writes_to_the_operators_terminal(board: Board, screen: Screen)
         *(s.message for s in statuses),
         str(LinkError("x", forged)),
     ]
-    assert len([text for text in shown if "x\\x1b[2J\\r\\nviolation 99" in text]) >= 6
+    assert len([text for text in shown if "x\\x1b[2J\\r\\nviolation 99" in text]) >= 7
     assert all(text.isprintable() for text in shown)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import queue
 import threading
 import time
 from typing import TYPE_CHECKING, Any, List
@@ -256,6 +257,19 @@ class TestNews:
         peer.send("verdicts", n=2, worst="false", properties={})
         told = news.verdicts.get(timeout=PATIENCE)
         assert told == {"n": 2, "worst": "false", "properties": {}}
+
+    def test_what_was_revised_is_told_to_those_who_ask(
+        self, oracle: Oracle, links: List[Link]
+    ) -> None:
+        told: queue.Queue[Any] = queue.Queue()
+        links.append(Link(oracle.url, "uav1", on_revision=told.put))
+        links[0].start()
+        peer = oracle.accept()
+        assert peer.attach()["features"] == ["revisions"]
+        peer.send("revision", n=7, revises={"from": 2, "to": 4}, retracted=True)
+        assert told.get(timeout=PATIENCE) == {
+            "n": 7, "revises": {"from": 2, "to": 4}, "retracted": True,
+        }  # fmt: skip
 
     def test_violations_and_refusals(self, oracle: Oracle, news: News, link: Link) -> None:
         peer = oracle.accept()

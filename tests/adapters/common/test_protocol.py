@@ -7,7 +7,7 @@ from typing import List, Optional
 
 import pytest
 from oracle_adapter import Answer, Attached, LinkError
-from oracle_adapter.protocol import Violation
+from oracle_adapter.protocol import Revision, Violation
 from tests.adapters.common.side import Frame, Side
 
 
@@ -95,6 +95,16 @@ class TestErrors:
         assert side.receive("violation", n=3, property="p") == [
             Violation({"n": 3, "property": "p"})
         ]
+
+    def test_revisions_are_passed_on(self, side: Side) -> None:
+        assert side.receive("revision", n=3, retracted=True) == [
+            Revision({"n": 3, "retracted": True})
+        ]
+
+    def test_features_are_said_where_there_are_any(self) -> None:
+        said = [json.loads(s.protocol.hello()) for s in (Side(), Side(features=("revisions",)))]
+        assert "features" not in said[0]
+        assert said[1]["features"] == ["revisions"]
 
 
 class TestDetaching:

@@ -1,0 +1,32 @@
+"""Events as they come: their signals, and when they were published."""
+
+from __future__ import annotations
+
+import msgspec
+
+from oracle_server.core.boot import PublicationTimes
+from oracle_server.core.events import Event, Step
+from oracle_server.core.plan import Plan
+from oracle_server.core.simulated import SimulatedTime
+
+
+class Arriving:
+    """Makes steps of a session's events."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.simulated: SimulatedTime | None = None
+        """The time of the simulation that the session runs in; None where its time is the server's."""
+        self._plan = plan
+        self._published = PublicationTimes(plan.spec.ordering.max_skew)
+
+    def step(self, event: Event) -> Step:
+        """The step of an event that has come."""
+        stream = self._plan.streams[event.stream]
+        signals, failed = stream.project(event.data)
+        simulated = None if self.simulated is None else self.simulated.now
+        stamp = self._published.stamp(event, stream.spec.stamp, simulated)
+        if self.simulated is not None:
+            event = msgspec.structs.replace(event, arrived=self.simulated.arrival(stamp), received=event.arrived)
+        stamp = stamp or event.arrived
+        skewed = stamp - event.arrived > self._plan.spec.ordering.max_skew
+        return Step(event, signals, failed, stamp, skewed)

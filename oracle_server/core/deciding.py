@@ -1,0 +1,48 @@
+"""When outcomes deny an event, and what a step that is denied and taken back must not change."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import msgspec
+
+from oracle_server.core.holding import Held
+from oracle_server.core.property_state import Mark
+from oracle_server.core.spec import Property
+from oracle_server.core.verdicts import DENYING, NEGATIVE, Decision, Outcome, Verdict
+
+
+class Before(NamedTuple):
+    """What a step that is taken back must not change."""
+
+    marks: list[Mark]
+    present: int
+    steps: int
+    held: dict[str, Held]
+    ticked: int
+    outdated: bool
+
+
+def denies(outcome: Outcome, *, blamed: bool) -> bool:
+    """Whether an outcome of a guard denies an event, which is to `blame` for what is negative or not."""
+    return outcome in DENYING and (blamed or outcome not in NEGATIVE)
+
+
+def attempted(verdict: Verdict, *, owes: bool) -> Verdict:
+    """A verdict about an attempt that is taken back: it is not final, and no obligation was decided by it.
+
+    `owes`: the property waits for what comes, and did not deny the attempt.
+    """
+    if owes and verdict.outcome in NEGATIVE:
+        return msgspec.structs.replace(verdict, outcome=Outcome.CURRENTLY_TRUE, explanation=None)
+    return msgspec.structs.replace(verdict, outcome=verdict.outcome.current)
+
+
+def is_denied_by(decision: Decision | None, prop: Property) -> bool:
+    """Whether a property is among those that denied an event."""
+    return decision is not None and prop.id in decision.denied_by
+
+
+def is_denied(decision: Decision | None) -> bool:
+    """Whether an event was asked about, and denied."""
+    return decision is not None and decision.choice == "deny"

@@ -1,0 +1,99 @@
+"""The least and the largest of the numbers in a window."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Collection
+from functools import partial
+from typing import Any
+
+from oracle_server.core.derived.definition import MAX_SAMPLES, Definition
+from oracle_server.core.derived.flips import first_turn
+from oracle_server.core.derived.samples import FAILED, Value
+from oracle_server.core.derived.window import TIME, Asked, Session, Window
+from oracle_server.core.events import Signals
+
+
+class Extreme(Window):
+    """Only the samples that may be the least one yet are kept: their values grow. The largest is the least negated."""
+
+    __slots__ = ("_sign", "_values")
+
+    def __init__(self, definition: Definition, session: Session) -> None:
+        super().__init__(definition, session)
+        self._sign = -1 if definition.op == "max" else 1
+        self._values: list[int | float] = []
+        self.columns = (self.places, self._values)
+
+    def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> None:
+        """Add a number."""
+        if (
+            self.clock != TIME
+            or sample is FAILED
+            or self.journal.entries is not None
+            or self.budget.used >= MAX_SAMPLES
+        ):
+            super().take(sample, now, number, signals, failed)
+            return
+        self.last = number
+        least = -sample if self._sign < 0 else sample  # type: ignore[operator] # others are `FAILED`
+        values, places = self._values, self.places
+        more = 1
+        while len(values) > self.head and values[-1] >= least:  # type: ignore[operator]
+            values.pop()
+            places.pop()
+            more -= 1
+        values.append(least)  # type: ignore[arg-type]
+        places.append(now)
+        self.budget.used += more
+
+    def add(self, at: int, sample: Value) -> None:
+        """Add a number, and let go of those that can't be the least one any more."""
+        number: int | float = sample * self._sign  # type: ignore[operator,assignment] # others are `FAILED`
+        values, places, head, end = self._values, self.places, self.head, len(self._values)
+        while end > head and values[end - 1] >= number:
+            end -= 1
+        gone = len(values) - end
+        if gone:
+            if self.journal.entries is not None:
+                self.journal.entries.append(partial(self._uncut, places[end:], values[end:]))
+            del values[end:], places[end:]
+        values.append(number)
+        places.append(at)
+        self.budget.used += 1 - gone
+        if self.journal.entries is not None:
+            self.journal.entries.append(self._unadd)
+
+    def value(self, now: int, number: int, _signals: Signals, _failed: Collection[str]) -> Value | None:
+        """The extreme at a step."""
+        limit = (now if self.clock == TIME else self.position(now, number)) - self.width
+        head, places = self.head, self.places
+        if head < len(places) and places[head] <= limit:
+            self.move(limit)
+        if self.failed_at is not None and self.failed_at > limit:
+            return FAILED
+        return self._values[self.head] * self._sign if self.head < len(self._values) else None
+
+    def at(self, now: int, number: int, _signals: Signals, _failed: Collection[str]) -> Value | None:
+        """The extreme at a tick."""
+        limit = self.position(now, number) - self.width
+        if self.fails(limit):
+            return FAILED
+        begin = bisect_right(self.places, limit, self.head)
+        return self._values[begin] * self._sign if begin < len(self._values) else None
+
+    def next_change(self, after: int, asked: Asked) -> int | None:
+        """When so many have left that an answer turns, and when the last one leaves."""
+        if self.clock != TIME:
+            return None
+        mending = self.next_mending(after)
+        begin = bisect_right(self.places, after - self.width, self.head)
+        if mending is not None or begin == len(self.places):
+            return mending
+        turns = [t for each in asked if (t := first_turn(self._values, begin, each, self._sign)) is not None]
+        return self.places[min(turns, default=len(self.places)) - 1] + self.width
+
+    def _uncut(self, places: list[int], values: list[Any]) -> None:
+        self.places += places
+        self._values += values
+        self.budget.used += len(places)

@@ -1,0 +1,38 @@
+"""The journal of what changes: what is noted there takes it back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+Undo = Callable[[], object]
+
+
+class Journal:
+    """What takes back each change since it was begun; `entries` is None where none is kept."""
+
+    __slots__ = ("_open", "entries")
+
+    def __init__(self) -> None:
+        self.entries: list[Undo] | None = None
+        self._open: list[list[Undo]] = []
+
+    def mark(self) -> None:
+        """Note all changes from now on, until `back` or `keep`; marks can be nested."""
+        self._open.append([])
+        self.entries = self._open[-1]
+
+    def back(self) -> None:
+        """Take back all changes since the last mark."""
+        for undo in reversed(self._close()):
+            undo()
+
+    def keep(self) -> None:
+        """Keep the changes since the last mark."""
+        noted = self._close()
+        if self.entries is not None:
+            self.entries += noted
+
+    def _close(self) -> list[Undo]:
+        noted = self._open.pop()
+        self.entries = self._open[-1] if self._open else None
+        return noted

@@ -1,0 +1,114 @@
+"""Which derived signals concern which streams: where they have samples, and where something reads them.
+
+What is worked out once for all sessions of a spec; a stream that concerns none of them costs nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from oracle_server.core.atoms import AtomTest
+from oracle_server.core.derived.definition import OPS, Definition
+from oracle_server.core.derived.samples import (
+    Sampler,
+    sample_of,
+    sample_of_any,
+    sample_of_derived,
+    sample_of_formula,
+    sample_of_reserved,
+)
+from oracle_server.core.formula.tree import Atom, Constraint, atoms
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A derived signal on one stream: its place among all, how a step gives a sample, and whether its value is read."""
+
+    index: int
+    sample: Sampler | None
+    wanted: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Watched:
+    """A derived signal that time alone changes: what is asked of it at ticks, each by which properties."""
+
+    index: int
+    asked: tuple[Constraint, ...]
+    properties: tuple[frozenset[int], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """The derived signals of a spec, in order; `silent` are those that are read at ticks."""
+
+    definitions: tuple[Definition, ...]
+    silent: tuple[Part, ...] = ()
+    watched: tuple[Watched, ...] = ()
+    keys: frozenset[str] = field(default=frozenset())
+    """The signals by which some are kept."""
+
+
+def parts(
+    definitions: Sequence[Definition],
+    tests: Sequence[Sequence[AtomTest]],
+    own: Collection[str],
+    reserved: Collection[str],
+    read: Collection[str],
+) -> tuple[Part, ...]:
+    """What concerns a stream that has these signals `own` and `reserved`, and of which formulas `read` some.
+
+    `tests` has an entry for each definition: what is left to test there of its atoms.
+    """
+    samplers: dict[str, Sampler] = {}
+    for definition, left in zip(definitions, tests, strict=True):
+        sample = _sampler(definition, left, own, reserved, samplers)
+        if sample is not None:
+            samplers[definition.name] = sample
+    wanted = set(read)
+    found = []
+    for index, definition in reversed(list(enumerate(definitions))):
+        sample, is_read = samplers.get(definition.name), definition.name in wanted
+        if is_read or (sample is not None and definition.op != "expression"):
+            wanted.update(definition.reads)
+            found.append(Part(index, sample, is_read))
+    return tuple(reversed(found))
+
+
+def _sampler(
+    definition: Definition,
+    tests: Sequence[AtomTest],
+    own: Collection[str],
+    reserved: Collection[str],
+    derived: Mapping[str, Sampler],
+) -> Sampler | None:
+    if definition.formula is not None:
+        count = len(atoms(definition.formula))
+        of_formula = tuple(test for test in tests if test.index < count)
+        reads = frozenset[str]().union(*(test.reads for test in of_formula)) - frozenset(reserved)
+        return sample_of_formula(definition.formula, of_formula, reads)
+    if definition.op == "expression":
+        here = [name for name in definition.operands if name in own]
+        above = [name for name in definition.operands if name in derived]
+        return sample_of_any(here, above) if here or above else None
+    numbers = OPS[definition.op].numbers
+    if definition.of in derived:
+        return sample_of_derived(definition.of, numbers)
+    if definition.of in reserved:
+        return sample_of_reserved(definition.of, numbers)
+    return sample_of(definition.of, numbers) if definition.of in own else None
+
+
+def watched(definitions: Sequence[Definition], properties: Sequence[tuple[int, Sequence[Atom]]]) -> tuple[Watched, ...]:
+    """What is asked at ticks of signals that time changes, by the atoms of timed properties that may hold there."""
+    places = {d.name: i for i, d in enumerate(definitions) if d.timed or d.op == "age"}
+    asked: dict[int, dict[Constraint, set[int]]] = {}
+    for prop, found in properties:
+        for atom in found:
+            for constraint in atom.constraints:
+                if constraint.key in places:
+                    asked.setdefault(places[constraint.key], {}).setdefault(constraint, set()).add(prop)
+    return tuple(
+        Watched(index, tuple(by), tuple(frozenset(found) for found in by.values())) for index, by in asked.items()
+    )

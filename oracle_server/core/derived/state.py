@@ -1,0 +1,241 @@
+"""The derived signals of one order of events."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from functools import partial
+from typing import Any, NamedTuple
+
+from oracle_server.core.derived.age import Age
+from oracle_server.core.derived.arithmetic import Arithmetic
+from oracle_server.core.derived.counts import Count, Rate
+from oracle_server.core.derived.definition import Definition
+from oracle_server.core.derived.extremes import Extreme
+from oracle_server.core.derived.keyed import Keyed, key_of, value_of
+from oracle_server.core.derived.latest import Delta, Last, Previous
+from oracle_server.core.derived.layout import Layout, Part
+from oracle_server.core.derived.samples import FAILED, NOTHING, Lack, always
+from oracle_server.core.derived.sums import Mean, Sum
+from oracle_server.core.derived.watch import Carried, Watch
+from oracle_server.core.derived.window import Series, Session
+from oracle_server.core.derived.words import lack, told
+from oracle_server.core.events import Signals, Step
+from oracle_server.core.formula.tree import Atom, Scalar
+
+_MAKE: Mapping[str, Callable[[Definition, Session], Series]] = {
+    "expression": Arithmetic,
+    "count": Count,
+    "rate": Rate,
+    "sum": Sum,
+    "mean": Mean,
+    "min": Extreme,
+    "max": Extreme,
+    "last": Last,
+    "previous": Previous,
+    "delta": Delta,
+    "age": Age,
+}
+Names = frozenset[str] | set[str]
+_NONE: set[str] = set()
+"""The derived signals of which a step has a sample, where nobody asks: never changed."""
+
+
+class LastStep(NamedTuple):
+    """The last step: its time (ns), its number, or 0 before the first one, and what is held since."""
+
+    present: int
+    steps: int
+    held: Callable[[], Signals]
+
+
+class Turn(NamedTuple):
+    """A tick that is due: the signals that it carries, and the properties whose deadline it is, all keys aside."""
+
+    carried: Signals
+    turned: Collection[int]
+
+
+_PLAIN = Turn({}, ())
+"""A tick that is due for the deadlines of engines alone."""
+
+
+class Derived:
+    """Computes derived signals step by step. All of its state can be taken back by its journal."""
+
+    def __init__(self, layout: Layout | None) -> None:
+        """Compute what a layout has; without one, nothing."""
+        layout = self._layout = layout or Layout(())
+        self._session = Session()
+        self.journal = self._session.journal
+        """What takes changes back: `mark`, then `back` or `keep`."""
+        self._names = [d.name for d in layout.definitions]
+        self._series = [_made(d, self._session) for d in layout.definitions]
+        self._chained = any(name in d.reads for d in layout.definitions for name in self._names)
+        """Whether some are computed of others."""
+        self._bys = [d.by for d in layout.definitions]
+        self._bound: dict[int, list[Any]] = {}
+        self._silent = [(self._series[p.index], self._names[p.index]) for p in layout.silent]
+        self._watch: tuple[int, int, Watch] | None = None
+        self._due: list[Carried] = []
+        """The keys for which a tick at the last one's time is still due."""
+
+    def begin(self, time: int) -> None:
+        """Begin at a time (ns)."""
+        self._session.begun, self._watch = time, None
+
+    def step(
+        self,
+        parts: tuple[Part, ...],
+        step: Step,
+        signals: dict[str, Scalar],
+        failed: Names,
+        now: int,
+        number: int,
+    ) -> Names:
+        """Take step `number`, at `now` (ns): adds what is derived to its signals; returns all that failed."""
+        begun = self._session.begun
+        if begun is None or now < begun:
+            self._begin_before(now)
+        bound = self._bound.get(id(parts)) or self._bind(parts)
+        fresh: set[str] = set() if self._chained else _NONE
+        for take, value_of_it, sample, name, wanted in bound:
+            if sample is not None:
+                found = True if sample is always else sample(step, signals, failed, fresh)
+                if found is not NOTHING:
+                    take(found, now, number, signals, failed)
+                    if self._chained:
+                        fresh.add(name)
+            if wanted:
+                value = value_of_it(now, number, signals, failed)
+                if value is FAILED:
+                    failed = frozenset((*failed, name))
+                elif value is not None:
+                    signals[name] = value
+        return failed
+
+    def at(self, time: int, number: int, signals: Signals, failed: Names) -> tuple[Signals, Names]:
+        """The signals of a tick behind step `number`, with what is derived; and all that failed."""
+        if not self._silent:
+            return signals, failed
+        more = dict(signals)
+        for series, name in self._silent:
+            value = series.at(time, number, more, failed)
+            if isinstance(value, Lack):
+                failed = frozenset((*failed, name))
+            elif value is not None:
+                more[name] = value
+        return more, failed
+
+    def back(self) -> None:
+        """Take back all steps since the last mark."""
+        self._watch = None
+        self.journal.back()
+
+    def next_deadline(self, after: int, last: LastStep) -> int | None:
+        """When, later than `after` (ns), what is asked of derived signals may turn without a step; None for never."""
+        if not self._layout.watched or self._session.begun is None:
+            return None
+        return self._watching(last).next_change(after)
+
+    @property
+    def is_due(self) -> bool:
+        """Whether another tick is due at the time of the last one."""
+        return bool(self._due)
+
+    def turn(
+        self, time: int, last: LastStep, runs_out: Callable[[int], bool], recorded: Signals | None = None
+    ) -> Turn | None:
+        """The next tick that is due at a time, None where none is.
+
+        `runs_out` returns whether one is due there for another reason; `recorded` are the signals of one that was
+        judged before.
+        """
+        if not self._series:
+            return _PLAIN
+        if recorded is not None:
+            return self._turn_again(time, last, recorded)
+        if self._session.begun is None:
+            return _PLAIN if runs_out(time) else None
+        watch = self._watching(last)
+        plain = False
+        if not self._due:
+            plain, self._due = watch.look(time)
+            plain = runs_out(time) or plain
+        if plain:
+            return Turn({}, watch.turned)
+        if not self._due:
+            return None
+        by, key = self._due.pop(0)
+        return Turn({by: value_of(key)}, watch.turned)
+
+    def _turn_again(self, time: int, last: LastStep, signals: Signals) -> Turn:
+        carried = {by: signals[by] for by in self._layout.keys if by in signals}
+        if self._session.begun is None:
+            return Turn(carried, ())
+        watch = self._watching(last)
+        watch.look(time)
+        return Turn(carried, watch.turned)
+
+    def turned_for(self, signals: Signals, last: LastStep) -> set[int]:
+        """The properties whose deadline a tick with these signals is for the sake of its keys."""
+        if not self._layout.keys or self._session.begun is None:
+            return set()
+        keys = self._watching(last).keys
+        carried = [(by, key_of(signals[by])) for by in self._layout.keys if by in signals]
+        return set[int]().union(*(keys.get(each, ()) for each in carried))
+
+    def told(self, atoms: Collection[Atom], signals: Signals, failed: Names, time: int) -> list[str]:
+        """What derived signals of some atoms are at a step or tick, at a time (ns), and what of; not absent ones."""
+        there = [(d, series) for d, series in self._of(atoms) if d.name in signals or d.name in failed]
+        return [told(d, series, signals, time) for d, series in there]
+
+    def complaint(self, atoms: Collection[Atom]) -> str | None:
+        """Why derived signals of some atoms have failed for want of room, None where none has."""
+        found = [f"{d.name} has failed: {reason}" for d, series in self._of(atoms) if (reason := lack(series))]
+        return "; ".join(found) or None
+
+    def _of(self, atoms: Collection[Atom]) -> list[tuple[Definition, Series]]:
+        if not self._series:
+            return []
+        names = {c.key for atom in atoms for c in atom.constraints}
+        pairs = zip(self._layout.definitions, self._series, strict=True)
+        return [(d, series) for d, series in pairs if d.name in names]
+
+    def snapshot(self) -> Any:
+        """All that later values depend on, as plain data; None where there are none."""
+        if not self._series:
+            return None
+        return {"begun": self._session.begun, "series": [series.snapshot() for series in self._series]}
+
+    def restore(self, data: Any) -> None:
+        """Take over a snapshot."""
+        if not self._series:
+            return
+        self._session.begun = data["begun"]
+        for series, saved in zip(self._series, data["series"], strict=True):
+            series.restore(saved)
+
+    def _watching(self, last: LastStep) -> Watch:
+        present, steps, held = last
+        if self._watch is None or self._watch[:2] != (present, steps):
+            signals = held() if self._layout.keys else {}
+            watch = Watch(self._layout.watched, self._series, self._bys, self._session, present, steps, signals)
+            self._watch = present, steps, watch
+            self._due = []
+        return self._watch[2]
+
+    def _begin_before(self, now: int) -> None:
+        """Begin with a step that is older than the session: nothing is."""
+        if self.journal.entries is not None:
+            self.journal.entries.append(partial(setattr, self._session, "begun", self._session.begun))
+        self._session.begun = now
+
+    def _bind(self, parts: tuple[Part, ...]) -> list[Any]:
+        """What is called for the parts of a stream."""
+        found = [(self._series[p.index], p.sample, self._names[p.index], p.wanted) for p in parts]
+        return self._bound.setdefault(id(parts), [(s.take, s.value, *rest) for s, *rest in found])
+
+
+def _made(definition: Definition, session: Session) -> Series:
+    make = partial(_MAKE[definition.op], definition, session)
+    return Keyed(definition, make, session) if definition.by else make()

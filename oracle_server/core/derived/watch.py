@@ -1,0 +1,108 @@
+"""When, without any step, what formulas ask of derived signals turns: the deadlines of the properties that ask it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from oracle_server.core.atoms import canonical
+from oracle_server.core.derived.flips import Answer, answer
+from oracle_server.core.derived.keyed import Keyed, key_of, value_of
+from oracle_server.core.derived.layout import Watched
+from oracle_server.core.derived.queue import Key
+from oracle_server.core.derived.window import Series, Session, least
+from oracle_server.core.events import Signals
+
+Carried = tuple[str, Key]
+"""A signal, and a value of it for which something turned."""
+_NONE = frozenset[int]()
+
+
+class Watch:
+    """It looks ahead from one step, and is forgotten with the next: nothing that it does is state."""
+
+    def __init__(
+        self,
+        watched: Sequence[Watched],
+        series: Sequence[Series],
+        bys: Sequence[str],
+        session: Session,
+        present: int,
+        steps: int,
+        held: Signals,
+    ) -> None:
+        """Look from the last step, at `present` (ns), of `steps`; or from the session's begin. `held` are signals."""
+        self._held = held
+        self._plain = [(w, series[w.index]) for w in watched if not bys[w.index]]
+        self._keyed = [(w, found, bys[w.index]) for w in watched if isinstance(found := series[w.index], Keyed)]
+        self._steps = steps
+        self._at = present if steps or session.begun is None else session.begun
+        self._next: tuple[int, int | None] | None = None
+        self._answers = [self._asked(w, found, self._at) for w, found in self._plain]
+        self.turned: set[int] = set()
+        """The properties for which something turned."""
+        self.keys: dict[Carried, set[int]] = {}
+        """The same for one key only."""
+
+    def next_change(self, after: int) -> int | None:
+        """The first time (ns) later than `after` at which something may turn, None for never."""
+        after = max(after, self._at)
+        if self._next is not None and self._next[0] <= after and (self._next[1] is None or after < self._next[1]):
+            return self._next[1]
+        found = least(
+            *(series.next_change(after, w.asked) for w, series in self._plain),
+            *(keyed.next_change(after, w.asked) for w, keyed, _ in self._keyed),
+        )
+        self._next = after, found
+        return found
+
+    def look(self, until: int) -> tuple[bool, list[Carried]]:
+        """Look on; whether something turned without a key, and for which keys, in the order of their texts."""
+        plain, keys = False, dict[Carried, None]()
+        while (time := self.next_change(self._at)) is not None and time <= until:
+            plain = self._look_at(time) or plain
+            keys |= dict.fromkeys(self._look_at_keys(time))
+            self._at = time
+        self._at = max(self._at, until)
+        return plain, sorted(keys, key=_text)
+
+    def _look_at(self, time: int) -> bool:
+        before = len(self.turned)
+        turned: set[int] = set()
+        for place, (watched, series) in enumerate(self._plain):
+            found = self._asked(watched, series, time)
+            turned |= self._turns(watched, self._answers[place], found)
+            self._answers[place] = found
+        self.turned |= turned
+        return bool(turned) or len(self.turned) > before
+
+    def _look_at_keys(self, time: int) -> list[Carried]:
+        found: list[Carried] = []
+        for watched, keyed, by in self._keyed:
+            own = (key_of(self._held[by]),) if by in self._held else ()
+            for key in {*keyed.keys_at(time, watched.asked), *own}:
+                carried = {by: value_of(key)}
+                before, now = ([answer(c, keyed.at(t, self._steps, carried, ())) for c in watched.asked]
+                               for t in (time - 1, time))  # fmt: skip
+                turned = self._turns(watched, before, now)
+                if turned:
+                    self.keys.setdefault((by, key), set()).update(turned)
+                    found.append((by, key))
+        return found
+
+    def _asked(self, watched: Watched, series: Series, time: int) -> list[Answer]:
+        value = series.at(time, self._steps, {}, ())
+        return [answer(constraint, value) for constraint in watched.asked]
+
+    def _turns(self, watched: Watched, before: Sequence[Answer], now: Sequence[Answer]) -> frozenset[int]:
+        """The properties for which answers differ. What is absent is not met, but before the first step not known."""
+        turns = (
+            properties
+            for was, is_now, properties in zip(before, now, watched.properties, strict=True)
+            if was != is_now and (not self._steps or (was or False) != (is_now or False))
+        )
+        return _NONE.union(*turns)
+
+
+def _text(carried: Carried) -> tuple[str, str]:
+    by, key = carried
+    return canonical(value_of(key)), by

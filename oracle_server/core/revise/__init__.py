@@ -1,0 +1,1 @@
+"""Judging again with what came late: `ordering: {late: revise}`."""

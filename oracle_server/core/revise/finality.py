@@ -1,0 +1,126 @@
+"""How a property stands where a late event may still change it: what is final is said so once none can."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from oracle_server.core.engine import MAX_WORK
+from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.plan import View
+from oracle_server.core.property_state import Mark, Names, PropertyState
+from oracle_server.core.verdicts import FINAL, Outcome
+
+
+class Stand(NamedTuple):
+    """What a property's state had after a step, and gets back where the judge goes back to that step."""
+
+    outcome: Outcome
+    negative: bool
+    failures: int
+    violations: int
+    first_violation: int | None
+    first_violation_step: int | None
+    first_violation_at: int | None
+    final: Outcome | None
+    final_since: int
+
+
+@dataclass(slots=True)
+class RevisableState(PropertyState):
+    """A property's state, with the outcome that became final and when; it is said once that is a `horizon` (ns) ago."""
+
+    horizon: int = 0
+    final: Outcome | None = None
+    final_since: int = 0
+    said: bool = False
+    """Whether the final outcome was said: no late event can change it any more."""
+    repeated: Outcome | None = None
+    """The outcome at a step that its engine can't judge again since it has failed."""
+    _marked: list[tuple[Outcome | None, int, bool]] = field(default_factory=list)
+
+    def step(
+        self,
+        view: View,
+        time: int,
+        signals: Mapping[str, Scalar],
+        failed: Names,
+        latest: int = 0,
+        allowed: int = MAX_WORK,
+    ) -> Outcome:
+        """The outcome at the next step; see `PropertyState.step`."""
+        self.work = 0
+        if self.repeated is not None:
+            return self.repeated
+        if not self.said:
+            failures = self.failures
+            outcome = PropertyState.step(self, view, time, signals, failed, latest, allowed)
+            if self.final is None:
+                if outcome not in FINAL:
+                    return outcome
+                self.final, self.final_since = outcome, time
+            self.failures = failures  # a final outcome does not fail
+        return self._final(time)
+
+    def tick(
+        self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names, allowed: int = MAX_WORK
+    ) -> Outcome:
+        """The outcome at a step that is then taken back."""
+        if self.final is not None:
+            return self.outcome
+        outcome = PropertyState.tick(self, view, time, signals, failed, allowed)
+        if outcome in FINAL:
+            self.final, self.final_since = outcome, time
+        return outcome.current
+
+    def silent(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names) -> Outcome:
+        """The outcome at a step without signals but held ones, in the place of the next one."""
+        return PropertyState.silent(self, view, time, signals, failed) if self.final is None else self.final.current
+
+    def next_deadline(self, after: int) -> int | None:
+        """When, after `after` (ns), time alone may change the outcome; None for never."""
+        return PropertyState.next_deadline(self, after) if self.final is None else None
+
+    def mark(self) -> Mark:
+        """Remember how the property stands, and begin a step that may be taken back."""
+        self._marked.append((self.final, self.final_since, self.said))
+        return PropertyState.mark(self)
+
+    def back(self, mark: Mark, *, counts: bool = True) -> None:
+        """Take the step back."""
+        PropertyState.back(self, mark, counts=counts)
+        self.final, self.final_since, self.said = self._marked.pop()
+
+    def keep(self) -> None:
+        """Keep the step."""
+        PropertyState.keep(self)
+        self._marked.pop()
+
+    def stands_as(self, stand: Stand) -> bool:
+        """Whether it stands so: nothing else changes while its outcome, its counts and what is final do not."""
+        return (
+            self.outcome is stand.outcome
+            and self.violations == stand.violations  # those of attempts that were taken back stay counted
+            and self.failures == stand.failures
+            and self.final is stand.final
+        )
+
+    def stand(self) -> Stand:
+        """How it stands."""
+        return Stand(
+            self.outcome, self.negative, self.failures, self.violations, self.first_violation,
+            self.first_violation_step, self.first_violation_at, self.final, self.final_since,
+        )  # fmt: skip
+
+    def put(self, stand: Stand) -> None:
+        """Stand as it did, but for an engine that failed since: it stays failed."""
+        (
+            self.outcome, self.negative, self.failures, self.violations, self.first_violation,
+            self.first_violation_step, self.first_violation_at, self.final, self.final_since,
+        ) = stand  # fmt: skip
+
+    def _final(self, time: int) -> Outcome:
+        assert self.final is not None  # noqa: S101 -- only called where it is
+        self.said = self.said or time > self.final_since + self.horizon
+        return self.final if time > self.final_since + self.horizon else self.final.current

@@ -1,0 +1,385 @@
+"""A judge that goes back: it puts late events in their places, and judges what comes after them again."""
+
+from __future__ import annotations
+
+from collections import defaultdict, deque
+from collections.abc import Callable, Iterator, Sequence
+from copy import copy
+from typing import NamedTuple
+
+import msgspec
+
+from oracle_server.core.counting import Told
+from oracle_server.core.engine import Engine, Rewindable
+from oracle_server.core.events import Order, Signals, Step
+from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.judge import Judge
+from oracle_server.core.plan import Plan, StreamPlan
+from oracle_server.core.property_state import Names
+from oracle_server.core.recent import SIZE, Recent
+from oracle_server.core.revise.changes import Again, revisions
+from oracle_server.core.revise.finality import RevisableState
+from oracle_server.core.revise.kept import MOST, Keeping, Kept, Point, key_of
+from oracle_server.core.revisions import Revision
+from oracle_server.core.spec import Property
+from oracle_server.core.verdicts import Decision, Judged, Verdict
+
+_FORGET_AFTER = 64
+"""Rows that are no longer kept, after which the engines forget them: many at once cost less."""
+
+
+class Late(NamedTuple):
+    """A late step that is put in its place."""
+
+    step: Step
+
+
+class Until(NamedTuple):
+    """Deadlines up to a time (ns) are to be judged."""
+
+    time: int
+
+
+class Asked(NamedTuple):
+    """The row, by its position, at which the outcome of a property (by its index) is to be explained.
+
+    `tick` is its time (ns) where it is a deadline, else None.
+    """
+
+    position: int
+    prop: int
+    tick: int | None
+
+
+class RevisingJudge(Judge):
+    """Judges in the order of publication, and again where a late event is put in its place.
+
+    What is to be judged waits in `ahead` while a pass goes on; what was judged in it is returned at its end, with the
+    revisions, so that both are kept together or not at all.
+    """
+
+    def __init__(self, plan: Plan, engines: Sequence[Engine], order: Order, numbers: Iterator[int]) -> None:
+        """Judge with one fresh engine a property, each of which can go back; verdicts are numbered from `numbers`."""
+        self.horizon = plan.spec.ordering.horizon
+        super().__init__(plan, engines, order, numbers)
+        self._states = [state for state in self.properties if isinstance(state, RevisableState)]
+        self._recent = Recent(SIZE, spare=MOST)
+        self.keeping = Keeping(self.horizon, self._point(None))
+        self.newest = 0
+        """The time of the newest step (ns)."""
+        self.ticking = False
+        """Whether deadlines are judged."""
+        self._level = 0
+        """Up to when (ns) deadlines were judged, in so far as there were any."""
+        self._deadline = 0
+        """The latest deadline that was judged (ns); a step that is no younger is late."""
+        self._numbered = 0
+        """How many steps were judged."""
+        self._position = 0
+        """The position of the last row that is no revision."""
+        self._ahead: deque[Kept | Late | Step | Until] = deque()
+        self._causes: list[Step] = []
+        self._outputs: list[Judged] = []
+        self._stood: dict[int, Kept] = {}
+        """The rows that are judged again in this pass, by position."""
+        self._stands: dict[int, tuple[Judged, Decision | None]] = {}
+        self._old_ticks: defaultdict[int, list[Kept]] = defaultdict(list)
+        self._not_before = 0
+        """What is judged again without being in order is judged at no earlier time (ns) than it was."""
+        self._unforgotten = 0
+        self._told: Told | None = None
+        self.asked: Asked | None = None
+        self.answer: Judged | None = None
+        """The row that is `asked` of as it stands, with the explanation; None where it does not stand."""
+        for state in self.properties:
+            rewindable(state.engine).record()
+
+    def _state(self, prop: Property, engine: Engine, grace: int) -> RevisableState:
+        return RevisableState(prop, engine, grace=grace, horizon=self.horizon)
+
+    @property
+    def told(self) -> Told:
+        """How its properties stand, and what it has counted: while a pass goes on, as before it."""
+        return self._told or super().told
+
+    @property
+    def is_going(self) -> bool:
+        """Whether a pass goes on."""
+        return bool(self._ahead)
+
+    def is_late(self, step: Step) -> bool:
+        """Whether a step is older than what was judged, where a deadline counts as younger than a step at its time."""
+        return step.time < self.newest or step.time <= self._deadline
+
+    def has_place(self, step: Step) -> bool:
+        """Whether a late step can still be put in its place."""
+        return step.time >= self.newest - self.horizon and key_of(step.time) >= self.keeping.floor
+
+    def take(self, step: Step, now: int) -> list[Judged]:
+        """Judge a step behind all others, and the deadlines before it; while a pass goes on it waits for that."""
+        if self._ahead:
+            self._ahead.append(step)
+            return []
+        return [*self._judge_deadlines(self._level_before(step), now), self._judge_first(step, now)]
+
+    def tick_until(self, until: int, now: int, enough: Callable[[], bool]) -> tuple[list[Judged], bool]:
+        """Judge the deadlines up to a time (ns), until enough was done, and return whether all are.
+
+        While a pass goes on they wait for that.
+        """
+        if not self._ahead:
+            judged = self._judge_deadlines(until, now, enough)
+            return judged, (deadline := self.next_deadline) is None or deadline > until
+        last = self._ahead[-1]
+        if isinstance(last, Until):
+            self._ahead[-1] = Until(max(until, last.time))
+        else:
+            self._ahead.append(Until(until))
+        return [], True
+
+    def place(self, late: Sequence[Step], level: int = 0) -> None:
+        """Begin a pass that puts late steps in their places; each of them has one, and no pass goes on.
+
+        Deadlines up to `level` (ns) are judged in it, if these are not yet.
+        """
+        self._begin_pass()
+        self._level = max(self._level, level)
+        self._causes = sorted(late, key=lambda step: step.time)  # a stable sort: of equal times by arrival
+        steps = deque(self._causes)
+        taken = self.keeping.after(steps[0].time)
+        self._go_back(taken)
+        for row in reversed(taken):
+            while steps and key_of(steps[0].time) < row.key:
+                self._ahead.append(Late(steps.popleft()))
+            if not row.is_tick:
+                self._ahead.append(row)
+        self._ahead.extend(map(Late, steps))
+        self._ahead.append(Until(self._level))
+
+    def _begin_pass(self) -> None:
+        self._told = Told([copy(state) for state in self.properties], copy(self.counters))
+        self._causes = []
+
+    def go_on(self, now: int, enough: Callable[[], bool]) -> list[Judged]:
+        """Go on with the pass until enough was done; what was judged in it is returned at its end."""
+        while self._ahead:
+            item = self._ahead.popleft()
+            match item:
+                case Until(time):
+                    self._outputs += self._judge_deadlines(time, now)
+                case Kept():
+                    self._outputs += self._judge_deadlines(item.level, now)
+                    self._judge_again(item)
+                case Late(step):
+                    self._outputs += self._judge_deadlines(step.time - 1, now)
+                    self._outputs.append(self._judge_first(step, now, placed=True))
+                case _:
+                    self._outputs += self._judge_deadlines(self._level_before(item), now)
+                    self._outputs.append(self._judge_first(item, now))
+            if enough():
+                break
+        return [] if self._ahead else self._end(now)
+
+    def _end(self, now: int) -> list[Judged]:
+        """End the pass: what was judged in it, and the revisions of what stood before."""
+        again = [
+            Again(position, row.preceding, row.judged, *self._stands.get(position, (None, None)))
+            for position, row in sorted(self._stood.items())
+        ]
+        outputs, self._outputs = self._outputs, []
+        if self._causes:
+            names = [state.property.id for state in self.properties]
+            made = revisions(again, names, [step.event for step in self._causes], now, self._numbers)
+            self._count_changes(made)
+            outputs += made
+        self._stood, self._stands, self._told = {}, {}, None
+        self._old_ticks.clear()
+        return outputs
+
+    def _count_changes(self, made: Sequence[Revision]) -> None:
+        changes = [change for row in made for change in row.changes if change is not None]
+        self.counters.revised += len(changes)
+        self.counters.retracted += sum(change.retracted for change in changes)
+
+    def _level_before(self, step: Step) -> int:
+        """Up to when deadlines are judged before a step that is judged behind all others.
+
+        Where it is not in order, those that were judged by then, so that what comes in order behind it is younger.
+        """
+        return step.time - 1 if self._is_ordered(step) and not step.late else self._deadline
+
+    def _key_behind(self, level: int) -> int:
+        """The key of a step that is not in order: behind all that was judged, and deadlines up to a level (ns)."""
+        return max(key_of(self.present), key_of(level, tick=True))
+
+    def _is_ordered(self, step: Step) -> bool:
+        return self.plan.streams[step.event.stream].spec.ordered
+
+    def _judge_deadlines(self, until: int, now: int, enough: Callable[[], bool] | None = None) -> list[Judged]:
+        outputs: list[Judged] = []
+        if not self.ticking:
+            return outputs
+        self._level = max(self._level, until)
+        while (deadline := self.next_deadline) is not None and deadline <= until:
+            self._deadline = max(self._deadline, deadline)
+            tick = self._judge_deadline(deadline, now)
+            if tick is not None:
+                outputs.append(tick)
+            if enough is not None and enough():
+                break
+        return outputs
+
+    def _judge_deadline(self, time: int, now: int) -> Judged | None:
+        """Judge a deadline; None where it changes nothing, and where it was told before."""
+        known = self._old_ticks.get(time)
+        if not known:
+            return self._judge_new_deadline(time, now)
+        old = known[0]
+        numbers, ticks, degraded = self._numbers, self.counters.ticks, self._degraded
+        self._numbers, self._degraded = _numbers(old), False
+        tick = self.tick(time, old.judged.judged)
+        self._numbers, self.counters.ticks, self._degraded = numbers, ticks, degraded
+        if tick is not None:
+            del known[0]
+            tick = msgspec.structs.replace(tick, step=old.step, verdicts=_merged(old.judged.verdicts, tick.verdicts))
+            self._stands[old.position] = tick, None
+            self._keep(tick, old.key, time, old)
+        return None
+
+    def tick(self, time: int, now: int, recorded: Signals | None = None) -> Judged | None:
+        """Judge a step at `time` with held signals only, and take it back; None where it changes no outcome."""
+        if self.asked is None or self.asked.tick != time:
+            return super().tick(time, now, recorded)
+        state = self.properties[self.asked.prop]
+        state.asked = True
+        self.answer = super().tick(time, now, recorded)
+        state.asked = False
+        return self.answer
+
+    def _judge_new_deadline(self, time: int, now: int) -> Judged | None:
+        tick = self.tick(time, now)
+        if tick is not None:
+            self._keep(tick, key_of(time, tick=True), time)
+        return tick
+
+    def _judge_first(self, step: Step, now: int, *, placed: bool = False) -> Judged:
+        """Judge a step for the first time: in its place, or behind all others."""
+        level, steps, place = self._level_before(step), self.counters.steps, None
+        judged = self.judge(step, now)
+        undone = self.counters.steps == steps
+        self._numbered += not undone
+        if placed:
+            level, place, number = step.time - 1, steps + 1, None if undone else self._numbered
+            judged = msgspec.structs.replace(judged, number=number, place=place)
+            self._renumber(judged)
+        if not step.skipped:
+            in_order = placed or (self._is_ordered(step) and not step.late)
+            self._keep(judged, key_of(step.time) if in_order else self._key_behind(level), level, undone=undone)
+        self._position = self._position_of(judged)
+        return judged
+
+    def _judge_again(self, row: Kept) -> None:
+        """Judge a kept step again, as it was decided."""
+        numbers, degraded, denied = self._numbers, self._degraded, self.counters.denied
+        self._numbers, self._degraded = _numbers(row), False
+        for state, verdict in zip(self._states, row.judged.verdicts, strict=True):
+            state.repeated = None if state.broken is None else verdict.outcome
+        self._not_before = row.point.present
+        asked = None if self.asked is None or self.asked.position != row.position else self._states[self.asked.prop]
+        if asked is not None:
+            asked.asked = True
+        if row.undone:
+            before = self._attempt(row.step)
+            judged = self._take_back(self._judge(row.step, row.judged.judged, revisable=True), before)
+        else:
+            judged = self._judge(row.step, row.judged.judged)
+        self._not_before, self._numbers, self._degraded, self.counters.denied = 0, numbers, degraded, denied
+        for state in self._states:
+            state.repeated = None
+        stands = msgspec.structs.replace(row.judged, verdicts=_merged(row.judged.verdicts, judged.verdicts))
+        if asked is not None:
+            self.answer, asked.asked = stands, False
+        self._renumber(stands)
+        decided, would = row.judged.decision, judged.decision
+        other = would if decided is not None and would is not None and would.choice != decided.choice else None
+        self._stands[row.position] = stands, other
+        self._keep(stands, row.key, row.level, row, undone=row.undone)
+
+    def _renumber(self, judged: Judged) -> None:
+        """Name a first violation by the number that its step was judged with, which is not its place."""
+        for state, verdict in zip(self.properties, judged.verdicts, strict=True):
+            state.note_first(verdict.n, judged.number, judged.step.stamp)
+
+    def _go_back(self, taken: Sequence[Kept]) -> None:
+        """Go back to before these rows, the last of which comes first."""
+        for row in taken:
+            self._stood[row.position] = row
+            if row.is_tick:
+                self._old_ticks[row.step.stamp].insert(0, row)
+        point = self.keeping.last
+        self._recent.remove(self.counters.steps - point.steps)
+        for state, stand in zip(self._states, point.properties, strict=True):
+            if state.broken is None and not state.said:
+                rewindable(state.engine).rewind(point.steps, point.present, point.before)
+            state.put(stand)
+        self.present, self._ticked, self._outdated = point.present, point.ticked, point.outdated
+        self.counters.steps, self._held = point.steps, dict(point.held)
+
+    def _keep(self, judged: Judged, key: int, level: int, old: Kept | None = None, *, undone: bool = False) -> None:
+        position = self._position_of(judged) if old is None else old.position
+        preceding = self._position if old is None else old.preceding
+        key = max(key, self.keeping.key) if old is None else old.key
+        self.newest = max(self.newest, self.present)
+        row = Kept(judged, key, level, position, preceding, self._point(self.keeping.last), undone)
+        if old is None:
+            self._position = position
+        self._unforgotten += self.keeping.add(row, self.newest)
+        if self._unforgotten >= _FORGET_AFTER:
+            self._unforgotten, base = 0, self.keeping.base
+            for state in self.properties:
+                if state.broken is None:
+                    rewindable(state.engine).forget(base.steps, base.present)
+
+    def _point(self, last: Point | None) -> Point:
+        """How the judge stands, where it stood so after the row before."""
+        before = 0
+        if last is not None:
+            before = last.present if self.counters.steps > last.steps else last.before
+        stands = None if last is None else last.properties
+        if stands is None or not all(s.stands_as(p) for s, p in zip(self._states, stands, strict=True)):
+            stands = tuple([state.stand() for state in self._states])
+        return Point(self.present, before, self._ticked, self._outdated, self.counters.steps, self._held, stands)
+
+    def _position_of(self, judged: Judged) -> int:
+        return (judged.verdicts[0].n - 1) // len(self.properties) + 1
+
+    def _move_on(self, step: Step, stream: StreamPlan) -> None:
+        super()._move_on(step, stream)
+        self.present = max(self.present, self._not_before)
+
+    def _signals(self, step: Step, stream: StreamPlan) -> tuple[dict[str, Scalar], Names]:
+        if stream.spec.hold:  # what the points refer to must not change
+            self._held = {m: h.copy() if m == step.event.monitor else h for m, h in self._held.items()}
+        return super()._signals(step, stream)
+
+
+def rewindable(engine: Engine) -> Rewindable:
+    """An engine of a spec that revises."""
+    assert isinstance(engine, Rewindable)  # noqa: S101 -- others are refused with the spec
+    return engine
+
+
+def _numbers(row: Kept) -> Iterator[int]:
+    return iter([verdict.n for verdict in row.judged.verdicts])
+
+
+def _merged(old: tuple[Verdict, ...], new: tuple[Verdict, ...]) -> tuple[Verdict, ...]:
+    """Verdicts that stand: degraded where they were, and where they are by more than what is bypassed at present."""
+    return tuple([_merge(was, verdict) for was, verdict in zip(old, new, strict=True)])
+
+
+def _merge(old: Verdict, new: Verdict) -> Verdict:
+    degraded = old.degraded or (new.degraded and not new.bypassed)
+    if new.outcome is old.outcome and degraded is old.degraded and new.explanation is old.explanation:
+        return old
+    return msgspec.structs.replace(new, degraded=degraded, bypassed=old.bypassed)

@@ -1,0 +1,118 @@
+"""The rows that a late event may still change, and how the judge stood after each."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from oracle_server.core.events import Step
+from oracle_server.core.holding import Held
+from oracle_server.core.kinds import TICK
+from oracle_server.core.revise.finality import Stand
+from oracle_server.core.verdicts import Judged
+
+MOST = 10_000
+"""Rows that are kept; where there are more, the horizon is shorter."""
+
+
+def key_of(time: int, *, tick: bool = False) -> int:
+    """Where something at a time (ns) stands among the rows: a deadline behind all steps at its time."""
+    return 2 * time + tick
+
+
+class Point(NamedTuple):
+    """How a judge stood after a row; times in nanoseconds. `before` is the time of the step before the last one."""
+
+    present: int
+    before: int
+    ticked: int
+    outdated: bool
+    steps: int
+    held: Mapping[str, Held]
+    properties: tuple[Stand, ...]
+
+
+@dataclass(slots=True)
+class Kept:
+    """A row as it stands.
+
+    `key` is where it stands, as by `key_of`, and never less than that of the row before; `level`: deadlines up to then
+    (ns) were judged before it. `preceding` is the position of the row said before it. `undone`: it was denied, and
+    taken back.
+    """
+
+    judged: Judged
+    key: int
+    level: int
+    position: int
+    preceding: int
+    point: Point
+    undone: bool = False
+
+    @property
+    def is_tick(self) -> bool:
+        """Whether it is a deadline."""
+        return self.judged.step.event.stream.kind == TICK
+
+    @property
+    def step(self) -> Step:
+        """Its step."""
+        return self.judged.step
+
+
+class Keeping:
+    """The kept rows, in the order in which they stand."""
+
+    def __init__(self, horizon: int, begin: Point, most: int = MOST) -> None:
+        """Keep rows for a `horizon` (ns), from how the judge stands at the beginning."""
+        self.rows: deque[Kept] = deque()
+        self.base = begin
+        """How the judge stood before the first of them."""
+        self.floor = 0
+        """The key of the last row that is not kept any more: what is older can't be put in its place."""
+        self.crowded = False
+        """Whether the rows of a horizon were more than are kept."""
+        self.placed: list[int] = []
+        """The positions of the late events that are not kept any more, and that may have a greater one than kept rows.
+        """
+        self._horizon, self._most = horizon, most
+
+    def __iter__(self) -> Iterator[Kept]:
+        return iter(self.rows)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def last(self) -> Point:
+        """How the judge stands after the last row."""
+        return self.rows[-1].point if self.rows else self.base
+
+    @property
+    def key(self) -> int:
+        """The key of the last row."""
+        return self.rows[-1].key if self.rows else self.floor
+
+    def add(self, row: Kept, newest: int) -> bool:
+        """Keep a row, and let go of those that are more than a horizon older than the newest; whether any was."""
+        rows, limit = self.rows, key_of(newest - self._horizon)
+        rows.append(row)
+        kept = len(rows)
+        while rows[0].key < limit or len(rows) > self._most:
+            self.crowded = self.crowded or rows[0].key >= limit
+            gone = rows.popleft()
+            self.base, self.floor = gone.point, gone.key
+            if gone.judged.place is not None:
+                self.placed.append(gone.position)
+            if not rows:
+                break
+        return len(rows) < kept
+
+    def after(self, time: int) -> list[Kept]:
+        """Take away the rows behind a step at a time (ns); the last one first."""
+        taken, key = [], key_of(time)
+        while self.rows and self.rows[-1].key > key:
+            taken.append(self.rows.pop())
+        return taken

@@ -1,0 +1,85 @@
+"""What comes late in a session that revises: events that come together are put in place together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import msgspec
+
+from oracle_server.core.events import Step
+from oracle_server.core.revise.saving import SavableJudge
+from oracle_server.core.verdicts import Judged
+
+TOGETHER = 10**7
+"""How long (ns) a late event waits for others, unless it asks: a burst costs one pass."""
+
+
+class Lateness:
+    """Gives a judge the steps that the order releases, and those that are late together."""
+
+    def __init__(self, judge: SavableJudge) -> None:
+        self.judge = judge
+        self.placed = 0
+        """How many late events were put in their places."""
+        self.beyond = 0
+        """How many were older than the horizon, and were judged at the present."""
+        self.passes = 0
+        self._waiting: list[Step] = []
+        self._due: int | None = None
+
+    def next_deadline(self, now: int) -> int | None:
+        """When `go_on` should be called next (ns), None while nothing is late."""
+        return now if self.judge.is_going else self._due
+
+    @property
+    def waiting(self) -> int:
+        """How many late events wait to be put in their places."""
+        return len(self._waiting)
+
+    def take(self, step: Step, now: int, enough: Callable[[], bool]) -> list[Judged]:
+        """Take a step as it comes: of a stream without order at once, of others as the order releases it."""
+        judge = self.judge
+        if step.skipped or not judge.plan.streams[step.event.stream].spec.ordered:
+            return judge.take(step, now)
+        if not step.late and not judge.is_late(step):
+            return judge.take(step, now)
+        self._waiting.append(msgspec.structs.replace(step, late=True))
+        if self._due is None:
+            self._due = now + TOGETHER
+        if step.event.ask:
+            self._due = now
+        return self.go_on(now, enough)
+
+    def go_on(self, now: int, enough: Callable[[], bool]) -> list[Judged]:
+        """Go on with what is put in place, and begin with what has waited for it."""
+        outputs = self.judge.say_unsaid(now)
+        outputs += self.judge.go_on(now, enough) if self.judge.is_going else []
+        while self._due is not None and self._due <= now and not self.judge.is_going:
+            outputs += self._begin(now)
+            outputs += self.judge.go_on(now, enough) if self.judge.is_going else []
+        return outputs
+
+    def expire(self, now: int) -> None:
+        """Let what is late wait no longer for others."""
+        self._due = now if self._waiting else None
+
+    def finish(self, now: int) -> list[Judged]:
+        """Put all in place now."""
+        self.expire(now)
+        return self.go_on(now, lambda: False)
+
+    def _begin(self, now: int) -> list[Judged]:
+        late, self._waiting, self._due = self._waiting, [], None
+        placed = [step for step in late if self.judge.has_place(step)]
+        self.placed += len(placed)
+        self.beyond += len(late) - len(placed)
+        outputs: list[Judged] = []
+        if len(placed) < len(late):
+            self.judge.degrade()
+            for step in late:
+                if not self.judge.has_place(step):
+                    outputs += self.judge.take(step, now)
+        if placed:
+            self.passes += 1
+            self.judge.place(placed)
+        return outputs

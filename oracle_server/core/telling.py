@@ -1,0 +1,77 @@
+"""The part of a judge that makes verdicts of outcomes, and explains them by the last steps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+
+from oracle_server.core.derived.state import Derived
+from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.owing import about
+from oracle_server.core.past import Past
+from oracle_server.core.plan import Plan
+from oracle_server.core.property_state import Names, PropertyState
+from oracle_server.core.recent import EFFORT_TOGETHER, Recent
+from oracle_server.core.records import EventRecord
+from oracle_server.core.verdicts import Explanation, Outcome, Verdict
+
+
+class Telling:
+    """Verdicts, what is remembered of the last steps, and what explanations make of it."""
+
+    plan: Plan
+    properties: Sequence[PropertyState]
+    _numbers: Iterator[int]
+    _degraded: bool
+    _derived: Derived
+    _recent: Recent
+    _tick: tuple[int, Mapping[str, Scalar], Names] | None
+    """The tick that is being judged."""
+    _explained: int
+    """What explanations have cost at the present step or tick."""
+
+    def remember(self, steps: int, effort: int) -> None:
+        """Before the first step: remember this many steps, and spend this much on an explanation."""
+        self._recent = Recent(steps, effort)
+
+    def _event(self) -> EventRecord:
+        return self._recent.last()
+
+    def _verdict(
+        self, state: PropertyState, outcome: Outcome, signals: Mapping[str, Scalar], failed: Names, time: int
+    ) -> Verdict:
+        n, why = next(self._numbers), None
+        if state.remember(n, outcome) or state.asked:
+            state.note_first(n, None, time)
+            why = self._explain(state, signals, failed, time)
+        return self._plain(state, n, outcome, why)
+
+    def _plain(self, state: PropertyState, n: int, outcome: Outcome, why: Explanation | None = None) -> Verdict:
+        is_degraded = self._degraded or state.failures > 0 or state.renewed
+        bypassed = state.bypassed and not is_degraded
+        return Verdict(
+            n, state.property.id, outcome, is_degraded or bypassed, why, bypassed=bypassed, pending=state.pending
+        )
+
+    def _explain(self, state: PropertyState, signals: Mapping[str, Scalar], failed: Names, time: int) -> Explanation:
+        told, count = tuple(about(state.unanswered)), len(state.unanswered)
+        if state.why is None:
+            return Explanation(state.property.text, signals, about=told, about_count=count)
+        timed = state.property.time == "seconds"
+        text = "; ".join([state.why.text, *self._derived.told(state.property.atoms, signals, failed, time)])
+        why = state.why.data(partial(self._recent.recall, timed=timed))
+        return Explanation(state.property.text, signals, text, why, told, count)
+
+    def _past(self, index: int) -> Past | None:
+        """The last steps as one property observed them, and a tick that is being judged.
+
+        None where the others' explanations have cost enough, unless this one was asked for.
+        """
+        if self._explained >= EFFORT_TOGETHER and not self.properties[index].asked:
+            return None
+        views = self.plan.streams
+        tick = None if self._tick is None else (self._tick[0], self.plan.silent[index], *self._tick[1:])
+        return self._recent.past(lambda stream: views[stream].views[index], tick, self._note_effort)
+
+    def _note_effort(self, effort: int) -> None:
+        self._explained += effort

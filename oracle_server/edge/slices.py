@@ -1,0 +1,127 @@
+"""What is read from a WebSocket is processed in slices, and other connections are served between them."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+
+from uvicorn._types import ASGIReceiveEvent, ASGISendEvent
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+
+SLICE = 2**12
+"""Bytes that are processed at once: no more than some hundred of the smallest frames."""
+_TURN = 0.001
+"""Seconds after which other connections are served."""
+LOOK = 0.5
+"""Seconds after which something is read although it should rest: an adapter gives up after 2 s without a pong."""
+
+
+class SlicedWebSocket(WebSocketsSansIOProtocol):
+    """A WebSocket that is read no faster than what was read is processed.
+
+    A socket hands over 256 KiB, which may be 40,000 frames.
+    """
+
+    _unread = b""
+    _at = 0
+    """Where in `_unread` the next slice begins."""
+    _next: asyncio.Handle | None = None
+    """What goes on with it; None while nothing is unread, or a message waits for the application."""
+
+    @property
+    def rest(self) -> float:
+        """For how many seconds nothing more should be read."""
+        return 0.0
+
+    def process(self, data: bytes) -> None:
+        """Process a slice."""
+        super().data_received(data)
+
+    def data_received(self, data: bytes) -> None:
+        """Process the first slices of what was read."""
+        self._unread, self._at = self._unread[self._at :] + data, 0
+        if self._next is None:
+            self._go_on()
+
+    async def receive(self) -> ASGIReceiveEvent:
+        """The next message; once none waits, what was read is gone on with."""
+        message = await self.queue.get()
+        if self.queue.empty() and self._next is None:
+            if self._unread:
+                self._next = self.loop.call_soon(self._go_on)  # a later message must not overtake this one
+            else:
+                self._read_on()
+        return message
+
+    async def send(self, message: ASGISendEvent) -> None:
+        """Send a message; after the last one, what is unread may hold the peer's close."""
+        await super().send(message)
+        if self.close_sent and self._unread and self._next is None:
+            self._next = self.loop.call_soon(self._go_on)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Process what was read before, for nobody may send it again."""
+        if self._next is not None:
+            self._next.cancel()
+        self._lose(exc)
+
+    def handle_ping(self) -> None:
+        """Answer a ping, unless the connection is lost."""
+        if not self.transport.is_closing():
+            super().handle_ping()
+
+    def _lose(self, exc: Exception | None) -> None:
+        self._process(anyway=True)
+        if self._unread and not self.close_sent:
+            self.loop.call_soon(self._lose, exc)
+        else:
+            super().connection_lost(exc)
+
+    def _go_on(self, *, anyway: bool = False) -> None:
+        self._next = None
+        self._process(anyway=anyway)
+        if not self.transport.is_closing():
+            self._plan()
+
+    def _process(self, *, anyway: bool) -> None:
+        """Process slices until the turn is over, or, unless `anyway`, a message waits or nothing should be read."""
+        end = time.monotonic() + _TURN
+        while self._at < len(self._unread):
+            data = self._unread[self._at : self._at + SLICE]
+            self._at += SLICE
+            self.process(data)
+            if time.monotonic() > end or (not anyway and (self._waits or self.rest)):
+                break
+        if self._at >= len(self._unread):
+            self._unread, self._at = b"", 0
+
+    def _plan(self) -> None:
+        """Go on when it is time to."""
+        rest, waits = self.rest, self._waits
+        if not (rest or waits or self._unread):
+            self._read_on()
+            return
+        if not self.read_paused:
+            self.read_paused = True
+            self.transport.pause_reading()
+        if rest:
+            self._next = self.loop.call_later(min(rest, LOOK), self._look)
+        elif not waits:
+            self._next = self.loop.call_soon(self._go_on)
+
+    def _look(self) -> None:
+        """Read something, for there may be a ping; messages wait for the application."""
+        self._next = None
+        if self._unread:
+            self._go_on(anyway=True)
+        else:
+            self._read_on()
+
+    def _read_on(self) -> None:
+        if self.read_paused:
+            self.read_paused = False
+            self.transport.resume_reading()
+
+    @property
+    def _waits(self) -> bool:
+        return not self.queue.empty() and not self.close_sent

@@ -1,0 +1,51 @@
+"""A session's own trace: its rows, judged again in the sequence in which they were judged."""
+
+from __future__ import annotations
+
+from oracle_server.core.engine import Answer
+from oracle_server.core.errors import TraceError
+from oracle_server.core.events import Step
+from oracle_server.core.revise.recurring import Recurring, Row
+from oracle_server.core.session import Session
+from oracle_server.core.verdicts import Judged, Outcome
+from oracle_server.replay.recording import Place
+
+_NOT_KEPT = Answer(Outcome.UNKNOWN, "was not asked: a session's trace has no messages, only their signals")
+
+
+class Again:
+    """Judges the rows of a session's trace again, in the sequence in which they were judged."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._recurring = None if session.lateness is None else Recurring(session.lateness.judge)
+        self._begun = False
+
+    def judge(self, position: int, place: Place, step: Step) -> list[Judged]:
+        """Judge a row."""
+        session = self._session
+        if not self._begun and position > 1:
+            raise TraceError(
+                f"the session's first steps are not in the recording, which begins with step {position}, so that its "
+                "verdicts would differ; use --by to judge the recorded events afresh"
+            )
+        self._begun = True
+        if place.degraded:
+            session.judges[place.order].degrade()
+        bypassed = [i for i, p in enumerate(session.plan.spec.properties) if p.id in place.bypassed]
+        session.judges[place.order].bypass(bypassed)
+        for index in session.plan.external:
+            session.receive(place.order, {index: place.said.get(session.plan.spec.properties[index].id, _NOT_KEPT)})
+        placed = Step(
+            step.event, step.signals, step.failed, step.stamp, place.skewed, place.late, place.forced, place.skipped,
+            place.released,
+        )  # fmt: skip
+        if self._recurring is not None:
+            session.note_again(placed, place.judged)
+            return self._recurring.take(Row(position, placed, place.judged, place.place is not None))
+        judged = session.rejudge(place.order, placed, place.judged)
+        return [] if judged is None else [judged]
+
+    def finish(self) -> list[Judged]:
+        """Judge what was kept to be judged with a later row."""
+        return [] if self._recurring is None else self._recurring.finish()

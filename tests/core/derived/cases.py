@@ -1,0 +1,258 @@
+"""Random specs with derived signals, random events, and what the reference says of them."""
+
+from __future__ import annotations
+
+import json
+import random
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
+from typing import Any
+
+from oracle_server.core.atoms import canonical
+from oracle_server.core.derived.definition import OPS, Definition, Op
+from oracle_server.core.events import Event, StreamKey
+from oracle_server.core.formula import tree
+from oracle_server.core.formula.parse import Time, parse_formula
+from oracle_server.core.formula.tree import Constraint, Formula, Scalar
+from oracle_server.core.plan import Plan, plan
+from oracle_server.core.session import Session
+from oracle_server.core.spec import By, Ordering, Property, Spec, StreamSpec, orders
+from oracle_server.core.verdicts import Judged
+from oracle_server.engines.native import NativeEngine
+from tests.core.derived.reference import EXPRESSIONS, FAILED, SECOND, Failed, Reference, Step, Value, changes
+
+START = 1_000 * SECOND
+SIGNALS = {"/a": ("x", "k"), "/b": ("y", "z", "k"), "/c": ("k", "h")}
+STREAMS = (
+    StreamSpec("/a", signals={name: f"msg.{name}" for name in SIGNALS["/a"]}),
+    StreamSpec("/b", signals={name: f"msg.{name}" for name in SIGNALS["/b"]}, hold=frozenset({"y"})),
+    StreamSpec("/c", signals={name: f"msg.{name}" for name in SIGNALS["/c"]}, hold=frozenset({"h"})),
+)
+HELD = frozenset({"y", "h"})
+FORMULAS = ("{topic: /a}", "{x > 2}", "not {x > 2}", "{y: 1} or {topic: /b}", "{topic: /b, z: *}", "{h: 1}")
+VALUES: tuple[Any, ...] = (1, 2, 3, 0.1, 2.5, -4, 1e16, 3, 1, 2)
+ODD: tuple[Any, ...] = ("w", True, {}, None, None, 1)
+GAPS = (0, 1, SECOND // 2, SECOND - 1, SECOND, SECOND + 1, 2 * SECOND)
+OVERS = (1, SECOND, SECOND + 1, 2 * SECOND, 5 * SECOND)
+LIMITS = (0, 1, 1.5, 2, 3, 0.5, 6)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A spec, when its session began, and its events: their times, streams and data."""
+
+    spec: Spec
+    begun: int
+    events: tuple[tuple[int, str, Mapping[str, Any]], ...]
+
+    @property
+    def end(self) -> int:
+        """When all of it is over."""
+        return max([self.begun, *(time for time, _, _ in self.events)]) + 7 * SECOND
+
+    @property
+    def reference(self) -> Reference:
+        """What its derived signals are."""
+        return Reference(self.spec.derive, SIGNALS, HELD)
+
+
+def case(rng: random.Random, time: Time, *, by: By = "arrival", undo: bool = False, most: int = 14) -> Case:
+    """A random case; with `undo` events on /b are asked about, and taken back where they are denied."""
+    definitions: list[Definition] = []
+    for i in range(rng.randint(1, 4)):
+        definitions.append(_definition(rng, f"d{i}", definitions))
+    properties = [_property(rng, i, rng.choice(definitions), time) for i in range(rng.randint(1, 4))]
+    streams: tuple[StreamSpec, ...] = STREAMS
+    if undo:
+        properties[0] = replace(properties[0], guards=frozenset({"/b"}))
+        streams = tuple(replace(s, action="filter", on_deny="undo") if s.name == "/b" else s for s in STREAMS)
+    ordering = Ordering(by=by, max_delay=100 * SECOND, max_skew=SECOND)
+    spec = Spec("s", streams, tuple(properties), ordering, derive=tuple(definitions))
+    at = START
+    events = []
+    for _ in range(rng.randint(0, most)):
+        at += rng.choice(GAPS)
+        name = rng.choice(tuple(SIGNALS))
+        events.append((at, name, _data(rng, name)))
+    return Case(spec, START - rng.choice((0, 0, SECOND, 3 * SECOND)), tuple(events))
+
+
+def _definition(rng: random.Random, name: str, above: Sequence[Definition]) -> Definition:
+    derived = [d.name for d in above if d.op != "age"]
+    names = ["x", "y", "z", "h", *derived]
+    op: Op = rng.choice(("expression", *OPS))
+    if op == "expression":
+        text = rng.choice(EXPRESSIONS)
+        return Definition(name, op, text.format(*rng.sample(names, text.count("{}"))))
+    traits = OPS[op]
+    formula = _formula(rng.choice((*FORMULAS, *(f"{{{d} > 1}}" for d in derived)))) if traits.formula else None
+    counted = traits.window and op != "rate" and rng.random() < 0.4
+    over = None if not traits.window else rng.randint(1, 3) if counted else rng.choice(OVERS)
+    by = rng.choice(("", "", "k", "k", "h")) if name != "d0" or rng.random() < 0.5 else ""
+    may_forget = by and (traits.lasting or (counted and not traits.formula))
+    forget = rng.choice((None, 2 * SECOND, 1)) if may_forget else None
+    return Definition(name, op, "" if formula else rng.choice(names), formula, over, counted, by, forget)
+
+
+def _property(rng: random.Random, index: int, of: Definition, time: Time) -> Property:
+    where = rng.choice(("", "", "", "topic: /b, "))
+    what = rng.choice((*(f"{of.name} {op} {rng.choice(LIMITS)}" for op in ("<", "<=", ">", ">=", ":", "!=")),
+                       f"{of.name}: *"))  # fmt: skip
+    text = f"{rng.choice(('', 'not '))}{{{where}{what}}}"
+    return Property(f"p{index}", _formula(text), text, time=time)
+
+
+@cache
+def _formula(text: str) -> Formula:
+    return parse_formula(text)
+
+
+def _data(rng: random.Random, stream: str) -> Mapping[str, Any]:
+    data = {name: rng.choice(VALUES if rng.random() < 0.85 else ODD) for name in SIGNALS[stream]}
+    if "k" in data:
+        data["k"] = rng.choice(("u", "v", 1, True, None, "u", "v", {}))
+    return {name: value for name, value in data.items() if value is not None}
+
+
+Row = tuple[str, int, tuple[str, ...]]
+"""A stream, empty for ticks, the time, and the outcomes."""
+
+
+def opened(ready: Plan, begun: int) -> Session:
+    """A session that begins at a time."""
+    spec = ready.spec
+    engines = [[NativeEngine(p.formula, p.time) for p in spec.properties] for _ in orders(spec)]
+    return Session(ready, engines, begun=begun)
+
+
+def event_of(found: Case, index: int, *, arrived: int | None = None) -> Event:
+    """An event of a case; it arrives at its stamp where nothing else is said."""
+    time, name, data = found.events[index]
+    stream = next(s for s in found.spec.streams if s.name == name)
+    key = StreamKey(name, "topic")
+    return Event(key, "m", index + 1, time, arrived or time, data, ask=stream.action == "filter")
+
+
+def judged(found: Case) -> list[Judged]:
+    """What a session makes of a case, each event at its time."""
+    session = opened(plan(found.spec), found.begun)
+    rows: list[Judged] = []
+    for index in range(len(found.events)):
+        rows += session.ingest(event_of(found, index))
+    return rows + session.advance(found.end)
+
+
+def rows_of(found: Sequence[Judged]) -> list[Row]:
+    """What was judged, as data."""
+    return [(j.step.event.stream.name, j.step.stamp, tuple(v.outcome.current.value for v in j.verdicts)) for j in found]
+
+
+@dataclass
+class Expected:
+    """Judges a case by the reference."""
+
+    case: Case
+    steps: list[Step] = field(default_factory=list)
+    rows: list[Row] = field(default_factory=list)
+    held: dict[str, Value] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.reference = self.case.reference
+        self.outcomes = ["unknown"] * len(self.case.spec.properties)
+        times = [time for time, _, _ in self.case.events]
+        self.begun, self.ticked = self.case.begun, 0
+        for i, (time, name, data) in enumerate(self.case.events):
+            self._ticks(time)
+            self.begun = min(self.begun, time)
+            self._step(i, time, name, data)
+        self._ticks(self.case.end)
+        assert times == sorted(times)
+
+    def _step(self, index: int, time: int, name: str, data: Mapping[str, Any]) -> None:
+        own = {k: v for k, v in data.items() if not isinstance(v, dict)}
+        failed = {k for k, v in data.items() if isinstance(v, dict)}
+        held = dict(self.held)
+        for key in HELD & set(SIGNALS[name]):
+            held.pop(key, None)
+            if key in data:
+                held[key] = FAILED if key in failed else own[key]
+        seen, lost = _together(held)
+        step = Step(time, len(self.steps) + 1, name, own, failed, {**seen, "topic": name, **own},
+                    failed | (lost - own.keys()))  # fmt: skip
+        self.reference.take(self.steps, step, self.begun)
+        outcomes = [self._outcome(p, step) for p in self.case.spec.properties]
+        self.rows.append((name, time, tuple(outcomes)))
+        guards = [o for p, o in zip(self.case.spec.properties, outcomes, strict=True) if name in p.guards]
+        if any(o != "currently_true" for o in guards):
+            return
+        self.outcomes, self.held = outcomes, held
+        self.steps.append(step)
+
+    def _outcome(self, prop: Property, step: Step) -> str:
+        holds = self.reference.holds(prop.formula, step)
+        return "unknown" if holds is None else "currently_true" if holds else "currently_false"
+
+    def _ticks(self, until: int) -> None:
+        """Judge all ticks before a time."""
+        timed = [i for i, p in enumerate(self.case.spec.properties) if p.time == "seconds"]
+        present = self.steps[-1].time if self.steps else self.begun
+        asked = {i: self._asked(self.case.spec.properties[i]) for i in timed}
+        found = changes(self.case.spec.derive, self.steps, [c for cs in asked.values() for c in cs], self.begun)
+        turned: set[int] = set()
+        by_key: dict[tuple[str, str], set[int]] = {}
+        bys = {d.name: d.by for d in self.case.spec.derive}
+        timely = {d.name for d in self.case.spec.derive if d.op == "age" or (d.over and not d.counted)}
+        for time in sorted({t for t in found if present < t < until}) if timed else ():
+            plain = {i for i in timed for c in asked[i] if c.key in timely and not bys[c.key] and self._turns(c, time)}
+            keyed = []
+            for (text, by), names in sorted(self.reference.keys(self.steps, _together(self.held)[0], time).items()):
+                carried = {by: json.loads(text)}
+                own = [(i, c) for i in timed for c in asked[i] if c.key in timely & names and bys[c.key] == by]
+                due = {i for i, c in own if self._turns(c, time, carried)}
+                if due:
+                    by_key.setdefault((by, text), set()).update(due)
+                    keyed.append(carried)
+            turned |= plain
+            for carried in ([{}] if plain else []) + keyed:
+                if time > self.ticked:  # else it was judged before an event that was taken back
+                    self._tick(time, carried, turned, by_key)
+        self.ticked = until - 1
+
+    def _tick(
+        self, time: int, carried: Mapping[str, Scalar], turned: set[int], by_key: Mapping[tuple[str, str], set[int]]
+    ) -> None:
+        tick = self._at(time, carried)
+        due = {*turned}
+        for (by, value), properties in by_key.items():
+            if by in tick.seen and canonical(tick.seen[by]) == value:
+                due |= properties
+        outcomes = [self._outcome(p, tick) if i in due else self.outcomes[i]
+                    for i, p in enumerate(self.case.spec.properties)]  # fmt: skip
+        if outcomes != self.outcomes:
+            self.outcomes = outcomes
+            self.rows.append(("", time, tuple(outcomes)))
+
+    def _asked(self, prop: Property) -> list[Constraint]:
+        found = [a for a in tree.atoms(prop.formula) if self.reference.reads(a, "")]
+        return [c for a in found for c in a.constraints if c.key != "topic"]
+
+    def _turns(self, constraint: Constraint, time: int, carried: Mapping[str, Scalar] | None = None) -> bool:
+        before, now = (self._answer(constraint, self._at(t, carried or {})) for t in (time - 1, time))
+        if self.steps:
+            before, now = before or False, now or False
+        return before != now
+
+    def _answer(self, constraint: Constraint, step: Step) -> str | bool | None:
+        if constraint.key in step.failed:
+            return "failed"
+        return None if constraint.key not in step.seen else self.reference.holds(tree.Atom((constraint,)), step)
+
+    def _at(self, time: int, carried: Mapping[str, Scalar]) -> Step:
+        seen, failed = _together(self.held)
+        return self.reference.tick(self.steps, time, {**seen, **carried}, failed - carried.keys(), self.begun)
+
+
+def _together(held: Mapping[str, Value]) -> tuple[dict[str, Scalar], set[str]]:
+    seen = {k: v for k, v in held.items() if v is not None and not isinstance(v, Failed)}
+    return seen, {k for k, v in held.items() if isinstance(v, Failed)}

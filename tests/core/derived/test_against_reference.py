@@ -1,0 +1,149 @@
+"""Derived signals against the reference: both clocks, arrival in any order, undo, restarts at any place, ticks.
+
+    python -m tests.core.derived.test_against_reference 50000     # so many cases a clock and way, by hand
+
+prints how many differ, and the first that does; `--seed` begins elsewhere, `--way` takes one way.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from oracle_server.core.formula.parse import Time
+from oracle_server.core.plan import plan
+from oracle_server.core.verdicts import Judged
+from tests.core.derived.cases import Case, Expected, Row, case, event_of, judged, opened, rows_of
+
+CASES = 3_000
+FEWER = 600
+Check = Callable[[random.Random, Time], None]
+
+
+def check_plain(rng: random.Random, time: Time) -> None:
+    """Each event arrives at its stamp."""
+    found = case(rng, time)
+    assert rows_of(judged(found)) == Expected(found).rows
+
+
+def check_undone(rng: random.Random, time: Time) -> None:
+    """Events of a stream are taken back where they are denied."""
+    found = case(rng, time, undo=True)
+    assert rows_of(judged(found)) == Expected(found).rows
+
+
+def check_permuted(rng: random.Random, time: Time) -> None:
+    """All events arrive late, those of different streams in any order, and are judged in that of their stamps."""
+    found = distinct(case(rng, time, by="publication"))
+    session = opened(plan(found.spec), found.begun)
+    rows = session.attach("m", found.spec.by_key, found.begun)
+    for index in interleaved(found, rng):
+        rows += session.ingest(event_of(found, index, arrived=found.end))
+    rows += session.finish(found.end)
+    assert rows_of(rows) == before_last(Expected(found).rows)
+
+
+def check_restarted(rng: random.Random, time: Time) -> None:
+    """The session is saved and restored at some places, and judged again from its beginning at others."""
+    found = case(rng, time)
+    ready = plan(found.spec)
+    session, rows = opened(ready, found.begun), list[Judged]()
+    for index in range(len(found.events)):
+        how = rng.choice(("", "", "saved", "again"))
+        if how == "saved":
+            data = json.loads(json.dumps(session.snapshot()))
+            session = opened(ready, found.begun)
+            session.restore(data, len(rows) * len(found.spec.properties) + 1)
+        if how == "again":
+            session = opened(ready, found.begun)
+            again = [session.rejudge("arrival", j.step, j.judged) for j in rows]
+            assert rows_of([j for j in again if j is not None]) == rows_of(rows)
+        rows += session.ingest(event_of(found, index))
+    rows += session.advance(found.end)
+    assert rows_of(rows) == Expected(found).rows
+
+
+def check_both(rng: random.Random, time: Time) -> None:
+    """Both orders are judged side by side, each with derived signals of its own."""
+    found = distinct(case(rng, time, by="both"))
+    places = interleaved(found, rng)
+    session = opened(plan(found.spec), found.begun)
+    rows = session.attach("m", found.spec.by_key, found.begun)
+    for index in places:
+        rows += session.ingest(event_of(found, index, arrived=found.end))
+    rows += session.finish(found.end)
+    published = [j for j in rows if j.order == "publication"]
+    assert rows_of(published) == before_last(Expected(found).rows)
+    as_arrived = tuple((found.end, *found.events[i][1:]) for i in places)
+    arrived = rows_of([j for j in rows if j.order == "arrival" and j.number is not None])
+    want = Expected(replace(found, events=as_arrived)).rows
+    assert [row[2] for row in arrived] == [row[2] for row in want if row[0]]
+
+
+WAYS: dict[str, Check] = {
+    "plain": check_plain,
+    "undone": check_undone,
+    "permuted": check_permuted,
+    "restarted": check_restarted,
+    "both": check_both,
+}
+
+
+def interleaved(found: Case, rng: random.Random) -> list[int]:
+    """The places of the events in another order, in which each stream has its own one."""
+    streams = [stream for _, stream, _ in found.events]
+    queues = {name: [i for i, stream in enumerate(streams) if stream == name] for name in streams}
+    rng.shuffle(streams)
+    return [queues[name].pop(0) for name in streams]
+
+
+def distinct(found: Case) -> Case:
+    """The case with stamps that are all different: equal ones are judged as they arrive."""
+    events = tuple((time + i, *rest) for i, (time, *rest) in enumerate(found.events))
+    return replace(found, events=events)  # type: ignore[arg-type]
+
+
+def before_last(rows: list[Row]) -> list[Row]:
+    """What is judged before or at the last event: no tick is, where nothing tells that time goes on."""
+    last = max((i for i, row in enumerate(rows) if row[0]), default=-1)
+    return rows[: last + 1]
+
+
+@pytest.mark.parametrize("time", ["steps", "seconds"])
+@pytest.mark.parametrize("way", WAYS)
+def test_a_session_says_what_the_reference_says(way: str, time: Time) -> None:
+    @settings(max_examples=CASES if way == "plain" else FEWER, deadline=None)
+    @given(rng=st.randoms(use_true_random=False))
+    def check(rng: random.Random) -> None:
+        WAYS[way](rng, time)
+
+    check()
+
+
+def main() -> None:
+    """Judge many random cases, and tell how many differ."""
+    parser = argparse.ArgumentParser(description="Compare derived signals with the reference.")
+    parser.add_argument("cases", type=int)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--way", choices=list(WAYS), action="append", help="only these ways")
+    args = parser.parse_args()
+    for way in args.way or WAYS:
+        for time in ("steps", "seconds"):
+            differing = []
+            for seed in range(args.seed, args.seed + args.cases):
+                try:
+                    WAYS[way](random.Random(seed), time)
+                except AssertionError:
+                    differing.append(seed)
+            print(f"{way:10} {time:8} {args.cases} cases, {len(differing)} differ", *differing[:1], flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,184 @@
+"""What stands of a session that revises is what judging its events in the order of publication gives."""
+
+from __future__ import annotations
+
+import os
+import random
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from oracle_server.core.events import Event
+from oracle_server.core.formula.parse import Time, parse_formula
+from oracle_server.core.plan import plan
+from oracle_server.core.revise.kept import Keeping
+from oracle_server.core.revise.lateness import TOGETHER
+from oracle_server.core.revisions import Revision
+from oracle_server.core.session import Session
+from oracle_server.core.simulated import ClockReading
+from oracle_server.core.spec import Ordering, Property, Spec, StreamSpec
+from oracle_server.core.verdicts import Judged
+from oracle_server.engines.native import NativeEngine
+from tests.core.revising import A, B, Run, case, compared, reference
+from tests.engines.test_against_brute import SEED
+from tests.strategies import SECOND
+
+CASES = int(os.environ.get("CASES", "750"))
+MS = SECOND // 1000
+
+
+@pytest.mark.parametrize("restarts", [0, 0.15])
+@pytest.mark.parametrize("time", ["steps", "seconds"])
+def test_what_stands_is_what_the_order_of_publication_gives(time: Time, restarts: float) -> None:
+    revised = 0
+    for number in range(SEED, SEED + CASES):
+        rng = random.Random(f"revise {time} {number}")
+        run = Run(case(rng, time), divided=rng.random() < 0.5, restarts=restarts)
+        run.judge(rng)
+        told = f"case {number}, {time}: " + "; ".join(p.text for p in run.case.spec.properties)
+        assert compared(run.stands()) == compared(reference(run)), told
+        revised += len(run.book.revisions)
+    assert revised > CASES / 10
+
+
+BOTH = (StreamSpec("/a"), StreamSpec("/b"))
+
+
+def session_of(formula: str, streams: tuple[StreamSpec, ...] = BOTH) -> Session:
+    ordering = Ordering(max_delay=100 * MS, late="revise", horizon=SECOND)
+    prop = Property("p", parse_formula(formula, "steps"), formula, guards=frozenset({"/b"}))
+    session = Session(plan(Spec("s", streams, (prop,), ordering)), [[NativeEngine(prop.formula)]])
+    for monitor in "mn":
+        session.attach(monitor, [A] if monitor == "m" else [B], SECOND)
+    return session
+
+
+def event(key: Any, seq: int, at: int, arrived: int, *, ask: bool = False, **data: Any) -> Event:
+    """An event of /a by m or of /b by n; times in milliseconds."""
+    return Event(key, "m" if key == A else "n", seq, at * MS, arrived * MS, data, ask=ask)
+
+
+def told(judged: list[Judged]) -> list[str]:
+    return [row.verdicts[0].outcome.value for row in judged if not isinstance(row, Revision)]
+
+
+PAIRED = 'not {topic: "/b"} or once {topic: "/a"}'
+"""Before each message on /b there was one on /a."""
+
+
+def test_a_late_event_takes_back_a_violation_and_says_why() -> None:
+    session = session_of(PAIRED)
+    assert session.ingest(event(B, 1, 2_000, 2_000)) == []
+    (row,) = session.advance(2_100 * MS)
+    assert told([row]) == ["currently_false"]
+    assert row.step.released == "max_delay"
+    assert row.step.unheard == {"/a"}
+    assert session.ingest(event(A, 1, 1_950, 2_300)) == []
+    assert session.next_deadline == 2_300 * MS + TOGETHER, "others may come with it"
+    late, revision = session.advance(2_310 * MS)
+    assert (late.number, late.place, late.step.late) == (2, 1, True)
+    assert isinstance(revision, Revision)
+    (change,) = revision.changes
+    assert change is not None
+    assert (change.first, change.last, change.outcome, change.retracted) == (1, 1, "currently_true", True)
+    assert [(e.monitor, e.seq) for e in revision.because] == [("m", 1)]
+    assert session.judges["publication"].properties[0].violations == 0
+
+
+def test_events_that_come_late_together_cost_one_pass() -> None:
+    session = session_of(PAIRED)
+    for seq in range(1, 101):
+        session.ingest(event(B, seq, 2_000 + seq, 2_000 + seq))
+    session.advance(2_400 * MS)
+    for seq in range(1, 101):
+        assert session.ingest(event(A, seq, 1_900 + seq, 2_400)) == []
+    judged = session.advance(2_420 * MS)
+    assert session.lateness is not None
+    assert (session.lateness.placed, session.lateness.passes) == (100, 1)
+    (revision,) = [row for row in judged if isinstance(row, Revision)]
+    assert (len(revision.because), revision.causes) == (10, 100)
+    (change,) = revision.changes
+    assert change is not None
+    assert (change.first, change.last) == (1, 100), "one record for a run of verdicts with the same change"
+
+
+def test_a_late_event_that_asks_is_decided_at_once() -> None:
+    streams = (StreamSpec("/a"), StreamSpec("/b", action="filter"))
+    session = session_of(PAIRED, streams)
+    session.ingest(event(A, 1, 2_000, 2_000))
+    assert session.advance(2_100 * MS) != []
+    (asked,) = session.ingest(event(B, 1, 1_900, 2_200, ask=True))
+    assert asked.decision is not None
+    assert asked.decision.choice == "deny", "nothing on /a was published before it"
+
+
+def test_a_decision_stays_as_it_was_and_the_record_says_what_it_would_have_been() -> None:
+    streams = (StreamSpec("/a"), StreamSpec("/b", action="filter"))
+    session = session_of(PAIRED, streams)
+    session.ingest(event(B, 1, 2_000, 2_000, ask=True))
+    (denied,) = session.advance(2_100 * MS)
+    assert denied.decision is not None
+    assert denied.decision.choice == "deny"
+    session.ingest(event(A, 1, 1_950, 2_300))
+    revision = session.advance(2_310 * MS)[-1]
+    assert isinstance(revision, Revision)
+    (change,) = revision.changes
+    assert change is not None
+    assert change.decision == "allow"
+
+
+def test_what_is_beyond_the_horizon_is_judged_now_and_all_is_degraded_from_then_on() -> None:
+    session = session_of(PAIRED)
+    session.ingest(event(B, 1, 4_000, 4_000))
+    session.advance(4_100 * MS)
+    session.ingest(event(A, 1, 2_999, 4_200))
+    (late,) = session.advance(4_210 * MS)
+    assert (late.place, late.step.late, late.verdicts[0].degraded) == (None, True, True)
+    session.ingest(event(A, 2, 3_000, 4_300))
+    (placed, _) = session.advance(4_310 * MS)
+    assert placed.place == 1, "at the horizon exactly there is a place"
+
+
+def test_a_final_outcome_is_said_once_no_late_event_can_change_it() -> None:
+    session = session_of('historically not {topic: "/b"}')
+    session.ingest(event(B, 1, 2_000, 2_000))
+    found = told(session.advance(2_100 * MS))
+    for seq, at in enumerate((2_500, 3_000, 3_001), 1):
+        found += told(session.ingest(event(A, seq, at, at)))
+    found += told(session.advance(3_500 * MS))
+    assert found == ["currently_false", "currently_false", "currently_false", "false"]
+
+
+def test_no_more_steps_are_kept_than_the_bound_and_the_horizon_is_shorter_then() -> None:
+    session = session_of(PAIRED)
+    assert session.lateness is not None
+    judge = session.lateness.judge
+    judge.keeping = Keeping(judge.horizon, judge.keeping.base, most=10)
+    for seq in range(1, 31):
+        session.ingest(event(B, seq, 2_000 + seq, 2_000 + seq))
+    session.advance(2_200 * MS)
+    assert (len(judge.keeping), judge.keeping.crowded) == (10, True)
+    session.ingest(event(A, 1, 2_015, 2_300))
+    session.ingest(event(A, 2, 2_025, 2_300))
+    session.advance(2_310 * MS)
+    assert (session.lateness.placed, session.lateness.beyond) == (1, 1)
+
+
+def test_why_the_order_released_an_event() -> None:
+    session = session_of(PAIRED)
+    session.ingest(event(B, 1, 2_000, 2_000))
+    by_frontier = session.ingest(event(A, 1, 2_000, 2_010))
+    assert [row.step.released for row in by_frontier] == ["frontier", "frontier"]
+    session.ingest(event(B, 2, 2_020, 2_020))
+    by_clock = session.clock("m", [ClockReading(A, 2_030 * MS)], 2_040 * MS)
+    assert [row.step.released for row in by_clock] == ["clock"]
+    session.ingest(event(B, 3, 2_050, 2_050))
+    assert [row.step.released for row in session.advance(2_150 * MS)] == ["max_delay"]
+
+
+def test_specs_that_do_not_revise_have_no_part_in_it() -> None:
+    session = session_of(PAIRED)
+    plain = replace(session.plan.spec, ordering=replace(session.plan.spec.ordering, late="judge"))
+    (prop,) = plain.properties
+    assert Session(plan(plain), [[NativeEngine(prop.formula)]]).lateness is None
