@@ -17,6 +17,7 @@ from pydantic import ValidationError
 from oracle_server.core.dependencies import GraphNode
 from oracle_server.core.derived.definition import Definition
 from oracle_server.core.errors import EngineError, Finding, FormulaError, SpecError, SpecProblem
+from oracle_server.core.formula.ahead import WORDS, first_ahead
 from oracle_server.core.formula.tree import Atom, Formula, walk
 from oracle_server.core.hazards import inspect
 from oracle_server.core.ros import Ros, ros_hazards
@@ -312,6 +313,14 @@ def _revising(spec: Spec, model: SpecModel) -> Iterator[SpecProblem]:
                 "`horizon` is that of `late: revise`; write that too, or leave `horizon` out",
             )
         return
+    for i, prop in enumerate(spec.properties):
+        first = None if prop.external or prop.numeric else first_ahead(prop.formula)
+        if first is not None:
+            message = (
+                f"property '{prop.id}': `late: revise` can't go back over what `{WORDS[type(first)]}` waits for; write "
+                "`late: judge`, or a formula that looks back, as in `{done} -> once[:60] {goal}`"
+            )
+            yield SpecProblem(("properties", i, "formula"), message, within=first.at)
     if spec.derive:
         yield SpecProblem(
             ("ordering", "late"),

@@ -70,7 +70,7 @@ def check_ahead(formula: Formula) -> None:
     found = obligation(formula)
     if found is None:
         return
-    if found.trigger is not None and (early := _first(found.trigger)) is not None:
+    if found.trigger is not None and (early := first_ahead(found.trigger)) is not None:
         _refuse(
             early,
             f"`{_word(early)}` stands before `->`: what is asked for at a step must be known there; write it behind "
@@ -89,7 +89,7 @@ def check_ahead(formula: Formula) -> None:
     needed = needs(found.trigger) if found.trigger is not None else frozenset()
     for name in found.variables:
         if name not in needed:
-            first = _first(found.goal)
+            first = first_ahead(found.goal)
             assert first is not None  # noqa: S101 -- else it is no obligation
             where = "no `->` binds it" if found.trigger is None else "what stands before `->` can hold without it"
             _refuse(
@@ -151,11 +151,11 @@ def _check_goal(node: Formula) -> None:
         return
     match node:
         case tree.Not(operand):
-            below = _first(operand)
+            below = first_ahead(operand)
             assert below is not None  # noqa: S101 -- it looks ahead
             _refuse(below, f"`not` can't stand before what waits for what comes: {_NEGATED[type(below)]}")
         case tree.Pre() | tree.Once() | tree.Historically() | tree.Since():
-            below = _first(node)
+            below = first_ahead(node)
             assert below is not None  # noqa: S101 -- it looks ahead
             past, word = _PAST[type(node)], _word(below)
             _refuse(
@@ -171,14 +171,14 @@ def _check_goal(node: Formula) -> None:
                 f"{{done: *{variable}}}`",
                 *node.at,
             )
-        case tree.Implies(left, _) if (early := _first(left)) is not None:
+        case tree.Implies(left, _) if (early := first_ahead(left)) is not None:
             _refuse(early, f"`{_word(early)}` stands before `->`; what is asked for there must be known at once")
         case _:
             for child in children(node):
                 _check_goal(child)
 
 
-def _first(formula: Formula) -> Ahead | None:
+def first_ahead(formula: Formula) -> Ahead | None:
     """The first part that waits for what comes."""
     return next((node for node in walk(formula) if isinstance(node, Ahead)), None)
 
