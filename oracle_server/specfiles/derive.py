@@ -8,6 +8,7 @@ from typing import Any
 from oracle_server.core.derived.definition import MAX_DERIVED, OPS, Definition, Op
 from oracle_server.core.errors import ExpressionError, Finding, FormulaError
 from oracle_server.core.expression import parse_expression
+from oracle_server.core.formula.names import Names
 from oracle_server.core.formula.parse import parse_formula
 from oracle_server.core.nearest import listed
 from oracle_server.specfiles.document import Document, Position
@@ -18,25 +19,27 @@ _UNREAD = "monitor"
 _WORDS: tuple[Op, ...] = ("expression", *OPS)
 
 
-def definitions(document: Document, models: Mapping[str, DeriveModel], findings: list[Finding]) -> list[Definition]:
-    """The derived signals, in order; what is wrong with one is added to `findings`."""
+def definitions(
+    document: Document, models: Mapping[str, DeriveModel], findings: list[Finding], names: Names
+) -> list[Definition]:
+    """The derived signals, in order, with the `names` of formulas; what is wrong with one is added to `findings`."""
     if len(models) > MAX_DERIVED:
         message = f"there are {len(models):,} derived signals; a spec has at most {MAX_DERIVED:,}: write several specs"
         findings.append(Finding(document.file, *document.key_place(("derive",)), message))
         return []
-    return [_definition(document, name, model, findings) for name, model in models.items()]
+    return [_definition(document, name, model, findings, names) for name, model in models.items()]
 
 
-def derive_findings(document: Document, derive: object) -> Iterator[Finding]:
+def derive_findings(document: Document, derive: object, names: Names) -> Iterator[Finding]:
     """What is wrong with the formulas and expressions of a document whose keys are wrong, as far as there are any."""
     for name, value in derive.items() if isinstance(derive, dict) else ():
         given = {"expression": value} if isinstance(value, str) else value if isinstance(value, dict) else {}
         for key in _WORDS:
             if isinstance(given.get(key), str):
-                yield from _unreadable(document, name, key, given[key])
+                yield from _unreadable(document, name, key, given[key], names)
 
 
-def _definition(document: Document, name: str, model: DeriveModel, findings: list[Finding]) -> Definition:
+def _definition(document: Document, name: str, model: DeriveModel, findings: list[Finding], names: Names) -> Definition:
     given: list[tuple[Op, str]] = [(op, text) for op in _WORDS if (text := getattr(model, op)) is not None]
     found = list(_keys(model, [op for op, _ in given])) if len(given) == 1 else [("", _which(given))]
     findings += [
@@ -44,11 +47,11 @@ def _definition(document: Document, name: str, model: DeriveModel, findings: lis
         for key, message in found
     ]
     op, text = given[0] if given else ("last", _UNREAD)
-    unread = list(_unreadable(document, name, op, text)) if len(given) == 1 else []
+    unread = list(_unreadable(document, name, op, text, names)) if len(given) == 1 else []
     findings += unread
     if found or unread:
         return Definition(name, "last", _UNREAD)
-    formula = parse_formula(text) if op != "expression" and OPS[op].formula else None
+    formula = parse_formula(text, names=names) if op != "expression" and OPS[op].formula else None
     over, counted = model.over or (None, False)
     return Definition(name, op, " ".join(text.split()), formula, over, counted, model.by or "", model.forget)
 
@@ -83,12 +86,12 @@ def _keys(model: DeriveModel, ops: list[Op]) -> Iterator[tuple[str, str]]:
         yield "forget", "a window forgets by itself what has left it; leave `forget` out"
 
 
-def _unreadable(document: Document, name: object, op: Op, text: str) -> Iterator[Finding]:
+def _unreadable(document: Document, name: object, op: Op, text: str, names: Names) -> Iterator[Finding]:
     try:
         if op == "expression":
             parse_expression(text, signals=True)
         elif OPS[op].formula:
-            parse_formula(text)
+            parse_formula(text, names=names)
     except (ExpressionError, FormulaError) as error:
         place = _place(document, name, op, (error.line, error.column))
         yield Finding(document.file, *place, f"derived signal '{name}': {error.message}")

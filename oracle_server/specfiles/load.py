@@ -93,7 +93,7 @@ def parse_spec(
         raise SpecError(_sorted([*model_findings(document, error.errors()), *texts_findings(document)])) from None
     named = Definitions(document)
     findings = [*named.findings()]
-    derived = definitions(document, model.derive, findings)
+    derived = definitions(document, model.derive, findings, named.names)
     properties = [_property(document, i, p, named, findings) for i, p in enumerate(model.properties)]
     made = [p or _make(m, SILENT, "") for p, m in zip(properties, model.properties, strict=True)]
     spec = _spec(model, tuple(made), tuple(derived))

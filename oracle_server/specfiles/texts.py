@@ -33,7 +33,7 @@ def texts_findings(document: Document) -> Iterator[Finding]:
                 yield formula_finding(document, i, prop.get("id", i + 1), error, definitions)
         except EngineError:
             pass  # what is not installed is told once the keys are right
-    yield from derive_findings(document, value.get("derive"))
+    yield from derive_findings(document, value.get("derive"), definitions.names)
     for i, stream in enumerate(_list(value.get("streams"))):
         for half in ((), ("request",), ("response",)):
             channel = stream.get(half[0]) if half else stream

@@ -125,3 +125,27 @@ def test_a_spec_without_derived_signals_means_what_it_did() -> None:
         parse_spec(plain + f"derive: {{{d}}}\n", "s").spec.digest for d in ("a: kind, b: kind", "b: kind, a: kind")
     )
     assert first != second
+
+
+def test_two_signals_are_not_compared_where_time_alone_may_turn_it() -> None:
+    timed = SPEC.replace("formula: 'FORMULA'", "time: seconds, formula: '{topic: /cmd} -> {speed <= COMPARED}'")
+    for name in ("rate", "age", "total"):
+        with pytest.raises(SpecError, match=f"compares '{name}', which changes with time, with another signal"):
+            parse_spec(timed.replace("COMPARED", name).replace("DERIVED", "other: limit"), "s.yaml")
+    assert not parse_spec(timed.replace("COMPARED", "limit").replace("DERIVED", "other: limit"), "s.yaml").warnings
+    assert told(formula="{topic: /cmd} -> {speed <= total}") == []
+
+
+def test_what_is_defined_stands_in_derived_signals_too() -> None:
+    named = SPEC.replace("derive:", "define:\n  fast: '{speed > limit}'\nderive:")
+    named = named.replace("DERIVED", "n: {count: fast, over: 2s}").replace("FORMULA", "{topic: /cmd} -> {n < 3}")
+    assert not parse_spec(named, "s.yaml").warnings
+
+
+def test_late_events_are_not_put_in_their_places_among_derived_signals() -> None:
+    with pytest.raises(SpecError, match="can't go back over derived signals"):
+        parse_spec(
+            SPEC.replace("DERIVED", "m: limit").replace("FORMULA", "{topic: /cmd} -> {rate >= 10}")
+            + "ordering: {late: revise}\n",
+            "s.yaml",
+        )

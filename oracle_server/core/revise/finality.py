@@ -50,17 +50,19 @@ class RevisableState(PropertyState):
         allowed: int = MAX_WORK,
     ) -> Outcome:
         """The outcome at the next step; see `PropertyState.step`."""
-        self.work = 0
         if self.repeated is not None:
+            self.work = 0
             return self.repeated
-        if not self.said:
-            failures = self.failures
-            outcome = PropertyState.step(self, view, time, signals, failed, latest, allowed)
-            if self.final is None:
-                if outcome not in FINAL:
-                    return outcome
-                self.final, self.final_since = outcome, time
-            self.failures = failures  # a final outcome does not fail
+        if self.said:
+            self.work = 0
+            return self._final(time)
+        failures = self.failures
+        outcome = PropertyState.step(self, view, time, signals, failed, latest, allowed)
+        if self.final is None:
+            if outcome not in FINAL:
+                return outcome
+            self.final, self.final_since = outcome, time
+        self.failures = failures  # a final outcome does not fail
         return self._final(time)
 
     def tick(

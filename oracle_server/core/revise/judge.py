@@ -120,6 +120,8 @@ class RevisingJudge(Judge):
         if self._ahead:
             self._ahead.append(step)
             return []
+        if not self.ticking:
+            return [self._judge_first(step, now)]
         return [*self._judge_deadlines(self._level_before(step), now), self._judge_first(step, now)]
 
     def tick_until(self, until: int, now: int, enough: Callable[[], bool]) -> tuple[list[Judged], bool]:
@@ -264,18 +266,20 @@ class RevisingJudge(Judge):
 
     def _judge_first(self, step: Step, now: int, *, placed: bool = False) -> Judged:
         """Judge a step for the first time: in its place, or behind all others."""
-        level, steps, place = self._level_before(step), self.counters.steps, None
+        in_order, steps = placed or (not step.late and self._is_ordered(step)), self.counters.steps
         judged = self.judge(step, now)
         undone = self.counters.steps == steps
         self._numbered += not undone
         if placed:
-            level, place, number = step.time - 1, steps + 1, None if undone else self._numbered
-            judged = msgspec.structs.replace(judged, number=number, place=place)
+            number = None if undone else self._numbered
+            judged = msgspec.structs.replace(judged, number=number, place=steps + 1)
             self._renumber(judged)
-        if not step.skipped:
-            in_order = placed or (self._is_ordered(step) and not step.late)
-            self._keep(judged, key_of(step.time) if in_order else self._key_behind(level), level, undone=undone)
-        self._position = self._position_of(judged)
+        if step.skipped:
+            self._position = self._position_of(judged)
+        elif in_order:
+            self._keep(judged, key_of(step.time), step.time - 1, undone=undone)
+        else:
+            self._keep(judged, self._key_behind(self._deadline), self._deadline, undone=undone)
         return judged
 
     def _judge_again(self, row: Kept) -> None:
@@ -326,29 +330,33 @@ class RevisingJudge(Judge):
         self.counters.steps, self._held = point.steps, dict(point.held)
 
     def _keep(self, judged: Judged, key: int, level: int, old: Kept | None = None, *, undone: bool = False) -> None:
-        position = self._position_of(judged) if old is None else old.position
-        preceding = self._position if old is None else old.preceding
-        key = max(key, self.keeping.key) if old is None else old.key
-        self.newest = max(self.newest, self.present)
-        row = Kept(judged, key, level, position, preceding, self._point(self.keeping.last), undone)
+        keeping = self.keeping
         if old is None:
+            key, preceding, position = max(key, keeping.key), self._position, self._position_of(judged)
             self._position = position
-        self._unforgotten += self.keeping.add(row, self.newest)
+        else:
+            key, preceding, position = old.key, old.preceding, old.position
+        self.newest = max(self.newest, self.present)
+        row = Kept(judged, key, level, position, preceding, self._point(keeping.last), undone)
+        self._unforgotten += keeping.add(row, self.newest)
         if self._unforgotten >= _FORGET_AFTER:
-            self._unforgotten, base = 0, self.keeping.base
+            self._unforgotten, base = 0, keeping.base
             for state in self.properties:
                 if state.broken is None:
                     rewindable(state.engine).forget(base.steps, base.present)
 
     def _point(self, last: Point | None) -> Point:
         """How the judge stands, where it stood so after the row before."""
-        before = 0
+        steps, before, stands = self.counters.steps, 0, None
         if last is not None:
-            before = last.present if self.counters.steps > last.steps else last.before
-        stands = None if last is None else last.properties
-        if stands is None or not all(s.stands_as(p) for s, p in zip(self._states, stands, strict=True)):
+            before, stands = last.present if steps > last.steps else last.before, last.properties
+            for state, stand in zip(self._states, stands, strict=True):
+                if not state.stands_as(stand):
+                    stands = None
+                    break
+        if stands is None:
             stands = tuple([state.stand() for state in self._states])
-        return Point(self.present, before, self._ticked, self._outdated, self.counters.steps, self._held, stands)
+        return Point(self.present, before, self._ticked, self._outdated, steps, self._held, stands)
 
     def _position_of(self, judged: Judged) -> int:
         return (judged.verdicts[0].n - 1) // len(self.properties) + 1

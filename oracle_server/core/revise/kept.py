@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import NamedTuple
+
+import msgspec
 
 from oracle_server.core.events import Step
 from oracle_server.core.holding import Held
@@ -34,8 +35,7 @@ class Point(NamedTuple):
     properties: tuple[Stand, ...]
 
 
-@dataclass(slots=True)
-class Kept:
+class Kept(msgspec.Struct, gc=False):
     """A row as it stands.
 
     `key` is where it stands, as by `key_of`, and never less than that of the row before; `level`: deadlines up to then

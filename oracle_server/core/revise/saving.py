@@ -136,6 +136,7 @@ class SavableJudge(RevisingJudge):
         if not taken:
             self._judge_deadlines(row.level, recorded.judged)
             self._judge_again(row)
+            self._judge_deadlines(self._level if placed else row.level, recorded.judged)
             self._stands.clear()
             return
         self._begin_pass()
@@ -161,6 +162,12 @@ class SavableJudge(RevisingJudge):
         """A deadline at a time (ns) whose row has not come yet."""
         rows = itertools.takewhile(lambda row: row.key >= key_of(time), reversed(self.keeping.rows))
         return next((row for row in rows if row.position <= 0 and row.step.stamp == time), None)
+
+    def _end(self, now: int) -> list[Judged]:
+        if self._restoring:  # what is retracted may come again with another late event of the same pass
+            gone = (row for rows in self._old_ticks.values() for row in rows if row.position > 0)
+            self._early |= {row.step.stamp: (row.step, row.position) for row in gone}
+        return super()._end(now)
 
     def _say(self, row: Kept, step: Step, position: int) -> None:
         """Give a deadline the position and the numbers of its row."""

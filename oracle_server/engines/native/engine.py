@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
-from typing import Any, NamedTuple
+from typing import Any
+
+import msgspec
 
 from oracle_server.core.atoms import Matches
 from oracle_server.core.errors import EngineError
@@ -16,6 +18,8 @@ from oracle_server.core.past import NO_PAST, Past
 from oracle_server.core.verdicts import Outcome
 from oracle_server.engines.native.build import build
 from oracle_server.engines.native.explain import explain
+from oracle_server.engines.native.keys import Key
+from oracle_server.engines.native.nodes import Absent
 from oracle_server.engines.native.timeline import Timeline
 from oracle_server.engines.native.unanswered import explain_obligations
 
@@ -25,10 +29,21 @@ FORMAT = 2
 """The number of the form that snapshots have."""
 
 
-class Frame(NamedTuple):
-    """A step at which something changed, by its number, and what takes it back, the last change last."""
+class Frame(msgspec.Struct):
+    """How an engine stood after so many steps, and what takes back its nodes' changes since, the last change last.
 
-    step: int
+    `now`, `before`, `first`, `work` and `debt` are the timeline's, `current` is where each atom held.
+    """
+
+    steps: int
+    due: int
+    last: Outcome
+    now: int
+    before: int
+    first: bool
+    work: int
+    debt: int
+    current: tuple[Key | Absent, ...]
     journal: Journal
 
 
@@ -46,9 +61,9 @@ class NativeEngine:
         """What it waits for; None where its formula only looks back."""
         (self._holds,), (self._settled,) = network.root.at, network.root.settled
         self._can_settle = any(network.root.can_settle[0](frozenset()))
-        self._marks: list[Journal] = []
+        self._marks: list[Frame] = []
         self._frames: deque[Frame] | None = None
-        """The last steps at which something changed, the last one last; None where none are recorded."""
+        """One for each of the last steps at which something changed, the last one last; None where none is recorded."""
         self._steps = 0
         self._due = 0
         """When something may change although no atom does: a step's number, or nanoseconds."""
@@ -56,18 +71,17 @@ class NativeEngine:
 
     def step(self, time: int, matches: Matches) -> Outcome:
         """Judge the next step; see `Engine.step`."""
-        self._steps += 1
-        now = time if self._timed else self._steps
+        now = time if self._timed else self._steps + 1
         silent = matches.count(None) == len(matches)
-        recording = self._frames is not None and not self._marks
         if silent and now < self._due:
-            if recording:
-                self._timeline.pass_by(now)
-            else:
-                self._timeline.move(now)
+            self._steps += 1
+            self._timeline.move(now)
             return self._last
-        if recording:
-            self._open_frame(self._steps, [self._returning(self._steps - 1)])
+        if self._frames is not None and not self._marks:
+            frame = self._frame()
+            self._frames.append(frame)
+            self._timeline.journal = frame.journal  # what is noted until the next frame is taken back with this one
+        self._steps += 1
         self._timeline.move(now)
         for place, atom in self._atoms:
             match = matches[place]
@@ -164,21 +178,26 @@ class NativeEngine:
 
     def mark(self) -> None:
         """Record all changes from now on, until `back` or `keep`; marks can be nested."""
-        self._marks.append([self._returning(self._steps)])
-        self._timeline.journal = self._marks[-1]
+        frame = self._frame()
+        self._marks.append(frame)
+        self._timeline.journal = frame.journal
 
     def back(self) -> None:
         """Take back all steps since the last mark."""
-        for undo in reversed(self._close()):
+        frame = self._close()
+        for undo in reversed(frame.journal):
             undo()
+        self._timeline.place(frame.now, frame.before, self._steps - frame.steps)
+        self._stand_as(frame)
 
     def keep(self) -> None:
         """Keep the steps since the last mark; a recording engine takes them back together."""
-        journal = self._close()
+        frame = self._close()
         if self._marks:
-            self._marks[-1] += journal
+            self._marks[-1].journal += frame.journal
         elif self._frames is not None:
-            self._open_frame(self._steps, journal)
+            self._frames.append(frame)
+            self._timeline.journal = frame.journal
 
     def record(self) -> None:
         """From now on, keep what is needed to go back."""
@@ -188,47 +207,45 @@ class NativeEngine:
     def rewind(self, step: int, time: int, before: int) -> None:
         """Go back to a step; see `Rewindable.rewind`."""
         assert self._frames is not None  # noqa: S101 -- it was told to record
-        left = self._steps - step
-        while self._frames and self._frames[-1].step > step:
-            for undo in reversed(self._frames.pop().journal):
+        first: Frame | None = None
+        while self._frames and self._frames[-1].steps >= step:
+            first = self._frames.pop()
+            for undo in reversed(first.journal):
                 undo()
-            left -= 1
-        self._timeline.place(*((time, before) if self._timed else (step, max(0, step - 1))), left)
+        self._timeline.place(*((time, before) if self._timed else (step, max(0, step - 1))), self._steps - step)
+        if first is not None:
+            self._stand_as(first)
         self._steps = step
         self._timeline.journal = self._frames[-1].journal if self._frames else []
 
     def forget(self, step: int, time: int) -> None:
         """Keep no more than is needed to go back to a step."""
         assert self._frames is not None  # noqa: S101 -- it was told to record
-        while self._frames and self._frames[0].step <= step:
+        while self._frames and self._frames[0].steps < step:
             self._frames.popleft()
         self._timeline.trim(time if self._timed else step)
 
-    def _open_frame(self, step: int, journal: Journal) -> None:
-        """Begin a frame with what takes its step back; what is noted until the next one is undone with it."""
-        assert self._frames is not None  # noqa: S101 -- only called where it records
-        self._frames.append(Frame(step, journal))
-        self._timeline.journal = journal
+    def _frame(self) -> Frame:
+        """How it stands, with an empty journal."""
+        line, current = self._timeline, tuple([atom.current for _, atom in self._atoms])
+        return Frame(
+            self._steps, self._due, self._last, line.now, line.before, line.first, line.work, line.debt, current, []
+        )
 
-    def _returning(self, steps: int) -> Callable[[], None]:
-        """What restores what the engine itself keeps of a step, with so many steps."""
-        due, last = self._due, self._last
-        atoms = [(atom, atom.current) for _, atom in self._atoms]
+    def _stand_as(self, frame: Frame) -> None:
+        """Stand as it did, where its nodes do and its timeline is at that step."""
+        self._steps, self._due, self._last = frame.steps, frame.due, frame.last
+        self._timeline.first, self._timeline.work, self._timeline.debt = frame.first, frame.work, frame.debt
+        for (_, atom), current in zip(self._atoms, frame.current, strict=True):
+            atom.current = current
 
-        def back() -> None:
-            self._steps, self._due, self._last = steps, due, last
-            for atom, current in atoms:
-                atom.current = current
-
-        return back
-
-    def _close(self) -> Journal:
-        journal, frames = self._marks.pop(), self._frames
+    def _close(self) -> Frame:
+        frame, frames = self._marks.pop(), self._frames
         if self._marks:
-            self._timeline.journal = self._marks[-1]
+            self._timeline.journal = self._marks[-1].journal
         else:
             self._timeline.journal = None if frames is None else frames[-1].journal if frames else []
-        return journal
+        return frame
 
     def _next_due(self) -> int:
         deadlines = [due for operator in self._operators if (due := operator.due()) is not None]

@@ -35,12 +35,15 @@ class SomeGuarded:
     def step(self) -> None:
         """Look again: nowhere else can the body hold."""
         guard, before = self._guard, self.held
-        if self._timeline.journal is not None:
-            self._timeline.journal.append(partial(setattr, self, "held", before))
-        self.held = [guard.current] if guard.holds and self._operand(guard.current) else []
         if self.changes:
             self.changes = []
-        if bool(self.held) is not bool(before):
+        held = [guard.current] if guard.holds and self._operand(guard.current) else []
+        if held == before:
+            return
+        if self._timeline.journal is not None:
+            self._timeline.journal.append(partial(setattr, self, "held", before))
+        self.held = held
+        if bool(held) is not bool(before):
             self.changes = [()]
 
     def due(self) -> int | None:

@@ -23,7 +23,7 @@ class Timeline:
     """
 
     __slots__ = (
-        "_at_once", "_debt", "_horizon", "_on_average", "_times", "allowed", "before", "first", "journal", "now",
+        "_at_once", "_horizon", "_on_average", "_times", "allowed", "before", "debt", "first", "journal", "now",
         "timed", "work",
     )  # fmt: skip
 
@@ -37,7 +37,8 @@ class Timeline:
         """Keys that may be looked at with this step, as others have looked at some."""
         self.work = 0
         """Keys that were looked at with this step, but for those of nodes that looked at few."""
-        self._debt = 0
+        self.debt = 0
+        """What earlier steps cost more than may be on average."""
         self.journal: list[Callable[[], object]] | None = None
         """What takes back each change since the journal was begun, None where none is kept."""
         self._times: list[int] = []
@@ -48,27 +49,17 @@ class Timeline:
         self._horizon = max(self._horizon or 0, distance)
 
     def move(self, time: int) -> None:
-        """Go on to the next step."""
-        if self.journal is not None:
-            self.journal.append(self._back_to(self.now, self.before, first=self.first))
-        if self.work or self._debt:
-            self._debt, self.work = self._owed, 0
+        """Go on to the next step; see `place`."""
+        if self.work or self.debt:
+            self.debt, self.work = self._owed, 0
         self.before, self.now = self.now, time
         if self._horizon is not None:
             self._times.append(time)
             if len(self._times) % _TRIM == 0 and self.journal is None:
                 del self._times[: bisect_left(self._times, time - self._horizon)]
 
-    def pass_by(self, time: int) -> None:
-        """Go on to the next step, at which nothing changes, without noting how to take that back; see `place`."""
-        if self.work or self._debt:
-            self._debt, self.work = self._owed, 0
-        self.before, self.now = self.now, time
-        if self._horizon is not None:
-            self._times.append(time)
-
     def place(self, time: int, before: int, steps: int) -> None:
-        """Go back to a step at a time, whose last one was at `before`; so many steps since were not taken back yet."""
+        """Go back to a step at a time, whose last one was at `before`, by so many steps."""
         self.before, self.now = before, time
         if self._horizon is not None and steps:
             del self._times[-steps:]
@@ -81,7 +72,7 @@ class Timeline:
     def spend(self, keys: int) -> None:
         """Count keys that a node looks at. Raises `EngineError` where a step, or all of them, cost too much."""
         work = self.work + keys
-        if work + self._debt > self._at_once:
+        if work + self.debt > self._at_once:
             raise EngineError(
                 f"its steps cost too much: {self._at_once} combinations of values may be looked at for one step, "
                 f"and {self._on_average} on average"
@@ -100,7 +91,7 @@ class Timeline:
 
     @property
     def _owed(self) -> int:
-        return max(0, self._debt + self.work - self._on_average)
+        return max(0, self.debt + self.work - self._on_average)
 
     def any_between(self, nearest: int, farthest: int) -> bool:
         """Whether there was a step at a distance from `nearest` to `farthest`."""
@@ -132,15 +123,4 @@ class Timeline:
     def restore(self, data: Any) -> None:
         """Take over a snapshot."""
         self.now, self.before, self.first, self._times, *debt = data
-        self._debt, self.work = (debt[0] if debt else 0), 0
-
-    def _back_to(self, now: int, before: int, *, first: bool) -> Callable[[], object]:
-        work, debt = self.work, self._debt
-
-        def back() -> None:
-            self.now, self.before, self.first = now, before, first
-            self.work, self._debt = work, debt
-            if self._horizon is not None:
-                self._times.pop()
-
-        return back
+        self.debt, self.work = (debt[0] if debt else 0), 0
