@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from oracle_server.core.errors import SpecProblem
 from oracle_server.core.formula.render import render_atom
 from oracle_server.core.formula.tree import Atom, Constraint
-from oracle_server.core.kinds import GROUPS, KINDS, RESERVED, TICK
+from oracle_server.core.kinds import GROUPS, KINDS, RESERVED
 from oracle_server.core.nearest import listed, nearest
 from oracle_server.core.plan import can_meet, has_reserved
 from oracle_server.core.spec import Spec, StreamSpec
@@ -77,7 +77,7 @@ def _no_signal(key: str, streams: Sequence[StreamSpec], held: frozenset[str], sp
 def _contradiction(constraints: Sequence[Constraint]) -> str:
     """Which reserved signals do not go together."""
     wanted = {c.key: c.value for c in constraints if c.key in RESERVED}
-    kinds = [kind for kind in KINDS if kind != TICK]
+    kinds = [kind for kind, traits in KINDS.items() if traits.group]
     if isinstance(wanted.get("kind"), str) and wanted["kind"] not in kinds:
         hint = nearest(str(wanted["kind"]), kinds)
         told = f"{hint} the" if hint else "the"
