@@ -37,9 +37,18 @@ CASES = int(os.environ.get("CASES", "3000"))
 _VALUES = {0: "false", 1: "true", 2: "lost"}
 
 
+def word(rng: random.Random, time: Time, scope: tuple[str, ...]) -> Formula:
+    """What has a word of its own."""
+    operand = generate.formula(rng, time, rng.randint(0, 1), 1, scope)
+    lasted = tree.lasting(operand, generate.bound(rng, time).lower)
+    return rng.choice((tree.TRUE, tree.FALSE, tree.FIRST, tree.Not(tree.FIRST), lasted))
+
+
 def goal(rng: random.Random, time: Time, depth: int, scope: tuple[str, ...]) -> Formula:
     """What is awaited: all operators, nested, over parts that look back."""
     if depth == 0 or rng.random() < 0.15:
+        if rng.random() < 0.15:
+            return word(rng, time, scope)
         return generate.formula(rng, time, rng.choice((0, 0, 0, 1, 2)), 1, scope)
 
     def part() -> Formula:
@@ -74,6 +83,8 @@ def formula(rng: random.Random, time: Time) -> Formula:
     trigger = bind if scope and rng.random() < 0.5 else generate.formula(rng, time, rng.randint(0, 2), 1, scope)
     if scope and trigger is not bind:
         trigger = rng.choice((tree.And(bind, trigger), tree.Once(bind), tree.And(tree.Pre(bind), trigger)))
+    if rng.random() < 0.2:
+        trigger = tree.And(trigger, word(rng, time, scope)) if scope else word(rng, time, scope)
     whole: Formula = tree.Implies(trigger, body)
     for name in reversed(scope):
         whole = tree.Forall(name, whole)
@@ -88,7 +99,8 @@ def trace(rng: random.Random, time: Time, size: int) -> list[Item]:
         if time == "seconds" and rng.random() < 0.35:
             items.append(Item(at - rng.choice((0, 1, SECOND, -SECOND)), None))
         failed = frozenset(key for key in generate.KEYS if rng.random() < fails)
-        items.append(Item(at, {key: v for key, v in signals.items() if key not in failed}, failed))
+        known = {key: v for key, v in signals.items() if key not in failed}
+        items.append(Item(at, {**known, "kind": "topic"}, failed))
     if time == "seconds" and items and rng.random() < 0.5:
         items.append(Item(items[-1].time + rng.randint(0, 6) * SECOND, None))
     return items
