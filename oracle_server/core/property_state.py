@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from oracle_server.core.atoms import Matches
@@ -91,6 +91,11 @@ class PropertyState:
     unexplained: int = 0
     """How often an explanation failed; engines that never explain are not counted."""
     _inexplicable: str = ""
+    _revisable: Revisable | None = field(init=False)
+    """The engine, where it can take steps back and has not failed."""
+
+    def __post_init__(self) -> None:
+        self._revisable = self.engine if isinstance(self.engine, Revisable) else None
 
     def step(
         self,
@@ -128,7 +133,7 @@ class PropertyState:
         """When, after `after` (ns), time alone may change the outcome; None for never."""
         if self.property.time != "seconds" or self.outcome in FINAL:
             return None
-        engine = self._revisable()
+        engine = self._revisable
         deadline = engine.next_deadline(after) if engine is not None else None
         if self.judged_from <= after:
             return deadline
@@ -143,7 +148,7 @@ class PropertyState:
     ) -> Outcome:
         """The outcome at a step that is then taken back, and may cost what is `allowed`; final only where latched."""
         self.work = 0
-        engine = self._revisable()
+        engine = self._revisable
         if engine is None or self.property.time != "seconds" or self.outcome in FINAL:
             return self.outcome
         engine.mark()
@@ -163,7 +168,7 @@ class PropertyState:
 
     def silent(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names) -> Outcome:
         """The outcome at a step without signals but held ones, in the place of the next one."""
-        engine = self._revisable()
+        engine = self._revisable
         if engine is None or self.outcome in FINAL:
             return self.outcome
         engine.mark()
@@ -173,14 +178,14 @@ class PropertyState:
 
     def mark(self) -> Mark:
         """Remember how the property stands, and begin a step that may be taken back."""
-        engine = self._revisable()
+        engine = self._revisable
         if engine is not None:
             engine.mark()
         return Mark(self.outcome, self.negative, self.failures)
 
     def back(self, mark: Mark) -> None:
         """Take the step back; a violation stays counted, and an engine that failed at it stays failed."""
-        engine, failures = self._revisable(), self.failures
+        engine, failures = self._revisable, self.failures
         if engine is not None:
             engine.back()
         self.outcome, self.negative, self.failures = mark
@@ -189,7 +194,7 @@ class PropertyState:
 
     def keep(self) -> None:
         """Keep the step."""
-        engine = self._revisable()
+        engine = self._revisable
         if engine is not None:
             engine.keep()
 
@@ -220,6 +225,8 @@ class PropertyState:
         self.first_violation_step = data.get("first_violation_step")
         self.first_violation_at = data.get("first_violation_at")
         self.failures, self.broken = data["failures"], data["broken"]
+        if self.broken is not None:
+            self._revisable = None
         self.renewed = data.get("renewed", False)
         if data["engine"] is not None:
             if not isinstance(self.engine, Savable):
@@ -270,11 +277,8 @@ class PropertyState:
 
     def give_up(self, reason: str) -> None:
         """Stop judging, for this reason."""
-        self.broken = reason
+        self.broken, self._revisable = reason, None
         self.engine = _Broken(self.complaint)
-
-    def _revisable(self) -> Revisable | None:
-        return self.engine if self.broken is None and isinstance(self.engine, Revisable) else None
 
     def _ask_engine(self, view: View, time: int, signals: Mapping[str, Scalar], allowed: int = MAX_WORK) -> Outcome:
         if self.broken is not None:
