@@ -237,7 +237,7 @@ class Window:
                 new.sort(key=_deadline)
                 queue.extend(new)
                 if self._timeline.journal is not None:
-                    self._timeline.journal.append(partial(_shorten, queue, len(new)))
+                    self._timeline.journal.append(queue.pop if len(new) == 1 else partial(_shorten, queue, len(new)))
                 new.clear()
 
     def _move(self, key: Key, runs: Runs, left: bool, right: bool) -> bool:
