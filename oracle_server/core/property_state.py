@@ -94,10 +94,13 @@ class PropertyState:
     """Its obligations, None where its formula only looks back, or it is not judged any more."""
     settles: bool = False
     """Whether time has decided some, when it came last."""
+    _revisable: Revisable | None = field(init=False)
+    """The engine, where it can take steps back and has not failed."""
 
     def __post_init__(self) -> None:
-        """Find out whether its engine has obligations: that is asked at each step."""
+        """Find out once what its engine can do."""
         self.owed = self.engine.owed if isinstance(self.engine, Owing) else None
+        self._revisable = self.engine if isinstance(self.engine, Revisable) else None
 
     def step(
         self,
@@ -138,7 +141,7 @@ class PropertyState:
         """When, after `after` (ns), time alone may change the outcome; None for never."""
         if self.property.time != "seconds" or self.outcome in FINAL:
             return None
-        engine = self._revisable()
+        engine = self._revisable
         deadline = engine.next_deadline(after) if engine is not None else None
         if self.judged_from <= after:
             return deadline
@@ -172,7 +175,7 @@ class PropertyState:
     ) -> Outcome:
         """The outcome at a step that is then taken back, and may cost what is `allowed`; final only where latched."""
         self.work, self.settles = 0, False
-        engine = self._revisable()
+        engine = self._revisable
         if engine is None or self.property.time != "seconds" or self.outcome in FINAL:
             return self.outcome
         if self.owed is not None and isinstance(engine, Owing):
@@ -194,7 +197,7 @@ class PropertyState:
 
     def silent(self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names) -> Outcome:
         """The outcome at a step without signals but held ones, in the place of the next one."""
-        engine = self._revisable()
+        engine = self._revisable
         if engine is None or self.outcome in FINAL:
             return self.outcome
         engine.mark()
@@ -204,7 +207,7 @@ class PropertyState:
 
     def mark(self) -> Mark:
         """Remember how the property stands, and begin a step that may be taken back."""
-        engine = self._revisable()
+        engine = self._revisable
         if engine is not None:
             engine.mark()
         first = self.first_violation, self.first_violation_step, self.first_violation_at
@@ -215,7 +218,7 @@ class PropertyState:
 
         Not so of obligations where the property did not deny the step, so that it `counts`: they will be decided yet.
         """
-        engine, failures = self._revisable(), self.failures
+        engine, failures = self._revisable, self.failures
         if engine is not None:
             engine.back()
         self.outcome, self.negative, self.failures, violations, first = mark
@@ -227,7 +230,7 @@ class PropertyState:
 
     def keep(self) -> None:
         """Keep the step."""
-        engine = self._revisable()
+        engine = self._revisable
         if engine is not None:
             engine.keep()
 
@@ -258,6 +261,8 @@ class PropertyState:
         self.first_violation_step = data.get("first_violation_step")
         self.first_violation_at = data.get("first_violation_at")
         self.failures, self.broken = data["failures"], data["broken"]
+        if self.broken is not None:
+            self._revisable = None
         self.renewed = data.get("renewed", False)
         if data["engine"] is not None:
             if not isinstance(self.engine, Savable):
@@ -309,11 +314,8 @@ class PropertyState:
 
     def give_up(self, reason: str) -> None:
         """Stop judging, for this reason."""
-        self.broken = reason
+        self.broken, self._revisable = reason, None
         self.engine, self.owed = Broken(self.complaint), None
-
-    def _revisable(self) -> Revisable | None:
-        return self.engine if self.broken is None and isinstance(self.engine, Revisable) else None
 
     def _take_unanswered(self) -> None:
         """Count what obligations were decided with the last step, or by the time that came last."""

@@ -286,8 +286,11 @@ class RevisingJudge(Judge):
         """Judge a kept step again, as it was decided."""
         numbers, degraded, denied = self._numbers, self._degraded, self.counters.denied
         self._numbers, self._degraded = _numbers(row), False
-        for state, verdict in zip(self._states, row.judged.verdicts, strict=True):
-            state.repeated = None if state.broken is None else verdict.outcome
+        broken = [
+            (state, v) for state, v in zip(self._states, row.judged.verdicts, strict=True) if state.broken is not None
+        ]
+        for state, verdict in broken:
+            state.repeated = verdict.outcome
         self._not_before = row.point.present
         asked = None if self.asked is None or self.asked.position != row.position else self._states[self.asked.prop]
         if asked is not None:
@@ -298,7 +301,7 @@ class RevisingJudge(Judge):
         else:
             judged = self._judge(row.step, row.judged.judged)
         self._not_before, self._numbers, self._degraded, self.counters.denied = 0, numbers, degraded, denied
-        for state in self._states:
+        for state, _ in broken:
             state.repeated = None
         stands = msgspec.structs.replace(row.judged, verdicts=_merged(row.judged.verdicts, judged.verdicts))
         if asked is not None:
@@ -312,7 +315,8 @@ class RevisingJudge(Judge):
     def _renumber(self, judged: Judged) -> None:
         """Name a first violation by the number that its step was judged with, which is not its place."""
         for state, verdict in zip(self.properties, judged.verdicts, strict=True):
-            state.note_first(verdict.n, judged.number, judged.step.stamp)
+            if verdict.explanation is not None:
+                state.note_first(verdict.n, judged.number, judged.step.stamp)
 
     def _go_back(self, taken: Sequence[Kept]) -> None:
         """Go back to before these rows, the last of which comes first."""

@@ -100,6 +100,8 @@ class Keeping:
         rows, limit = self.rows, key_of(newest - self._horizon)
         rows.append(row)
         kept = len(rows)
+        if rows[0].key >= limit and kept <= self._most:
+            return False
         while rows[0].key < limit or len(rows) > self._most:
             self.crowded = self.crowded or rows[0].key >= limit
             gone = rows.popleft()

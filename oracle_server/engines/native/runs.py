@@ -75,9 +75,14 @@ class Runs:
         del self.starts[0]
         del self.ends[0]
 
-    def put(self, *, left: bool, right: bool, value: bool) -> None:
-        """Take these values."""
-        self.left, self.right, self.value = left, right, value
+    @property
+    def values(self) -> tuple[bool, bool, bool]:
+        """The values of the sides, the left one first, and its own."""
+        return self.left, self.right, self.value
+
+    def put(self, values: tuple[bool, bool, bool]) -> None:
+        """Take what `values` gave."""
+        self.left, self.right, self.value = values
 
     def _put(self, starts: Times, ends: Times) -> None:
         self.starts, self.ends = starts, ends

@@ -63,9 +63,7 @@ class Window:
         keys = self._body.touched(self._table)
         peopled = self._peopled
         if self._sparse and self._upper is not None:
-            if self._timeline.journal is not None:
-                self._timeline.journal.append(partial(setattr, self, "_peopled", peopled))
-            self._peopled = self._timeline.any_between(self._lower, self._upper)
+            self._look_for_steps(self._upper)
         if keys:
             self._touch(keys)
         if self._peopled is not peopled:
@@ -76,12 +74,9 @@ class Window:
     def _step_alone(self) -> None:
         """What `step` does, where there is one key only."""
         runs, timeline = self._table.fresh, self._timeline
-        journal = timeline.journal
-        if journal is not None:
-            journal.append(partial(runs.put, left=runs.left, right=runs.right, value=runs.value))
-            journal.append(partial(setattr, self, "_peopled", self._peopled))
+        journal, before = timeline.journal, runs.values
         if self._sparse and self._upper is not None:
-            self._peopled = timeline.any_between(self._lower, self._upper)
+            self._look_for_steps(self._upper)
         right, left = self._right(()), self._left is None or self._left(())
         if right is not runs.right or left is not runs.left or not left:
             if self._move((), runs, left, right) and self._upper is not None:
@@ -96,6 +91,15 @@ class Window:
         if value is not runs.value:
             runs.value = value
             self.changes.append(())
+        if journal is not None and runs.values != before:
+            journal.append(partial(runs.put, before))
+
+    def _look_for_steps(self, upper: int) -> None:
+        peopled, journal = self._timeline.any_between(self._lower, upper), self._timeline.journal
+        if peopled is not self._peopled:
+            if journal is not None:
+                journal.append(partial(setattr, self, "_peopled", not peopled))
+            self._peopled = peopled
 
     def due(self) -> int | None:
         """When this must be stepped even if nothing changes below."""
@@ -212,7 +216,7 @@ class Window:
         for key in keys:
             runs = self._table.own(key)
             if self._timeline.journal is not None:
-                self._timeline.journal.append(partial(runs.put, left=runs.left, right=runs.right, value=runs.value))
+                self._timeline.journal.append(partial(runs.put, runs.values))
             left = self._left is None or self._left(key)
             closed = self._move(key, runs, left, self._right(key))
             self._refresh(key, runs)
@@ -233,7 +237,7 @@ class Window:
                 new.sort(key=_deadline)
                 queue.extend(new)
                 if self._timeline.journal is not None:
-                    self._timeline.journal.append(partial(_shorten, queue, len(new)))
+                    self._timeline.journal.append(queue.pop if len(new) == 1 else partial(_shorten, queue, len(new)))
                 new.clear()
 
     def _move(self, key: Key, runs: Runs, left: bool, right: bool) -> bool:
