@@ -51,6 +51,7 @@ class Walk:
         fresh = NativeEngine(self.formula, self.time)
         for now, found in matches(self.formula, self.steps):
             fresh.step(now, found)
+            fresh.next_deadline(now)  # which lets go of those that are of no use any more
         assert deadline == fresh.next_deadline(after), self.told()
         if deadline is not None and rng.random() < 0.7:
             ((now, found),) = list(matches(self.formula, [(deadline, {})]))
