@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from itertools import chain
 
+from oracle_server.core.session import Session
 from oracle_server.core.tally import HoldTimes
 from oracle_server.core.verdicts import Outcome
 
@@ -79,3 +80,18 @@ class Counters:
 def _add(times: HoldTimes, more: HoldTimes) -> None:
     times.buckets[:] = [a + b for a, b in zip(times.buckets, more.buckets, strict=True)]
     times.total += more.total
+
+
+def counted(core: Session, refused: int) -> Counter[str]:
+    """The session's counts so far, in the order that decides, by the names of the metrics.
+
+    None ever falls: violations are those that were told, also the `retracted` ones.
+    """
+    properties, counters = next(iter(core.judges.values())).told
+    names = ("late", "skewed", "skipped", "lost", "denied", "revised", "retracted")
+    found = Counter({name: getattr(counters, name) for name in names})
+    found["duplicates"] = sum(count.duplicates for count in core.counts.values())
+    found["refused"] = refused
+    found["violations"] = sum(p.violations for p in properties) + counters.retracted
+    found["engine_failures"] = sum(p.broken is not None for j in core.judges.values() for p in j.properties)
+    return found

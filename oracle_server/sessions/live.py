@@ -5,29 +5,27 @@ from __future__ import annotations
 import asyncio
 from collections import Counter
 from collections.abc import Callable
-from typing import cast
 
 import structlog
 
 from oracle_server.core.credit import Credit
 from oracle_server.core.events import Event, StreamKey
-from oracle_server.core.kinds import StepKind
 from oracle_server.core.numbering import Numbering
 from oracle_server.core.session import Session
 from oracle_server.core.simulated import ClockReading, SimulatedTime
 from oracle_server.core.verdicts import Judged, decision_frame
 from oracle_server.history.port import History
-from oracle_server.history.records import MonitorRecord, SessionRecord
+from oracle_server.history.records import SessionRecord
 from oracle_server.history.views import Doubts
 from oracle_server.process.clock import Clock
 from oracle_server.remote.live import Oracles
 from oracle_server.review.restore import Restored
 from oracle_server.sessions.backlog import Backlog
-from oracle_server.sessions.counters import Counters
+from oracle_server.sessions.counters import Counters, counted
+from oracle_server.sessions.decoding import Decoders
 from oracle_server.sessions.ledger import Ledger
 from oracle_server.sessions.monitor import Monitor, Outbox, check_time, claimed
 from oracle_server.sessions.shares import Share
-from oracle_server.wire.data import DataDecoder, data_decoder, nothing
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import REVISIONS, AnyClock, AnyEvent, Attach, Handling, QuickHandling, ReportMessage
 
@@ -64,7 +62,8 @@ class LiveSession:
         )
         self._begun = core.begun is not None
         """Whether the history has when the session began."""
-        self._decoders: dict[tuple[str, str], DataDecoder] = {}
+        self.decoder = Decoders(core.plan)
+        """The decoder of a stream's data, by its name and kind, which keeps what the session reads of it."""
         self._timer: asyncio.TimerHandle | None = None
         self._armed: int | None = None
 
@@ -96,16 +95,6 @@ class LiveSession:
         self.credit.open(monitor.name)
         self._deliver(self.core.attach(monitor.name, streams, self._enter()))
         return monitor
-
-    def decoder(self, stream: str, kind: str) -> DataDecoder:
-        """The decoder of a stream's data, which keeps what the session reads of it."""
-        found = self._decoders.get((stream, kind))
-        if found is None:
-            known = self.core.plan.streams.get(StreamKey(stream, cast("StepKind", kind)))
-            if known is None:
-                return nothing(stream, kind)  # its events are refused
-            found = self._decoders[stream, kind] = data_decoder(known.decoded)
-        return found
 
     @property
     def has_room(self) -> bool:
@@ -211,7 +200,7 @@ class LiveSession:
                 unknown = True
         if changed and not self.closing:
             self.core.bypass(monitor.name, monitor.bypasses)
-            self.ledger.restate(_record(monitor))
+            self.ledger.restate(monitor.record())
         if unknown:
             raise WireError("unknown_stream", "the report names a stream that was not claimed at attach")
 
@@ -313,18 +302,8 @@ class LiveSession:
         return Doubts(lateness.judge.newest - lateness.judge.horizon, self.core.plan.readers)
 
     def counts(self) -> Counter[str]:
-        """The session's counts so far, in the order that decides, by the names of the metrics.
-
-        None ever falls: violations are those that were told, also the `retracted` ones.
-        """
-        properties, counters = next(iter(self.core.judges.values())).told
-        names = ("late", "skewed", "skipped", "lost", "denied", "revised", "retracted")
-        found = Counter({name: getattr(counters, name) for name in names})
-        found["duplicates"] = sum(count.duplicates for count in self.core.counts.values())
-        found["refused"] = self.ledger.refused
-        found["violations"] = sum(p.violations for p in properties) + counters.retracted
-        found["engine_failures"] = sum(p.broken is not None for j in self.core.judges.values() for p in j.properties)
-        return found
+        """The session's counts so far, by the names of the metrics."""
+        return counted(self.core, self.ledger.refused)
 
     @property
     def _is_crammed(self) -> bool:
@@ -348,7 +327,7 @@ class LiveSession:
 
     def _set_attached(self, monitor: Monitor, *, attached: bool) -> None:
         monitor.attached = attached
-        self._history.set_monitor(self.number, _record(monitor))
+        self._history.set_monitor(self.number, monitor.record())
 
     def _check_reconnected(self) -> None:
         """After a restart, begin to judge once each restored monitor has reconnected, or its time has expired."""
@@ -421,10 +400,3 @@ class LiveSession:
             self._timer.cancel()
         self._armed = self._timer = None
         self._deliver(self.core.advance(self._enter()))
-
-
-def _record(monitor: Monitor) -> MonitorRecord:
-    """A copy of what the history keeps of a monitor."""
-    return MonitorRecord(
-        monitor.name, monitor.instance, monitor.streams, monitor.attached, monitor.clock, dict(monitor.bypasses)
-    )

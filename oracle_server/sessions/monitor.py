@@ -12,6 +12,7 @@ from oracle_server.core.numbering import Numbering
 from oracle_server.core.simulated import TimeBase
 from oracle_server.core.spec import Spec
 from oracle_server.core.verdicts import DecisionFrame
+from oracle_server.history.records import MonitorRecord
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.frames import Outgoing
 from oracle_server.wire.incoming import Attach, StreamReport
@@ -81,6 +82,10 @@ class Monitor:
         else:
             del self.bypasses[key]
         return True
+
+    def record(self) -> MonitorRecord:
+        """A copy of what the history keeps of it."""
+        return MonitorRecord(self.name, self.instance, self.streams, self.attached, self.clock, dict(self.bypasses))
 
     def acknowledge(self) -> None:
         """Send an ack of all numbers up to which everything is committed."""
