@@ -108,6 +108,12 @@ class Session(Resumable):
             ticks = [max(tick, self.now + _LOOK_AGAIN) for tick in ticks]
         return min((d for d in (deadline, *ticks) if d is not None), default=None)
 
+    @property
+    def has_due(self) -> bool:
+        """Whether anything is left that is due by the order, or that a late event has judged again."""
+        late = None if self.lateness is None else self.lateness.next_deadline(self.now)
+        return self.buffer.due is not None or (late is not None and late <= self.now)
+
     def divide(self, enough: Callable[[], bool]) -> None:
         """Judge what the order releases at once, and deadlines, one by one until `enough`; the rest is due at once.
 

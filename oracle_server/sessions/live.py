@@ -27,7 +27,7 @@ from oracle_server.sessions.ledger import Ledger
 from oracle_server.sessions.monitor import Monitor, Outbox, check_time, claimed
 from oracle_server.sessions.shares import Share
 from oracle_server.wire.errors import WireError
-from oracle_server.wire.incoming import REVISIONS, AnyClock, AnyEvent, Attach, Handling, QuickHandling, ReportMessage
+from oracle_server.wire.incoming import AnyClock, AnyEvent, Attach, Handling, QuickHandling, ReportMessage
 
 _MOST_UNKEPT = 20_000
 """Events that are taken of a session of which nothing more can be kept; beyond, its monitors are not read."""
@@ -78,16 +78,7 @@ class LiveSession:
             if monitor.instance != wanted.instance:
                 raise WireError("monitor_taken", f"another process is attached as '{wanted.monitor}'", fatal=True)
             monitor.outbox.drop(WireError("replaced", "a newer connection of this process took over", fatal=True))
-        if monitor.expiry:
-            monitor.expiry.cancel()
-            monitor.expiry = None
-        if monitor.instance == wanted.instance:
-            monitor.numbering.resume()
-        else:
-            monitor.numbering.restart()
-        monitor.instance, monitor.outbox, monitor.streams, monitor.detaching = wanted.instance, outbox, streams, False
-        monitor.clock = wanted.clock
-        monitor.verdicts, monitor.revisions = wanted.verdicts, REVISIONS in wanted.features
+        monitor.attach(wanted, outbox, streams)
         if wanted.verdicts:
             self.ledger.follow_verdicts()
         self._set_attached(monitor, attached=True)
@@ -230,7 +221,7 @@ class LiveSession:
         """Before `close`: judge all held events in turns, between which other sessions are served; take no more."""
         self.closing = True
         self.share.run(lambda: self._deliver(self.core.release(self._enter())))
-        while self.core.buffer.due is not None:
+        while self.core.has_due:
             self.share.run(lambda: self._deliver(self.core.advance(self._enter())))
             await asyncio.sleep(0)
 

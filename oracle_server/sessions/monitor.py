@@ -15,7 +15,7 @@ from oracle_server.core.verdicts import DecisionFrame
 from oracle_server.history.records import MonitorRecord
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.frames import Outgoing
-from oracle_server.wire.incoming import Attach, StreamReport
+from oracle_server.wire.incoming import REVISIONS, Attach, StreamReport
 
 
 class Outbox(Protocol):
@@ -82,6 +82,18 @@ class Monitor:
         else:
             del self.bypasses[key]
         return True
+
+    def attach(self, wanted: Attach, outbox: Outbox, streams: tuple[StreamKey, ...]) -> None:
+        """Take a connection for it, of the same process or of another one, with the streams that it claims."""
+        if self.expiry:
+            self.expiry.cancel()
+            self.expiry = None
+        if self.instance == wanted.instance:
+            self.numbering.resume()
+        else:
+            self.numbering.restart()
+        self.instance, self.outbox, self.streams, self.detaching = wanted.instance, outbox, streams, False
+        self.clock, self.verdicts, self.revisions = wanted.clock, wanted.verdicts, REVISIONS in wanted.features
 
     def record(self) -> MonitorRecord:
         """A copy of what the history keeps of it."""

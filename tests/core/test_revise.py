@@ -165,6 +165,22 @@ def test_no_more_steps_are_kept_than_the_bound_and_the_horizon_is_shorter_then()
     assert (session.lateness.placed, session.lateness.beyond) == (1, 1)
 
 
+def test_what_is_held_and_late_is_judged_in_turns_where_a_session_is_closed() -> None:
+    session = session_of(PAIRED)
+    session.divide(lambda: True)
+    for seq in range(1, 11):
+        session.ingest(event(B, seq, 2_000 + seq, 2_000 + seq))
+    while (due := session.next_deadline) is not None and due <= 2_200 * MS:
+        session.advance(2_200 * MS)
+    session.ingest(event(A, 1, 1_999, 2_300))
+    turns, found = 0, session.release(2_300 * MS)
+    while session.has_due:
+        turns, found = turns + 1, [*found, *session.advance(2_300 * MS)]
+    assert turns > 10
+    assert [isinstance(row, Revision) for row in found] == [False, True]
+    assert session.finish(2_300 * MS) == []
+
+
 def test_why_the_order_released_an_event() -> None:
     session = session_of(PAIRED)
     session.ingest(event(B, 1, 2_000, 2_000))
