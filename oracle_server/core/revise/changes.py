@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
+import msgspec
+
 from oracle_server.core.events import REVISIONS, Event, Step
 from oracle_server.core.records import ExplanationRecord
 from oracle_server.core.revisions import MOST_CAUSES, Change, Revision, Standing
-from oracle_server.core.verdicts import Choice, Decision, Judged, Outcome, explain
+from oracle_server.core.verdicts import Choice, Decision, Judged, Outcome, Verdict, explain
 
 
 class Again(NamedTuple):
@@ -156,3 +158,15 @@ def _stands(row: Again) -> Standing:
         tuple([v.degraded for v in verdicts]),
         {i: why for i, why in whys if why is not None},
     )
+
+
+def merged(old: tuple[Verdict, ...], new: tuple[Verdict, ...]) -> tuple[Verdict, ...]:
+    """Verdicts that stand: degraded where they were, and where they are by more than what is bypassed at present."""
+    return tuple([_merge(was, verdict) for was, verdict in zip(old, new, strict=True)])
+
+
+def _merge(old: Verdict, new: Verdict) -> Verdict:
+    degraded = old.degraded or (new.degraded and not new.bypassed)
+    if new.outcome is old.outcome and degraded is old.degraded and new.explanation is old.explanation:
+        return old
+    return msgspec.structs.replace(new, degraded=degraded, bypassed=old.bypassed)

@@ -17,12 +17,12 @@ from oracle_server.core.judge import Judge
 from oracle_server.core.plan import Plan, StreamPlan
 from oracle_server.core.property_state import Names
 from oracle_server.core.recent import SIZE, Recent
-from oracle_server.core.revise.changes import Again, revisions
+from oracle_server.core.revise.changes import Again, merged, revisions
 from oracle_server.core.revise.finality import RevisableState
 from oracle_server.core.revise.kept import MOST, Keeping, Kept, Point, key_of
 from oracle_server.core.revisions import Revision
 from oracle_server.core.spec import Property
-from oracle_server.core.verdicts import Decision, Judged, Verdict
+from oracle_server.core.verdicts import Decision, Judged
 
 _FORGET_AFTER = 64
 """Rows that are no longer kept, after which the engines forget them: many at once cost less."""
@@ -78,6 +78,8 @@ class RevisingJudge(Judge):
         self._position = 0
         """The position of the last row that is no revision."""
         self._ahead: deque[Kept | Late | Step | Until] = deque()
+        self.overtaken: list[Step] = []
+        """Steps that came while a pass went on, and are late since; whoever calls `go_on` takes them."""
         self._causes: list[Step] = []
         self._outputs: list[Judged] = []
         self._stood: dict[int, Kept] = {}
@@ -175,12 +177,18 @@ class RevisingJudge(Judge):
                 case Late(step):
                     self._outputs += self._judge_deadlines(step.time - 1, now)
                     self._outputs.append(self._judge_first(step, now, placed=True))
+                case _ if self._is_overtaken(item):
+                    self.overtaken.append(item)
                 case _:
                     self._outputs += self._judge_deadlines(self._level_before(item), now)
                     self._outputs.append(self._judge_first(item, now))
             if enough():
                 break
         return [] if self._ahead else self._end(now)
+
+    def _is_overtaken(self, step: Step) -> bool:
+        """Whether a deadline that waited before a step was no older, so that it is late."""
+        return not (step.late or step.skipped) and self._is_ordered(step) and self.is_late(step)
 
     def _end(self, now: int) -> list[Judged]:
         """End the pass: what was judged in it, and the revisions of what stood before."""
@@ -243,7 +251,7 @@ class RevisingJudge(Judge):
         self._numbers, self.counters.ticks, self._degraded = numbers, ticks, degraded
         if tick is not None:
             del known[0]
-            tick = msgspec.structs.replace(tick, step=old.step, verdicts=_merged(old.judged.verdicts, tick.verdicts))
+            tick = msgspec.structs.replace(tick, step=old.step, verdicts=merged(old.judged.verdicts, tick.verdicts))
             self._stands[old.position] = tick, None
             self._keep(tick, old.key, time, old)
         return None
@@ -303,7 +311,7 @@ class RevisingJudge(Judge):
         self._not_before, self._numbers, self._degraded, self.counters.denied = 0, numbers, degraded, denied
         for state, _ in broken:
             state.repeated = None
-        stands = msgspec.structs.replace(row.judged, verdicts=_merged(row.judged.verdicts, judged.verdicts))
+        stands = msgspec.structs.replace(row.judged, verdicts=merged(row.judged.verdicts, judged.verdicts))
         if asked is not None:
             self.answer, asked.asked = stands, False
         self._renumber(stands)
@@ -383,15 +391,3 @@ def rewindable(engine: Engine) -> Rewindable:
 
 def _numbers(row: Kept) -> Iterator[int]:
     return iter([verdict.n for verdict in row.judged.verdicts])
-
-
-def _merged(old: tuple[Verdict, ...], new: tuple[Verdict, ...]) -> tuple[Verdict, ...]:
-    """Verdicts that stand: degraded where they were, and where they are by more than what is bypassed at present."""
-    return tuple([_merge(was, verdict) for was, verdict in zip(old, new, strict=True)])
-
-
-def _merge(old: Verdict, new: Verdict) -> Verdict:
-    degraded = old.degraded or (new.degraded and not new.bypassed)
-    if new.outcome is old.outcome and degraded is old.degraded and new.explanation is old.explanation:
-        return old
-    return msgspec.structs.replace(new, degraded=degraded, bypassed=old.bypassed)

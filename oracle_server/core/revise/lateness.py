@@ -43,20 +43,32 @@ class Lateness:
             return judge.take(step, now)
         if not step.late and not judge.is_late(step):
             return judge.take(step, now)
-        self._waiting.append(msgspec.structs.replace(step, late=True))
-        if self._due is None:
-            self._due = now + TOGETHER
-        if step.event.ask:
-            self._due = now
+        self._wait(step, now)
         return self.go_on(now, enough)
 
     def go_on(self, now: int, enough: Callable[[], bool]) -> list[Judged]:
         """Go on with what is put in place, and begin with what has waited for it."""
         outputs = self.judge.say_unsaid(now)
-        outputs += self.judge.go_on(now, enough) if self.judge.is_going else []
+        outputs += self._pass(now, enough)
         while self._due is not None and self._due <= now and not self.judge.is_going:
             outputs += self._begin(now)
-            outputs += self.judge.go_on(now, enough) if self.judge.is_going else []
+            outputs += self._pass(now, enough)
+        return outputs
+
+    def _wait(self, step: Step, now: int) -> None:
+        """Let a late step wait for others; one that asks waits for none."""
+        self._waiting.append(msgspec.structs.replace(step, late=True))
+        if self._due is None:
+            self._due = now + TOGETHER
+        if step.event.ask:
+            self._due = now
+
+    def _pass(self, now: int, enough: Callable[[], bool]) -> list[Judged]:
+        """Go on with a pass, if one goes on, and let wait what is late since it began."""
+        outputs = self.judge.go_on(now, enough) if self.judge.is_going else []
+        overtaken, self.judge.overtaken = self.judge.overtaken, []
+        for step in overtaken:
+            self._wait(step, now)
         return outputs
 
     def expire(self, now: int) -> None:
