@@ -26,7 +26,7 @@ from tests.strategies import SECOND
 
 CASES = int(os.environ.get("CASES", "750"))
 FOUND = (1145, 2244, 2971, 26876)
-"""Cases that an earlier version got wrong: of restarts, of steps without order, and of passes that deadlines waited for."""
+"""Cases that earlier versions got wrong: restarts, steps without order, and passes that deadlines waited for."""
 MS = SECOND // 1000
 
 
