@@ -213,6 +213,10 @@ class WebSocketTransport(SlicedWebSocket):
         self._was_paused = self.read_paused
         super().send_keepalive_ping()
 
+    def _plan(self) -> None:
+        super()._plan()
+        self._was_paused |= self.read_paused
+
     def keepalive_timeout(self) -> None:
         """Abort where the peer answers no pings, unless reading was paused, so that its answer may be unread."""
         if self._was_paused and not self.transport.is_closing():

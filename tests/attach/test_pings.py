@@ -157,9 +157,12 @@ async def test_an_answer_that_is_not_read_yet_when_its_time_runs_out_counts(talk
 async def test_who_does_not_answer_though_it_is_read_is_cut_off(talk: Talk) -> None:
     await talk.rest()
     await talk.go_on()
+    while talk.transport.read_paused:  # it is looked at again within half a second
+        await asyncio.sleep(0)
     talk.ping()
     talk.time_out()
-    await talk.client.wait_closed()
+    async with asyncio.timeout(PATIENCE):
+        await talk.client.wait_closed()
     assert talk.client.close_code in {1006, 1011}
 
 

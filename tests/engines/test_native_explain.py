@@ -40,7 +40,9 @@ def named(rng: random.Random, formula: Formula) -> Formula:
 
     def change(node: Formula) -> Formula:
         lasts = isinstance(node, tree.Since) and node.bound.upper is None and rng.random() < 0.4
-        if isinstance(node, tree.Since) and lasts and {*free(node.left)} <= {*free(node.right)}:  # else one binds nothing
+        if (
+            isinstance(node, tree.Since) and lasts and {*free(node.left)} <= {*free(node.right)}
+        ):  # else one binds nothing
             node = replace(node, left=node.right)
         call = Call(f"n{rng.randint(0, 9)}", tuple(free(node)))
         return replace(tree.rebuilt(node, change), written=call if rng.random() < share else None)
