@@ -161,8 +161,13 @@ class Session(Resumable):
 
     @property
     def is_behind(self) -> bool:
-        """Whether expired deadlines wait, and what comes next behind them."""
-        return bool(self._unticked)
+        """Whether expired deadlines wait, or steps that are judged again, and what comes next behind them."""
+        return bool(self._unticked) or self.is_revising
+
+    @property
+    def is_revising(self) -> bool:
+        """Whether steps are judged again because of late events."""
+        return self.lateness is not None and self.lateness.judge.is_going
 
     def advance(self, now: int, *, wholly: bool = False) -> list[Judged]:
         """Let time pass: judge what has waited for `max_delay`, and expired deadlines, `wholly` or until enough."""

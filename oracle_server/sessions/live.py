@@ -112,13 +112,13 @@ class LiveSession:
 
     @property
     def is_behind(self) -> bool:
-        """Whether deadlines have expired that are not judged yet: an event would have to wait for all of them."""
-        if self.closing or self.core.buffer.due is not None:
+        """Whether an event would have to wait for deadlines that have expired, or for what is judged again."""
+        if self.closing or (self.core.buffer.due is not None and not self.core.is_revising):
             return False
         return self.core.is_behind or (self._armed is not None and self._armed <= self.clock.now())
 
     async def caught_up(self) -> None:
-        """Judge expired deadlines in turns, between which others are served, until none is left."""
+        """Judge that in turns, between which others are served, until nothing of it is left."""
         while self.is_behind:
             armed = self._armed
             self.share.run(self._tick)

@@ -120,6 +120,44 @@ async def test_deadlines_that_expire_at_once_are_judged_in_turns_and_events_come
     history.close()
 
 
+REVISING = """
+id: revising
+ordering: {late: revise, max_delay: 1s, horizon: 1h}
+streams:
+  - {topic: /a, signals: {v: msg.v}}
+properties:
+  - {id: p, formula: 'once {v: 0}'}
+"""
+
+
+async def test_while_steps_are_judged_again_no_event_is_taken(tmp_path: Path) -> None:
+    """What waits for a pass would have no bound: the order has let go of it, so that no credit holds it back."""
+    spent = 0.0
+
+    def look() -> float:
+        nonlocal spent
+        spent += 2 * FREE
+        return spent
+
+    history, clock = MemoryHistory(), Standing()
+    sessions = registry(history, tmp_path, REVISING, shares=Shares(lambda: 0.0, look), clock=clock)
+    session, monitor = await sessions.attach(attach("s", "revising"), Kept())
+    for seq in range(1, HELD + 1):
+        stamp = seq + 10 if seq < HELD else 1
+        session.share.run(session.ingest, monitor, EventMessage(seq=seq, stream="/a", stamp=stamp, data={"v": seq}))
+    assert session.core.lateness is not None
+    assert (session.core.lateness.waiting, session.is_behind) == (1, False)
+    clock.time += SECOND
+    session.share.run(session._tick)
+    assert session.is_behind
+    async with asyncio.timeout(PATIENCE):
+        await session.caught_up()
+    judge = session.core.lateness.judge
+    assert (session.is_behind, judge.is_going, judge.counters.steps) == (False, False, HELD)
+    assert await sessions.closed_within(session, PATIENCE)
+    history.close()
+
+
 async def test_what_is_held_when_a_session_is_closed_is_judged_in_turns(tmp_path: Path) -> None:
     spent = 0.0
 
