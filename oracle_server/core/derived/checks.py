@@ -12,6 +12,7 @@ from oracle_server.core.expression import check_shape
 from oracle_server.core.expression.tokens import place
 from oracle_server.core.expression.tree import Path, walk
 from oracle_server.core.formula import tree
+from oracle_server.core.formula.ahead import looks_ahead
 from oracle_server.core.formula.render import render_atom
 from oracle_server.core.formula.tree import Atom, Constraint, Position, Ref, Signal
 from oracle_server.core.kinds import RESERVED
@@ -174,10 +175,13 @@ def _asked(spec: Spec, ranges: Mapping[str, Range]) -> Iterator[SpecProblem]:
 
 
 def _compared(spec: Spec) -> Iterator[SpecProblem]:
-    """Comparisons of two signals that time alone may turn: there would be no tick where it does."""
+    """Comparisons of two signals that time alone may turn: there would be no tick where it does.
+
+    What waits for what comes is judged at steps alone, and has no such ticks.
+    """
     turning = {d.name for d in spec.derive if d.op == "age" or d.timed}
     for i, prop in enumerate(spec.properties):
-        for atom in prop.atoms if prop.time == "seconds" else ():
+        for atom in prop.atoms if prop.time == "seconds" and not looks_ahead(prop.formula) else ():
             for constraint in atom.constraints:
                 if not isinstance(constraint.value, Signal):
                     continue
