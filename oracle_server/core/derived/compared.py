@@ -8,17 +8,21 @@ from oracle_server.core.atoms import specialise
 from oracle_server.core.comparisons import turned
 from oracle_server.core.derived.definition import Definition
 from oracle_server.core.errors import SpecProblem
+from oracle_server.core.formula.ahead import looks_ahead
 from oracle_server.core.formula.render import render_atom
 from oracle_server.core.formula.tree import Signal
 from oracle_server.core.spec import Spec
 
 
 def uncompared(spec: Spec) -> Iterator[SpecProblem]:
-    """Comparisons that may turn without a step, where nothing tells when: they are refused with `time: seconds`."""
+    """Comparisons that may turn without a step, where nothing tells when: they are refused with `time: seconds`.
+
+    What waits for what comes is judged at steps alone.
+    """
     known = {d.name: d for d in spec.derive}
     between = {*spec.kept, *(d.by for d in spec.derive)}
     for i, prop in enumerate(spec.properties):
-        for atom in prop.atoms if prop.time == "seconds" else ():
+        for atom in prop.atoms if prop.time == "seconds" and not looks_ahead(prop.formula) else ():
             if not specialise([atom], {}, between.__contains__):
                 continue
             for constraint in atom.constraints:

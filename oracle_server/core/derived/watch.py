@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 
 from oracle_server.core.atoms import canonical
@@ -87,7 +87,11 @@ class Watch:
         found: list[Carried] = []
         for watched, keyed, by in self._keyed:
             own = (key_of(self._held[by]),) if by in self._held else ()
-            for key in {*keyed.keys_at(time, self._wanted(watched, self._at)), *own}:
+            for key in {
+                *keyed.keys_at(time, self._wanted(watched, self._at)),
+                *self._beside(watched, keyed, time),
+                *own,
+            }:
                 carried = {by: value_of(key)}
                 before, now = (self._answers_of(watched, keyed, t, carried) for t in (time - 1, time))
                 turned = self._turns(watched, before, now)
@@ -103,12 +107,20 @@ class Watch:
         signals, failed = self._see(time, carried)
         return [_answer_among(constraint, value, signals, failed) for constraint in watched.asked]
 
+    def _beside(self, watched: Watched, keyed: Keyed, time: int) -> Iterator[Key]:
+        """The keys that are known of what it is compared with, where an answer may turn for all of them."""
+        if watched.compares and keyed.may_turn_all(time):
+            others = {c.value.name for c in watched.asked if isinstance(c.value, Signal)}
+            for w, other, _ in self._keyed:
+                if w.asked[0].key in others:
+                    yield from other.known_before(time)
+
     def _wanted(self, watched: Watched, after: int) -> Asked:
         """What is asked up to the next change, of what it is compared with too: this is a number until then."""
         if not watched.compares:
             return watched.asked
         signals, _ = self._see(after, {})
-        return [_beside(watched, constraint, signals) for constraint in watched.asked]
+        return [_against(watched, constraint, signals) for constraint in watched.asked]
 
     def _turns(self, watched: Watched, before: Sequence[Answer], now: Sequence[Answer]) -> frozenset[int]:
         """The properties for which answers differ. What is absent is not met, but before the first step not known."""
@@ -127,7 +139,7 @@ def _answer_among(constraint: Constraint, value: Value | None, signals: Signals,
     return answer_beside(constraint, value, FAILED if other in failed else signals.get(other))
 
 
-def _beside(watched: Watched, constraint: Constraint, signals: Signals) -> Constraint:
+def _against(watched: Watched, constraint: Constraint, signals: Signals) -> Constraint:
     """What a comparison asks of its first signal, where the other is as it is among these."""
     if not isinstance(constraint.value, Signal):
         return constraint
