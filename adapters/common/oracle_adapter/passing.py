@@ -10,6 +10,7 @@ from oracle_adapter.kinds import KINDS
 
 if TYPE_CHECKING:
     from oracle_adapter.board import Board
+    from oracle_adapter.clocks import Clocks
     from oracle_adapter.decision import Answer
     from oracle_adapter.exchange import Stamp, Then
     from oracle_adapter.link import Link
@@ -22,8 +23,9 @@ GRACE = 5.0
 class Passing:
     """What becomes of the events of one filtered stream, which the server has described."""
 
-    def __init__(self, link: Link, board: Board, stream: Mapping[str, Any]) -> None:
+    def __init__(self, link: Link, board: Board, stream: Mapping[str, Any], clocks: Clocks) -> None:
         self._link, self._board = link, board
+        self._behind = clocks.behind(stream["name"], stream["kind"])
         self._name, self._kind = stream["name"], KINDS[stream["kind"]]
         self._within = stream["decide_within"] / 10**9
         self._policy = stream["on_unavailable"]
@@ -33,6 +35,7 @@ class Passing:
         self._link.ask_then(
             self._name, self._kind.name, stamp, data, then, decide_within=self._within, **more
         )
+        self._link.clock(self._behind)
 
     def settle(
         self, answer: Answer, give: Callable[[Any], bool], what: Any, call: Optional[int] = None
@@ -57,10 +60,8 @@ class Passing:
         self._link.handled(answer, passed, why)
         return passed, reason
 
-    def ask_and_wait(
-        self, stamp: Stamp, data: Any, call: int, then: Callable[[], None]
-    ) -> Tuple[bool, str]:
-        """Ask about a call, call `then`, and wait for what `settle` returns.
+    def ask_and_wait(self, stamp: Stamp, data: Any, call: int) -> Tuple[bool, str]:
+        """Ask about a call, and wait for what `settle` returns.
 
         Where the link's thread hangs, the wait ends `GRACE` seconds after the time for a decision;
         then the call does not pass, whatever the answer will be.
@@ -72,7 +73,6 @@ class Passing:
             settled.put(self.settle(answer, lambda _: passed.acquire(blocking=False), None, call))
 
         self.ask(stamp, data, answered, call=call)
-        then()
         try:
             return settled.get(timeout=self._within + GRACE)
         except Empty:

@@ -7,6 +7,7 @@ from typing import Any, Dict, List, Sequence
 
 import pytest
 from oracle_adapter import Board, Link, Stats, Status
+from oracle_adapter.clocks import Clocks
 from oracle_adapter.forwarding import ForwardQueue
 from oracle_adapter.passing import Passing
 from tests.adapters.common.conftest import Oracle, Peer
@@ -52,7 +53,9 @@ class Robot:
         self.board = Board("uav1", self.screen)
         self.failing: List[str] = []
         self.forwarded: List[str] = []
-        self.queue = ForwardQueue(Passing(link, self.board, STREAM), self._forward)
+        self.queue = ForwardQueue(
+            Passing(link, self.board, STREAM, Clocks(lambda: 1)), self._forward
+        )
 
     def take(self, *messages: str) -> None:
         for message in messages:
