@@ -11,7 +11,7 @@ from oracle_adapter.kinds import KINDS
 if TYPE_CHECKING:
     from oracle_adapter.board import Board
     from oracle_adapter.clocks import Clocks
-    from oracle_adapter.decision import Answer
+    from oracle_adapter.decision import Answer, Policy
     from oracle_adapter.exchange import Stamp, Then
     from oracle_adapter.link import Link
 
@@ -28,7 +28,9 @@ class Passing:
         self._behind = clocks.behind(stream["name"], stream["kind"])
         self._name, self._kind = stream["name"], KINDS[stream["kind"]]
         self._within = stream["decide_within"] / 10**9
-        self._policy = stream["on_unavailable"]
+        self._policy: Policy = stream["on_unavailable"]
+        if self._kind.passes_when_undecided:
+            self._policy = "pass"
 
     def ask(self, stamp: Stamp, data: Any, then: Then, **more: Any) -> None:
         """Ask about an event; `then` and `more` are what `Link.ask_then` takes."""
@@ -38,7 +40,12 @@ class Passing:
         self._link.clock(self._behind)
 
     def settle(
-        self, answer: Answer, give: Callable[[Any], bool], what: Any, call: Optional[int] = None
+        self,
+        answer: Answer,
+        give: Callable[[Any], bool],
+        what: Any,
+        call: Optional[int] = None,
+        goal_id: str = "",
     ) -> Tuple[bool, str]:
         """Return whether it passed, and a text why not; report the handling to the server.
 
@@ -47,7 +54,9 @@ class Passing:
         exception of `give` is counted and shown: the event did not pass.
         """
         event = f"a {self._kind.event} of {self._name}"
-        if self._kind.has_call:
+        if goal_id:
+            event += f", goal {goal_id}"
+        elif self._kind.has_call:
             event += f", call {call}"
         may, why = self._board.settle(answer, self._policy, event)
         passed, reason = False, ", ".join(answer.denied_by) or answer.reason or "the monitor ends"
