@@ -284,7 +284,7 @@ class Session(Resumable):
         return max(held - 1, now - 2 * wait) if now - 2 * wait >= self._ready_since(order) else held - 1
 
     def _held_since(self, order: Order) -> int:
-        """The time of the oldest event held, which deadlines of that time wait for unless it can be put in its place."""
+        """The time of the oldest event held: deadlines of it wait for that, unless it can be put in its place."""
         first = self.buffer.first if order == "publication" and self.lateness is None else None
         return _NEVER if first is None else first
 
