@@ -113,6 +113,7 @@ def parse_spec(
         *_engines(spec),
         *_revising(spec, model),
         *(_on_ros(spec, ros, typed) if ros else ()),
+        *named.clashes(spec),
         *named.numeric(spec),
         *named.unused(),
     ]

@@ -144,13 +144,20 @@ class Keyed:
             ages = self._turning(asked)
             for span in ages if self._life is None else {self._life, *(a for a in ages if a <= self._life)}:
                 yield from self._queue.at(time - span)
-            if time in self._marks_after(time - 1):
-                yield from self._known_before(time)
         elif self._leaves and self._life is not None:
             yield from self._queue.at(time - self._life)
-            begins = self._rate and self._session.begun is not None and time == self._session.begun + self._life
-            if begins or time in self._marks_after(time - 1):
-                yield from self._known_before(time)
+        if self.may_turn_all(time):
+            yield from self.known_before(time)
+
+    def may_turn_all(self, time: int) -> bool:
+        """Whether an answer may turn at a time for any key, also one that never had a sample."""
+        begun, life = self._session.begun, self._life
+        begins = self._rate and begun is not None and life is not None and time == begun + life
+        return begins or time in self._marks_after(time - 1)
+
+    def known_before(self, time: int) -> list[Key]:
+        """The keys that are not forgotten just before a time."""
+        return [k for k, entry in self._entries.items() if self._life is None or entry.newest + self._life >= time]
 
     def settled(self, _now: int, _number: int) -> bool:
         """Whether no key has had a sample."""
@@ -201,10 +208,6 @@ class Keyed:
         life = self._life
         marks = () if life is None or self._by_steps else (self._blind, self._crowded)
         return [m.now + life for m in marks if m is not None and life is not None and m.now + life > after]
-
-    def _known_before(self, time: int) -> list[Key]:
-        """The keys that are not forgotten just before a time."""
-        return [k for k, entry in self._entries.items() if self._life is None or entry.newest + self._life >= time]
 
     def _unseen(self) -> Series:
         """The series of a key that has none: where samples were lost, it may have been one of its own."""

@@ -36,16 +36,17 @@ _MAKE: Mapping[str, Callable[[Definition, Session], Series]] = {
     "age": Age,
 }
 Names = frozenset[str] | set[str]
+_NOTHING: tuple[Signals, frozenset[str]] = {}, frozenset()
 _NONE: set[str] = set()
 """The derived signals of which a step has a sample, where nobody asks: never changed."""
 
 
 class LastStep(NamedTuple):
-    """The last step: its time (ns), its number, or 0 before the first one, and what is held since."""
+    """The last step: its time (ns), its number, or 0 before the first one, and what is held, or has failed, since."""
 
     present: int
     steps: int
-    held: Callable[[], Signals]
+    held: Callable[[], tuple[Signals, Names]]
 
 
 class Turn(NamedTuple):
@@ -76,6 +77,8 @@ class Derived:
         self._bound: dict[int, list[Any]] = {}
         self._silent = [(self._series[p.index], self._names[p.index]) for p in layout.silent]
         self._watch: tuple[int, int, Watch] | None = None
+        self._sees = bool(layout.keys) or any(w.compares for w in layout.watched)
+        """Whether what is held matters to what turns."""
         self._due: list[Carried] = []
         """The keys for which a tick at the last one's time is still due."""
 
@@ -218,8 +221,12 @@ class Derived:
     def _watching(self, last: LastStep) -> Watch:
         present, steps, held = last
         if self._watch is None or self._watch[:2] != (present, steps):
-            signals = held() if self._layout.keys else {}
-            watch = Watch(self._layout.watched, self._series, self._bys, self._session, present, steps, signals)
+            signals, failed = held() if self._sees else _NOTHING
+
+            def see(time: int, carried: Signals) -> tuple[Signals, Names]:
+                return self.at(time, steps, {**signals, **carried}, failed - carried.keys())
+
+            watch = Watch(self._layout.watched, self._series, self._bys, self._session, present, steps, signals, see)
             self._watch = present, steps, watch
             self._due = []
         return self._watch[2]
