@@ -1,6 +1,6 @@
 """Published examples of other tools, in this language: the same events have the verdicts that their semantics gives.
 
-MonPoly: `examples/` of its repository. rtamt: `examples/basic/` of its repository. TeSSLa: its tutorial and quick start.
+MonPoly: `examples/` of its repository. rtamt: `examples/basic/` of its repository. TeSSLa: tutorial and quick start.
 RTLola: the operators of its sliding windows. A time-point of several events is several steps of one time here, in the
 order in which they stand.
 """
