@@ -26,7 +26,6 @@ from oracle_server.history.query import Query
 from oracle_server.history.records import Restated, StoredStep, restated, stored_revision
 from oracle_server.history.sqlite import history as sqlite_history
 from oracle_server.history.sqlite.history import SqliteHistory
-from oracle_server.history.sqlite.schema import STEP_COLUMNS
 from oracle_server.history.sqlite.standing import RESTATE
 from oracle_server.history.views import Doubts, View, records
 from tests.history.making import OUTCOMES, PROPERTIES, add, explanation, opened, revision, some_steps, step
@@ -389,26 +388,3 @@ def test_what_stands_is_written_by_a_look_at_each_step_that_is_revised(tmp_path:
         "SCAN json_each VIRTUAL TABLE INDEX 1:", "SEARCH steps USING PRIMARY KEY (session=? AND position=?)",
     ]  # fmt: skip
     history.close()
-
-
-async def test_a_history_that_an_older_version_wrote_tells_what_it_told(tmp_path: Path) -> None:
-    steps = [step(1), step(2, outcomes=(FALSE, HELD), violated=[0]), step(3, kind="tick")]
-    older = SqliteHistory(tmp_path)
-    older.start(asyncio.get_running_loop())
-    older.open_session(opened())
-    await add(older, *steps)
-    await asyncio.to_thread(older.close)
-    with closing(sqlite3.connect(older.path)) as database:
-        for column in STEP_COLUMNS[STEP_COLUMNS.index("released") :]:
-            database.execute(f"ALTER TABLE steps DROP COLUMN {column}")
-        database.execute("PRAGMA user_version = 6")
-    history = SqliteHistory(tmp_path)
-    history.start(asyncio.get_running_loop())
-    assert await collected(history.steps(1, 0)) == steps
-    for view in get_args(View):
-        assert await told(history, Query(view=view)) == [r for kept in steps for r in records(kept, PROPERTIES)]
-    late = revision(4, change(7, 3, 3, HELD, retracted=True), None, standing={2: stands(HELD, HELD)})
-    history.append(1, [stored_revision(4, late)], lambda: None, [late])
-    await history.flush()
-    assert await told(history, Query(violations=True)) == []
-    await asyncio.to_thread(history.close)

@@ -68,25 +68,26 @@ class Keyed:
         """The last sample of a key for which there was no room."""
         self._empty = make()
 
-    def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> None:
-        """Add a sample to the series of the step's key."""
+    def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
+        """Add a sample to the series of the step's key; returns what it is for that key."""
         self._let_go(now, number)
         value = signals.get(self._by)
         if value is None:
             if self._by in failed:
                 self._change("_blind", self._mark(now, number))
-            return
+                return FAILED
+            return None
         key, position = key_of(value), number if self._by_steps else now
         entry = self._entries.get(key)
         if entry is None:
             if len(self._entries) >= MAX_KEYS:
                 self._change("_crowded", self._mark(now, number))
-                return
+                return FAILED
             entry = self._entries[key] = _Entry(self._unseen(), position, self._blinds)
             self._note(partial(self._entries.__delitem__, key))
         elif entry.seen != self._blinds:
             self._see(entry)
-        entry.series.take(sample, now, number, signals, failed)
+        value_of_it = entry.series.take(sample, now, number, signals, failed)
         if entry.newest != position:
             self._note(partial(setattr, entry, "newest", entry.newest))
             entry.newest = position
@@ -94,6 +95,7 @@ class Keyed:
             self._queue.add(position, key)
             if self._queue.is_long:
                 self._fill()
+        return value_of_it
 
     def value(self, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
         """What it is for the key of a step; absent where it has none."""
