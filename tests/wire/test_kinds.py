@@ -27,7 +27,7 @@ def frames(kind: str) -> list[str]:
 @pytest.mark.parametrize("kind", OF_STREAMS)
 def test_each_kind_of_a_stream_is_read(kind: str) -> None:
     for text in frames(kind):
-        message = decode(text).message
+        message = decode(text)
         if isinstance(message, EventMessage | QuickEvent):
             assert message.kind == kind
         else:

@@ -166,11 +166,26 @@ def rows_of(found: Sequence[Judged]) -> list[Row]:
     return [(j.step.event.stream.name, j.step.stamp, tuple(v.outcome.current.value for v in j.verdicts)) for j in found]
 
 
+def interleaved(found: Case, rng: random.Random) -> list[int]:
+    """The places of the events in another order, in which each stream has its own one."""
+    streams = [stream for _, stream, _ in found.events]
+    queues = {name: [i for i, stream in enumerate(streams) if stream == name] for name in streams}
+    rng.shuffle(streams)
+    return [queues[name].pop(0) for name in streams]
+
+
+def distinct(found: Case) -> Case:
+    """The case with stamps that are all different: equal ones are judged as they arrive."""
+    events = tuple((time + i, *rest) for i, (time, *rest) in enumerate(found.events))
+    return replace(found, events=events)  # type: ignore[arg-type]
+
+
 @dataclass
 class Expected:
-    """Judges a case by the reference."""
+    """Judges a case by the reference: all of it, or without `judge` what it is told to take."""
 
     case: Case
+    judge: bool = True
     steps: list[Step] = field(default_factory=list)
     rows: list[Row] = field(default_factory=list)
     held: dict[str, Value] = field(default_factory=dict)
@@ -180,14 +195,23 @@ class Expected:
         self.outcomes = ["unknown"] * len(self.case.spec.properties)
         times = [time for time, _, _ in self.case.events]
         self.begun, self.ticked = self.case.begun, 0
-        for i, (time, name, data) in enumerate(self.case.events):
+        for i, (time, _, _) in enumerate(self.case.events if self.judge else ()):
             self._ticks(time)
-            self.begun = min(self.begun, time)
-            self._step(i, time, name, data)
-        self._ticks(self.case.end)
-        assert times == sorted(times)
+            self._step(i)
+        if self.judge:
+            self._ticks(self.case.end)
+            assert times == sorted(times)
 
-    def _step(self, index: int, time: int, name: str, data: Mapping[str, Any]) -> None:
+    def take(self, index: int) -> Step:
+        """Take an event as the next step."""
+        step, self.held = self._made(index)
+        self.steps.append(step)
+        return step
+
+    def _made(self, index: int) -> tuple[Step, dict[str, Value]]:
+        """The step that an event would be next, and what is held behind it."""
+        time, name, data = self.case.events[index]
+        self.begun = min(self.begun, time)
         own = {k: v for k, v in data.items() if not isinstance(v, dict)}
         failed = {k for k, v in data.items() if isinstance(v, dict)}
         held = dict(self.held)
@@ -199,6 +223,11 @@ class Expected:
         step = Step(time, len(self.steps) + 1, name, own, failed, {**seen, "topic": name, **own},
                     failed | (lost - own.keys()))  # fmt: skip
         self.reference.take(self.steps, step, self.begun)
+        return step, held
+
+    def _step(self, index: int) -> None:
+        step, held = self._made(index)
+        time, name, _ = self.case.events[index]
         outcomes = [self._outcome(p, step) for p in self.case.spec.properties]
         self.rows.append((name, time, tuple(outcomes)))
         guards = [o for p, o in zip(self.case.spec.properties, outcomes, strict=True) if name in p.guards]
