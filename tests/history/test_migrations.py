@@ -14,7 +14,7 @@ import pytest
 from oracle_server.core.verdicts import Outcome
 from oracle_server.history.pages import find
 from oracle_server.history.query import Query
-from oracle_server.history.records import restated, stored_revision
+from oracle_server.history.records import stored_revision
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.history.sqlite.schema import STEP_COLUMNS, VERSION
 from oracle_server.history.views import View, records
@@ -63,7 +63,7 @@ async def test_it_tells_what_it_told(tmp_path: Path, version: int) -> None:
 async def test_its_steps_can_be_revised(tmp_path: Path, version: int) -> None:
     history = await written(tmp_path, version)
     late = revision(4, change(7, 3, 3, HELD, retracted=True), None, standing={2: stands(HELD, HELD)})
-    history.append(1, [stored_revision(4, late)], lambda: None, restated([late], len(PROPERTIES)))
+    history.append(1, [stored_revision(4, late)], lambda: None, [late])
     await history.flush()
     assert await told(history, Query(violations=True)) == []
     await asyncio.to_thread(history.close)
