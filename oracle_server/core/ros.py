@@ -44,12 +44,12 @@ def _denied_responses(spec: Spec) -> Iterator[SpecProblem]:
 def _arrival_times(spec: Spec) -> Iterator[SpecProblem]:
     """ROS 1 carries no publication time: a topic whose messages hold none is ordered by its arrival.
 
-    What passes through a proxy is left out: the adapter stamps it, so that its clock is exact.
+    What it carries of services and actions has a time: their own, or that at which the adapter forwards it.
     """
     if spec.ordering.by == "arrival":
         return
     for i, stream in enumerate(spec.streams):
-        if not stream.traits.proxied and stream.ordered and stream.stamp is None and _has_no_stamp(stream.type):
+        if stream.kind == "topic" and stream.ordered and stream.stamp is None and _has_no_stamp(stream.type):
             yield SpecProblem(
                 ("streams", i, stream.traits.group),
                 f"{stream.name} is ordered by its arrival on ROS 1, which carries no publication time: {stream.type} "

@@ -1,4 +1,7 @@
-"""ROSMonitoring's flat events: a message's fields beside `topic` and `time`, or a service's `request` or `response`."""
+"""ROSMonitoring's flat events: a message's fields beside `topic` and `time`, or a service's `request` or `response`.
+
+Those of actions are the project's own: `ros_action`, `kind`, `goal_id`, `status` where there is one, and `data`.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from oracle_server.core.events import Step, StreamKey
-from oracle_server.core.kinds import KINDS, Kind
+from oracle_server.core.kinds import ACTION, GOAL_ID, KINDS, OF_ACTIONS, STATUS, Kind
 from oracle_server.core.stamps import nanoseconds
 
 
@@ -21,6 +24,8 @@ class FlatEvent(NamedTuple):
     data: Any
     time: int | None
     stamp: int | None
+    goal_id: Any = None
+    status: Any = None
 
 
 def decode_object(text: bytes | str) -> dict[str, Any]:
@@ -45,10 +50,19 @@ def flat_event(value: Mapping[str, Any]) -> FlatEvent:
     if isinstance(topic, str):
         data = {k: v for k, v in value.items() if k not in ("topic", "time")}
         return FlatEvent(topic, "topic", data, time, None)
+    action = value.get(ACTION)
+    if isinstance(action, str) and value.get("kind") in OF_ACTIONS:
+        stamp = nanoseconds(value.get("stamp"))
+        return FlatEvent(
+            action, value["kind"], value.get("data", {}), time, stamp, value.get(GOAL_ID), value.get(STATUS)
+        )
     kind: Kind = "response" if "response" in value else "request"
     if kind in value and isinstance(service, str):
         return FlatEvent(service, kind, value[kind], time, nanoseconds(value.get("stamp")))
-    raise ValueError("it has neither `stream`, nor `topic`, nor `service` with a `request` or `response`")
+    raise ValueError(
+        "it has neither `stream`, nor `topic`, nor `service` with a `request` or `response`, nor `ros_action` with a "
+        "`kind` of actions"
+    )
 
 
 def as_flat(step: Step, name: str, time: int) -> dict[str, Any]:
@@ -62,6 +76,8 @@ def as_flat(step: Step, name: str, time: int) -> dict[str, Any]:
         raise TypeError("the message was not kept")
     traits = KINDS[kind]
     head = {traits.group: name, "time": time / 10**9}
+    if traits.marks:
+        return {**head, "kind": kind, **step.event.marks, "data": data}
     return {**head, **{k: v for k, v in data.items() if k not in head}} if traits.sole else head | {kind: data}
 
 
