@@ -13,10 +13,10 @@ if TYPE_CHECKING:
 
 
 class _Waiting:
-    __slots__ = ("answer", "message")
+    __slots__ = ("answer", "goal_id", "message")
 
-    def __init__(self, message: Any) -> None:
-        self.message = message
+    def __init__(self, message: Any, goal_id: str) -> None:
+        self.message, self.goal_id = message, goal_id
         self.answer: Optional[Answer] = None
 
 
@@ -34,7 +34,7 @@ class ForwardQueue:
 
     def take(self, message: Any, stamp: Stamp, data: Any, **more: Any) -> None:
         """Ask about a message that came, from any thread; `more` is as for `Link.ask`."""
-        waiting = _Waiting(message)
+        waiting = _Waiting(message, more.get("goal_id") or "")
 
         def answered(answer: Answer) -> None:
             waiting.answer = answer
@@ -53,4 +53,5 @@ class ForwardQueue:
                 answer = self._waiting[0].answer
                 if answer is None:
                     break
-                self._passing.settle(answer, self._forward, self._waiting.popleft().message)
+                head = self._waiting.popleft()
+                self._passing.settle(answer, self._forward, head.message, goal_id=head.goal_id)

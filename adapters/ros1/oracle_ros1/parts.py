@@ -21,12 +21,14 @@ class PartStream(Protocol):
 
     name: str
     kind: str
-    latency: int
-    """How late its messages may be (ns)."""
+
+    @property
+    def latency(self) -> Optional[int]:
+        """How late its messages may be (ns); None where they are stamped here, under the link's lock."""
 
     @property
     def time_source(self) -> Optional[TimeSource]:
-        """Where its times come from, `arrival` where events are stamped here; None while that is not known."""
+        """Where its times come from; None while that is not known."""
 
 
 class Part(Protocol):

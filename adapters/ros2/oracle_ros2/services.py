@@ -20,7 +20,7 @@ from oracle_ros2.loop import Later
 from oracle_ros2.stamps import stamp_reader, time_of
 
 if TYPE_CHECKING:
-    from oracle_adapter import Answer, ClockStamp, TimeSource
+    from oracle_adapter import Answer, TimeSource
     from oracle_adapter.interfaces import Interface, Stream
 
     from oracle_ros2.loop import Reply
@@ -163,11 +163,6 @@ class ProxiedService:
                 self._deny(call)
 
         passing.ask(stamp, data, settle, call=call.number)
-        self._link.clock(self._now)  # or the decision would wait for the monitor's next one
-
-    def _now(self) -> list[ClockStamp]:
-        now = self._time()
-        return [(side.name, side.kind, now) for side in self.streams if side.latency is None]
 
 
 @dataclass(eq=False)
@@ -184,7 +179,9 @@ class _Side:
 
     def __init__(self, shared: Shared, stream: Stream, message_type: Any) -> None:
         self.name, self.kind = str(stream["name"]), str(stream["kind"])
-        self.passing = Passing(shared.link, shared.board, stream) if is_filtered(stream) else None
+        self.passing: Passing | None = None
+        if is_filtered(stream):
+            self.passing = Passing(shared.link, shared.board, stream, shared.clocks)
         self.lacking = not_there(
             f"the {self.kind} of {stream['type']}", lacking(message_type, stream.get("reads") or ())
         )

@@ -137,7 +137,7 @@ class FilteredTopic:
         plain, beside = shared.names[topic.name], shared.names[topic.name + PROXY]
         source, target = (beside, plain) if stream["intercept"] == "publisher" else (plain, beside)
         self._publisher = MatchedPublisher(node, self.observed.type, target)
-        self._queue = ForwardQueue(Passing(shared.link, shared.board, stream), self._publisher.publish)
+        self._queue = ForwardQueue(Passing(shared.link, shared.board, stream, shared.clocks), self._publisher.publish)
         self.subscription = MatchedSubscription(node, self.observed.type, source, self._take)
 
     @property
