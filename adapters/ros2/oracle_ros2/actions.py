@@ -22,9 +22,10 @@ if TYPE_CHECKING:
     from oracle_adapter.interfaces import Interface
 
     from oracle_ros2.goals import Goal
-    from oracle_ros2.parts import PartStream
     from oracle_ros2.relay import Call
     from oracle_ros2.shared import Shared
+    from oracle_ros2.standing import StatusStream
+    from oracle_ros2.topics import Observed
 
 
 class ProxiedAction:
@@ -63,7 +64,7 @@ class ProxiedAction:
         self._results = relay(impl.GetResultService, "get_result", self._ask_result, self._answer_result)
         self._withdrawals = Withdrawals(self._cancelling)
         observed = {**self._sides, "feedback": self._feedback.observed, "status": self._status.observed}
-        self.streams: Sequence[PartStream] = [found for kind in streams if (found := observed[kind]) is not None]
+        self.streams: list[Side | Observed | StatusStream] = [found for kind in streams if (found := observed[kind]) is not None]
         self.bypass = ""
         """What lets goals and news of them past the monitor, as of the last look."""
         self._trouble = ""

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from oracle_adapter.interfaces import Interface, Stream
 
     from oracle_ros2.goals import Goal
-    from oracle_ros2.parts import PartStream
     from oracle_ros2.shared import Shared
 
 MOST = 10_000
@@ -137,7 +136,7 @@ class IntrospectedAction:
             self._status = StatusStream(shared, streams["status"])
             self._statuses = MatchedSubscription(node, GoalStatusArray, self._status_topic, self._take_status)
         observed = {**self._sides, "feedback": self._feedback, "status": self._status}
-        self.streams: list[PartStream] = [found for kind in streams if (found := observed[kind]) is not None]
+        self.streams: list[CallStream | Observed | StatusStream] = [found for kind in streams if (found := observed[kind]) is not None]
 
     @property
     def received(self) -> int:
