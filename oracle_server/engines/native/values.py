@@ -6,7 +6,7 @@ from oracle_server.core.atoms import meets, precedes
 from oracle_server.core.explanation import Failing
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.tree import Any, Atom, Constraint, Ref, Scalar, Signal
-from oracle_server.core.kinds import RESERVED
+from oracle_server.core.kinds import NAMING
 from oracle_server.core.naming import value_text
 from oracle_server.core.past import Seen
 from oracle_server.engines.native.parts import Part
@@ -29,7 +29,7 @@ def failing(part: Part, atom: Atom, seen: Seen) -> tuple[Failing, ...]:
     failed = [each for c in atom.constraints if (each := _failing(part, c, seen)) is not None]
     missing = {each.signal for each in failed if each.value is None}
     found = [each for each in failed if each.than not in missing]
-    return tuple([each for each in found if each.signal in RESERVED] or found)
+    return tuple([each for each in found if each.signal in NAMING] or found)
 
 
 def telling(part: Part, atom: Atom, seen: Seen) -> str:
