@@ -37,8 +37,6 @@ _MAKE: Mapping[str, Callable[[Definition, Session], Series]] = {
 }
 Names = frozenset[str] | set[str]
 _NOTHING: tuple[Signals, frozenset[str]] = {}, frozenset()
-_NONE: set[str] = set()
-"""The derived signals of which a step has a sample, where nobody asks: never changed."""
 
 
 class LastStep(NamedTuple):
@@ -73,6 +71,8 @@ class Derived:
         self._series = [_made(d, self._session) for d in layout.definitions]
         self._chained = any(name in d.reads for d in layout.definitions for name in self._names)
         """Whether some are computed of others."""
+        self._unread: set[str] = set()
+        """Of which a step has a sample, where nobody asks."""
         self._bys = [d.by for d in layout.definitions]
         self._bound: dict[int, list[Any]] = {}
         self._silent = [(self._series[p.index], self._names[p.index]) for p in layout.silent]
@@ -100,16 +100,19 @@ class Derived:
         if begun is None or now < begun:
             self._begin_before(now)
         bound = self._bound.get(id(parts)) or self._bind(parts)
-        fresh: set[str] = set() if self._chained else _NONE
+        fresh: set[str] = set() if self._chained else self._unread
         for take, value_of_it, sample, name, wanted in bound:
-            if sample is not None:
-                found = True if sample is always else sample(step, signals, failed, fresh)
-                if found is not NOTHING:
-                    take(found, now, number, signals, failed)
-                    if self._chained:
-                        fresh.add(name)
-            if wanted:
+            if sample is always:
+                value = take(True, now, number, signals, failed)
+                fresh.add(name)
+            elif sample is None or (found := sample(step, signals, failed, fresh)) is NOTHING:
+                if not wanted:
+                    continue
                 value = value_of_it(now, number, signals, failed)
+            else:
+                value = take(found, now, number, signals, failed)
+                fresh.add(name)
+            if wanted:
                 if value is FAILED:
                     failed = frozenset((*failed, name))
                 elif value is not None:

@@ -17,7 +17,7 @@ COLUMNS = {"steps": STEP_COLUMNS, "refused": REFUSED_COLUMNS}
 """The tables into which rows are inserted many to a statement."""
 REFUSED = (
     sqlite3.DataError, sqlite3.IntegrityError, sqlite3.InterfaceError, sqlite3.ProgrammingError,
-    ValueError, OverflowError, TypeError, RecursionError, msgspec.MsgspecError,
+    ValueError, OverflowError, TypeError, LookupError, AttributeError, RecursionError, msgspec.MsgspecError,
 )  # fmt: skip
 """What is raised for a value that can't be kept, now or ever; a disk that is full or fails raises other errors."""
 _CHUNK = 64
@@ -25,6 +25,17 @@ _CHUNK = 64
 _LONG = 2**17
 """Characters of signals and explanations beyond which it has fewer: SQLite copies them."""
 _TEXTS = [STEP_COLUMNS.index("signals"), STEP_COLUMNS.index("explanations")]
+
+
+class Then(NamedTuple):
+    """A statement that is executed after a piece of work, together with it or not at all.
+
+    Its values are made in the writer's thread. It counts as `size` rows.
+    """
+
+    what: str
+    make: Callable[[], Sequence[Any]]
+    size: int
 
 
 @dataclass(slots=True)
@@ -42,8 +53,7 @@ class Work:
     done: Callable[[], object] | None = None
     needed: bool = True
     always: bool = False
-    then: tuple[str, Sequence[Any]] | None = None
-    """A statement with its values that is executed after it, together with it or not at all."""
+    then: Then | None = None
 
 
 class Refused(NamedTuple):
@@ -106,7 +116,7 @@ def _merged(work: Sequence[Work]) -> list[tuple[str | Exception, list[Any]]]:
             merged.append((one.what, []))
         merged[-1][1].extend(one.values if one.what in COLUMNS else [one.values])
         if one.then is not None:
-            merged.append((one.then[0], [one.then[1]]))
+            merged.append((one.then.what, [one.then.make()]))
     return merged
 
 
