@@ -27,7 +27,7 @@ from oracle_server.wire.errors import WireError
 from oracle_server.wire.flat import decode_object, find_stream, flat_event
 from oracle_server.wire.frames import Outgoing
 from oracle_server.wire.incoming import AnyEvent, Attach
-from oracle_server.wire.reading import event_of, suspicious
+from oracle_server.wire.reading import event_of
 
 MONITOR = "legacy"
 """The name of a legacy monitor in its session: the protocol has no names."""
@@ -205,7 +205,7 @@ class LegacyConnection:
         else:
             name, stamp = key.name, stamp_in(flat.data, spec.by_key[key].stamp)
         event = {"seq": self._seq, "stream": name, "kind": flat.kind, "data": flat.data, **flat.marks}
-        return event_of(event | {"stamp": stamp or flat.stamp or flat.time}, suspicious=suspicious(text))
+        return event_of(event | {"stamp": stamp or flat.stamp or flat.time}, len(text))
 
 
 def verdict_of(judged: list[Judged], seq: int) -> dict[str, str]:

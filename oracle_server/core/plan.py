@@ -14,6 +14,7 @@ from typing import Protocol
 from oracle_server.core.atoms import AtomTest, Match, specialise, specialise_some
 from oracle_server.core.derived.layout import Layout, Part, parts, watched
 from oracle_server.core.events import StreamKey
+from oracle_server.core.formula.ahead import looks_ahead
 from oracle_server.core.formula.tree import Atom, Scalar
 from oracle_server.core.kinds import GROUPS, KINDS, OWN, RESERVED, Kind
 from oracle_server.core.reach import Reach
@@ -243,7 +244,7 @@ class _Making:
         timed = [
             (i, [prop.atoms[test.index] for test in view.tests])
             for i, (prop, view) in enumerate(zip(properties, silent, strict=True))
-            if prop.time == "seconds"
+            if prop.time == "seconds" and not looks_ahead(prop.formula)  # operands of that are judged at steps alone
         ]
         at_ticks = parts(derive, [()] * len(derive), (), (), read)
         return Layout(derive, at_ticks, watched(derive, timed), frozenset(d.by for d in derive if d.by))

@@ -114,6 +114,7 @@ def parse_spec(
         *_engines(spec),
         *_revising(spec, model),
         *(_on_ros(spec, ros, typed) if ros else ()),
+        *named.clashes(spec),
         *named.numeric(spec),
         *named.unused(),
         *action_problems(model.streams, places),

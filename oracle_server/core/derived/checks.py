@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Literal
 
+from oracle_server.core.derived.compared import uncompared
 from oracle_server.core.derived.definition import MAX_SAMPLES, OPS, Definition
 from oracle_server.core.derived.ranges import derived_ranges
 from oracle_server.core.errors import ExpressionError, SpecProblem
-from oracle_server.core.expression import check_shape
+from oracle_server.core.expression import KEYWORDS, check_shape
 from oracle_server.core.expression.tokens import place
 from oracle_server.core.expression.tree import Path, walk
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.render import render_atom
-from oracle_server.core.formula.tree import Atom, Constraint, Position, Ref, Signal
+from oracle_server.core.formula.tree import Atom, Constraint, Position, Ref
 from oracle_server.core.kinds import OWN, RESERVED
 from oracle_server.core.nearest import listed, nearest
 from oracle_server.core.ranges import Range
@@ -35,7 +36,7 @@ def derived_problems(spec: Spec) -> Iterator[SpecProblem]:
         yield from _operands(spec, index, definition, ranges)
         yield from _keys(definition)
     yield from _asked(spec, ranges)
-    yield from _compared(spec)
+    yield from uncompared(spec)
     yield from _too_early(spec)
 
 
@@ -43,6 +44,8 @@ def _name(spec: Spec, definition: Definition) -> Iterator[SpecProblem]:
     name, path = definition.name, ("derive", definition.name)
     if name in _reserved(spec):
         yield SpecProblem(path, f"the signal '{name}' is reserved; give yours another name")
+    if name in KEYWORDS:
+        yield SpecProblem(path, f"`{name}` is a word of expressions; give the derived signal another name")
     for i, stream in enumerate(spec.streams):
         if name in (stream.signals or ()) or name in stream.hold:
             key = "signals" if name in (stream.signals or ()) else "hold"
@@ -175,23 +178,6 @@ def _asked(spec: Spec, ranges: Mapping[str, Range]) -> Iterator[SpecProblem]:
                 reason = definition and _misfit(definition, constraint, ranges)
                 if reason:
                     message = f"formula of '{prop.id}': {reason}"
-                    yield SpecProblem(("properties", i, "formula"), message, atom.at)
-
-
-def _compared(spec: Spec) -> Iterator[SpecProblem]:
-    """Comparisons of two signals that time alone may turn: there would be no tick where it does."""
-    turning = {d.name for d in spec.derive if d.op == "age" or d.timed}
-    for i, prop in enumerate(spec.properties):
-        for atom in prop.atoms if prop.time == "seconds" else ():
-            for constraint in atom.constraints:
-                if not isinstance(constraint.value, Signal):
-                    continue
-                name = next((n for n in (constraint.key, constraint.value.name) if n in turning), None)
-                if name is not None:
-                    message = (
-                        f"formula of '{prop.id}': `{render_atom(atom)}` compares '{name}', which changes with time, "
-                        "with another signal; with `time: seconds` compare it with a number, or write `time: steps`"
-                    )
                     yield SpecProblem(("properties", i, "formula"), message, atom.at)
 
 

@@ -52,8 +52,9 @@ def step_row(session: int, stored: StoredStep) -> Row:
     plain = stored.standing is None and stored.revision is None  # as nearly all are, and each is written
     return (
         session, stored.position, stored.order, _number(stored), event.stream.name, event.stream.kind, event.monitor,
-        event.seq, stored.gap, step.stamp, event.arrived, stored.judged, step.late, step.skewed, step.forced,
-        event.lost, event.source, event.call, event.ask, stored.decision.choice if stored.decision else None,
+        event.seq, stored.gap, step.stamp, event.arrived, stored.judged, int(step.late), int(step.skewed),
+        int(step.forced), event.lost, event.source, event.call, int(event.ask),
+        stored.decision.choice if stored.decision else None,
         text(stored.decision.denied_by) if stored.decision else "[]", stored.passed, stored.why,
         _encode(step.signals).decode(), "[]" if not step.failed else text(sorted(step.failed)),
         letters(stored.outcomes if plain else _told(stored)), _degraded(stored),
