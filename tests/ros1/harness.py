@@ -201,10 +201,10 @@ class Scene:
         process.said("observing")
         return process
 
-    def node(self, module: str, **parameters: object) -> Process:
-        """One of the example's nodes."""
+    def node(self, module: str, package: str = "battery_uav", **parameters: object) -> Process:
+        """One of an example's nodes."""
         words = [f"_{name}:={as_yaml(value)}" for name, value in parameters.items()]
-        return self.run(module, sys.executable, "-m", f"battery_uav.{module}", *words)
+        return self.run(module, sys.executable, "-m", f"{package}.{module}", *words)
 
     def peer(self) -> Peer:
         made = Peer(f"peer{next(self._peers)}", self.settings)
