@@ -91,9 +91,9 @@ def test_frames(text: str) -> None:
         refused = None
         try:
             frame = decode(text)
-            if isinstance(frame.message, RawEvents):
-                for raw in frame.message.events:
-                    event_in(raw, whole, suspicious=frame.suspicious)
+            if isinstance(frame, RawEvents):
+                for raw in frame.events:
+                    event_in(raw, whole)
         except WireError as error:
             refused = error
     if refused is not None:

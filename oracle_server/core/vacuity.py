@@ -34,7 +34,7 @@ from oracle_server.core.formula.tree import (
 )
 from oracle_server.core.instants import Instants, Occurrence
 from oracle_server.core.joins import unjoined
-from oracle_server.core.kinds import RESERVED
+from oracle_server.core.kinds import NAMING
 from oracle_server.core.misfits import Doubt, misfits
 from oracle_server.core.places import Place, names_of, places
 from oracle_server.core.spec import Property, Spec
@@ -204,7 +204,11 @@ class _Seen:
         if self.prop.latch or all(row) or looks_ahead(self.prop.formula):
             return
         for name in sorted(self.prop.guards):
-            own = [(p, holds) for p, holds in zip(self.places, row, strict=True) if p.stream and p.stream.name == name]
+            own = [
+                (p, holds)
+                for p, holds in zip(self.places, row, strict=True)
+                if p.stream and p.stream.name == name and p.stream.action == "filter"
+            ]
             if own and all(holds for _, holds in own):
                 group = next(p.stream.traits.group for p, _ in own if p.stream)
                 message = (
@@ -228,13 +232,13 @@ class _Seen:
 def _lenient(place: Place, atom: Atom) -> Truth:
     """What is known of an atom where it may be that it was meant for the events of another stream only."""
     value = place.value(atom)
-    return None if value is False and not all(c.key in RESERVED for c in atom.constraints) else value
+    return None if value is False and not all(c.key in NAMING for c in atom.constraints) else value
 
 
 def _guard(operand: Formula, failing: Sequence[Place]) -> Atom:
     """What says that the signals are there which an operand lacks: of its first atom that fails, with any value."""
     culprit = next(a for a in atoms(operand) if any(p.value(a) is False for p in failing))
-    own = [c for c in culprit.constraints if c.key in RESERVED]
+    own = [c for c in culprit.constraints if c.key in NAMING]
     if any(not p.allows(culprit) for p in failing):
         return Atom(tuple(own))
     lacking = {key for p in failing for key in p.lacks(culprit)}

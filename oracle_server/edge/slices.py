@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import time
+from collections.abc import Callable
+from functools import partial
 
 from uvicorn._types import ASGIReceiveEvent, ASGISendEvent
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
@@ -32,6 +34,10 @@ class SlicedWebSocket(WebSocketsSansIOProtocol):
     def rest(self) -> float:
         """For how many seconds nothing more should be read."""
         return 0.0
+
+    def take_turn(self, work: Callable[[], None]) -> None:
+        """Process some slices: all of a turn at once, since a slice is less than its accounting would be worth."""
+        work()
 
     def process(self, data: bytes) -> None:
         """Process a slice."""
@@ -84,6 +90,10 @@ class SlicedWebSocket(WebSocketsSansIOProtocol):
             self._plan()
 
     def _process(self, *, anyway: bool) -> None:
+        if self._unread:
+            self.take_turn(partial(self._process_slices, anyway=anyway))
+
+    def _process_slices(self, *, anyway: bool) -> None:
         """Process slices until the turn is over, or, unless `anyway`, a message waits or nothing should be read."""
         end = time.monotonic() + _TURN
         while self._at < len(self._unread):

@@ -295,7 +295,7 @@ def test_the_deepest_and_the_widest_that_are_read() -> None:
         ("pre[1] {x}", "write `pre {…}`"),
         ("pre[3] {x}", "write `once[3:3] {…}`"),
         ("not[3] {x}", "`not` has no bound"),
-        ("{v > *x}", "`>` takes no variable"),
+        ("{v > *x}", "the variable 'x' is free"),
         ("{v > *}", "`>` compares with a number"),
         ("{v != *x}", "write `{v: *} and not {v: *x}`"),
         ("{v < 1,5}", "as `1.5`"),

@@ -36,16 +36,15 @@ _MAKE: Mapping[str, Callable[[Definition, Session], Series]] = {
     "age": Age,
 }
 Names = frozenset[str] | set[str]
-_NONE: set[str] = set()
-"""The derived signals of which a step has a sample, where nobody asks: never changed."""
+_NOTHING: tuple[Signals, frozenset[str]] = {}, frozenset()
 
 
 class LastStep(NamedTuple):
-    """The last step: its time (ns), its number, or 0 before the first one, and what is held since."""
+    """The last step: its time (ns), its number, or 0 before the first one, and what is held, or has failed, since."""
 
     present: int
     steps: int
-    held: Callable[[], Signals]
+    held: Callable[[], tuple[Signals, Names]]
 
 
 class Turn(NamedTuple):
@@ -72,10 +71,14 @@ class Derived:
         self._series = [_made(d, self._session) for d in layout.definitions]
         self._chained = any(name in d.reads for d in layout.definitions for name in self._names)
         """Whether some are computed of others."""
+        self._unread: set[str] = set()
+        """Of which a step has a sample, where nobody asks."""
         self._bys = [d.by for d in layout.definitions]
         self._bound: dict[int, list[Any]] = {}
         self._silent = [(self._series[p.index], self._names[p.index]) for p in layout.silent]
         self._watch: tuple[int, int, Watch] | None = None
+        self._sees = bool(layout.keys) or any(w.compares for w in layout.watched)
+        """Whether what is held matters to what turns."""
         self._due: list[Carried] = []
         """The keys for which a tick at the last one's time is still due."""
 
@@ -97,16 +100,19 @@ class Derived:
         if begun is None or now < begun:
             self._begin_before(now)
         bound = self._bound.get(id(parts)) or self._bind(parts)
-        fresh: set[str] = set() if self._chained else _NONE
+        fresh: set[str] = set() if self._chained else self._unread
         for take, value_of_it, sample, name, wanted in bound:
-            if sample is not None:
-                found = True if sample is always else sample(step, signals, failed, fresh)
-                if found is not NOTHING:
-                    take(found, now, number, signals, failed)
-                    if self._chained:
-                        fresh.add(name)
-            if wanted:
+            if sample is always:
+                value = take(True, now, number, signals, failed)
+                fresh.add(name)
+            elif sample is None or (found := sample(step, signals, failed, fresh)) is NOTHING:
+                if not wanted:
+                    continue
                 value = value_of_it(now, number, signals, failed)
+            else:
+                value = take(found, now, number, signals, failed)
+                fresh.add(name)
+            if wanted:
                 if value is FAILED:
                     failed = frozenset((*failed, name))
                 elif value is not None:
@@ -218,8 +224,12 @@ class Derived:
     def _watching(self, last: LastStep) -> Watch:
         present, steps, held = last
         if self._watch is None or self._watch[:2] != (present, steps):
-            signals = held() if self._layout.keys else {}
-            watch = Watch(self._layout.watched, self._series, self._bys, self._session, present, steps, signals)
+            signals, failed = held() if self._sees else _NOTHING
+
+            def see(time: int, carried: Signals) -> tuple[Signals, Names]:
+                return self.at(time, steps, {**signals, **carried}, failed - carried.keys())
+
+            watch = Watch(self._layout.watched, self._series, self._bys, self._session, present, steps, signals, see)
             self._watch = present, steps, watch
             self._due = []
         return self._watch[2]
