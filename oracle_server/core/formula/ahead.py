@@ -70,7 +70,7 @@ def unbounded(goal: Formula) -> Ahead | None:
     return next((node for node in walk(goal) if isinstance(node, bounded) and node.bound.upper is None), None)
 
 
-def can_fail(goal: Formula) -> bool:
+def can_fail(goal: Formula) -> bool:  # noqa: PLR0911 -- a case a node
     """Whether what is awaited can be decided false while the session goes on."""
     match goal:
         case tree.Eventually(_, bound):
