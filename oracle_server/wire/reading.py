@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 from pydantic import TypeAdapter, ValidationError
 
+from oracle_server.core.kinds import GOAL_ID, KINDS, STATUS, Status
 from oracle_server.wire.data import DataDecoder, Decoders, decoded, resting, whole
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import (
@@ -73,10 +74,27 @@ def event_of(value: Any, size: int) -> QuickEvent:
 
 
 def _with_data(event: RawEvent, decoders: Decoders) -> QuickEvent:
+    goal_id, status = _marks(event)
     data = _data(event.data, decoders(event.stream, event.kind), event.seq)
     return QuickEvent(
-        event.seq, event.stream, data, event.kind, event.stamp, event.ask, event.source, event.call, event.lost
-    )
+        event.seq, event.stream, data, event.kind, event.stamp, event.ask, event.source, event.call, event.lost,
+        goal_id, status,
+    )  # fmt: skip
+
+
+def _marks(event: RawEvent | EventMessage) -> tuple[str | None, Status | None]:
+    """The goal's id and status, of kinds that have them. Raises `WireError` where one is missing."""
+    marks = KINDS[event.kind].marks
+    if not marks:
+        return None, None
+    goal_id = event.goal_id
+    status = event.status if STATUS in marks else None
+    missing = GOAL_ID if goal_id is None else STATUS if STATUS in marks and status is None else ""
+    if missing:
+        raise WireError(
+            "bad_event", f"{missing}: missing, and every event of kind `{event.kind}` has one", seq=event.seq
+        )
+    return goal_id, status
 
 
 def _data(raw: msgspec.Raw, decoder: DataDecoder, seq: int) -> dict[str, Any]:
@@ -138,9 +156,11 @@ def _checked(value: Any) -> QuickEvent:
         event = _event.validate_python(value)
     except ValidationError as error:
         raise WireError("bad_event", _reason(error), seq=_seq(value)) from None
+    goal_id, status = _marks(event)
     return QuickEvent(
-        event.seq, event.stream, event.data, event.kind, event.stamp, event.ask, event.source, event.call, event.lost
-    )
+        event.seq, event.stream, event.data, event.kind, event.stamp, event.ask, event.source, event.call, event.lost,
+        goal_id, status,
+    )  # fmt: skip
 
 
 def _parts_of(text: str | msgspec.Raw) -> dict[str, msgspec.Raw] | None:

@@ -10,6 +10,7 @@ from contextlib import aclosing, closing
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
+from unittest.mock import patch
 
 import msgspec
 import pytest
@@ -42,16 +43,25 @@ def test_a_durability_that_there_is_not_is_told(tmp_path: Path) -> None:
     assert "ORACLE_DURABILITY" in failed("serve", "--data-dir", tmp_path, "--port", "0", ORACLE_DURABILITY="off")
 
 
+class Log:
+    """Takes the place of the writer's log, and tells when it has said that the history can't be written."""
+
+    def __init__(self) -> None:
+        self.told = threading.Event()
+
+    def error(self, _: str, **__: object) -> None:
+        self.told.set()
+
+
 async def failing(folder: Path) -> SqliteHistory:
     """A history that can't write what it was given, whosever it is."""
     history = SqliteHistory(folder)
     history.start(asyncio.get_running_loop())
     with closing(sqlite3.connect(history.path)) as database, database:
         database.execute("ALTER TABLE steps RENAME TO lost")
-    history.append(1, [step(1)], lambda: None)
-    async with asyncio.timeout(PATIENCE):
-        while history.failure is None:
-            await asyncio.sleep(0.01)
+    with patch.object(writer, "log", Log()) as log:
+        history.append(1, [step(1)], lambda: None)
+        assert await asyncio.to_thread(log.told.wait, PATIENCE)
     return history
 
 

@@ -26,10 +26,9 @@ from oracle_server.history.query import Query
 from oracle_server.history.records import Restated, StoredStep, restated, stored_revision
 from oracle_server.history.sqlite import history as sqlite_history
 from oracle_server.history.sqlite.history import SqliteHistory
-from oracle_server.history.sqlite.schema import STEP_COLUMNS
 from oracle_server.history.sqlite.standing import RESTATE
 from oracle_server.history.views import Doubts, View, records
-from tests.history.making import OUTCOMES, PROPERTIES, add, explanation, opened, revision, some_steps, step
+from tests.history.making import OUTCOMES, PROPERTIES, add, asked_for, explanation, opened, revision, some_steps, step
 from tests.history.test_port import collected, queries
 
 WIDTH = len(PROPERTIES)
@@ -258,8 +257,7 @@ class Life:
 
     def expected(self, query: Query) -> list[VerdictRecord]:
         """The records that a query asks for, by its words: over all of them, one by one."""
-        found = [record for row in self.rows for record in self._records(row, query) if self._wanted(record, query)]
-        return found if query.order == "asc" else found[::-1]
+        return asked_for([record for row in self.rows for record in self._records(row, query)], query)
 
     def _records(self, row: StoredStep, query: Query) -> list[VerdictRecord]:
         made = records(row, PROPERTIES)
@@ -276,19 +274,6 @@ class Life:
             if record["n"] in self.revised:
                 record["revised"] = self.revised[record["n"]]
         return [record for record in made if record["outcome"] is not None]
-
-    def _wanted(self, record: VerdictRecord, query: Query) -> bool:
-        n = record["n"]
-        behind = query.after is None or (n > query.after if query.order == "asc" else n < query.after)
-        return (
-            behind
-            and (not query.properties or record["property"] in query.properties)
-            and (not query.outcomes or record["outcome"] in query.outcomes)
-            and (query.stream is None or record["stream"] == query.stream)
-            and (query.since is None or record["stamp"] >= query.since)
-            and (query.until is None or record["stamp"] <= query.until)
-            and (not query.violations or record["violation"] or record.get("retracted", False))
-        )
 
 
 @st.composite
@@ -389,26 +374,3 @@ def test_what_stands_is_written_by_a_look_at_each_step_that_is_revised(tmp_path:
         "SCAN json_each VIRTUAL TABLE INDEX 1:", "SEARCH steps USING PRIMARY KEY (session=? AND position=?)",
     ]  # fmt: skip
     history.close()
-
-
-async def test_a_history_that_an_older_version_wrote_tells_what_it_told(tmp_path: Path) -> None:
-    steps = [step(1), step(2, outcomes=(FALSE, HELD), violated=[0]), step(3, kind="tick")]
-    older = SqliteHistory(tmp_path)
-    older.start(asyncio.get_running_loop())
-    older.open_session(opened())
-    await add(older, *steps)
-    await asyncio.to_thread(older.close)
-    with closing(sqlite3.connect(older.path)) as database:
-        for column in STEP_COLUMNS[STEP_COLUMNS.index("released") :]:
-            database.execute(f"ALTER TABLE steps DROP COLUMN {column}")
-        database.execute("PRAGMA user_version = 6")
-    history = SqliteHistory(tmp_path)
-    history.start(asyncio.get_running_loop())
-    assert await collected(history.steps(1, 0)) == steps
-    for view in get_args(View):
-        assert await told(history, Query(view=view)) == [r for kept in steps for r in records(kept, PROPERTIES)]
-    late = revision(4, change(7, 3, 3, HELD, retracted=True), None, standing={2: stands(HELD, HELD)})
-    history.append(1, [stored_revision(4, late)], lambda: None, [late])
-    await history.flush()
-    assert await told(history, Query(violations=True)) == []
-    await asyncio.to_thread(history.close)

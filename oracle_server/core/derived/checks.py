@@ -15,7 +15,7 @@ from oracle_server.core.expression.tree import Path, walk
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.render import render_atom
 from oracle_server.core.formula.tree import Atom, Constraint, Position, Ref
-from oracle_server.core.kinds import RESERVED
+from oracle_server.core.kinds import OWN, RESERVED
 from oracle_server.core.nearest import listed, nearest
 from oracle_server.core.ranges import Range
 from oracle_server.core.spec import Spec
@@ -42,7 +42,7 @@ def derived_problems(spec: Spec) -> Iterator[SpecProblem]:
 
 def _name(spec: Spec, definition: Definition) -> Iterator[SpecProblem]:
     name, path = definition.name, ("derive", definition.name)
-    if name in RESERVED:
+    if name in _reserved(spec):
         yield SpecProblem(path, f"the signal '{name}' is reserved; give yours another name")
     if name in KEYWORDS:
         yield SpecProblem(path, f"`{name}` is a word of expressions; give the derived signal another name")
@@ -86,7 +86,7 @@ def _formula(spec: Spec, index: int, definition: Definition) -> Iterator[SpecPro
             yield _problem(definition, path, message, min(found, default=(1, 1)))
             return
     above = frozenset(d.name for d in spec.derive[:index]).union(*(s.hold for s in spec.streams))
-    below = {d.name for d in spec.derive[index:]} - above - _declared(spec) - RESERVED
+    below = {d.name for d in spec.derive[index:]} - above - _declared(spec) - _reserved(spec)
     for atom in tree.atoms(definition.formula):
         reason = next((_below(spec, index, c.key) for c in atom.constraints if c.key in below), None)
         reason = reason or why_never(atom, spec, above)
@@ -115,7 +115,7 @@ def _expression(spec: Spec, index: int, definition: Definition, path: tuple[str,
 
 def _unknown(spec: Spec, index: int, name: str) -> str | None:
     """Why a name is no signal that a derived one may read; None where it is."""
-    if name in RESERVED or name in {d.name for d in spec.derive[:index]}:
+    if name in _reserved(spec) or name in {d.name for d in spec.derive[:index]}:
         return None
     declared = _declared(spec)
     below = _below(spec, index, name)
@@ -126,6 +126,11 @@ def _unknown(spec: Spec, index: int, name: str) -> str | None:
     known = sorted({*declared, *(d.name for d in spec.derive[:index])})
     hint = nearest(name, known)
     return f"unknown signal '{name}'; {f'{hint} ' if hint else ''}there are {listed(known) or 'none'}"
+
+
+def _reserved(spec: Spec) -> frozenset[str]:
+    """The names that events of the spec's streams have without declaring them."""
+    return RESERVED.union(*(OWN[stream.traits.group] for stream in spec.streams))
 
 
 def _declared(spec: Spec) -> set[str]:

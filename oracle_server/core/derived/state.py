@@ -14,7 +14,7 @@ from oracle_server.core.derived.extremes import Extreme
 from oracle_server.core.derived.keyed import Keyed, key_of, value_of
 from oracle_server.core.derived.latest import Delta, Last, Previous
 from oracle_server.core.derived.layout import Layout, Part
-from oracle_server.core.derived.samples import FAILED, NOTHING, Lack, always
+from oracle_server.core.derived.samples import FAILED, NOTHING, Lack
 from oracle_server.core.derived.sums import Mean, Sum
 from oracle_server.core.derived.watch import Carried, Watch
 from oracle_server.core.derived.window import Series, Session
@@ -100,16 +100,19 @@ class Derived:
         if begun is None or now < begun:
             self._begin_before(now)
         bound = self._bound.get(id(parts)) or self._bind(parts)
-        fresh: set[str] = set() if self._chained else _NONE
-        for take, value_of_it, sample, name, wanted in bound:
-            if sample is not None:
-                found = True if sample is always else sample(step, signals, failed, fresh)
-                if found is not NOTHING:
-                    take(found, now, number, signals, failed)
-                    if self._chained:
-                        fresh.add(name)
-            if wanted:
+        chained, of_event = self._chained, step.signals
+        fresh: set[str] = set() if chained else _NONE
+        for take, value_of_it, sample, own, name, wanted in bound:
+            found: Any = of_event.get(own) if own else None
+            if type(found) is not float:  # else `sample` has it so, too
+                found = NOTHING if sample is None else sample(step, signals, failed, fresh)
+            if found is not NOTHING:
+                value = take(found, now, number, signals, failed)
+                if chained:
+                    fresh.add(name)
+            elif wanted:
                 value = value_of_it(now, number, signals, failed)
+            if wanted:
                 if value is FAILED:
                     failed = frozenset((*failed, name))
                 elif value is not None:
@@ -239,7 +242,7 @@ class Derived:
 
     def _bind(self, parts: tuple[Part, ...]) -> list[Any]:
         """What is called for the parts of a stream."""
-        found = [(self._series[p.index], p.sample, self._names[p.index], p.wanted) for p in parts]
+        found = [(self._series[p.index], p.sample, p.own, self._names[p.index], p.wanted) for p in parts]
         return self._bound.setdefault(id(parts), [(s.take, s.value, *rest) for s, *rest in found])
 
 
