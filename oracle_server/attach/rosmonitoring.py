@@ -13,6 +13,7 @@ from starlette.websockets import WebSocketDisconnect
 
 from oracle_server.attach.throttle import Throttle
 from oracle_server.core.errors import HistoryError, SpecError
+from oracle_server.core.kinds import ACTIONS
 from oracle_server.core.stamps import stamp_in
 from oracle_server.core.verdicts import NEGATIVE, Judged, Outcome, worst
 from oracle_server.edge.access import grant_of
@@ -119,7 +120,8 @@ class LegacyConnection:
 
     async def serve(self) -> None:
         """Accept the connection and answer each frame, in order."""
-        monitor = self._session.attach(Attach(type="attach", monitor=MONITOR, instance=secrets.token_hex(8)), self)
+        wanted = Attach(type="attach", monitor=MONITOR, instance=secrets.token_hex(8), features=[ACTIONS])
+        monitor = self._session.attach(wanted, self)
         try:
             await self._socket.accept()
             log.info("legacy monitor attached", session=self._session.id)
@@ -202,7 +204,7 @@ class LegacyConnection:
             name, stamp = flat.stream, None
         else:
             name, stamp = key.name, stamp_in(flat.data, spec.by_key[key].stamp)
-        event = {"seq": self._seq, "stream": name, "kind": flat.kind, "data": flat.data}
+        event = {"seq": self._seq, "stream": name, "kind": flat.kind, "data": flat.data, **flat.marks}
         return event_of(event | {"stamp": stamp or flat.stamp or flat.time}, len(text))
 
 

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from oracle_server.core.actions import action_hazards
 from oracle_server.core.awaited import awaited, waits
 from oracle_server.core.deadlocks import deadlocks, starvation
 from oracle_server.core.dependencies import GraphNode
@@ -50,6 +51,7 @@ def inspect(
         *deadlocks(spec, graph),
         *(starvation(spec, graph) if graph is not None else ()),
         *_undoing(spec),
+        *action_hazards(spec),
         *(replace(p, kind="type") for p in (inspect_fields(spec, types) if types is not None else ())),
     ]
     if all(problem.severity != "error" or problem.path[0] != "streams" for problem in found):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Literal
 
+from oracle_server.core.actions import reply_hazards
 from oracle_server.core.errors import SpecProblem
 from oracle_server.core.spec import Spec
 
@@ -25,6 +26,7 @@ def ros_hazards(spec: Spec, ros: Ros) -> Iterator[SpecProblem]:
     """What `check --ros` warns of."""
     if ros == 1:
         yield from _arrival_times(spec)
+        yield from reply_hazards(spec)
     else:
         yield from _denied_responses(spec)
 

@@ -82,7 +82,8 @@ def _contradiction(constraints: Sequence[Constraint], spec: Spec) -> str:
     wanted = {c.key: c.value for c in constraints if c.key in NAMING and c.op == "=="}
     groups = [group for group in GROUPS if group in wanted]
     every = [kind for kind, traits in KINDS.items() if traits.group]
-    kinds = [kind for kind in every if not groups or KINDS[kind].group in groups]
+    known = groups or {"topic", "service", *(stream.traits.group for stream in spec.streams)}
+    kinds = [kind for kind in every if KINDS[kind].group in known]
     kind = wanted.get("kind")
     if isinstance(kind, str) and kind not in every:
         hint = nearest(kind, kinds)

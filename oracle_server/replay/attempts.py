@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import msgspec
 
-from oracle_server.core.kinds import KINDS
+from oracle_server.core.kinds import ACTION, KINDS
 from oracle_server.core.spec import Spec, StreamSpec
 from oracle_server.replay.line import Line
 from oracle_server.replay.passing import Filter
@@ -117,7 +117,7 @@ class Attempts:
 
 def _is_between(stream: StreamSpec) -> bool:
     """Whether a monitor stands between the nodes of a stream, so that it has two names."""
-    return stream.action == "filter" or stream.proxied
+    return stream.traits.group != ACTION and (stream.action == "filter" or stream.proxied)
 
 
 def _other(stream: StreamSpec) -> str:

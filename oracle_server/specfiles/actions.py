@@ -49,7 +49,7 @@ def action_findings(document: Document, streams: Sequence[object]) -> Iterator[F
                 f"{where}`via: introspection` hears of what has happened, so that nothing can be denied; leave `via` "
                 "out, or write `action: log`",
             )
-        elif model.action == "filter" and not model.asked:
+        elif model.action == "filter" and model.ask == []:
             message = f"{where}nothing of it is asked, so that nothing can be denied; write `ask: [goal]`"
             yield Finding(document.file, *document.place(("streams", i, "ask")), message)
         elif not model.asked and not any(getattr(model, kind) for kind in OF_ACTIONS):

@@ -176,7 +176,7 @@ class ActionModel(_Interface):
         """The kinds on which is decided."""
         if self.action == "log":
             return ()
-        return ("goal",) if self.ask is None else tuple(dict.fromkeys(self.ask))
+        return tuple(dict.fromkeys(self.ask)) if self.ask else ("goal",)
 
 
 def _stream_kind(value: object) -> str:

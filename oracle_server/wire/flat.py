@@ -12,20 +12,22 @@ from typing import Any, NamedTuple
 import msgspec
 
 from oracle_server.core.events import Step, StreamKey
-from oracle_server.core.kinds import ACTION, GOAL_ID, KINDS, OF_ACTIONS, STATUS, Kind
+from oracle_server.core.kinds import ACTION, KINDS, OF_ACTIONS, Kind
 from oracle_server.core.stamps import nanoseconds
 
 
 class FlatEvent(NamedTuple):
-    """One flat event; `time` is when its monitor observed it, `stamp` the publication time of a call, both in ns."""
+    """One flat event; `time` is when its monitor observed it, `stamp` the publication time of a call, both in ns.
+
+    `marks` are what an action's event has beside its message; whether they are sound is for others to say.
+    """
 
     stream: str
     kind: Kind
     data: Any
     time: int | None
     stamp: int | None
-    goal_id: Any = None
-    status: Any = None
+    marks: Mapping[str, Any] = {}
 
 
 def decode_object(text: bytes | str) -> dict[str, Any]:
@@ -51,12 +53,11 @@ def flat_event(value: Mapping[str, Any]) -> FlatEvent:
         data = {k: v for k, v in value.items() if k not in ("topic", "time")}
         return FlatEvent(topic, "topic", data, time, None)
     action = value.get(ACTION)
-    if isinstance(action, str) and value.get("kind") in OF_ACTIONS:
-        stamp = nanoseconds(value.get("stamp"))
-        return FlatEvent(
-            action, value["kind"], value.get("data", {}), time, stamp, value.get(GOAL_ID), value.get(STATUS)
-        )
-    kind: Kind = "response" if "response" in value else "request"
+    kind: Kind | None = next((kind for kind in OF_ACTIONS if kind == value.get("kind")), None)
+    if isinstance(action, str) and kind is not None:
+        marks = {mark: value.get(mark) for mark in KINDS[kind].marks}
+        return FlatEvent(action, kind, value.get("data", {}), time, nanoseconds(value.get("stamp")), marks)
+    kind = "response" if "response" in value else "request"
     if kind in value and isinstance(service, str):
         return FlatEvent(service, kind, value[kind], time, nanoseconds(value.get("stamp")))
     raise ValueError(

@@ -10,6 +10,7 @@ import msgspec
 
 from oracle_server.core.bypass import Bypass
 from oracle_server.core.events import Event, Step, StreamKey
+from oracle_server.core.kinds import GOAL_ID, KINDS, STATUS
 from oracle_server.core.verdicts import Decision, Outcome, json_number
 from oracle_server.history.query import Query
 from oracle_server.history.records import Document, MonitorRecord, SessionRecord, SnapshotRecord, StoredStep
@@ -68,12 +69,14 @@ def step_row(session: int, stored: StoredStep) -> Row:
 def step_of(row: Row) -> StoredStep:
     """A row of the table of steps as what it was made of."""
     r = dict(zip(STEP_COLUMNS, row, strict=True))
+    signals, marks = _decode(r["signals"]), KINDS[r["kind"]].marks  # which stand among the signals
     event = Event(
         StreamKey(r["stream"], r["kind"]), r["monitor"], r["seq"], r["stamp"], r["arrived"], None, r["source"],
-        r["call"], r["lost"], bool(r["ask"]),
+        r["call"], r["lost"], bool(r["ask"]), None, signals[GOAL_ID] if GOAL_ID in marks else None,
+        signals[STATUS] if STATUS in marks else None,
     )  # fmt: skip
     step = Step(
-        event, _decode(r["signals"]), frozenset(_decode(r["failed"])), r["stamp"], bool(r["skewed"]), bool(r["late"]),
+        event, signals, frozenset(_decode(r["failed"])), r["stamp"], bool(r["skewed"]), bool(r["late"]),
         bool(r["forced"]), r["number"] is None, r["released"],
         frozenset(_decode(r["unheard"])) if r["unheard"] else _NONE,
     )  # fmt: skip
