@@ -53,6 +53,26 @@ SERVICE = """
     action: filter
     request: {signals: {on: msg.data}}
     response: {signals: {text: msg.message}}"""
+ACTION = """
+id: action
+description: Every goal and reply is asked for, and passes; the rest is logged
+streams:
+  - ros_action: /fib
+    type: test_msgs/action/Fibonacci
+    action: filter
+    ask: [goal, reply]
+    goal: {signals: {order: msg.order}}
+    reply: {signals: {accepted: msg.accepted}}
+    feedback: {signals: {length: size(msg.sequence)}}
+    result: {signals: {length: size(msg.sequence)}}
+properties:
+  - id: no_nonsense
+    formula: 'not {ros_action: "/fib", order: -1}'
+    guards: [/fib]
+"""
+FEW = 20
+KEPT = (FEW, 200)
+"""How many goals an action's server remembers at least while it is measured."""
 CALLED = {"service": ["/switch"], "one of 4 services": ["/switch", "/second", "/third", "/fourth"]}
 """The services of a session, of which the first is called."""
 
@@ -60,6 +80,7 @@ CALLED = {"service": ["/switch"], "one of 4 services": ["/switch", "/second", "/
 def specs() -> Iterator[tuple[str, str]]:
     """The specs' ids and texts."""
     yield "topic", TOPIC
+    yield "action", ACTION
     for case, names in CALLED.items():
         streams = "".join(SERVICE.replace("NAME", name) for name in names)
         text = SERVICES.replace("NAME", spec_of(case)).replace("STREAMS", streams)
@@ -156,6 +177,9 @@ class Run:
             for case in CALLED:
                 with chain(spec_of(case)):
                     self._measure_service(case, path)
+            for kept in KEPT if "act" in self._ros.parts else ():
+                with chain("action"):
+                    self._measure_action(path, kept)
 
     def _part(self, stack: ExitStack, *words: object) -> Part:
         return self._start(stack, [sys.executable, self._ros.script, "--part", *words])
@@ -205,6 +229,14 @@ class Run:
             caller = self._part(stack, "call", "/switch" if path == "direct" else "/switch_mon")
             latencies = json.loads(caller.until(r"^\[.*\]$")[0])
         self._add(case, path, CALLS, latencies)
+
+    def _measure_action(self, path: str, kept: int) -> None:
+        with ExitStack() as stack:
+            self._part(stack, "perform", kept).until("ready")
+            client = self._part(stack, "act", "/fib" if path == "direct" else "/fib_mon", kept)
+            found = json.loads(client.until(r"^\{.*\}$", PATIENCE)[0])
+        for case, latencies in found.items():
+            self._add(f"{case}, {kept} kept", path, CALLS, latencies)
 
     def _add(self, case: str, path: str, sent: int, latencies: list[float]) -> None:
         measured = self.measured.setdefault((case, path), Measured())

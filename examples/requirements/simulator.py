@@ -290,9 +290,9 @@ RUNS: dict[Run, tuple[str, ...]] = {
 """Each run, and the faults that it can have."""
 
 
-def trace(run: Run, fault: str | None) -> Iterator[str]:
+def trace(run: Run, fault: str | None, seed: str = "") -> Iterator[str]:
     """The lines of a recording, in the order of arrival."""
-    dice = random.Random(run.__name__)
+    dice = random.Random(run.__name__ + seed)
     last: dict[str, int] = {}
     lines: list[dict[str, Any]] = []
     for message in sorted(run(dice, fault), key=lambda m: (m.time, m.stream, m.kind)):

@@ -260,8 +260,9 @@ def _unknown_signal(key: str, streams: list[StreamSpec], types: StreamTypes, hel
     reasons = [_no_signal(shape, key) for _, shape in plain if key in shape.fields]
     if reasons:
         return f"unknown signal '{key}': {reasons[0]}"
-    known = {name for s in streams for name in s.signals or ()} | held
-    known |= {name for _, shape in plain for name, inner in shape.fields.items() if isinstance(inner, Value)}
+    declared = {name for s in streams for name in s.signals or ()} | held
+    own = {name for _, shape in plain for name, inner in shape.fields.items() if isinstance(inner, Value)}
     where = either(f"{s.key} ({shape.name})" for s, shape in plain)
-    others = f"those of a single value are {listed(sorted(known))}" if known else "it has none of a single value"
-    return f"unknown signal '{key}'; {where} has no such field; {nearest(key, known) or others}"
+    others = f"those of a single value are {listed(sorted(own))}" if own else "it has none of a single value"
+    others += f"; declared are {listed(sorted(declared))}" if declared else ""
+    return f"unknown signal '{key}'; {where} has no such field; {nearest(key, declared | own) or others}"

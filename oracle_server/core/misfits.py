@@ -10,7 +10,18 @@ from typing import Literal
 
 from oracle_server.core.comparisons import contradictory
 from oracle_server.core.formula.render import render_atom
-from oracle_server.core.formula.tree import Any, Atom, Constraint, Formula, Position, Ref, Scalar, Signal, demanded
+from oracle_server.core.formula.tree import (
+    Any,
+    Atom,
+    Constraint,
+    Formula,
+    Limit,
+    Position,
+    Ref,
+    Scalar,
+    Signal,
+    demanded,
+)
 from oracle_server.core.kinds import NAMING
 from oracle_server.core.places import Place, likened, names_of
 from oracle_server.core.ranges import ANYTHING, Range
@@ -136,7 +147,7 @@ def described(found: Range) -> str:
 def _mend(constraint: Constraint, found: Range) -> str:
     """What to write instead, where that is near."""
     wanted = constraint.value
-    if isinstance(wanted, Any | Ref | Signal):
+    if isinstance(wanted, Any | Ref | Signal | Limit):
         return ""
     key, op = constraint.key, ":" if constraint.op == "==" else f" {constraint.op}"
     numbers = found.whole is not None or "number" in found.kinds

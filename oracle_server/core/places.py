@@ -10,7 +10,7 @@ from oracle_server.core.comparisons import contradictory, turned
 from oracle_server.core.derived.ranges import derived_ranges
 from oracle_server.core.expression import is_always_there, parse_expression
 from oracle_server.core.formula.parse import Time
-from oracle_server.core.formula.tree import Any, Atom, Constraint, Ref, Scalar, Signal
+from oracle_server.core.formula.tree import Any, Atom, Constraint, Limit, Ref, Scalar, Signal
 from oracle_server.core.kinds import GOAL_ID, RESERVED, STATUS, STATUSES
 from oracle_server.core.plan import constants, has_reserved, not_signals, reserved_of
 from oracle_server.core.ranges import ANYTHING, NUMBER, TEXT, Range, range_of, range_of_field
@@ -90,7 +90,7 @@ class Place:
     def sure(self, constraint: Constraint) -> bool:
         """Whether every event meets a constraint, on a signal that it allows."""
         key, wanted = constraint.key, constraint.value
-        if isinstance(wanted, Ref | Signal):
+        if isinstance(wanted, Ref | Signal | Limit):
             return False
         if key in self.constants or (key in self.always and wanted is Any.ANY):
             return True

@@ -28,7 +28,7 @@ from oracle_server.history.sqlite import history as sqlite_history
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.history.sqlite.standing import RESTATE
 from oracle_server.history.views import Doubts, View, records
-from tests.history.making import OUTCOMES, PROPERTIES, add, explanation, opened, revision, some_steps, step
+from tests.history.making import OUTCOMES, PROPERTIES, add, asked_for, explanation, opened, revision, some_steps, step
 from tests.history.test_port import collected, queries
 
 WIDTH = len(PROPERTIES)
@@ -257,8 +257,7 @@ class Life:
 
     def expected(self, query: Query) -> list[VerdictRecord]:
         """The records that a query asks for, by its words: over all of them, one by one."""
-        found = [record for row in self.rows for record in self._records(row, query) if self._wanted(record, query)]
-        return found if query.order == "asc" else found[::-1]
+        return asked_for([record for row in self.rows for record in self._records(row, query)], query)
 
     def _records(self, row: StoredStep, query: Query) -> list[VerdictRecord]:
         made = records(row, PROPERTIES)
@@ -275,19 +274,6 @@ class Life:
             if record["n"] in self.revised:
                 record["revised"] = self.revised[record["n"]]
         return [record for record in made if record["outcome"] is not None]
-
-    def _wanted(self, record: VerdictRecord, query: Query) -> bool:
-        n = record["n"]
-        behind = query.after is None or (n > query.after if query.order == "asc" else n < query.after)
-        return (
-            behind
-            and (not query.properties or record["property"] in query.properties)
-            and (not query.outcomes or record["outcome"] in query.outcomes)
-            and (query.stream is None or record["stream"] == query.stream)
-            and (query.since is None or record["stamp"] >= query.since)
-            and (query.until is None or record["stamp"] <= query.until)
-            and (not query.violations or record["violation"] or record.get("retracted", False))
-        )
 
 
 @st.composite

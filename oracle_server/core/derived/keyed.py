@@ -78,22 +78,22 @@ class Keyed:
                 return FAILED
             return None
         key, position = key_of(value), number if self._by_steps else now
-        entry = self._entries.get(key)
+        entry, undone = self._entries.get(key), self._session.journal.entries
         if entry is None:
             if len(self._entries) >= MAX_KEYS:
                 self._change("_crowded", self._mark(now, number))
                 return FAILED
-            entry = self._entries[key] = _Entry(self._unseen(), position, self._blinds)
-            self._note(partial(self._entries.__delitem__, key))
-        elif entry.seen != self._blinds:
+            entry = self._enter(key, position)
+        elif self._blind is not None and entry.seen != self._blind.number:
             self._see(entry)
         value_of_it = entry.series.take(sample, now, number, signals, failed)
         if entry.newest != position:
-            self._note(partial(setattr, entry, "newest", entry.newest))
+            if undone is not None:
+                undone.append(partial(setattr, entry, "newest", entry.newest))
             entry.newest = position
         if self._queued:
             self._queue.add(position, key)
-            if self._queue.is_long:
+            if self._queue.is_long and not self._queue.trim():
                 self._fill()
         return value_of_it
 
@@ -213,12 +213,18 @@ class Keyed:
 
     def _unseen(self) -> Series:
         """The series of a key that has none: where samples were lost, it may have been one of its own."""
-        marks = [mark for mark in (self._blind, self._crowded) if mark is not None]
-        if not marks:
+        if self._blind is None and self._crowded is None:
             return self._make()
+        marks = [mark for mark in (self._blind, self._crowded) if mark is not None]
         series, mark = self._make(), max(marks)
         series.take(FAILED, mark.now, mark.number, {}, ())
         return series
+
+    def _enter(self, key: Key, position: int) -> _Entry:
+        """A new entry for a key."""
+        entry = self._entries[key] = _Entry(self._unseen(), position, self._blinds)
+        self._note(partial(self._entries.__delitem__, key))
+        return entry
 
     def _see(self, entry: _Entry) -> None:
         """Let a series note the last sample of which the key is not known."""
@@ -233,12 +239,14 @@ class Keyed:
             return
         position = number if self._by_steps else now
         limit = position - self._life
+        undone = self._session.journal.entries
         for key in self._queue.pass_by(limit):
             entry = self._entries.get(key)
             if entry is not None and entry.newest <= limit:
                 if isinstance(entry.series, Window):
                     entry.series.leave(len(entry.series.places))
-                self._note(partial(self._entries.__setitem__, key, entry))
+                if undone is not None:
+                    undone.append(partial(self._entries.__setitem__, key, entry))
                 del self._entries[key]
         if self._blind is not None and self._blind.position <= limit:
             self._change("_blind", None)

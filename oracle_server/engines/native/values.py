@@ -5,7 +5,7 @@ from __future__ import annotations
 from oracle_server.core.atoms import meets, precedes
 from oracle_server.core.explanation import Failing
 from oracle_server.core.formula import tree
-from oracle_server.core.formula.tree import Any, Atom, Constraint, Ref, Scalar, Signal
+from oracle_server.core.formula.tree import Any, Atom, Constraint, Limit, Ref, Scalar, Signal
 from oracle_server.core.kinds import NAMING
 from oracle_server.core.naming import value_text
 from oracle_server.core.past import Seen
@@ -46,7 +46,7 @@ def _failing(part: Part, constraint: Constraint, seen: Seen) -> Failing | None:
         return Failing(key, constraint.op, wanted, None, "failed" if key in seen.failed else "absent")
     if isinstance(constraint.value, Ref):
         met = wanted is not None and meets(Constraint(key, "==", wanted), value)
-    elif isinstance(constraint.value, Signal):
+    elif isinstance(constraint.value, Signal | Limit):
         met = precedes(value, constraint.op, wanted)
     else:
         met = meets(constraint, value)
@@ -59,7 +59,7 @@ def _wanted(part: Part, constraint: Constraint, seen: Seen) -> Scalar | None:
     match constraint.value:
         case Any():
             return None
-        case Ref(name):
+        case Ref(name) | Limit(name):
             return scalar(part.values.get(part.scope[name]))
         case Signal(name):
             return seen.signals.get(name)

@@ -36,7 +36,7 @@ class Heard:
 def test_of_a_burst_a_few_are_given_at_once_and_the_rest_in_order() -> None:
     heard = Heard(100)
     pacer = Pacer(heard, Clock())
-    assert all(pacer.take(number) for number in range(100))
+    assert all(map(pacer.take, range(100)))
     assert heard.all.wait(PATIENCE)
     assert heard.numbers == list(range(100))
     assert heard.own == AT_ONCE

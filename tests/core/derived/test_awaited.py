@@ -64,6 +64,9 @@ def _obligation(rng: random.Random, name: str, time: Time, names: Sequence[str],
         keyed = ("{k: *v}", f"{{k: *v, {d} > 1}}", "{h: *v}", *(f"{{{each}: *v}}" for each in steady))
         return rng.choice(keyed if bound and rng.random() < 0.5 else free)
 
+    def compared() -> str:
+        return f"{{{rng.choice((*names, 'x'))} {rng.choice(('<', '<=', '>', '>='))} *v}}" if scoped else atom()
+
     def span() -> str:
         lower, upper = sorted(rng.choices(range(4), k=2))
         unit = "" if time == "steps" else "s"
@@ -71,7 +74,9 @@ def _obligation(rng: random.Random, name: str, time: Time, names: Sequence[str],
 
     def goal(depth: int) -> str:
         if not depth:
-            return rng.choice((atom(), f"not {atom()}", f"once{span()} {atom()}", f"({atom()} or {atom()})"))
+            return rng.choice(
+                (atom(), compared(), f"not {atom()}", f"once{span()} {atom()}", f"({atom()} or {atom()})")
+            )
         kind = rng.choice(("eventually", "always", "until", "next", "and"))
         if kind == "until":
             return f"({goal(depth - 1)} until{span()} {goal(depth - 1)})"
