@@ -83,6 +83,7 @@ class Client:
         self.peer, self.name = peer, name
         profile = qos.QoSProfile(depth=depth)
         self.client = action.ActionClient(peer.node, test_msgs.Fibonacci, name, feedback_sub_qos_profile=profile)
+        peer.made.append(self.client)
         peer.until(self.client.server_is_ready, f"nobody serves {name}")
         self.heard: dict[str, list[int]] = {}
 
