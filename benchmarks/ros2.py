@@ -160,6 +160,8 @@ def bare_action(node: Any, executor: Any, link: BareLink, group: Any) -> None:
         async def pass_on(request: Any, _response: Any) -> Any:
             if asked:
                 await passes()
+            while not called.service_is_ready():  # at first
+                await passes()
             response = await called.call_async(request)
             if asked:
                 await passes()

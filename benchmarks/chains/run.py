@@ -63,7 +63,7 @@ streams:
     ask: [goal, reply]
     goal: {signals: {order: msg.order}}
     reply: {signals: {accepted: msg.accepted}}
-    feedback: {signals: {length: size(msg.sequence)}}
+    feedback: {signals: {length: size(msg.sequence)}, ordered: false}
     result: {signals: {length: size(msg.sequence)}}
 properties:
   - id: no_nonsense

@@ -109,6 +109,21 @@ class Client:
         found = self.done(goal.get_result_async(), "there is no result")
         return found.status, list(found.result.sequence)
 
+    def meet(self) -> None:
+        """Wait until feedback comes all the way: at first what is not discovered yet hears nothing."""
+
+        def heard() -> bool:
+            goal = self.goal(1)
+            self.result(goal)
+            return hex_of(goal) in self.heard
+
+        self.peer.until(heard, "no feedback comes")
+
+    def leave(self) -> None:
+        """Be there no more."""
+        self.peer.made.remove(self.client)
+        self.client.destroy()
+
     def cancel(self, goal_id: bytes = bytes(16)) -> Any:
         """The answer to a cancel, of all goals unless one is named."""
         client = self.peer.node.create_client(action_srvs.CancelGoal, f"{self.name}/_action/cancel_goal")
