@@ -64,7 +64,9 @@ class ProxiedAction:
         self._results = relay(impl.GetResultService, "get_result", self._ask_result, self._answer_result)
         self._withdrawals = Withdrawals(self._cancelling)
         observed = {**self._sides, "feedback": self._feedback.observed, "status": self._status.observed}
-        self.streams: list[Side | Observed | StatusStream] = [found for kind in streams if (found := observed[kind]) is not None]
+        self.streams: list[Side | Observed | StatusStream] = [
+            found for kind in streams if (found := observed[kind]) is not None
+        ]
         self.bypass = ""
         """What lets goals and news of them past the monitor, as of the last look."""
         self._trouble = ""

@@ -136,7 +136,9 @@ class IntrospectedAction:
             self._status = StatusStream(shared, streams["status"])
             self._statuses = MatchedSubscription(node, GoalStatusArray, self._status_topic, self._take_status)
         observed = {**self._sides, "feedback": self._feedback, "status": self._status}
-        self.streams: list[CallStream | Observed | StatusStream] = [found for kind in streams if (found := observed[kind]) is not None]
+        self.streams: list[CallStream | Observed | StatusStream] = [
+            found for kind in streams if (found := observed[kind]) is not None
+        ]
 
     @property
     def received(self) -> int:
