@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from oracle_server.core.errors import SpecProblem
-from oracle_server.core.formula.ahead import Ahead, Obligation, obligation
+from oracle_server.core.formula.ahead import WORDS, Ahead, Obligation, can_fail, obligation, unbounded
 from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import TRUE, Always, walk
 from oracle_server.core.spec import Property, Spec
@@ -21,6 +21,7 @@ def awaited(spec: Spec) -> Iterator[SpecProblem]:
             continue
         yield from _guards(i, prop, found)
         yield from _trigger(i, prop, found)
+        yield from _endless(i, prop, found)
 
 
 def waits(prop: Property) -> bool:
@@ -61,3 +62,16 @@ def _trigger(i: int, prop: Property, found: Obligation) -> Iterator[SpecProblem]
         "anew at each step at which it does; write an atom of the event that asks, as in `{goal: *} and … -> …`"
     )
     yield SpecProblem(("properties", i, "formula"), message, severity="warning")
+
+
+def _endless(i: int, prop: Property, found: Obligation) -> Iterator[SpecProblem]:
+    """What may come for ever, so that its absence is never a violation."""
+    endless = unbounded(found.goal)
+    if endless is None or prop.at_end == "violated" or can_fail(found.goal):
+        return
+    word = WORDS[type(endless)]
+    message = (
+        f"property '{prop.id}': `{word}` without an upper bound may be met for ever, so that the property is never "
+        f"violated; write a bound, as in `{word}[:60] …`, or `at_end: violated`"
+    )
+    yield SpecProblem(("properties", i, "formula"), message, endless.at, severity="warning", kind="vacuous")

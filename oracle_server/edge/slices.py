@@ -6,14 +6,17 @@ import asyncio
 import time
 from collections.abc import Callable
 from functools import partial
+from typing import Any, cast
 
 from uvicorn._types import ASGIReceiveEvent, ASGISendEvent
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 SLICE = 2**12
 """Bytes that are processed at once: no more than some hundred of the smallest frames."""
-_TURN = 0.001
+_TURN = 0.0005
 """Seconds after which other connections are served."""
+_READ = 2**16
+"""Bytes that are read from the socket at once: asyncio's 256 KiB take as long as a turn to copy."""
 LOOK = 0.5
 """Seconds after which something is read although it should rest: an adapter gives up after 2 s without a pong."""
 
@@ -21,7 +24,7 @@ LOOK = 0.5
 class SlicedWebSocket(WebSocketsSansIOProtocol):
     """A WebSocket that is read no faster than what was read is processed.
 
-    A socket hands over 256 KiB, which may be 40,000 frames.
+    A socket hands over 64 KiB, which may be 10,000 frames.
     """
 
     _unread = b""
@@ -29,6 +32,11 @@ class SlicedWebSocket(WebSocketsSansIOProtocol):
     """Where in `_unread` the next slice begins."""
     _next: asyncio.Handle | None = None
     """What goes on with it; None while nothing is unread, or a message waits for the application."""
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Read less at once."""
+        super().connection_made(transport)
+        cast("Any", transport).max_size = _READ
 
     @property
     def rest(self) -> float:

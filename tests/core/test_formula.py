@@ -316,7 +316,7 @@ def test_the_deepest_and_the_widest_that_are_read() -> None:
         ("{cmd_vel.speed > 1}", "write `{topic: /cmd_vel, speed}`"),
         ("{/cmd_vel.speed > 1}", "write `{topic: /cmd_vel, speed > 1}`"),
         ("{topic /cmd_vel}", "write `topic: /cmd_vel`"),
-        ("/cmd_vel {x}", "a stream stands in an atom's braces"),
+        ("/cmd_vel {x}", "a stream stands in an atom's braces: write `{topic: /cmd_vel}`"),
         ("{v > .5}", "a number is written `0.5`"),
         ("{v > +5}", "a number is written `5`"),
         ("{v <> 5}", "write `!=`"),

@@ -116,6 +116,16 @@ def warnings(*formulas: str, **more: Any) -> tuple[Finding, ...]:
             "{cmd > 3, cmd < 2}",
             "`{cmd > 3, cmd < 2}` never holds: no value of `cmd` meets `cmd > 3` and `cmd < 2`",
         ),
+        (
+            "{percent >= 20}",
+            "it is false at every event of /cmd_vel and /estop, which have no `percent`, and so is violated there, "
+            "whatever the messages say; write `{percent: *} -> {percent >= 20}`",
+        ),
+        (
+            "{percent < level}",
+            "it is false at every event of /cmd_vel and /estop, which have no `percent`, and so is violated there, "
+            "whatever the messages say; write `{percent: *} -> {percent < level}`",
+        ),
     ],
 )
 def test_common_mistakes_are_told_with_their_mend(formula: str, message: str) -> None:
@@ -130,12 +140,14 @@ def test_common_mistakes_are_told_with_their_mend(formula: str, message: str) ->
         "historically({percent: *} -> {percent >= 20})",
         'historically not {topic: "/estop", stopped}',
         'not {topic: "/estop"} since[:10] {topic: "/cmd_vel"}',
-        "{percent > 5} or {stopped}",
+        '{topic: "/battery"} or {topic: "/estop"} -> {percent > 5} or {stopped}',
         '{topic: "/cmd_vel", cmd > 1} -> once {mode: AUTO}',
         '{topic: "/cmd_vel"} -> pre {topic: "/cmd_vel"}',
-        "{cmd > 3, cmd < 4, cmd != 3.5}",
-        "{id != 'a'}",
-        'exists[i]. {topic: "/estop", id: *i} and once {topic: "/battery", level: *i}',
+        "{cmd: *} -> {cmd > 3, cmd < 4, cmd != 3.5}",
+        "{id: *} -> {id != 'a'}",
+        'not {id != "a"}',
+        '{topic: "/estop"} or {topic: "/battery"}',
+        'exists[i]. {topic: "/estop"} -> {topic: "/estop", id: *i} and once {topic: "/battery", level: *i}',
         'forall[i]. {topic: "/estop", id: *i} -> once {topic: "/battery", level: *i}',
         'forall[i]. {topic: "/estop", id: *i} -> exists[j]. once {mode: *i, id: *j}',
         'forall[i]. not ({topic: "/estop", id: *i} and pre once {topic: "/estop", id: *i})',

@@ -104,7 +104,7 @@ class Rate(Count):
 
     def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
         """Add one; returns the rate with it."""
-        return self._rate(super().take(sample, now, number, signals, failed), now)  # a rate stays as it is
+        return self._rate(Count.take(self, sample, now, number, signals, failed), now)  # a rate stays as it is
 
     def value(self, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
         """The rate at a step."""

@@ -17,11 +17,12 @@ from oracle_server.core.events import Signals
 class Extreme(Window):
     """Only the samples that may be the least one yet are kept: their values grow. The largest is the least negated."""
 
-    __slots__ = ("_sign", "_values")
+    __slots__ = ("_sign", "_timed", "_values")
 
     def __init__(self, definition: Definition, session: Session) -> None:
         super().__init__(definition, session)
         self._sign = -1 if definition.op == "max" else 1
+        self._timed = definition.timed
         self._values: list[int | float] = []
         self.columns = (self.places, self._values)
 
@@ -29,7 +30,7 @@ class Extreme(Window):
         """Add a number; returns the extreme with it."""
         budget, sign = self.budget, self._sign
         slow = sample is FAILED or self.journal.entries is not None or budget.used >= MAX_SAMPLES
-        if slow or self.clock != TIME:
+        if slow or not self._timed:
             return super().take(sample, now, number, signals, failed)
         self.last = number
         least: int | float = -sample if sign < 0 else sample  # type: ignore[operator,assignment] # as above

@@ -24,11 +24,15 @@ from oracle_server.core.formula.tree import Atom, Constraint, Signal, atoms
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A derived signal on one stream: its place among all, how a step gives a sample, and whether its value is read."""
+    """A derived signal on one stream: its place among all, how a step gives a sample, and whether its value is read.
+
+    `own` is the signal of the stream that is its sample wherever it is a number, empty where there is none.
+    """
 
     index: int
     sample: Sampler | None
     wanted: bool
+    own: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +84,8 @@ def parts(
         sample, is_read = samplers.get(definition.name), definition.name in wanted
         if is_read or (sample is not None and definition.op != "expression"):
             wanted.update(definition.reads)
-            found.append(Part(index, sample, is_read))
+            is_own = sample is not None and definition.of in own and definition.formula is None
+            found.append(Part(index, sample, is_read, definition.of if is_own and definition.op in OPS else ""))
     return tuple(reversed(found))
 
 

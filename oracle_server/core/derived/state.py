@@ -14,7 +14,7 @@ from oracle_server.core.derived.extremes import Extreme
 from oracle_server.core.derived.keyed import Keyed, key_of, value_of
 from oracle_server.core.derived.latest import Delta, Last, Previous
 from oracle_server.core.derived.layout import Layout, Part
-from oracle_server.core.derived.samples import FAILED, NOTHING, Lack, always
+from oracle_server.core.derived.samples import FAILED, NOTHING, Lack
 from oracle_server.core.derived.sums import Mean, Sum
 from oracle_server.core.derived.watch import Carried, Watch
 from oracle_server.core.derived.window import Series, Session
@@ -37,6 +37,8 @@ _MAKE: Mapping[str, Callable[[Definition, Session], Series]] = {
 }
 Names = frozenset[str] | set[str]
 _NOTHING: tuple[Signals, frozenset[str]] = {}, frozenset()
+_NONE: set[str] = set()
+"""The derived signals of which a step has a sample, where nobody asks: never changed."""
 
 
 class LastStep(NamedTuple):
@@ -71,8 +73,6 @@ class Derived:
         self._series = [_made(d, self._session) for d in layout.definitions]
         self._chained = any(name in d.reads for d in layout.definitions for name in self._names)
         """Whether some are computed of others."""
-        self._unread: set[str] = set()
-        """Of which a step has a sample, where nobody asks."""
         self._bys = [d.by for d in layout.definitions]
         self._bound: dict[int, list[Any]] = {}
         self._silent = [(self._series[p.index], self._names[p.index]) for p in layout.silent]
@@ -100,18 +100,18 @@ class Derived:
         if begun is None or now < begun:
             self._begin_before(now)
         bound = self._bound.get(id(parts)) or self._bind(parts)
-        fresh: set[str] = set() if self._chained else self._unread
-        for take, value_of_it, sample, name, wanted in bound:
-            if sample is always:
-                value = take(True, now, number, signals, failed)
-                fresh.add(name)
-            elif sample is None or (found := sample(step, signals, failed, fresh)) is NOTHING:
-                if not wanted:
-                    continue
-                value = value_of_it(now, number, signals, failed)
-            else:
+        chained, of_event = self._chained, step.signals
+        fresh: set[str] = set() if chained else _NONE
+        for take, value_of_it, sample, own, name, wanted in bound:
+            found: Any = of_event.get(own) if own else None
+            if type(found) is not float:  # else `sample` has it so, too
+                found = NOTHING if sample is None else sample(step, signals, failed, fresh)
+            if found is not NOTHING:
                 value = take(found, now, number, signals, failed)
-                fresh.add(name)
+                if chained:
+                    fresh.add(name)
+            elif wanted:
+                value = value_of_it(now, number, signals, failed)
             if wanted:
                 if value is FAILED:
                     failed = frozenset((*failed, name))
@@ -242,7 +242,7 @@ class Derived:
 
     def _bind(self, parts: tuple[Part, ...]) -> list[Any]:
         """What is called for the parts of a stream."""
-        found = [(self._series[p.index], p.sample, self._names[p.index], p.wanted) for p in parts]
+        found = [(self._series[p.index], p.sample, p.own, self._names[p.index], p.wanted) for p in parts]
         return self._bound.setdefault(id(parts), [(s.take, s.value, *rest) for s, *rest in found])
 
 

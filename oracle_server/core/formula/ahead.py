@@ -70,6 +70,25 @@ def unbounded(goal: Formula) -> Ahead | None:
     return next((node for node in walk(goal) if isinstance(node, bounded) and node.bound.upper is None), None)
 
 
+def can_fail(goal: Formula) -> bool:  # noqa: PLR0911 -- a case a node
+    """Whether what is awaited can be decided false while the session goes on."""
+    match goal:
+        case tree.Eventually(_, bound):
+            return bound.upper is not None
+        case tree.Always(operand):
+            return can_fail(operand)
+        case tree.Until(left, _, bound):
+            return bound.upper is not None or can_fail(left)
+        case tree.And(left, right):
+            return can_fail(left) or can_fail(right)
+        case tree.Or(left, right):
+            return can_fail(left) and can_fail(right)
+        case tree.Implies(_, right) if looks_ahead(goal):
+            return can_fail(right)
+        case _:
+            return True
+
+
 def check_ahead(formula: Formula) -> None:
     """Refuse what is no obligation although it waits for what comes. Raises `FormulaError` with its place."""
     found = obligation(formula)
@@ -89,10 +108,14 @@ def check_ahead(formula: Formula) -> None:
     endless = unbounded(found.goal)
     if found.trigger is None and endless is not None:
         word = _word(endless)
-        alone = "`{a}` alone is asked at every step" if word == "always" else f"`{word}[:60] …` has one"
+        mend = (
+            "a property is asked for at every step anyway, so leave `always` out"
+            if word == "always"
+            else f"`{word}[:60] …` has one"
+        )
         _refuse(
             endless,
-            f"without an upper bound each step would wait for ever: {alone}; write `… -> {word} …` for what begins "
+            f"without an upper bound each step would wait for ever: {mend}; write `… -> {word} …` for what begins "
             "with an event",
         )
     needed = needs(found.trigger) if found.trigger is not None else frozenset()

@@ -177,7 +177,8 @@ def _of_outside(found: Around) -> str:
         inner = mark[1:-1] if found.kind() == "string" else found.text[found.at + 1 :].partition("]")[0]
         return f"an atom stands in braces: write `{{{inner}}}`"
     if mark == "/":
-        return "a stream stands in an atom's braces, as in `{topic: /cmd_vel, speed > 1}`"
+        name = re.split(r"[^\w/]", found.text[found.at :], maxsplit=1)[0]
+        return f"a stream stands in an atom's braces: write `{{topic: {name if len(name) > 1 else '/cmd_vel'}}}`"
     if found.kind() == "number" and found.complete:
         return f"`{mark}` is not expected here: a time or a number of steps stands in a bound, as in `once[:5] {{…}}`"
     return ""
