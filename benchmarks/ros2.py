@@ -228,6 +228,16 @@ def spin(executor: Any) -> None:
         executor.spin_once(timeout_sec=0.1)
 
 
+FIBONACCI = """
+  - ros_action: /fib
+    type: test_msgs/action/Fibonacci
+    action: filter
+    ask: [goal, reply]
+    goal: {signals: {order: msg.order}}
+    reply: {signals: {accepted: msg.accepted}}
+    feedback: {signals: {length: size(msg.sequence)}}
+    result: {signals: {length: size(msg.sequence)}}"""
+
 ROS2 = Ros(
     script=__file__,
     adapter="oracle_ros2",
@@ -241,6 +251,7 @@ ROS2 = Ros(
         "echo": echo,
         "bare": lambda port: bare(int(port)),
     },
+    action=FIBONACCI,
     settings={"ROS_DOMAIN_ID": str(os.getpid() % 80 + 20), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"},
 )
 

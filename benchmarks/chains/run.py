@@ -55,16 +55,8 @@ SERVICE = """
     response: {signals: {text: msg.message}}"""
 ACTION = """
 id: action
-description: Every goal and reply is asked for, and passes; the rest is logged
-streams:
-  - ros_action: /fib
-    type: test_msgs/action/Fibonacci
-    action: filter
-    ask: [goal, reply]
-    goal: {signals: {order: msg.order}}
-    reply: {signals: {accepted: msg.accepted}}
-    feedback: {signals: {length: size(msg.sequence)}, ordered: false}
-    result: {signals: {length: size(msg.sequence)}}
+description: Every goal is asked for, and where ROS has replies these too, and passes; the rest is logged
+streams:STREAM
 properties:
   - id: no_nonsense
     formula: 'not {ros_action: "/fib", order: -1}'
@@ -77,10 +69,10 @@ CALLED = {"service": ["/switch"], "one of 4 services": ["/switch", "/second", "/
 """The services of a session, of which the first is called."""
 
 
-def specs() -> Iterator[tuple[str, str]]:
+def specs(ros: Ros) -> Iterator[tuple[str, str]]:
     """The specs' ids and texts."""
     yield "topic", TOPIC
-    yield "action", ACTION
+    yield "action", ACTION.replace("STREAM", ros.action)
     for case, names in CALLED.items():
         streams = "".join(SERVICE.replace("NAME", name) for name in names)
         text = SERVICES.replace("NAME", spec_of(case)).replace("STREAMS", streams)
@@ -143,6 +135,8 @@ class Ros:
     adapter: str
     """The adapter's module."""
     parts: Mapping[str, Callable[..., None]]
+    action: str
+    """The stream of the action `/fib`; a signal of its goals is `order`."""
     settings: Mapping[str, str]
     """What its processes find in their environment."""
     core: tuple[str, ...] = ()
@@ -157,7 +151,7 @@ class Run:
         self._folder, self._ros, self._seconds = folder, ros, seconds
         self._setting = {**os.environ, **ros.settings, "ROS_LOG_DIR": str(folder / "ros")}
         (folder / "specs").mkdir()
-        for name, text in specs():
+        for name, text in specs(ros):
             (folder / "specs" / f"{name}.yaml").write_text(text)
 
     def rounds(self, count: int) -> None:
@@ -177,7 +171,7 @@ class Run:
             for case in CALLED:
                 with chain(spec_of(case)):
                     self._measure_service(case, path)
-            for kept in KEPT if "act" in self._ros.parts else ():
+            for kept in KEPT:
                 with chain("action"):
                     self._measure_action(path, kept)
 
