@@ -47,6 +47,11 @@ TRIO = Layout(
     {"sensors": SENSORS, "lights": PANEL - {"/SetLED"}, "service": frozenset({"/SetLED"})},
     PAIR.changes,
 )
+LATE = Layout(
+    "three monitors, none of which is waited for",
+    TRIO.monitors,
+    (("max_delay: 200ms", "max_delay: 50ms"), ("late: judge", "late: revise\n  horizon: 600s"), PAIR.changes[1]),
+)
 each_layout = pytest.mark.parametrize("layout", [ALONE, PAIR], ids=lambda layout: layout.name)
 
 
