@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Callable
 from functools import partial
+from itertools import cycle
 from pathlib import Path
 
 from oracle_server.core.atoms import Match
@@ -61,9 +62,10 @@ def native_step(steps: int) -> float:
     """Microseconds of a step of the native engine."""
     engine = NativeEngine(parse_formula(NATIVE))
     events: list[list[Match]] = [[(), None], [None, ()]]
+    turns = list(zip(range(steps), cycle(events), strict=False))
     begun = time.process_time()
-    for n in range(steps):
-        engine.step(n, events[n % 2])
+    for n, found in turns:
+        engine.step(n, found)
     return (time.process_time() - begun) / steps * 1e6
 
 
@@ -75,11 +77,13 @@ def derived_step(text: str, size: int, steps: int) -> float:
     events = [step_of(n, STREAM) for n in range(1_000)]
     for n in range(size + size // 10):
         derived.step(parts, events[n % 1_000], dict(events[n % 1_000].signals), frozenset(), n * STEP, n + 1)
-    signals = [dict(event.signals) for event in events]
-    first = size + size // 10
+    first, nothing = size + size // 10, frozenset[str]()
+    times = ((n * STEP, n + 1) for n in range(first, first + steps))
+    given = cycle([(event, dict(event.signals)) for event in events[first % 1_000 :] + events[: first % 1_000]])
+    turns = [(*event, *at) for event, at in zip(given, times, strict=False)]
     begun = time.process_time()
-    for n in range(first, first + steps):
-        derived.step(parts, events[n % 1_000], signals[n % 1_000], frozenset(), n * STEP, n + 1)
+    for event, signals, now, number in turns:
+        derived.step(parts, event, signals, nothing, now, number)
     return (time.process_time() - begun) / steps * 1e6
 
 

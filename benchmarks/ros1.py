@@ -1,4 +1,4 @@
-"""What the oracle costs on ROS 1: a filtered topic and a proxied service, beside the direct ones and a bare chain.
+"""What the oracle costs on ROS 1: a filtered topic and proxied services, beside the direct ones and a bare chain.
 
     source .build/ros1/setup.sh && python benchmarks/ros1.py [--rounds 2] [--seconds 2] [--json]
 

@@ -1,4 +1,4 @@
-"""What the oracle costs on ROS 2: a filtered topic and a proxied service, beside the direct ones and a bare chain.
+"""What the oracle costs on ROS 2: topics, services and an action, beside the direct ones and a bare chain.
 
     source .build/ros2/setup.sh && python benchmarks/ros2.py [--rounds 2] [--json]
 
@@ -12,10 +12,11 @@ from __future__ import annotations
 import importlib
 import json
 import os
+import time
 from typing import Any
 
-from chains.parts import DEPTH, PATIENCE, BareLink, echo, hear_times, say, send_times, time_calls
-from chains.run import Ros, main
+from chains.parts import CALLS, DEPTH, PATIENCE, BareLink, echo, hear_times, say, send_times, time_calls, wait
+from chains.run import FEW, Ros, main
 
 
 def node_of(name: str) -> tuple[Any, Any]:
@@ -75,8 +76,115 @@ def call(service: str) -> None:
     time_calls(once)
 
 
+def fibonacci_type() -> Any:
+    return importlib.import_module("test_msgs.action").Fibonacci
+
+
+def perform(kept: int) -> None:
+    """The action's server: its goals end at once, or tell the time as feedback, at 100 Hz."""
+    node, executor = node_of("performer")
+    action, kind = importlib.import_module("rclpy.action"), fibonacci_type()
+    threads = importlib.import_module("rclpy.executors").MultiThreadedExecutor(3)
+    executor.remove_node(node)
+    threads.add_node(node)
+
+    def execute(handle: Any) -> Any:
+        for _ in range(handle.request.order):
+            handle.publish_feedback(kind.Feedback(sequence=divmod(time.monotonic_ns(), 2**31)))
+            time.sleep(0.01)
+        handle.succeed()
+        return kind.Result()
+
+    server = action.ActionServer(node, kind, "/fib", execute, result_timeout=1 if kept == FEW else 900)
+    say("ready")
+    while server:
+        threads.spin_once(timeout_sec=0.1)
+
+
+def act(name: str, kept: int) -> None:
+    """The action's client: it tells the latencies (ms) of replies, of results, and of feedback."""
+    node, executor = node_of("actor")
+    kind = fibonacci_type()
+    client = importlib.import_module("rclpy.action").ActionClient(node, kind, name)
+    feedback: list[float] = []
+
+    def hear(message: Any) -> None:
+        high, low = message.feedback.sequence
+        feedback.append((time.monotonic_ns() - (high * 2**31 + low)) / 1e6)
+
+    def done(future: Any) -> Any:
+        executor.spin_until_future_complete(future, PATIENCE)
+        return future.result()
+
+    def run(order: int) -> tuple[float, float]:
+        time.sleep(1 / FEW if kept == FEW else 0)
+        began = time.monotonic_ns()
+        goal = done(client.send_goal_async(kind.Goal(order=order), hear))
+        replied = time.monotonic_ns()
+        assert goal.accepted
+        done(goal.get_result_async())
+        return (replied - began) / 1e6, (time.monotonic_ns() - began) / 1e6
+
+    assert client.wait_for_server(PATIENCE)
+    time.sleep(2)  # until a proxy has found the server
+    for _ in range(max(20, kept)):
+        run(0)
+    times = [run(0) for _ in range(CALLS)]
+    run(CALLS)
+    wait(lambda: len(feedback) == CALLS or executor.spin_once(timeout_sec=0.1))
+    say(json.dumps({"goal to reply": [t for t, _ in times], "goal to result": [t for _, t in times],
+                    "feedback at 100 Hz": feedback}))  # fmt: skip
+
+
+def bare_action(node: Any, executor: Any, link: BareLink, group: Any) -> None:
+    """The chain without logic, for the action: goals and replies go through the echo, of the rest it is told."""
+    impl = fibonacci_type().Impl
+    status = importlib.import_module("action_msgs.msg").GoalStatusArray
+    cancel = importlib.import_module("action_msgs.srv").CancelGoal
+    future = importlib.import_module("rclpy.task").Future
+    keep = importlib.import_module("rclpy.qos").qos_profile_action_status_default
+
+    async def passes() -> None:
+        settled = future(executor=executor)
+
+        def settle() -> None:
+            settled.set_result(None)
+            executor.wake()
+
+        link.ask("{}", settle)
+        await settled
+
+    def serve(type_: Any, name: str, asked: bool) -> None:
+        called = node.create_client(type_, f"/fib/_action/{name}", callback_group=group)
+
+        async def pass_on(request: Any, _response: Any) -> Any:
+            if asked:
+                await passes()
+            response = await called.call_async(request)
+            if asked:
+                await passes()
+            return response
+
+        node.create_service(type_, f"/fib_mon/_action/{name}", pass_on, callback_group=group)
+
+    def repeat(type_: Any, name: str, profile: Any) -> None:
+        given = node.create_publisher(type_, f"/fib_mon/_action/{name}", profile)
+
+        def take(message: bytes) -> None:
+            given.publish(message)
+            link.ask("{}", lambda: None)
+
+        node.create_subscription(type_, f"/fib/_action/{name}", take, profile, raw=True)
+
+    serve(impl.SendGoalService, "send_goal", asked=True)
+    serve(impl.GetResultService, "get_result", asked=False)
+    serve(cancel, "cancel_goal", asked=False)
+    repeat(impl.FeedbackMessage, "feedback", 10)
+    repeat(status, "status", keep)
+
+
 def bare(port: int) -> None:
-    """The chain without logic, for the topic and the service."""
+    """The chain without logic, for the topic, the service and the action."""
     node, executor = node_of("bare")
     link = BareLink(port)
     publisher = node.create_publisher(number_type(), "/number_mon", DEPTH)
@@ -108,6 +216,7 @@ def bare(port: int) -> None:
         return response
 
     node.create_service(switch_type(), "/switch_mon", pass_on, callback_group=group)
+    bare_action(node, executor, link, group)
     say("ready")
     spin(executor)
 
@@ -125,6 +234,8 @@ ROS2 = Ros(
         "receive": lambda topic, wanted: receive(topic, int(wanted)),
         "serve": serve,
         "call": call,
+        "perform": lambda kept: perform(int(kept)),
+        "act": lambda name, kept: act(name, int(kept)),
         "echo": echo,
         "bare": lambda port: bare(int(port)),
     },

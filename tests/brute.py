@@ -121,6 +121,11 @@ def meets(constraint: Constraint, signals: Mapping[str, Scalar], values: Values)
         if wanted.name not in signals:
             return False
         wanted = signals[wanted.name]
+    if isinstance(wanted, tree.Limit):
+        given = values[wanted.name]
+        if isinstance(given, Fresh):
+            return False
+        wanted = given
     if isinstance(wanted, tree.Any):
         return True
     if isinstance(wanted, tree.Ref):

@@ -118,11 +118,17 @@ class _Table(NamedTuple):
 
     def _fails(self, atom: Atom, step: Item, bound: frozenset[str]) -> bool:
         """Whether an atom can't be judged: it reads what failed, and all else of it is met."""
-        rest = [c for c in atom.constraints if c.key not in step.failed]
+        rest = [c for c in atom.constraints if step.failed.isdisjoint(_read(c))]
         free = [c for c in rest if not (isinstance(c.value, tree.Ref) and c.value.name in bound)]
-        there = all(c.key in (step.signals or {}) for c in rest)
+        there = all(c.key in (step.signals or {}) for c in atom.constraints if c.key not in step.failed)
         met = there and all(meets(c, step.signals or {}, self.values) for c in free)
         return met and len(rest) < len(atom.constraints)
+
+
+def _read(constraint: tree.Constraint) -> list[str]:
+    """The signals that a constraint reads."""
+    value = constraint.value
+    return [constraint.key, *([value.name] if isinstance(value, tree.Signal) else [])]
 
 
 def _atoms(formula: Formula, bound: frozenset[str] = frozenset()) -> list[tuple[Atom, frozenset[str]]]:

@@ -9,6 +9,7 @@ import pytest
 
 from oracle_server.replay.opening import open_recording
 from oracle_server.replay.run import Replay
+from oracle_server.rostypes.known import Types
 from oracle_server.specfiles.load import load_spec
 
 TEXT = (Path(__file__).parents[1] / "docs" / "cookbook.md").read_text()
@@ -17,8 +18,9 @@ RECIPES = [pytest.param(part, id=part.partition("\n")[0]) for part in re.split(r
 
 def test_all_that_is_often_wanted_is_there() -> None:
     assert [recipe.id for recipe in RECIPES] == [
-        "Liveness", "Response within", "Has lasted", "Mutual exclusion", "Debounce", "Precedence", "Rate", "E-stop",
-        "Guard by a state", "Mode changes", "Limit by another stream",
+        "Liveness", "Response within", "Has lasted", "Mutual exclusion", "Debounce", "Precedence", "Rate",
+        "Window of time", "Until", "One after the other", "Heartbeats of each", "E-stop", "Guard by a state",
+        "Mode changes", "Limit by another stream",
     ]  # fmt: skip
 
 
@@ -31,7 +33,7 @@ def test_a_recipe_judges_its_recordings_as_it_says(recipe: str, tmp_path: Path) 
     assert [word for word, *_ in recordings] == ["satisfies", "violates"]
     path = tmp_path / "r.yaml"
     path.write_text(spec)
-    loaded = load_spec(path)
+    loaded = load_spec(path, types=Types((), {}))
     assert loaded.warnings == ()
     for word, text, lines in recordings:
         recording = tmp_path / f"{word}.jsonl"

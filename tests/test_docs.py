@@ -9,8 +9,10 @@ from oracle_server.core.signals import Projection
 from oracle_server.process.settings import Settings
 from oracle_server.specfiles.load import parse_spec
 from oracle_server.specfiles.model import (
+    ActionModel,
     DeriveModel,
     OrderingModel,
+    PartModel,
     PropertyModel,
     RetentionModel,
     ServiceModel,
@@ -76,6 +78,8 @@ def test_every_key_of_a_spec_is_told() -> None:
         OrderingModel,
         TopicModel,
         ServiceModel,
+        ActionModel,
+        PartModel,
         StampModel,
         PropertyModel,
         RetentionModel,

@@ -39,10 +39,11 @@ values = st.recursive(
 KEYS = [
     "type", "seq", "stream", "kind", "stamp", "data", "ask", "source", "call", "lost", "events", "stamps", "monitor",
     "instance", "session", "spec", "streams", "clock", "passed", "why", "topic", "service", "time", "request",
-    "response",
+    "response", "goal_id", "status", "ros_action", "features",
 ]  # fmt: skip
 WORDS = [
-    "attach", "event", "events", "outcome", "clock", "detach", "/a", "topic", "request", 0, 1, -1, 2**63, 2**64, 1e308,
+    "attach", "event", "events", "outcome", "clock", "detach", "/a", "topic", "request", "goal", "aborted", 0, 1, -1,
+    2**63, 2**64, 1e308,
 ]  # fmt: skip
 messages = st.dictionaries(st.sampled_from(KEYS), st.sampled_from(WORDS) | values, max_size=8)
 texts = (
@@ -91,9 +92,9 @@ def test_frames(text: str) -> None:
         refused = None
         try:
             frame = decode(text)
-            if isinstance(frame.message, RawEvents):
-                for raw in frame.message.events:
-                    event_in(raw, whole, suspicious=frame.suspicious)
+            if isinstance(frame, RawEvents):
+                for raw in frame.events:
+                    event_in(raw, whole)
         except WireError as error:
             refused = error
     if refused is not None:

@@ -54,11 +54,11 @@ def verdict(row: dict[str, Any]) -> str:
 
 def print_table(found: list[dict[str, Any]]) -> None:
     print(
-        f"{'':17}{'path':8}{'sent':>6}{'lost':>6}{'p50 ms':>9}{'p99 ms':>9}{'p50 x bare':>12}{'p99 x bare':>12}  goal"
+        f"{'':29}{'path':8}{'sent':>6}{'lost':>6}{'p50 ms':>9}{'p99 ms':>9}{'p50 x bare':>12}{'p99 x bare':>12}  goal"
     )
     for row in found:
         print(
-            f"{row['case']:17}{row['path']:8}{row['sent']:6}{row['lost']:6}{row['p50_ms']:9.3f}{row['p99_ms']:9.3f}"
+            f"{row['case']:29}{row['path']:8}{row['sent']:6}{row['lost']:6}{row['p50_ms']:9.3f}{row['p99_ms']:9.3f}"
             f"{row['p50_ratio']:12.2f}{row['p99_ratio']:12.2f}  {verdict(row)}"
         )
     print(f"goal: p50 <= {GOAL_P50} x and p99 <= {GOAL_P99} x the bare chain, and none lost")

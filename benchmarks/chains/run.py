@@ -24,7 +24,7 @@ SERVER = ROOT / ".build" / "server" / "bin" / "oracle-server"
 ROS_ONLY = ("PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
 RATES = (100, 1000)
 
-SPECS = """
+TOPIC = """
 id: topic
 description: Every message is asked for, and passes
 streams:
@@ -37,20 +37,59 @@ properties:
   - id: no_seven
     formula: 'not {topic: "/number", value: 7}'
     guards: [/number]
----
-id: service
+"""
+SERVICES = """
+id: NAME
 description: Every request and response is asked for, and passes
-streams:
-  - service: /switch
+streams:STREAMS
+properties:
+  - id: no_nonsense
+    formula: 'not {text: "nonsense"}'
+    guards: [GUARDED]
+"""
+SERVICE = """
+  - service: NAME
     type: std_srvs/srv/SetBool
     action: filter
     request: {signals: {on: msg.data}}
-    response: {signals: {text: msg.message}}
+    response: {signals: {text: msg.message}}"""
+ACTION = """
+id: action
+description: Every goal and reply is asked for, and passes; the rest is logged
+streams:
+  - ros_action: /fib
+    type: test_msgs/action/Fibonacci
+    action: filter
+    ask: [goal, reply]
+    goal: {signals: {order: msg.order}}
+    reply: {signals: {accepted: msg.accepted}}
+    feedback: {signals: {length: size(msg.sequence)}}
+    result: {signals: {length: size(msg.sequence)}}
 properties:
   - id: no_nonsense
-    formula: 'not {service: "/switch", text: "nonsense"}'
-    guards: [/switch]
+    formula: 'not {ros_action: "/fib", order: -1}'
+    guards: [/fib]
 """
+FEW = 20
+KEPT = (FEW, 200)
+"""How many goals an action's server remembers at least while it is measured."""
+CALLED = {"service": ["/switch"], "one of 4 services": ["/switch", "/second", "/third", "/fourth"]}
+"""The services of a session, of which the first is called."""
+
+
+def specs() -> Iterator[tuple[str, str]]:
+    """The specs' ids and texts."""
+    yield "topic", TOPIC
+    yield "action", ACTION
+    for case, names in CALLED.items():
+        streams = "".join(SERVICE.replace("NAME", name) for name in names)
+        text = SERVICES.replace("NAME", spec_of(case)).replace("STREAMS", streams)
+        yield spec_of(case), text.replace("GUARDED", ", ".join(names))
+
+
+def spec_of(case: str) -> str:
+    """The id of a case's spec."""
+    return case.replace(" ", "_")
 
 
 class Part:
@@ -118,8 +157,7 @@ class Run:
         self._folder, self._ros, self._seconds = folder, ros, seconds
         self._setting = {**os.environ, **ros.settings, "ROS_LOG_DIR": str(folder / "ros")}
         (folder / "specs").mkdir()
-        for text in SPECS.split("---\n"):
-            name = text.split("id: ")[1].split("\n")[0]
+        for name, text in specs():
             (folder / "specs" / f"{name}.yaml").write_text(text)
 
     def rounds(self, count: int) -> None:
@@ -136,8 +174,12 @@ class Run:
             for rate in RATES:
                 with chain("topic"):
                     self._measure_topic(path, rate)
-            with chain("service"):
-                self._measure_service(path)
+            for case in CALLED:
+                with chain(spec_of(case)):
+                    self._measure_service(case, path)
+            for kept in KEPT if "act" in self._ros.parts else ():
+                with chain("action"):
+                    self._measure_action(path, kept)
 
     def _part(self, stack: ExitStack, *words: object) -> Part:
         return self._start(stack, [sys.executable, self._ros.script, "--part", *words])
@@ -181,12 +223,20 @@ class Run:
             sender.tell("end")
         self._add(f"topic at {rate} Hz", path, wanted, latencies)
 
-    def _measure_service(self, path: str) -> None:
+    def _measure_service(self, case: str, path: str) -> None:
         with ExitStack() as stack:
             self._part(stack, "serve").until("ready")
             caller = self._part(stack, "call", "/switch" if path == "direct" else "/switch_mon")
             latencies = json.loads(caller.until(r"^\[.*\]$")[0])
-        self._add("service", path, CALLS, latencies)
+        self._add(case, path, CALLS, latencies)
+
+    def _measure_action(self, path: str, kept: int) -> None:
+        with ExitStack() as stack:
+            self._part(stack, "perform", kept).until("ready")
+            client = self._part(stack, "act", "/fib" if path == "direct" else "/fib_mon", kept)
+            found = json.loads(client.until(r"^\{.*\}$", PATIENCE)[0])
+        for case, latencies in found.items():
+            self._add(f"{case}, {kept} kept", path, CALLS, latencies)
 
     def _add(self, case: str, path: str, sent: int, latencies: list[float]) -> None:
         measured = self.measured.setdefault((case, path), Measured())

@@ -295,14 +295,14 @@ class Connection:
         """For how many seconds nothing more should be read from the socket."""
         return 0.0 if self._attached is None else self._attached[0].share.rest
 
-    def take(self, process: Callable[[bytes], None], data: bytes) -> None:
-        """Process data from the socket, and charge the session for it."""
+    def take(self, work: Callable[[], None]) -> None:
+        """Let data from the socket be processed, and charge the session for it."""
         assert self._attached is not None  # noqa: S101 -- only called once attached
         self._throttle.begin()
-        self._attached[0].share.run(self._take, process, data)
+        self._attached[0].share.run(self._take, work)
 
-    def _take(self, process: Callable[[bytes], None], data: bytes) -> None:
-        process(data)
+    def _take(self, work: Callable[[], None]) -> None:
+        work()
         self._flush()
 
     def _flush(self) -> None:

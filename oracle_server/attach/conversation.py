@@ -150,7 +150,7 @@ class Conversation:
         self._messages: Iterator[Any] = iter(())
         self.decoders: Decoders = nothing
         """What is decoded of the events of each stream: until the session is known, nothing."""
-        self._suspicious = self._throttled = False
+        self._throttled = False
 
     # From the monitor
 
@@ -160,14 +160,14 @@ class Conversation:
         Returns False where it must be received again later: while the session is being opened, or a batch where
         `batches` is False.
         """
-        message, suspicious = _read(data, self.decoders)
+        message = _read(data, self.decoders)
         step = self._steps[type(message)]
         batch = message.events if type(message) is RawEvents else None
         if step is Otherwise.LATER or (batch is not None and not batches):
             return False
         if isinstance(step, State):
             self._become(step)
-            self._suspicious, self.in_batch = suspicious, batch is not None
+            self.in_batch = batch is not None
             self._messages = iter((message,) if batch is None else batch)
         elif isinstance(step, Refusal):
             self.refuse(WireError(step.code, step.message or str(message), fatal=step.fatal))
@@ -256,7 +256,7 @@ class Conversation:
     def _event_in(self, raw: Raw) -> QuickEvent | WireError:
         """An event of a batch, or the error where it can't be read."""
         try:
-            return event_in(raw, self.decoders, suspicious=self._suspicious)
+            return event_in(raw, self.decoders)
         except WireError as error:
             return error
 
@@ -278,11 +278,11 @@ class Conversation:
         return True
 
 
-def _read(data: str | bytes, decoders: Decoders) -> tuple[Message | Quick | WireError | bytes, bool]:
-    """A frame as one of the types in `FRAMES`, and whether the events of a batch may have too many keys."""
+def _read(data: str | bytes, decoders: Decoders) -> Message | Quick | WireError | bytes:
+    """A frame as one of the types in `FRAMES`."""
     if isinstance(data, bytes):
-        return data, False
+        return data
     try:
         return decode(data, decoders)
     except WireError as error:
-        return error, False
+        return error

@@ -13,6 +13,7 @@ from starlette.websockets import WebSocketDisconnect
 
 from oracle_server.attach.throttle import Throttle
 from oracle_server.core.errors import HistoryError, SpecError
+from oracle_server.core.kinds import ACTIONS
 from oracle_server.core.stamps import stamp_in
 from oracle_server.core.verdicts import NEGATIVE, Judged, Outcome, worst
 from oracle_server.edge.access import grant_of
@@ -26,7 +27,7 @@ from oracle_server.wire.errors import WireError
 from oracle_server.wire.flat import decode_object, find_stream, flat_event
 from oracle_server.wire.frames import Outgoing
 from oracle_server.wire.incoming import AnyEvent, Attach
-from oracle_server.wire.reading import event_of, suspicious
+from oracle_server.wire.reading import event_of
 
 MONITOR = "legacy"
 """The name of a legacy monitor in its session: the protocol has no names."""
@@ -119,7 +120,8 @@ class LegacyConnection:
 
     async def serve(self) -> None:
         """Accept the connection and answer each frame, in order."""
-        monitor = self._session.attach(Attach(type="attach", monitor=MONITOR, instance=secrets.token_hex(8)), self)
+        wanted = Attach(type="attach", monitor=MONITOR, instance=secrets.token_hex(8), features=[ACTIONS])
+        monitor = self._session.attach(wanted, self)
         try:
             await self._socket.accept()
             log.info("legacy monitor attached", session=self._session.id)
@@ -202,8 +204,8 @@ class LegacyConnection:
             name, stamp = flat.stream, None
         else:
             name, stamp = key.name, stamp_in(flat.data, spec.by_key[key].stamp)
-        event = {"seq": self._seq, "stream": name, "kind": flat.kind, "data": flat.data}
-        return event_of(event | {"stamp": stamp or flat.stamp or flat.time}, suspicious=suspicious(text))
+        event = {"seq": self._seq, "stream": name, "kind": flat.kind, "data": flat.data, **flat.marks}
+        return event_of(event | {"stamp": stamp or flat.stamp or flat.time}, len(text))
 
 
 def verdict_of(judged: list[Judged], seq: int) -> dict[str, str]:

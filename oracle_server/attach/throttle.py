@@ -8,7 +8,7 @@ _BURST = 2.0
 """Seconds' worth of events that may come at once."""
 _AT_ONCE = 64
 """Events of one connection that are processed before it yields to the others."""
-_TURN = 0.001
+_TURN = 0.0005
 """Seconds after which it yields in any case: a formula may be slow."""
 
 

@@ -23,6 +23,8 @@ class Arriving:
         """The step of an event that has come."""
         stream = self._plan.streams[event.stream]
         signals, failed = stream.project(event.data)
+        if event.goal_id is not None:
+            signals = {**signals, **event.marks}
         simulated = None if self.simulated is None else self.simulated.now
         stamp = self._published.stamp(event, stream.spec.stamp, simulated)
         if self.simulated is not None:

@@ -1,7 +1,8 @@
 """Atoms against signals: which hold at a step, and which values they bind.
 
 The engines see no signals: they get, for each atom of their formula, None where it does not hold, else the canonical
-texts of the values that its variables must have. Types, absence and numbers' spellings end here.
+texts of the values that its variables must have, and behind them of those that it compares with variables. Types,
+absence and numbers' spellings end here.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from functools import partial
 from json.encoder import encode_basestring_ascii
 
 from oracle_server.core.events import Signals
-from oracle_server.core.formula.tree import Any, Atom, Constraint, Ref, Scalar, Signal
+from oracle_server.core.formula.tree import Any, Atom, Constraint, Limit, Ref, Scalar, Signal
 
 Match = tuple[str, ...] | None
 """None: the atom does not hold; else the canonical values of its refs, in their order."""
@@ -44,11 +45,11 @@ def same(left: Scalar, right: Scalar) -> bool:
 
 
 def meets(constraint: Constraint, value: Scalar) -> bool:
-    """Whether a present value meets a constraint, or can: a variable is met by every value, a signal by a number."""
+    """Whether a present value meets a constraint, or can: a variable is met by all, what compares by a number."""
     wanted = constraint.value
     if isinstance(wanted, Any | Ref):
         return True
-    if isinstance(wanted, Signal):
+    if isinstance(wanted, Signal | Limit):
         return not isinstance(value, str | bool)
     if constraint.op == "==":
         return same(value, wanted)
@@ -60,7 +61,7 @@ def meets(constraint: Constraint, value: Scalar) -> bool:
 
 
 def precedes(left: Scalar | None, op: str, right: Scalar | None) -> bool:
-    """Whether two signals compare: both must be there, and be numbers."""
+    """Whether two values compare: both must be there, and be numbers."""
     if left is None or right is None or isinstance(left, str | bool) or isinstance(right, str | bool):
         return False
     return _ORDERED[op](left, right)
@@ -117,7 +118,8 @@ def specialise_some(
         if all(meets(c, known[c.key]) if c.key in known else possible(c.key) for c in atom.constraints):
             checks = tuple((c.key, _check(c)) for c in atom.constraints if c.key not in known)
             orders = tuple((c.key, c.op, c.value.name) for c in atom.constraints if isinstance(c.value, Signal))
-            tests.append(AtomTest(index, checks, tuple(key for key, _ in atom.refs), orders))
+            refs = (*(key for key, _ in atom.refs), *(c.key for c in atom.limits))
+            tests.append(AtomTest(index, checks, refs, orders))
     return tuple(tests)
 
 
@@ -125,6 +127,8 @@ def _check(constraint: Constraint) -> Check | None:
     wanted = constraint.value
     if isinstance(wanted, Any | Ref | Signal):
         return None
+    if isinstance(wanted, Limit):
+        return partial(meets, constraint)
     if constraint.op == "==":  # as most are
         return _equals(wanted)
     return partial(meets, constraint)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from oracle_server.core.errors import SpecProblem
-from oracle_server.core.formula.ahead import WORDS, Ahead, Obligation, first_ahead, obligation
+from oracle_server.core.formula.ahead import WORDS, Ahead, Obligation, can_fail, obligation, unbounded
 from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import TRUE, Always, walk
 from oracle_server.core.spec import Property, Spec
@@ -19,9 +19,9 @@ def awaited(spec: Spec) -> Iterator[SpecProblem]:
         if found is None:
             yield from _idle(i, prop)
             continue
-        yield from _derived(i, prop, found, spec)
         yield from _guards(i, prop, found)
         yield from _trigger(i, prop, found)
+        yield from _endless(i, prop, found)
 
 
 def waits(prop: Property) -> bool:
@@ -43,19 +43,6 @@ def _idle(i: int, prop: Property) -> Iterator[SpecProblem]:
         yield SpecProblem(("properties", i, "at_end"), message)
 
 
-def _derived(i: int, prop: Property, found: Obligation, spec: Spec) -> Iterator[SpecProblem]:
-    """Derived signals, which change between the steps at which what is awaited is judged."""
-    for name in spec.derived_of(prop)[:1]:
-        first = first_ahead(found.goal)
-        assert first is not None  # noqa: S101 -- else it is no obligation
-        message = (
-            f"property '{prop.id}': `{WORDS[type(first)]}` is judged at steps alone, and the derived signal '{name}' "
-            "changes between them; ask for signals of messages, or write a formula that looks back, as in "
-            "`{done} -> once[:60] {goal}`"
-        )
-        yield SpecProblem(("properties", i, "formula"), message, within=first.at)
-
-
 def _guards(i: int, prop: Property, found: Obligation) -> Iterator[SpecProblem]:
     """Guards of what is not decided by the guarded event itself, as a broken `always` is."""
     for name in sorted(prop.guards) if _beyond_always(found) else ():
@@ -75,3 +62,16 @@ def _trigger(i: int, prop: Property, found: Obligation) -> Iterator[SpecProblem]
         "anew at each step at which it does; write an atom of the event that asks, as in `{goal: *} and … -> …`"
     )
     yield SpecProblem(("properties", i, "formula"), message, severity="warning")
+
+
+def _endless(i: int, prop: Property, found: Obligation) -> Iterator[SpecProblem]:
+    """What may come for ever, so that its absence is never a violation."""
+    endless = unbounded(found.goal)
+    if endless is None or prop.at_end == "violated" or can_fail(found.goal):
+        return
+    word = WORDS[type(endless)]
+    message = (
+        f"property '{prop.id}': `{word}` without an upper bound may be met for ever, so that the property is never "
+        f"violated; write a bound, as in `{word}[:60] …`, or `at_end: violated`"
+    )
+    yield SpecProblem(("properties", i, "formula"), message, endless.at, severity="warning", kind="vacuous")

@@ -18,8 +18,9 @@ def deadlocks(spec: Spec, graph: Iterable[GraphNode] | None) -> Iterator[SpecPro
         return
     edges = dependencies(spec, graph)
     ordered = {s.name for s in spec.streams if s.ordered}
-    for i, stream in enumerate(spec.streams):
-        if not stream.traits.leads or stream.action != "filter" or not stream.ordered:
+    for i in sorted(spec.filtered.values()):
+        stream = spec.streams[i]
+        if not stream.ordered:
             continue
         for path in paths(stream.name, edges):
             if path[-1] in ordered:
@@ -28,7 +29,7 @@ def deadlocks(spec: Spec, graph: Iterable[GraphNode] | None) -> Iterator[SpecPro
 
 def starvation(spec: Spec, graph: Iterable[GraphNode]) -> Iterator[SpecProblem]:
     """With `max_delay: none`, an ordered stream without events delays all others for ever."""
-    ordered = [i for i, s in enumerate(spec.streams) if s.ordered and s.traits.leads]
+    ordered = [i for i, s in enumerate(spec.streams) if s.ordered and s.leads]
     if spec.ordering.max_delay is not None or len(ordered) < 2:
         return
     names = active(spec, graph)

@@ -64,14 +64,14 @@ def _possible(node: GraphNode, originals: Mapping[str, str]) -> Iterator[tuple[s
 
 def _originals(spec: Spec) -> dict[str, str]:
     """The names in the spec, by the names that monitors put in between."""
-    proxies = {s.proxy: s.name for s in spec.streams if s.traits.proxied}
-    return proxies | {f"{s.name}_mon": s.name for s in spec.streams if not s.traits.proxied and s.action == "filter"}
+    proxies = {s.proxy: s.name for s in spec.streams if s.proxied}
+    return proxies | {f"{s.name}_mon": s.name for s in spec.streams if not s.proxied and s.action == "filter"}
 
 
 def _is_monitor(node: GraphNode, spec: Spec) -> bool:
     """Whether a node is a monitor that forwards: it receives everything, and publishes nothing of its own."""
-    proxies = {s.proxy for s in spec.streams if s.traits.proxied}
-    filtered = {s.name for s in spec.streams if not s.traits.proxied and s.action == "filter"}
+    proxies = {s.proxy for s in spec.streams if s.proxied}
+    filtered = {s.name for s in spec.streams if not s.proxied and s.action == "filter"}
     forwards = any(
         {name, f"{name}_mon"} <= node.publishes | node.subscribes
         and not {name, f"{name}_mon"} <= node.publishes

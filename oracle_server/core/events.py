@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 import msgspec
 
 from oracle_server.core.formula.tree import Scalar
-from oracle_server.core.kinds import KINDS, REVISION, TICK, StepKind
+from oracle_server.core.kinds import GOAL_ID, KINDS, REVISION, STATUS, TICK, Status, StepKind
 
 Order = Literal["publication", "arrival"]
 Released = Literal["frontier", "clock", "max_delay", "capacity"]
@@ -39,7 +39,8 @@ class Event(msgspec.Struct, frozen=True, gc=False):
     """One observed message, request or response, as its monitor reported it.
 
     `stamp` is the publication time, None where there is none; `seq` the monitor's own number; `call` is equal
-    for a request and its response; `source` names the publisher; `lost` counts the messages lost just before it;
+    for a request and its response; `goal_id` and `status` are those of an action's events, which have them beside the
+    message; `source` names the publisher; `lost` counts the messages lost just before it;
     `ask`: the monitor waits for a decision. `arrived` is in the session's own time; `received` is the
     server's where that differs, as in a simulation.
     """
@@ -55,6 +56,15 @@ class Event(msgspec.Struct, frozen=True, gc=False):
     lost: int = 0
     ask: bool = False
     received: int | None = None
+    goal_id: str | None = None
+    status: Status | None = None
+
+    @property
+    def marks(self) -> dict[str, str]:
+        """The signals that it has from its frame, which formulas see beside those of its message."""
+        if self.goal_id is None:
+            return {}
+        return {GOAL_ID: self.goal_id} if self.status is None else {GOAL_ID: self.goal_id, STATUS: self.status}
 
     @property
     def came(self) -> int:

@@ -11,7 +11,7 @@ from oracle_server.core.formula.render import render_atom
 from oracle_server.core.formula.tree import Atom
 from oracle_server.core.kinds import RESERVED
 from oracle_server.core.nearest import either, listed, nearest
-from oracle_server.core.plan import can_meet, has_reserved
+from oracle_server.core.plan import can_meet, has_reserved, not_signals, reserved_of
 from oracle_server.core.readings import at, lacking
 from oracle_server.core.shapes import Many, Record, Shape, Value, fits
 from oracle_server.core.spec import Spec, StreamSpec
@@ -113,15 +113,17 @@ def _described(shape: Shape | None) -> str:
 
 
 def _responses(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
-    """The fields of `denied_response`, against those of the service's response."""
+    """The fields of `denied_response` and `denied_result`, against those of what they stand for."""
     for i, stream in enumerate(spec.streams):
-        if not stream.traits.leads or stream.denied_response is None:
-            continue
-        known = types.get(stream.key._replace(kind="response"))
-        if known is not None:
-            for path, message in _unfit(known.widest, stream.denied_response, ()):
-                where = ("streams", i, "denied_response", *path)
-                yield SpecProblem(where, f"denied_response of {stream.name}: {message}")
+        of_kind = {
+            "response": ("denied_response", stream.denied_response),
+            "result": ("denied_result", stream.denied_result),
+        }
+        key, given = of_kind.get(stream.kind, ("", None))
+        known = types.get(stream.key)
+        if given is not None and known is not None:
+            for path, message in _unfit(known.widest, given, ()):
+                yield SpecProblem(("streams", i, key, *path), f"{key} of {stream.name}: {message}")
 
 
 def _unfit(shape: Shape, value: Any, path: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], str]]:
@@ -186,6 +188,8 @@ def _doubts(
         return  # found by `inspect`
     possible = streams
     for key in dict.fromkeys(c.key for c in atom.constraints if c.key not in RESERVED):
+        if all(s.signals is not None or key in not_signals(s) for s in streams) and key not in held:
+            return  # found by `inspect`
         having = {s.key: _has(s, key, types, held) for s in streams}
         possible = [s for s in possible if having[s.key] is not False]
         if True in having.values():
@@ -205,12 +209,14 @@ def _doubts(
 
 def _has(stream: StreamSpec, key: str, types: StreamTypes, held: frozenset[str]) -> bool | None:
     """Whether events of a stream can have a signal; None where its type, which is not known, decides it."""
-    if key in RESERVED:
+    if key in reserved_of(stream):
         return has_reserved(stream, key)
     if key in held:
         return True
     if stream.signals is not None:
         return key in stream.signals
+    if key in not_signals(stream):
+        return False
     known = types.get(stream.key)
     return None if known is None else isinstance(known.widest.fields.get(key), Value)
 
@@ -254,8 +260,9 @@ def _unknown_signal(key: str, streams: list[StreamSpec], types: StreamTypes, hel
     reasons = [_no_signal(shape, key) for _, shape in plain if key in shape.fields]
     if reasons:
         return f"unknown signal '{key}': {reasons[0]}"
-    known = {name for s in streams for name in s.signals or ()} | held
-    known |= {name for _, shape in plain for name, inner in shape.fields.items() if isinstance(inner, Value)}
+    declared = {name for s in streams for name in s.signals or ()} | held
+    own = {name for _, shape in plain for name, inner in shape.fields.items() if isinstance(inner, Value)}
     where = either(f"{s.key} ({shape.name})" for s, shape in plain)
-    others = f"those of a single value are {listed(sorted(known))}" if known else "it has none of a single value"
-    return f"unknown signal '{key}'; {where} has no such field; {nearest(key, known) or others}"
+    others = f"those of a single value are {listed(sorted(own))}" if own else "it has none of a single value"
+    others += f"; declared are {listed(sorted(declared))}" if declared else ""
+    return f"unknown signal '{key}'; {where} has no such field; {nearest(key, declared | own) or others}"

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from oracle_server.core.actions import action_hazards
 from oracle_server.core.awaited import awaited, waits
 from oracle_server.core.deadlocks import deadlocks, starvation
 from oracle_server.core.dependencies import GraphNode
@@ -15,7 +16,7 @@ from oracle_server.core.events import StreamKey
 from oracle_server.core.expression import MAX_PATTERNS, Expression, check_shape, parse_expression, too_dear
 from oracle_server.core.fields import inspect_fields
 from oracle_server.core.incomparable import incomparable
-from oracle_server.core.kinds import RESERVED
+from oracle_server.core.kinds import OWN
 from oracle_server.core.nearest import either, listed, near, nearest
 from oracle_server.core.spec import Spec, StreamSpec
 from oracle_server.core.typed import StreamTypes
@@ -50,6 +51,7 @@ def inspect(
         *deadlocks(spec, graph),
         *(starvation(spec, graph) if graph is not None else ()),
         *_undoing(spec),
+        *action_hazards(spec),
         *(replace(p, kind="type") for p in (inspect_fields(spec, types) if types is not None else ())),
     ]
     if all(problem.severity != "error" or problem.path[0] != "streams" for problem in found):
@@ -63,7 +65,7 @@ def _duplicates(spec: Spec) -> Iterator[SpecProblem]:
     seen: dict[StreamKey, int] = {}
     names: dict[str, tuple[str, int]] = {}
     for i, stream in enumerate(spec.streams):
-        if not stream.traits.leads:
+        if not stream.leads:
             continue
         group = stream.traits.group
         first, at = names.setdefault(stream.name, (group, i))
@@ -82,14 +84,14 @@ def _signals(spec: Spec) -> Iterator[SpecProblem]:
     holders: dict[str, str] = {}
     for i, stream in enumerate(spec.streams):
         for name in stream.signals or {}:
-            if name in RESERVED:
+            if name in OWN[stream.traits.group]:
                 path = ("streams", i, "signals", name)
                 yield SpecProblem(path, f"the signal '{name}' is reserved; give yours another name")
         for name in sorted(stream.hold):
             if not _declares(stream, name):
                 message = f"'{name}' is held, but is no signal of {stream.key}; {_instead_of_held(spec, stream, name)}"
                 yield SpecProblem(("streams", i, "hold"), message)
-            if name in RESERVED:
+            if name in OWN[stream.traits.group]:
                 yield SpecProblem(("streams", i, "hold"), f"the signal '{name}' is reserved and can't be held")
             if holders.setdefault(name, str(stream.key)) != str(stream.key):
                 yield SpecProblem(("streams", i, "hold"), f"'{name}' is held by {holders[name]} already")
@@ -185,9 +187,8 @@ def _filters(spec: Spec) -> Iterator[SpecProblem]:
     meant = {_stream_meant(name, spec) for name in guarded - spec.names}
     """Streams whose guards are misspelt: of those that is told."""
     max_delay = spec.ordering.max_delay
-    for i, stream in enumerate(spec.streams):
-        if stream.action != "filter" or not stream.traits.leads:
-            continue
+    for i in sorted(spec.filtered.values()):
+        stream = spec.streams[i]
         if stream.name not in guarded | meant:
             message = (
                 f"{stream.name} is filtered, but no property guards it, so that it could deny nothing; name it in a "
@@ -211,7 +212,7 @@ def _idle_keys(spec: Spec) -> Iterator[SpecProblem]:
     """Keys that say what becomes of decided messages, where none is decided; their defaults are as good as absent."""
     usual = StreamSpec("")
     for i, stream in enumerate(spec.streams):
-        if stream.action == "filter" or not stream.traits.leads:
+        if stream.name in spec.filtered or not stream.leads:
             continue
         for key in ("on_deny", "on_unavailable", "decide_within", "intercept"):
             if getattr(stream, key) != getattr(usual, key):
@@ -223,14 +224,12 @@ def _idle_keys(spec: Spec) -> Iterator[SpecProblem]:
 
 
 def _guards(spec: Spec) -> Iterator[SpecProblem]:
-    by_name = {stream.name: stream for stream in spec.streams}
     for i, prop in enumerate(spec.properties):
         path = ("properties", i, "guards")
         for name in sorted(prop.guards):
-            stream = by_name.get(name)
-            if stream is None:
+            if name not in spec.names:
                 yield SpecProblem(path, f"property '{prop.id}' guards '{name}', {_no_stream(name, spec)}")
-            elif stream.action != "filter":
+            elif name not in spec.filtered:
                 yield SpecProblem(
                     path,
                     f"property '{prop.id}' guards {name}, whose action is `log`, so that nothing of it can be denied; "
@@ -282,10 +281,11 @@ def _external(spec: Spec) -> Iterator[SpecProblem]:
             if received is not None and name not in received:
                 message = f"'{prop.id}' guards {name}, which its oracle does not receive; name it under `streams`"
                 yield SpecProblem(("properties", i, "streams"), message)
-        for j, stream in enumerate(spec.streams):
+        for j in sorted(spec.filtered.values()):
+            stream = spec.streams[j]
             ordered = stream.ordered and spec.ordering.by != "arrival"
             waits = prop.external.timeout + ((spec.ordering.max_delay or 0) if ordered else 0)
-            if stream.action == "filter" and stream.traits.leads and stream.decide_within <= waits:
+            if stream.decide_within <= waits:
                 message = (
                     f"decide_within of {stream.name} is {span(stream.decide_within)}, and must exceed "
                     f"{'max_delay and ' if ordered else ''}the timeout of '{prop.id}', {span(waits)}"
@@ -313,14 +313,14 @@ def _gaps(spec: Spec) -> Iterator[SpecProblem]:
 def _causes(spec: Spec) -> Iterator[SpecProblem]:
     for i, stream in enumerate(spec.streams):
         for name in stream.causes:
-            if name not in spec.names and stream.traits.leads:
+            if name not in spec.names and stream.leads:
                 message = f"{stream.name} causes '{name}', {_no_stream(name, spec)}"
                 yield SpecProblem(("streams", i, "causes"), message)
 
 
 def _undoing(spec: Spec) -> Iterator[SpecProblem]:
     for i, stream in enumerate(spec.streams):
-        if stream.on_deny != "undo" or not stream.traits.leads:
+        if stream.on_deny != "undo" or not stream.leads:
             continue
         path = ("streams", i, "on_deny")
         if stream.intercept == "subscriber":

@@ -167,6 +167,7 @@ class Judge(Telling):
         if turn is None:
             return None
         held, failing = together(self._held.values())
+        failing -= turn.carried.keys()
         stored: Mapping[str, Scalar] = {**held, **turn.carried}
         signals, failed = self._derived.at(time, self.counters.steps, stored, failing)
         turned = {*turn.turned, *self._derived.turned_for(signals, self._last)}
@@ -227,7 +228,7 @@ class Judge(Telling):
 
     @property
     def _last(self) -> LastStep:
-        return LastStep(self.present, self.counters.steps, lambda: together(self._held.values())[0])
+        return LastStep(self.present, self.counters.steps, lambda: together(self._held.values()))
 
     def _due(self, state: PropertyState, time: int) -> bool:
         deadline = state.next_deadline(self.present) if self.counters.steps or state.grace else None

@@ -10,8 +10,19 @@ from typing import Literal
 
 from oracle_server.core.comparisons import contradictory
 from oracle_server.core.formula.render import render_atom
-from oracle_server.core.formula.tree import Any, Atom, Constraint, Formula, Position, Ref, Scalar, Signal, demanded
-from oracle_server.core.kinds import RESERVED
+from oracle_server.core.formula.tree import (
+    Any,
+    Atom,
+    Constraint,
+    Formula,
+    Limit,
+    Position,
+    Ref,
+    Scalar,
+    Signal,
+    demanded,
+)
+from oracle_server.core.kinds import NAMING
 from oracle_server.core.places import Place, likened, names_of
 from oracle_server.core.ranges import ANYTHING, Range
 from oracle_server.core.signals import is_signal
@@ -71,7 +82,7 @@ def _asks_nothing(constraint: Constraint, atom: Atom, possible: Sequence[Place])
     The ends of an interval are well written out, even where one of them is that of the type.
     """
     key, op = constraint.key, constraint.op
-    if key in RESERVED or op == "==":
+    if key in NAMING or op == "==":
         return False
     interval = op != "!=" and any(c.key == key and c is not constraint for c in atom.constraints)
     return not interval and all(p.range(key).always_meets(constraint) for p in possible)
@@ -136,7 +147,7 @@ def described(found: Range) -> str:
 def _mend(constraint: Constraint, found: Range) -> str:
     """What to write instead, where that is near."""
     wanted = constraint.value
-    if isinstance(wanted, Any | Ref | Signal):
+    if isinstance(wanted, Any | Ref | Signal | Limit):
         return ""
     key, op = constraint.key, ":" if constraint.op == "==" else f" {constraint.op}"
     numbers = found.whole is not None or "number" in found.kinds

@@ -10,9 +10,9 @@ from oracle_server.core.comparisons import contradictory, turned
 from oracle_server.core.derived.ranges import derived_ranges
 from oracle_server.core.expression import is_always_there, parse_expression
 from oracle_server.core.formula.parse import Time
-from oracle_server.core.formula.tree import Any, Atom, Constraint, Ref, Scalar, Signal
-from oracle_server.core.kinds import RESERVED
-from oracle_server.core.plan import constants, has_reserved
+from oracle_server.core.formula.tree import Any, Atom, Constraint, Limit, Ref, Scalar, Signal
+from oracle_server.core.kinds import GOAL_ID, RESERVED, STATUS, STATUSES
+from oracle_server.core.plan import constants, has_reserved, not_signals, reserved_of
 from oracle_server.core.ranges import ANYTHING, NUMBER, TEXT, Range, range_of, range_of_field
 from oracle_server.core.shapes import Record, Value
 from oracle_server.core.spec import Spec, StreamSpec
@@ -21,6 +21,7 @@ from oracle_server.core.typed import StreamTypes, TypedMessage
 _LISTED = 3
 """Places that a message names."""
 _RESERVED: Mapping[str, Range] = {"monitor": TEXT, "call": NUMBER}
+_MARKS: Mapping[str, Range] = {GOAL_ID: TEXT, STATUS: Range(values=STATUSES)}
 _NOTHING = Record("", {})
 
 
@@ -47,13 +48,15 @@ class Place:
 
     def has(self, key: str) -> bool:
         """Whether an event can have a signal."""
-        if key in RESERVED:
+        if self._reserves(key):
             return self.stream is not None and has_reserved(self.stream, key)
-        return self.open or key in self.own or key in self.held
+        return (
+            (self.open and not (self.stream and key in not_signals(self.stream))) or key in self.own or key in self.held
+        )
 
     def allows(self, atom: Atom) -> bool:
         """Whether an event can meet an atom, as far as the reserved signals decide."""
-        reserved = [c for c in atom.constraints if c.key in RESERVED]
+        reserved = [c for c in atom.constraints if self._reserves(c.key)]
         return all(self.has(c.key) and (c.key not in self.constants or self._constant(c)) for c in reserved)
 
     def lacks(self, atom: Atom) -> list[str]:
@@ -87,7 +90,7 @@ class Place:
     def sure(self, constraint: Constraint) -> bool:
         """Whether every event meets a constraint, on a signal that it allows."""
         key, wanted = constraint.key, constraint.value
-        if isinstance(wanted, Ref | Signal):
+        if isinstance(wanted, Ref | Signal | Limit):
             return False
         if key in self.constants or (key in self.always and wanted is Any.ANY):
             return True
@@ -97,10 +100,14 @@ class Place:
         """All that decides what is known here of an atom with these keys: equal for places that are alike to it."""
         return tuple(
             (self.constants.get(key), self.has(key))
-            if key in RESERVED
+            if self._reserves(key)
             else self.has(key) and (id(self.range(key)), key in self.always)
             for key in keys
         )
+
+    def _reserves(self, key: str) -> bool:
+        """Whether a name in an atom is no signal of a message here."""
+        return key in (RESERVED if self.stream is None else reserved_of(self.stream))
 
     def _constant(self, constraint: Constraint) -> bool:
         return meets(constraint, self.constants[constraint.key])
@@ -119,7 +126,9 @@ def places(spec: Spec, time: Time, types: StreamTypes | None = None) -> list[Pla
     for stream, (own, always) in streams:
         either = {key: ranges.same(one | held[key]) if key in held else one for key, one in own.items()}
         known = stream.signals is not None or stream.key in (types or {})
-        found.append(Place(stream, constants(stream), always | {"monitor"}, either, held, open=not known))
+        marks = {key: _MARKS[key] for key in stream.traits.marks}
+        there = always | {"monitor"} | marks.keys()
+        found.append(Place(stream, constants(stream), there, either | marks, held, open=not known))
     if time == "seconds":
         found.append(Place(None, {}, frozenset(), {}, held, open=False))
     return found
@@ -164,7 +173,11 @@ def _own(
     sure = known.surest if known else _NOTHING
     own, always = {}, set()
     for name, shape_there in fields.items():
-        if isinstance(shape_there, Value) and name not in RESERVED and (name in stream.hold or name not in holding):
+        if (
+            isinstance(shape_there, Value)
+            and name not in not_signals(stream)
+            and (name in stream.hold or name not in holding)
+        ):
             value = sure.fields.get(name)
             own[name] = ranges.same(range_of_field(value if isinstance(value, Value) else None))
             if isinstance(value, Value) and value.kind != "bytes":

@@ -14,8 +14,9 @@ from typing import Protocol
 from oracle_server.core.atoms import AtomTest, Match, specialise, specialise_some
 from oracle_server.core.derived.layout import Layout, Part, parts, watched
 from oracle_server.core.events import StreamKey
+from oracle_server.core.formula.ahead import looks_ahead
 from oracle_server.core.formula.tree import Atom, Scalar
-from oracle_server.core.kinds import RESERVED, Kind
+from oracle_server.core.kinds import GROUPS, KINDS, OWN, RESERVED, Kind
 from oracle_server.core.reach import Reach
 from oracle_server.core.signals import DefaultProjection, Projection
 from oracle_server.core.spec import By, Spec, StreamSpec
@@ -148,7 +149,8 @@ def constants(stream: StreamSpec) -> dict[str, Scalar]:
 
 def can_meet(stream: StreamSpec, atom: Atom) -> bool:
     """Whether some event of a stream can meet an atom, as far as the reserved signals decide it."""
-    reserved = [c for c in atom.constraints if c.key in RESERVED]
+    names = reserved_of(stream)
+    reserved = [c for c in atom.constraints if c.key in names]
     if not reserved:  # as most have none, and each atom is looked at on each stream
         return True
     return bool(specialise([Atom(tuple(reserved))], constants(stream), lambda key: has_reserved(stream, key)))
@@ -156,13 +158,36 @@ def can_meet(stream: StreamSpec, atom: Atom) -> bool:
 
 def has_reserved(stream: StreamSpec, key: str) -> bool:
     """Whether every event of a stream has the reserved signal `key`."""
-    return key in constants(stream) or key == "monitor" or (key == "call" and stream.traits.has_call)
+    traits = stream.traits
+    return key in (traits.group, "kind", "monitor", *traits.marks) or (key == "call" and traits.has_call)
+
+
+def reserved_of(stream: StreamSpec) -> frozenset[str]:
+    """The names that are no signals of a stream's messages, where an atom reads them of it.
+
+    Those of an action are ordinary ones elsewhere, but for its own, where the stream does not declare that.
+    """
+    names = _RESERVED[stream.kind]
+    return names if not stream.signals or names.isdisjoint(stream.signals) else names - stream.signals.keys()
+
+
+def not_signals(stream: StreamSpec) -> frozenset[str]:
+    """The names of which a stream without `signals` has none, whatever its messages have."""
+    return reserved_of(stream) | OWN[stream.traits.group]
+
+
+_RESERVED = {kind: RESERVED.union(GROUPS, traits.marks) for kind, traits in KINDS.items() if traits.group}
+
+
+def naming(spec: Spec) -> frozenset[str]:
+    """The keys that name interfaces in a spec's atoms: no group's where some stream has a signal of that name."""
+    return frozenset(GROUPS).difference(*(stream.signals or () for stream in spec.streams))
 
 
 def named_signals(stream: StreamSpec, formulas: tuple[tuple[Atom, ...], ...], held: frozenset[str]) -> frozenset[str]:
     """The signals that some atom reads of a stream, with neither the reserved ones nor those that others hold."""
     met = [atom for formula in formulas for atom in formula if can_meet(stream, atom)]
-    named = frozenset(c.key for atom in met for c in atom.constraints) - RESERVED
+    named = frozenset(c.key for atom in met for c in atom.constraints) - not_signals(stream)
     return named - ((named & held) - stream.hold)
 
 
@@ -174,7 +199,7 @@ class _Making:
         self.formulas = spec.readings
         """The atoms of the properties, and behind them what derived signals read."""
         self.held = spec.kept
-        self._spec, self._reach = spec, Reach(self.formulas)
+        self._spec, self._reach = spec, Reach(self.formulas, naming(spec))
         self._views: dict[object, list[View]] = {}
         self._keys: dict[Kind, list[frozenset[_Keys]]] = {}
         self._reading: dict[object, frozenset[int]] = {}
@@ -188,7 +213,7 @@ class _Making:
         else:
             names = frozenset(stream.signals)
             project = Projection(stream.signals)
-        reserved = {key for key in RESERVED if has_reserved(stream, key)}
+        reserved = {key for key in reserved_of(stream) if has_reserved(stream, key)}
         views, derives = self._divided(self._views_of(stream, names | reserved), names, reserved)
         asked, properties = [], self._spec.properties
         for i, prop in enumerate(properties):
@@ -219,7 +244,7 @@ class _Making:
         timed = [
             (i, [prop.atoms[test.index] for test in view.tests])
             for i, (prop, view) in enumerate(zip(properties, silent, strict=True))
-            if prop.time == "seconds"
+            if prop.time == "seconds" and not looks_ahead(prop.formula)  # operands of that are judged at steps alone
         ]
         at_ticks = parts(derive, [()] * len(derive), (), (), read)
         return Layout(derive, at_ticks, watched(derive, timed), frozenset(d.by for d in derive if d.by))
@@ -277,7 +302,7 @@ class _Making:
         """The signals of a stream that declares none."""
         named = frozenset[str]().union(*(keys for found in self._met(stream.kind) for keys in found))
         named |= {key for _, keys in self._met_by_name(stream) for key in keys}
-        return named - RESERVED - ((named & self.held) - stream.hold)
+        return named - not_signals(stream) - ((named & self.held) - stream.hold)
 
     def _met(self, kind: Kind) -> list[frozenset[_Keys]]:
         """For each property, the signals of each atom that names nothing and that events of a kind can meet."""
@@ -293,13 +318,14 @@ class _Making:
 
     def _concerned(self, stream: StreamSpec) -> frozenset[int]:
         """The properties that guard a stream, or read its events: by name, kind, or signals of their own."""
-        own = None if stream.signals is None else frozenset(stream.signals) | RESERVED
+        reserved = reserved_of(stream)
+        own = None if stream.signals is None else frozenset(stream.signals) | reserved
         others = self.held - stream.hold
 
         def reads(keys: _Keys) -> bool:
             if own is not None:
                 return not keys.isdisjoint(own)
-            return not keys <= others or not keys.isdisjoint(RESERVED)
+            return not keys <= others or not keys.isdisjoint(reserved)
 
         alike = stream.kind, own, stream.hold
         if alike not in self._reading:

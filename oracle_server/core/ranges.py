@@ -13,7 +13,7 @@ from oracle_server.core.atoms import canonical, meets
 from oracle_server.core.errors import ExpressionError
 from oracle_server.core.expression import Literal as Written
 from oracle_server.core.expression import parse_expression, results
-from oracle_server.core.formula.tree import Constraint, Scalar, Signal
+from oracle_server.core.formula.tree import Constraint, Limit, Scalar, Signal
 from oracle_server.core.shapes import WHOLE_NUMBERS, Record, Value
 from oracle_server.core.signals import is_signal
 
@@ -49,8 +49,8 @@ class Range:
         return any(all(meets(c, v) for c in constraints) for v in self.telling(constraints))
 
     def always_meets(self, constraint: Constraint) -> bool:
-        """Whether every value meets a constraint; not known of one that compares with another signal."""
-        return not isinstance(constraint.value, Signal) and all(
+        """Whether every value meets a constraint; not known of one that compares with a signal or variable."""
+        return not isinstance(constraint.value, Signal | Limit) and all(
             meets(constraint, v) for v in self.telling([constraint])
         )
 

@@ -6,10 +6,9 @@ What the atoms say that name no interface is the same for all streams of one kin
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 from oracle_server.core.formula.tree import Atom
-from oracle_server.core.kinds import GROUPS
 from oracle_server.core.spec import StreamSpec
 
 Indexed = tuple[int, Atom]
@@ -19,8 +18,8 @@ Indexed = tuple[int, Atom]
 class Reach:
     """The atoms of a spec's formulas, by the names of interfaces in them."""
 
-    def __init__(self, formulas: Sequence[Sequence[Atom]]) -> None:
-        """Divide the atoms of formulas, each of which has every atom once."""
+    def __init__(self, formulas: Sequence[Sequence[Atom]], naming: Collection[str]) -> None:
+        """Divide the atoms of formulas, each of which has every atom once, by the keys that name interfaces."""
         self.free: list[list[Indexed]] = []
         """For each formula the atoms that say nothing of names."""
         self._tied: defaultdict[tuple[str, str], list[tuple[int, Indexed]]] = defaultdict(list)
@@ -28,7 +27,7 @@ class Reach:
         for i, atoms in enumerate(formulas):
             self.free.append([])
             for indexed in enumerate(atoms):
-                said = [c for c in indexed[1].constraints if c.key in GROUPS]
+                said = [c for c in indexed[1].constraints if c.key in naming]
                 demanded = next(((c.key, c.value) for c in said if c.op == "==" and isinstance(c.value, str)), None)
                 if demanded is not None:
                     self._tied[demanded].append((i, indexed))

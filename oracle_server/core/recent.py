@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable, Collection
 from typing import Any
@@ -16,6 +17,8 @@ from oracle_server.core.records import EventRecord
 
 SIZE = 1024
 """Steps that are remembered; of older ones an explanation has the number or the time only."""
+LENGTH = 2**20
+"""Characters of texts in the signals of that many steps: where the later ones have more, older ones are forgotten."""
 EFFORT = 10_000
 EFFORT_TOGETHER = 50_000
 """What the explanations of all properties may have cost at one step before another one begins."""
@@ -35,7 +38,9 @@ class Recent:
     def __init__(self, size: int = SIZE, effort: int = EFFORT, spare: int = 0) -> None:
         """Remember so many steps, and so many more that are there again where the last ones are removed."""
         self._steps: deque[Kept] = deque(maxlen=size + spare)
-        self._size, self._effort = size, effort
+        self._upto: deque[int] = deque(maxlen=size + spare)
+        """How many characters there were up to each of them, itself included."""
+        self._size, self._effort, self._spare, self._length = size, effort, spare, LENGTH * size // SIZE
         self.number: int | None = None
         """The number of the step that is added next; None where that is its place."""
         self._unnumbered = False
@@ -45,7 +50,7 @@ class Recent:
         """Add the next step, of which formulas see `signals`; those in `failed` could not be computed."""
         event, self._unnumbered = step.event, False
         number = place if self.number is None else self.number
-        self._steps.append((place, time, event.stream, step.stamp, event.monitor, event.seq, signals, failed, number))
+        self._append((place, time, event.stream, step.stamp, event.monitor, event.seq, signals, failed, number))
 
     def unnumber(self) -> None:
         """Let explanations not give the number of the last step: it is an attempt that is about to be taken back."""
@@ -55,6 +60,7 @@ class Recent:
         """Forget the last steps."""
         for _ in range(min(count, len(self._steps))):
             self._steps.pop()
+            self._upto.pop()
         self._unnumbered = False
 
     def last(self) -> EventRecord:
@@ -69,7 +75,7 @@ class Recent:
         """Take over a snapshot; older ones lack the signals that failed, and numbers other than places."""
         for place, time, stream, stamp, monitor, seq, signals, *more in data:
             failed, number = (more[0] if more else _NONE), (more[1] if len(more) > 1 else place)
-            self._steps.append((place, time, StreamKey(*stream), stamp, monitor, seq, signals, failed, number))
+            self._append((place, time, StreamKey(*stream), stamp, monitor, seq, signals, failed, number))
 
     def past(
         self, views: Callable[[StreamKey], View], tick: Tick | None = None, spent: Callable[[int], None] | None = None
@@ -97,10 +103,21 @@ class Recent:
         noun = "step" if all(place == number for place, *_, number in steps) else "place"
         return Past(times, matches, self._effort, seen, spent, noun)
 
+    def _append(self, kept: Kept) -> None:
+        upto = self._upto
+        length = sum([len(value) for value in kept[6].values() if type(value) is str])
+        upto.append(length + (upto[-1] if upto else 0))
+        self._steps.append(kept)
+        while not self._spare and upto[-1] - upto[0] > self._length:
+            upto.popleft()
+            self._steps.popleft()
+
     @property
     def _last(self) -> list[Kept]:
-        spare = len(self._steps) - self._size
-        return list(self._steps) if spare <= 0 else list(itertools.islice(self._steps, spare, None))
+        if not self._steps:
+            return []
+        long = bisect_left(self._upto, self._upto[-1] - self._length)
+        return list(itertools.islice(self._steps, max(long, len(self._steps) - self._size), None))
 
     def recall(self, at: int, step: int | None, *, timed: bool) -> EventRecord | None:
         """The event of a reason: of a step at a place, if that is known, else the only one at a time or place."""

@@ -134,6 +134,11 @@ class ReorderBuffer(Generic[T]):
         return first[0] if reached or first <= self._expired else None
 
     @property
+    def first(self) -> int | None:
+        """The stamp of the oldest item held, None while nothing is."""
+        return self._heap[0][0] if self._heap else None
+
+    @property
     def next_deadline(self) -> int | None:
         """When `advance` will next release something, None while nothing is held under a bound."""
         while self._deadlines and self._deadlines[0][2] not in self._held:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Literal
 
+from oracle_server.core.actions import reply_hazards
 from oracle_server.core.errors import SpecProblem
 from oracle_server.core.spec import Spec
 
@@ -25,6 +26,7 @@ def ros_hazards(spec: Spec, ros: Ros) -> Iterator[SpecProblem]:
     """What `check --ros` warns of."""
     if ros == 1:
         yield from _arrival_times(spec)
+        yield from reply_hazards(spec)
     else:
         yield from _denied_responses(spec)
 
@@ -44,12 +46,12 @@ def _denied_responses(spec: Spec) -> Iterator[SpecProblem]:
 def _arrival_times(spec: Spec) -> Iterator[SpecProblem]:
     """ROS 1 carries no publication time: a topic whose messages hold none is ordered by its arrival.
 
-    What passes through a proxy is left out: the adapter stamps it, so that its clock is exact.
+    What it carries of services and actions has a time: their own, or that at which the adapter forwards it.
     """
     if spec.ordering.by == "arrival":
         return
     for i, stream in enumerate(spec.streams):
-        if not stream.traits.proxied and stream.ordered and stream.stamp is None and _has_no_stamp(stream.type):
+        if stream.kind == "topic" and stream.ordered and stream.stamp is None and _has_no_stamp(stream.type):
             yield SpecProblem(
                 ("streams", i, stream.traits.group),
                 f"{stream.name} is ordered by its arrival on ROS 1, which carries no publication time: {stream.type} "

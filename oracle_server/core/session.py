@@ -98,11 +98,10 @@ class Session(Resumable):
         deadline = min((d for d in (self.buffer.next_deadline, late) if d is not None), default=None)
         if not self._ticking or self.simulated is not None or self.asking:
             return deadline
-        waits = {order: self._longest_wait(order) for order in self.judges}
         ticks = [
-            max(tick, self._ready_since(order)) + wait
+            max(tick, self._ready_since(order)) + (wait if tick < self._held_since(order) else 2 * wait)
             for order, judge in self.judges.items()
-            if (wait := waits[order]) is not None and (tick := judge.next_deadline) is not None
+            if (wait := self._longest_wait(order)) is not None and (tick := judge.next_deadline) is not None
         ]
         if self.suspended:  # no deadline is judged now, however long ago it expired
             ticks = [max(tick, self.now + _LOOK_AGAIN) for tick in ticks]
@@ -268,7 +267,7 @@ class Session(Resumable):
             wait = self._longest_wait(order)
             reached = []
             if wait is not None and now is not None and now - wait >= self._ready_since(order):
-                reached.append(now - wait)
+                reached.append(self._settled(order, now, wait))
             if order == "publication" and self.buffer.limit is not None:
                 reached.append(self.buffer.limit - 1)  # an event of that very time may still come
             if order in self._unticked:
@@ -276,6 +275,18 @@ class Session(Resumable):
             if reached:
                 judged += self._ticks(order, min(max(reached), self._before_due(order)), wholly=wholly)
         return judged
+
+    def _settled(self, order: Order, now: int, wait: int) -> int:
+        """Up to when deadlines have waited long enough; behind what is held, and was in time, for as long again."""
+        held = self._held_since(order)
+        if held > now - wait:
+            return now - wait
+        return max(held - 1, now - 2 * wait) if now - 2 * wait >= self._ready_since(order) else held - 1
+
+    def _held_since(self, order: Order) -> int:
+        """The time of the oldest event held: deadlines of it wait for that, unless it can be put in its place."""
+        first = self.buffer.first if order == "publication" and self.lateness is None else None
+        return _NEVER if first is None else first
 
     def _before_due(self, order: Order) -> int:
         """Up to when deadlines may be judged: those behind what is due come after it."""

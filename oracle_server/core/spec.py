@@ -41,11 +41,13 @@ class Ordering:
 
 @dataclass(frozen=True, slots=True)
 class StreamSpec:
-    """One topic, or the requests or the responses of one service; durations in nanoseconds.
+    """One topic, or the events of one kind of a service or an action; durations in nanoseconds.
 
     `stamp` is where the publication time stands in the message, None for the default places; `signals` maps
-    a signal to its expression, None for the default signals. `intercept` is for topics; `proxy` and
-    `denied_response` are for services, whose requests and responses share all but `stamp`, `hold` and `signals`.
+    a signal to its expression, None for the default signals. `intercept` is for topics; `proxy` is for services and
+    actions, `denied_response` for services, `via` and `denied_result` for actions. The kinds of a service share all
+    but `stamp`, `hold` and `signals`; those of an action not `ordered` and `action` either, and some may be missing.
+    `first`: what a spec says of the interface as a whole is checked here, once; None where that goes by the kind.
     """
 
     name: str
@@ -64,6 +66,9 @@ class StreamSpec:
     on_unavailable: Literal["deny", "pass"] = "deny"
     decide_within: int = 2 * SECOND
     on_deny: Literal["keep", "undo"] = "keep"
+    via: Literal["proxy", "introspection"] = "proxy"
+    denied_result: Mapping[str, Any] | None = None
+    first: bool | None = None
 
     @property
     def key(self) -> StreamKey:
@@ -74,6 +79,21 @@ class StreamSpec:
     def traits(self) -> Traits:
         """What holds for all streams of this kind."""
         return KINDS[self.kind]
+
+    @property
+    def leads(self) -> bool:
+        """Whether it is the first stream of its interface."""
+        return self.traits.leads if self.first is None else self.first
+
+    @property
+    def proxied(self) -> bool:
+        """Whether its events pass through a proxy in the adapter."""
+        return self.traits.proxied and self.via == "proxy"
+
+    @property
+    def stamped(self) -> bool:
+        """Whether the adapter stamps its events itself, so that its clocks are exact."""
+        return self.traits.stamped and self.proxied
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,6 +172,12 @@ class Spec:
         """The signals that a step may have whatever its stream is: those that are held, and those that are derived."""
         derived = frozenset(definition.name for definition in self.derive)
         return derived.union(*(stream.hold for stream in self.streams))
+
+    @cached_property
+    def filtered(self) -> Mapping[str, int]:
+        """The topics, services and actions of which something is decided: the places of their first such streams."""
+        decided = [(s.name, i) for i, s in enumerate(self.streams) if s.action == "filter"]
+        return dict(reversed(decided))
 
     def derived_of(self, prop: Property) -> tuple[str, ...]:
         """The derived signals that a property reads, in their order."""

@@ -43,7 +43,7 @@ class Telling:
         n, why = next(self._numbers), None
         if state.remember(n, outcome) or state.asked:
             state.note_first(n, None, time)
-            why = self._explain(state, signals, failed, time)
+            why = self._explain(state, signals, failed, time, judged=False)
         return self._plain(state, n, outcome, why)
 
     def _plain(self, state: PropertyState, n: int, outcome: Outcome, why: Explanation | None = None) -> Verdict:
@@ -53,14 +53,19 @@ class Telling:
             n, state.property.id, outcome, is_degraded or bypassed, why, bypassed=bypassed, pending=state.pending
         )
 
-    def _explain(self, state: PropertyState, signals: Mapping[str, Scalar], failed: Names, time: int) -> Explanation:
+    def _explain(
+        self, state: PropertyState, signals: Mapping[str, Scalar], failed: Names, time: int, *, judged: bool = True
+    ) -> Explanation:
+        """Why the last outcome is as it is; of what waits for what comes no signal is `judged` at a tick."""
         told, count = tuple(about(state.unanswered)), len(state.unanswered)
         if state.why is None:
             return Explanation(state.property.text, signals, about=told, about_count=count)
         timed = state.property.time == "seconds"
-        text = "; ".join([state.why.text, *self._derived.told(state.property.atoms, signals, failed, time)])
+        said = [state.why.text]
+        if judged or state.owed is None:
+            said += self._derived.told(state.property.atoms, signals, failed, time)
         why = state.why.data(partial(self._recent.recall, timed=timed))
-        return Explanation(state.property.text, signals, text, why, told, count)
+        return Explanation(state.property.text, signals, "; ".join(said), why, told, count)
 
     def _past(self, index: int) -> Past | None:
         """The last steps as one property observed them, and a tick that is being judged.

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 from oracle_server.core.errors import SpecProblem
 from oracle_server.core.formula.render import render_atom
 from oracle_server.core.formula.tree import Atom, Constraint
-from oracle_server.core.kinds import GROUPS, KINDS, RESERVED
-from oracle_server.core.nearest import listed, nearest
-from oracle_server.core.plan import can_meet, has_reserved
+from oracle_server.core.kinds import ACTION, GROUPS, KINDS, NAMING, NOUNS
+from oracle_server.core.nearest import either, listed, nearest
+from oracle_server.core.plan import can_meet, has_reserved, naming, not_signals, reserved_of
 from oracle_server.core.spec import Spec, StreamSpec
 
 
@@ -25,21 +25,24 @@ def unmet(spec: Spec) -> Iterator[SpecProblem]:
 
 def has_signal(stream: StreamSpec, key: str, held: frozenset[str]) -> bool:
     """Whether an event of a stream can have a signal; `held` are those that some stream holds."""
-    if key in RESERVED:
+    if key in reserved_of(stream):
         return has_reserved(stream, key)
-    return stream.signals is None or key in stream.signals or key in held
+    if key in held:
+        return True
+    return key not in not_signals(stream) if stream.signals is None else key in stream.signals
 
 
 def why_never(atom: Atom, spec: Spec, held: frozenset[str]) -> str | None:
     """Why an atom can never hold, since it names something that the spec does not have; None where it can."""
+    groups = naming(spec)
     for constraint in atom.constraints:
-        if constraint.key in GROUPS and constraint.op == "==" and isinstance(constraint.value, str):
+        if constraint.key in groups and constraint.op == "==" and isinstance(constraint.value, str):
             names = sorted({s.name for s in spec.streams if s.traits.group == constraint.key})
             if constraint.value not in names:
                 return _no_stream(constraint.key, constraint.value, names, spec)
     streams = [s for s in spec.streams if can_meet(s, atom)]
     if not streams:
-        return f"no event of this spec can meet {render_atom(atom)}{_contradiction(atom.constraints)}"
+        return f"no event of this spec can meet {render_atom(atom)}{_contradiction(atom.constraints, spec)}"
     for constraint in atom.constraints:
         if not any(has_signal(s, constraint.key, held) for s in streams):
             if isinstance(constraint.value, str) and constraint.value in spec.names:
@@ -74,18 +77,26 @@ def _no_signal(key: str, streams: Sequence[StreamSpec], held: frozenset[str], sp
     return f"unknown signal '{key}'; {f'{hint} ' if hint else ''}{where} {verb} {listed(declared) or 'none'}"
 
 
-def _contradiction(constraints: Sequence[Constraint]) -> str:
+def _contradiction(constraints: Sequence[Constraint], spec: Spec) -> str:
     """Which reserved signals do not go together."""
-    wanted = {c.key: c.value for c in constraints if c.key in RESERVED}
-    kinds = [kind for kind, traits in KINDS.items() if traits.group]
-    if isinstance(wanted.get("kind"), str) and wanted["kind"] not in kinds:
-        hint = nearest(str(wanted["kind"]), kinds)
-        told = f"{hint} the" if hint else "the"
-        return f": there is no kind '{wanted['kind']}'; {told} kinds are {', '.join(kinds)}"
-    if {"topic", "service"} <= wanted.keys():
-        return ": an event is of a topic or of a service, and never of both"
-    if "topic" in wanted and "kind" in wanted:
-        return ": events of a topic are of kind `topic`"
-    if "service" in wanted and "kind" in wanted:
-        return ": events of a service are of kind `request` or `response`"
-    return ": only events of services have a `call`" if "call" in wanted else ""
+    wanted = {c.key: c.value for c in constraints if c.key in NAMING and c.op == "=="}
+    groups = [group for group in GROUPS if group in wanted]
+    every = [kind for kind, traits in KINDS.items() if traits.group]
+    known = groups or {"topic", "service", *(stream.traits.group for stream in spec.streams)}
+    kinds = [kind for kind in every if KINDS[kind].group in known]
+    kind = wanted.get("kind")
+    if isinstance(kind, str) and kind not in every:
+        hint = nearest(kind, kinds)
+        return f": there is no kind '{kind}'; {f'{hint} the' if hint else 'the'} kinds are {', '.join(kinds)}"
+    if len(groups) > 1:
+        words = [NOUNS[group] for group in groups]
+        return f": an event is of {' or of '.join(words)}, and never of both"
+    for group in groups if isinstance(kind, str) else ():
+        if kind not in kinds:
+            return f": events of {NOUNS[group]} are of kind {either([f'`{k}`' for k in kinds])}"
+        if group == ACTION and not any(s.kind == kind for s in spec.streams if s.name == wanted[group]):
+            return f": the spec does not observe this kind of {wanted[group]}; write `{kind}: {{}}` at it"
+    if "call" in wanted:
+        having = [traits.noun for traits in KINDS.values() if traits.has_call]
+        return f": only {', '.join(having[:-1])} and {having[-1]} have a `call`"
+    return ""

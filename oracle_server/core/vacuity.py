@@ -34,7 +34,7 @@ from oracle_server.core.formula.tree import (
 )
 from oracle_server.core.instants import Instants, Occurrence
 from oracle_server.core.joins import unjoined
-from oracle_server.core.kinds import RESERVED
+from oracle_server.core.kinds import NAMING
 from oracle_server.core.misfits import Doubt, misfits
 from oracle_server.core.places import Place, names_of, places
 from oracle_server.core.spec import Property, Spec
@@ -80,13 +80,14 @@ class _Seen:
         within = {id(node) for doubt in quantified for node in walk(doubt.part)}
         told = {id(doubt.part) for doubt in quantified}
         """The parts, by identity, of which something was told, and the instants in which something was found."""
+        fitting = set[int]()
+        """Instants in which nothing was found but atoms that every value meets."""
         foreign: dict[int, Doubt] = {}
         """Atoms that ask for another stream: the last one of each instant, where nothing else is wrong there."""
         for occurrence in self.known.occurrences():
             instant = id(occurrence.instant)
             found = [*misfits(occurrence.atom, self.places)] or [*self._lacking(occurrence)]
-            if any(doubt.claim != "met" for doubt in found):
-                told.add(instant)
+            (told if any(doubt.claim != "met" for doubt in found) else fitting).update([instant] if found else [])
             yield from found
             if id(occurrence.atom) not in within:
                 for doubt in self._foreign(occurrence):
@@ -97,7 +98,11 @@ class _Seen:
         told |= foreign.keys()
         for node in walk(self.prop.formula):
             if isinstance(node, Historically | Since) and not lacking & {id(part) for part in walk(_kept(node))}:
-                yield from self._ended(node)
+                ended = list(self._ended(node))
+                told |= {id(doubt.part) for doubt in ended}
+                yield from ended
+        if not told | fitting:
+            yield from self._partial()
         yield from unjoined(self.prop.formula, self.places)
         yield from self._settled(told)
         yield from self._unused_guards()
@@ -144,10 +149,8 @@ class _Seen:
     def _ended(self, node: Historically | Since) -> Iterator[Doubt]:
         """An operand that must hold at every step, and fails at every event of some stream for want of a signal."""
         operand = _kept(node)
-        mendable = zip(self.places, self.known.row(operand), self.lenient.row(operand), strict=True)
-        failing = [p for p, value, other in mendable if p.stream and value is False and other is not False]
-        streams = [p for p in self.places if p.stream]
-        if not failing or len(failing) == len(streams):
+        failing = self._lacking_at(operand)
+        if not failing:
             return
         guard = _guard(operand, failing)
         text = render(operand, self.prop.time)
@@ -163,6 +166,24 @@ class _Seen:
         place = _place(operand)
         yield Doubt("false", operand, f"`{text}` is false at every event of {names_of(failing)}{why}, {effect}", place,
                     tuple(p.name for p in failing))  # fmt: skip
+
+    def _partial(self) -> Iterator[Doubt]:
+        """The whole formula, where it fails at every event of some streams for want of a signal."""
+        formula = self.prop.formula
+        failing = self._lacking_at(formula)
+        if failing:
+            mended = render(Implies(_guard(formula, failing), formula), self.prop.time)
+            message = (
+                f"it is false at every event of {names_of(failing)}{_lack(formula, failing)}, and so is violated "
+                f"there, whatever the messages say; write `{mended}`"
+            )
+            yield Doubt("false", formula, message, _place(formula), tuple(p.name for p in failing))
+
+    def _lacking_at(self, operand: Formula) -> list[Place]:
+        """Some streams, not all, at whose events an operand fails for want of a signal."""
+        mendable = zip(self.places, self.known.row(operand), self.lenient.row(operand), strict=True)
+        failing = [p for p, value, other in mendable if p.stream and value is False and other is not False]
+        return [] if len(failing) == sum(p.stream is not None for p in self.places) else failing
 
     def _settled(self, told: set[int]) -> Iterator[Doubt]:
         """Instants that are known to hold, or to fail, wherever they are judged, if nothing in them says why."""
@@ -183,7 +204,11 @@ class _Seen:
         if self.prop.latch or all(row) or looks_ahead(self.prop.formula):
             return
         for name in sorted(self.prop.guards):
-            own = [(p, holds) for p, holds in zip(self.places, row, strict=True) if p.stream and p.stream.name == name]
+            own = [
+                (p, holds)
+                for p, holds in zip(self.places, row, strict=True)
+                if p.stream and p.stream.name == name and p.stream.action == "filter"
+            ]
             if own and all(holds for _, holds in own):
                 group = next(p.stream.traits.group for p, _ in own if p.stream)
                 message = (
@@ -207,16 +232,17 @@ class _Seen:
 def _lenient(place: Place, atom: Atom) -> Truth:
     """What is known of an atom where it may be that it was meant for the events of another stream only."""
     value = place.value(atom)
-    return None if value is False and not all(c.key in RESERVED for c in atom.constraints) else value
+    return None if value is False and not all(c.key in NAMING for c in atom.constraints) else value
 
 
 def _guard(operand: Formula, failing: Sequence[Place]) -> Atom:
-    """What says that an operand's signals are there: of its first atom that fails, the keys with any value."""
+    """What says that the signals are there which an operand lacks: of its first atom that fails, with any value."""
     culprit = next(a for a in atoms(operand) if any(p.value(a) is False for p in failing))
-    own = [c for c in culprit.constraints if c.key in RESERVED]
+    own = [c for c in culprit.constraints if c.key in NAMING]
     if any(not p.allows(culprit) for p in failing):
         return Atom(tuple(own))
-    keys = dict.fromkeys(c.key for c in culprit.constraints if c.key not in RESERVED)
+    lacking = {key for p in failing for key in p.lacks(culprit)}
+    keys = dict.fromkeys(c.key for c in culprit.constraints if c.key in lacking)
     return Atom((*own, *(Constraint(key, "==", Any.ANY) for key in keys)))
 
 

@@ -29,7 +29,8 @@ from oracle_server.core.spec import Property, Spec
 def mendable(spec: Spec, prop: Property, name: str) -> bool:
     """Whether the property always holds at a step without signals, or never fails at an event of the stream."""
     held = spec.kept
-    own = [s for s in spec.streams if s.name == name]
+    named = [s for s in spec.streams if s.name == name]
+    own = [s for s in named if s.action == "filter"] or named
 
     def quiet(atom: Atom) -> bool | None:
         if atom == TRUE:

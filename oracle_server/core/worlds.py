@@ -23,6 +23,7 @@ from oracle_server.core.formula.tree import (
     Formula,
     Historically,
     Implies,
+    Limit,
     Not,
     Once,
     Or,
@@ -147,7 +148,7 @@ class Worlds:
 
 def _choices(key: str, asked: Mapping[_Fact, Constraint], place: Place) -> Iterator[_World]:
     """What the constraints on a signal can come to, by the values that it can have."""
-    plain = {fact: c for fact, c in asked.items() if not isinstance(c.value, Ref | Signal)}
+    plain = {fact: c for fact, c in asked.items() if not isinstance(c.value, Ref | Signal | Limit)}
     joined = [fact for fact, c in asked.items() if isinstance(c.value, Ref)][:_MOST_JOINED]
     compared = {fact: c for fact, c in asked.items() if isinstance(c.value, Signal)}
     values = place.range(key).telling(list(plain.values()))
@@ -181,7 +182,7 @@ def _asked_of(constraint: Constraint, scope: Mapping[str, int]) -> object:
 
 
 def _is_sure(place: Place, constraint: Constraint) -> bool:
-    if constraint.key in place.constants and not isinstance(constraint.value, Ref):
+    if constraint.key in place.constants and not isinstance(constraint.value, Ref | Limit):
         return meets(constraint, place.constants[constraint.key])
     return place.sure(constraint)
 

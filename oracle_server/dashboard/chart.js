@@ -53,6 +53,7 @@ export function chartView(id, n) {
 
 /** The records of the newest steps, or of those around one, as they stand or were said at first; `width` is how many properties there are. */
 async function around(id, n, width, as = "standing") {
+  if (!width) return []; // nothing of the session is judged
   const steps = Math.max(1, Math.min(STEPS, Math.floor(MOST / width)));
   const limit = Math.min(MOST, steps * width);
   if (!n) return (await items(of(id, "verdicts"), { as, order: "desc", limit })).reverse();

@@ -102,8 +102,8 @@ class Receiver(Protocol):
     def offer(self, text: str) -> bool:
         """Process a message now; False where it must wait to be received, as must all that arrive before that."""
 
-    def take(self, process: Callable[[bytes], None], data: bytes) -> None:
-        """Process what was read from the socket, which offers each message in it, then write replies."""
+    def take(self, work: Callable[[], None]) -> None:
+        """Let what was read from the socket be processed, which offers each message in it, then write replies."""
 
     @property
     def rest(self) -> float:
@@ -154,12 +154,12 @@ class WebSocketTransport(SlicedWebSocket):
         """For how many seconds nothing more should be read."""
         return 0.0 if self.receiver is None else self.receiver.rest
 
-    def process(self, data: bytes) -> None:
-        """Offer the messages in a slice to the receiver, which then writes its replies."""
+    def take_turn(self, work: Callable[[], None]) -> None:
+        """Process some slices, whose messages are offered to the receiver, which then writes its replies."""
         if self.receiver is None:
-            super().process(data)
+            work()
         else:
-            self.receiver.take(super().process, data)
+            self.receiver.take(work)
 
     def send_receive_event_to_app(self) -> None:
         """Offer a message to the receiver, or queue it where others wait before it."""
@@ -173,7 +173,7 @@ class WebSocketTransport(SlicedWebSocket):
         if self.curr_msg_data_type != "text":
             return False
         try:
-            text = b"".join(self.frames).decode()
+            text = (self.frames[0] if len(self.frames) == 1 else b"".join(self.frames)).decode()
         except UnicodeDecodeError:
             return False
         return receiver.offer(text)

@@ -14,6 +14,7 @@ import structlog
 
 from oracle_server.core.events import Order, StreamKey
 from oracle_server.core.records import ExplanationRecord
+from oracle_server.core.revisions import Revision
 from oracle_server.core.verdicts import FINAL
 from oracle_server.history.port import Done
 from oracle_server.history.query import Query
@@ -27,6 +28,7 @@ from oracle_server.history.records import (
     SessionRecord,
     SnapshotRecord,
     StoredStep,
+    restated,
 )
 
 T = TypeVar("T")
@@ -146,12 +148,10 @@ class MemoryHistory:
         """Keep a monitor of a session."""
         self._do(_Command(session, lambda: self._of(session).monitors.update({monitor.name: monitor}), done))
 
-    def append(
-        self, session: int, steps: Sequence[StoredStep], done: Done, restated: Mapping[int, Restated] | None = None
-    ) -> None:
+    def append(self, session: int, steps: Sequence[StoredStep], done: Done, revisions: Sequence[Revision] = ()) -> None:
         """Keep steps that were judged, without their data, and what stands of earlier ones."""
         kept = _made(lambda: [_without_data(step) for step in steps])
-        standing = dict(restated or {})
+        standing = restated(revisions)
 
         def extend() -> None:
             of = self._of(session)

@@ -18,13 +18,13 @@ from collections.abc import AsyncGenerator, Callable, Mapping, Sequence
 from typing import Protocol, TypeVar
 
 from oracle_server.core.events import Order, StreamKey
+from oracle_server.core.revisions import Revision
 from oracle_server.history.query import Query
 from oracle_server.history.records import (
     Document,
     Extent,
     MonitorRecord,
     Refusal,
-    Restated,
     SessionRecord,
     SnapshotRecord,
     StoredStep,
@@ -85,13 +85,11 @@ class Writing(Protocol):
         """Keep a monitor of a session, in place of the one of that name."""
         ...
 
-    def append(
-        self, session: int, steps: Sequence[StoredStep], done: Done, restated: Mapping[int, Restated] | None = None
-    ) -> None:
+    def append(self, session: int, steps: Sequence[StoredStep], done: Done, revisions: Sequence[Revision] = ()) -> None:
         """Keep steps that were judged, and revisions; their positions follow the last one's.
 
-        What stands since then of steps, by their positions, is kept with them, as far as they are not deleted. All of
-        one call is committed at once, or nothing of it.
+        What stands since the revisions of steps is kept with them, as far as they are not deleted. All of one call is
+        committed at once, or nothing of it.
         """
         ...
 

@@ -188,14 +188,15 @@ def _named(event: Event) -> Event:
     return Event(event.stream, event.monitor, event.seq, event.stamp, event.arrived, None)
 
 
-def restated(revisions: Iterable[Revision], width: int) -> dict[int, Restated]:
-    """What stands of steps since some revisions in a row, by their positions, in a session of `width` properties."""
+def restated(revisions: Iterable[Revision]) -> dict[int, Restated]:
+    """What stands of steps since some revisions in a row, by their positions."""
     standing: dict[int, Standing] = {}
     revised: defaultdict[int, dict[int, int]] = defaultdict(dict)
     passed: Mapping[int, Standing] = {}
     for revision in revisions:
         passed = revision.standing or passed
         standing |= revision.standing
+        width = len(revision.changes)
         for i, change in enumerate(revision.changes):
             if change is not None:
                 positions = range((change.first - 1) // width + 1, (change.last - 1) // width + 2)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import msgspec
 
-from oracle_server.core.kinds import KINDS
+from oracle_server.core.kinds import ACTION, KINDS
 from oracle_server.core.spec import Spec, StreamSpec
 from oracle_server.replay.line import Line
 from oracle_server.replay.passing import Filter
@@ -50,7 +50,7 @@ class Attempts:
 
     def __init__(self, spec: Spec) -> None:
         """Begin with nothing known of the log."""
-        self._streams = [stream for stream in spec.streams if stream.traits.leads and _is_between(stream)]
+        self._streams = [stream for stream in spec.streams if stream.leads and _is_between(stream)]
         self._own = {_name(stream.traits.group, stream.name) for stream in spec.streams}
         self._sides: dict[_Name, _Side] = {}
         self._filters: list[tuple[str, Filter]] = []
@@ -117,7 +117,7 @@ class Attempts:
 
 def _is_between(stream: StreamSpec) -> bool:
     """Whether a monitor stands between the nodes of a stream, so that it has two names."""
-    return stream.action == "filter" or stream.traits.proxied
+    return stream.traits.group != ACTION and (stream.action == "filter" or stream.proxied)
 
 
 def _other(stream: StreamSpec) -> str:

@@ -13,6 +13,8 @@ from oracle_server.core.errors import TraceError, one_line
 from oracle_server.core.events import Event
 from oracle_server.core.plan import plan
 from oracle_server.core.spec import Spec
+from oracle_server.replay.actionroles import add_actions
+from oracle_server.replay.actions import Action, ActionSource
 from oracle_server.replay.bagnotes import notes_of
 from oracle_server.replay.folder import Files, files_of, open_storage
 from oracle_server.replay.passing import Filter
@@ -25,6 +27,9 @@ from oracle_server.rostypes.bagtypes import typestore
 MONITOR = "replay"
 _LARGEST = 2**30
 """The most bytes of one message that is decompressed."""
+
+
+_AnySource = Source | ActionSource
 
 
 class Bag:
@@ -46,6 +51,7 @@ class Bag:
         self.read = self.size = 0
         self._plan, self._types = plan(spec), typestore(types)
         self._topics: dict[str, Topic] = {}
+        self._actions: dict[str, Action] = {}
         self._compressed = False
 
     def __iter__(self) -> Iterator[Recorded]:
@@ -77,7 +83,7 @@ class Bag:
         files.notes += [str(error) for error in failed]
         return storages
 
-    def _prepare(self, files: Files, storages: Sequence[Storage]) -> list[dict[int, Source]]:
+    def _prepare(self, files: Files, storages: Sequence[Storage]) -> list[dict[int, _AnySource]]:
         """The sources of each file by channel; what else is in the bag is ignored, and its types do not matter."""
         there: Counter[str] = Counter(dict.fromkeys(files.promised or (), 0))
         for storage in storages:
@@ -86,6 +92,7 @@ class Bag:
         for name, count in (files.promised or {}).items():
             there[name] = max(there[name], count)
         found = roles(there, self._plan.spec)
+        add_actions(found, there, self._plan.spec)
         self.notes += found.notes
         for name, role in found.by_topic.items():
             self._topics[name] = topic = Topic(name, role)
@@ -100,12 +107,13 @@ class Bag:
         for name, role in found.by_topic.items():
             for topic_name in (name, role.forwarded):
                 if topic_name is not None:
-                    self._topics[topic_name].wanted = self._plan.spec.by_key[role.streams[0]].type
+                    type_ = role.type if role.action else self._plan.spec.by_key[role.streams[0]].type
+                    self._topics[topic_name].wanted = type_
         return [
             {c.id: source for c in storage.channels if (source := self._source(c)) is not None} for storage in storages
         ]
 
-    def _source(self, channel: Channel) -> Source | None:
+    def _source(self, channel: Channel) -> _AnySource | None:
         if channel.topic not in self._topics:
             return None
         topic = self._topics[channel.topic]
@@ -113,6 +121,9 @@ class Bag:
             topic.promised -= channel.promised or 0
             return None
         try:
+            if topic.role is not None and topic.role.action:
+                action = self._actions.setdefault(topic.role.action, Action())
+                return ActionSource(channel, topic, self._plan, self._types, action)
             return Source(channel, topic, self._plan, self._types)
         except TraceError:
             if channel.promised == 0:
@@ -122,13 +133,13 @@ class Bag:
             what = f"{channel.topic}: its messages can't be read as {channel.type}"
             raise TraceError(f"{what}: {_reason(error)}") from None
 
-    def _survey(self, storages: Sequence[Storage], sources: Sequence[dict[int, Source]]) -> None:
+    def _survey(self, storages: Sequence[Storage], sources: Sequence[dict[int, _AnySource]]) -> None:
         """Look at what must be known as a whole before the first event: whose side is recorded, and what passed."""
-        self._look(storages, [{n: s for n, s in own.items() if s.topic.surveyed} for own in sources], Source.survey)
+        self._look(storages, [{n: s for n, s in own.items() if s.topic.surveyed} for own in sources], _survey)
         filtered = [
             {n: s for n, s in own.items() if s.topic.is_service and (s.topic.asked or s.topic.gives)} for own in sources
         ]
-        self._look(storages, filtered, Source.survey_calls)
+        self._look(storages, filtered, _survey_calls)
         for topic in self._topics.values():
             topic.calls = None  # which begin anew
             if topic.asked is not None:
@@ -137,8 +148,8 @@ class Bag:
     def _look(
         self,
         storages: Sequence[Storage],
-        sources: Sequence[dict[int, Source]],
-        look: Callable[[Source, int, bytes], None],
+        sources: Sequence[dict[int, _AnySource]],
+        look: Callable[[_AnySource, int, bytes], None],
     ) -> None:
         for storage, wanted in zip(storages, sources, strict=True):
             for number, time, raw in storage.messages(wanted) if wanted else ():
@@ -147,7 +158,7 @@ class Bag:
                 except Exception:  # noqa: BLE001, S112 -- it is told of when it is read
                     continue
 
-    def _events(self, storages: Sequence[Storage], sources: Sequence[dict[int, Source]]) -> Iterator[Recorded]:
+    def _events(self, storages: Sequence[Storage], sources: Sequence[dict[int, _AnySource]]) -> Iterator[Recorded]:
         now = seq = lost = 0
         for storage, own in zip(storages, sources, strict=True):
             wanted = {number: source for number, source in own.items() if source.topic.role is not None}
@@ -158,20 +169,19 @@ class Bag:
                 if len(storage.damages) > damages:
                     damages, lost = len(storage.damages), lost + 1
                 try:
-                    item = self._item(source, raw)
+                    items = self._items(source, raw)
                 except Exception as error:  # noqa: BLE001 -- decoding raises anything for damaged messages
                     source.topic.note_unreadable(_reason(error))
                     lost += 1
                     continue
-                if item is None:
-                    continue
-                seq, now = seq + 1, max(now, time)
-                yield Recorded(_event(item, seq, now, lost), passed=item.passed)
-                lost = 0
+                for item in items:
+                    seq, now = seq + 1, max(now, time)
+                    yield Recorded(_event(item, seq, now, lost), passed=item.passed)
+                    lost = 0
 
-    def _item(self, source: Source, raw: bytes) -> Item | None:
+    def _items(self, source: _AnySource, raw: bytes) -> list[Item]:
         source.topic.seen += 1
-        return source.read(self._plain(raw))
+        return source.items(self._plain(raw))
 
     def _plain(self, raw: bytes) -> bytes:
         if not self._compressed:
@@ -179,8 +189,20 @@ class Bag:
         return zstandard.ZstdDecompressor(max_window_size=2**27).decompress(raw, max_output_size=_LARGEST)
 
 
+def _survey(source: _AnySource, time: int, raw: bytes) -> None:
+    source.survey(time, raw)
+
+
+def _survey_calls(source: _AnySource, time: int, raw: bytes) -> None:
+    if isinstance(source, Source):
+        source.survey_calls(time, raw)
+
+
 def _event(item: Item, seq: int, now: int, lost: int) -> Event:
-    return Event(item.stream, MONITOR, seq, item.stamp, now, item.data, call=item.call, lost=lost, ask=item.asks)
+    return Event(
+        item.stream, MONITOR, seq, item.stamp, now, item.data, call=item.call, lost=lost, ask=item.asks,
+        goal_id=item.goal_id, status=item.status,
+    )  # fmt: skip
 
 
 def _reason(error: Exception) -> str:

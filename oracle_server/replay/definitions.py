@@ -11,47 +11,48 @@ from rosbags.typesys.store import Typestore
 
 from oracle_server.core.errors import TraceError, one_line
 from oracle_server.replay.storage import Channel
+from oracle_server.rostypes.bagtypes import NOTHING
 
 EVENT = "_Event"
 """How the type of a service's events is named, behind the service's."""
-_RULE = "=" * 80 + "\n"
+RULE = "=" * 80 + "\n"
 _INFO = """uint8 event_type
 builtin_interfaces/Time stamp
 uint8[16] client_gid
 int64 sequence_number
 """
 _TIME = "int32 sec\nuint32 nanosec\n"
-_NO_FIELDS = "structure_needs_at_least_one_member"
-_Types = dict[str, Any]
+TypesByName = dict[str, Any]
 
 
-def types_of(channel: Channel, known: Typestore) -> Typestore:
+def types_of(channel: Channel, known: Typestore, given: TypesByName | None = None) -> Typestore:
     """The type of a channel's messages, under `type_name`, and those in it.
 
-    `known` has what the channel does not define itself. Raises `TraceError` where a type is unknown.
+    `known` has what the channel does not define itself, and `given` are its own types where they are known already.
+    Raises `TraceError` where a type is unknown.
     """
-    own, name = _defined(channel), type_name(channel.type)
+    own, name = _defined(channel) if given is None else given, type_name(channel.type)
     if name not in own and channel.type.endswith(EVENT):
         own |= _known_event(channel.type, known)
     elif name not in own and name in known.fielddefs:
         own[name] = known.fielddefs[name]
     elif name not in own and channel.encoding == "ros2msg" and not channel.definition.strip():
-        own[name] = _never_empty(([], []))
+        own[name] = never_empty(([], []))
     if name not in own:
         raise TraceError(
             f"{channel.topic}: the type {channel.type} is unknown; give the folder of its package with --types"
         )
-    _complete(own, channel, known)
+    complete(own, channel, known)
     store = get_typestore(Stores.EMPTY)
     store.register(own)
     return store
 
 
 def type_name(name: str) -> str:
-    """What a type is called among types of messages, as is that of a service's events."""
+    """What a type is called among types of messages, as are those of a service's events and of what an action sends."""
     package, _, rest = name.partition("/")
-    if "/" not in rest or (rest.startswith("srv/") and rest.endswith(EVENT)):
-        return f"{package}/msg/{rest.removeprefix('srv/')}"
+    if "/" not in rest or rest.startswith("action/") or (rest.startswith("srv/") and rest.endswith(EVENT)):
+        return f"{package}/msg/{rest.rpartition('/')[2]}"
     return name
 
 
@@ -62,14 +63,14 @@ def event_parts(name: str) -> tuple[str, str]:
     return f"{package}/msg/{service}_Request", f"{package}/msg/{service}_Response"
 
 
-def _defined(channel: Channel) -> _Types:
+def _defined(channel: Channel) -> TypesByName:
     """The types that a channel defines; none where its definition can't be read."""
     try:
         if channel.encoding == "ros2idl":
             return _from_idl(channel.definition)
         if not channel.definition.strip() and channel.encoding != "ros1msg":
             return {}
-        head, *parts = channel.definition.split(_RULE)
+        head, *parts = channel.definition.split(RULE)
         if channel.type.endswith(EVENT) and "/srv/" in channel.type:
             lines = head.splitlines()
             if "---" not in lines:
@@ -82,31 +83,31 @@ def _defined(channel: Channel) -> _Types:
         return {}
 
 
-def _from_idl(text: str) -> _Types:
-    found: _Types = {}
-    if not text.startswith(f"{_RULE}IDL: "):
+def _from_idl(text: str) -> TypesByName:
+    found: TypesByName = {}
+    if not text.startswith(f"{RULE}IDL: "):
         return dict(get_types_from_idl(text))
-    for part in text.split(_RULE)[1:]:
+    for part in text.split(RULE)[1:]:
         found |= get_types_from_idl(part.partition("\n")[2])
     return found
 
 
-def _event(name: str, halves: tuple[str, str], parts: Iterable[str]) -> _Types:
+def _event(name: str, halves: tuple[str, str], parts: Iterable[str]) -> TypesByName:
     """The type of a service's events, of the texts of its request and its response and of the types in them."""
-    found: _Types = {}
+    found: TypesByName = {}
     for part, half in zip(event_parts(name), halves, strict=True):
-        found |= get_types_from_msg(_RULE.join((half, *parts)), part)
-        found[part] = _never_empty(found[part])
-    return found | _event_type(name)
+        found |= get_types_from_msg(RULE.join((half, *parts)), part)
+        found[part] = never_empty(found[part])
+    return found | event_type(name)
 
 
-def _never_empty(definition: Any) -> Any:
+def never_empty(definition: Any) -> Any:
     """A definition as it is sent: one without fields has a byte."""
     constants, fields = definition
-    return constants, fields or [(_NO_FIELDS, (Nodetype.BASE, ("uint8", 0)))]
+    return constants, fields or [NOTHING]
 
 
-def _event_type(name: str) -> _Types:
+def event_type(name: str) -> TypesByName:
     """The type of a service's events, without the types of its requests and responses."""
     request, response = (part.replace("/msg/", "/") for part in event_parts(name))
     text = f"service_msgs/ServiceEventInfo info\n{request}[<=1] request\n{response}[<=1] response\n"
@@ -117,16 +118,16 @@ def _event_type(name: str) -> _Types:
     }
 
 
-def _known_event(name: str, known: Typestore) -> _Types:
+def _known_event(name: str, known: Typestore) -> TypesByName:
     service = name.removesuffix(EVENT)
     wanted = f"{service}_Request", f"{service}_Response"
     if not all(part in known.fielddefs for part in wanted):
         return {}
     parts = zip(event_parts(name), wanted, strict=True)
-    return {part: known.fielddefs[own] for part, own in parts} | _event_type(name)
+    return {part: known.fielddefs[own] for part, own in parts} | event_type(name)
 
 
-def _complete(own: _Types, channel: Channel, known: Typestore) -> None:
+def complete(own: TypesByName, channel: Channel, known: Typestore) -> None:
     """Add the types that others contain. Raises `TraceError` where one is unknown."""
     waiting = list(own)
     while waiting:

@@ -11,7 +11,7 @@ import msgspec
 
 from oracle_server.core.errors import TraceError
 from oracle_server.core.events import TICKS, Event, StreamKey
-from oracle_server.core.kinds import TICK, StepKind
+from oracle_server.core.kinds import KINDS, STATUS, TICK, StepKind
 from oracle_server.core.spec import Spec
 from oracle_server.core.stamps import Stamp, stamp_fault, stamp_in
 from oracle_server.core.units import counted
@@ -122,7 +122,11 @@ class Trace:
         self._lost += line.lost
         self._seq[line.monitor] += 1
         seq = self._seq[line.monitor] = line.seq or self._seq[line.monitor]
-        return Event(key, line.monitor, seq, stamp, self._now, message, line.source, line.call, line.lost, line.ask)
+        status = line.status if STATUS in KINDS[line.kind].marks else None
+        return Event(
+            key, line.monitor, seq, stamp, self._now, message, line.source, line.call, line.lost, line.ask, None,
+            line.goal_id if KINDS[line.kind].marks else None, status,
+        )  # fmt: skip
 
     def _ending(self) -> Iterator[Note]:
         """What is to be said of the trace as a whole."""

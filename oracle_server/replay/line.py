@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 import re
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, get_args
 
 import msgspec
 from msgspec import Meta, Struct
 
 from oracle_server.core.errors import one_line
 from oracle_server.core.expression import told
-from oracle_server.core.kinds import LineKind
+from oracle_server.core.kinds import KINDS, STATUSES, Kind, LineKind, Status
 from oracle_server.core.nearest import nearest
 from oracle_server.replay.recording import Place, Projected
 from oracle_server.wire.flat import decode_object, flat_event
@@ -24,7 +24,9 @@ _TIME = "a time in whole nanoseconds since 1970"
 _NUMBER = "a whole number"
 _WANTED = {
     "stream": "the name of a topic or service",
-    "kind": "`topic`, `request` or `response`",
+    "kind": f"{', '.join(f'`{kind}`' for kind in get_args(Kind)[:-1])} or `{get_args(Kind)[-1]}`",
+    "goal_id": "a text of at most 255 characters",
+    "status": f"one of {', '.join(STATUSES)}",
     "data": "the message's fields, as an object",
     **dict.fromkeys(("stamp", "arrived", "otherwise", "begun"), _TIME),
     **dict.fromkeys(("seq", "call", "lost"), _NUMBER),
@@ -51,6 +53,8 @@ class Line(Struct):
     seq: Natural | None = None
     source: str = ""
     call: Natural | None = None
+    goal_id: Annotated[str, Meta(max_length=255)] | None = None
+    status: Status | None = None
     lost: Natural = 0
     ask: bool = False
     otherwise: Natural | None = None
@@ -61,7 +65,10 @@ class Line(Struct):
     begun: Natural | None = None
 
     def message(self) -> dict[str, Any] | Projected:
-        """The message, or its signals, to ingest. Raises ValueError where the line has neither."""
+        """The message, or its signals, to ingest. Raises ValueError where the line lacks what its kind has."""
+        for mark in KINDS[self.kind].marks:
+            if getattr(self, mark) is None:
+                raise ValueError(f"the field `{mark}` is missing, which each event of the kind `{self.kind}` has")
         if self.data is not None:
             return self.data
         if self.signals is None:
@@ -108,10 +115,12 @@ def _of_flat(value: dict[str, Any]) -> tuple[dict[str, Any], str]:
     """The fields of a `Line` from a flat event, and what is wrong with its times."""
     flat = flat_event(value)
     verdict = value.get("verdict")
-    line = {"stream": flat.stream, "kind": flat.kind, "data": flat.data, "arrived": flat.time}
+    line: dict[str, Any] = {"stream": flat.stream, "kind": flat.kind, "data": flat.data, "arrived": flat.time}
+    if flat.marks:
+        line |= dict(flat.marks) | {key: value[key] for key in ("monitor", "call") if key in value}
     line |= {"otherwise": flat.stamp or flat.time, "verdict": verdict if isinstance(verdict, str) else None}
     times = {"time" if "time" in value else "t": flat.time}
-    if "service" in value:
+    if "topic" not in value:
         times["stamp"] = flat.stamp
     faults = (f"`{key}` is {told(value[key])}" for key, read in times.items() if read is None and value.get(key))
     return line, next((f"{fault}, and no time in seconds since 1970" for fault in faults), "")

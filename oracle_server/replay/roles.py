@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from oracle_server.core.events import StreamKey
+from oracle_server.core.kinds import Kind
 from oracle_server.core.spec import Spec, StreamSpec
 from oracle_server.replay.recording import Note
 
@@ -14,16 +15,32 @@ EVENTS = "/_service_event"
 """How the topic of a service's events is named, behind the service."""
 
 
+class Port(NamedTuple):
+    """One of the topics beneath an action: its name, of which kinds its messages are, and their type."""
+
+    topic: str
+    kinds: tuple[Kind, ...]
+    type: str
+
+
 class Role(NamedTuple):
     """What the messages of one topic of a bag are.
 
     They are events of `streams`, one of each kind that the spec has; `asks`: each waited for a decision. What passed
     is on the topic `forwarded`, None where that is not known.
+
+    Of an action, by name, `asked` are the kinds that waited for decisions, and `passes`: its goals are those that
+    passed; `port` is what its messages have, and `type` is their type, empty for any.
     """
 
     streams: tuple[StreamKey, ...]
     asks: bool = False
     forwarded: str | None = None
+    action: str = ""
+    asked: tuple[Kind, ...] = ()
+    passes: bool = False
+    port: Port | None = None
+    type: str = ""
 
 
 class Roles(NamedTuple):
@@ -41,7 +58,7 @@ def roles(topics: Mapping[str, int], spec: Spec) -> Roles:
     for stream in spec.streams:
         if stream.traits.group == "service":
             services.setdefault(stream.name, []).append(stream)
-        else:
+        elif stream.traits.group == "topic":
             _topic(stream, names, topics, found)
     for streams in services.values():
         _service(streams, names, topics, found)

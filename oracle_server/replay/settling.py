@@ -79,7 +79,7 @@ class Settling:
                 position = (item.verdicts[0].n - 1) // width + 1
                 self._rows[position] = stored(position, 0, item, self._handling(item))
                 taken.append(self._rows[position])
-        for position, stands in restated((item for item in group if isinstance(item, Revision)), width).items():
+        for position, stands in restated(item for item in group if isinstance(item, Revision)).items():
             row = self._rows[position]
             revised = {**row.revised, **stands.revised}
             self._rows[position] = msgspec.structs.replace(row, standing=stands.standing, revised=revised)

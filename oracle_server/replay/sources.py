@@ -11,7 +11,7 @@ from rosbags.typesys.store import Typestore
 
 from oracle_server.core.errors import TraceError
 from oracle_server.core.events import StreamKey
-from oracle_server.core.kinds import Kind
+from oracle_server.core.kinds import Kind, Status
 from oracle_server.core.plan import Plan
 from oracle_server.core.stamps import DEFAULT_PATHS, stamp_fault, stamp_in
 from oracle_server.replay.bagmessages import message_reader
@@ -36,6 +36,8 @@ class Item(NamedTuple):
     call: int | None = None
     asks: bool = False
     passed: bool | None = None
+    goal_id: str | None = None
+    status: Status | None = None
 
 
 @dataclass(slots=True)
@@ -75,7 +77,8 @@ class Topic:
     @property
     def surveyed(self) -> bool:
         """Whether all messages must be seen before the first one is judged."""
-        return self.is_service or self.asked is not None or self.gives is not None
+        passes = self.role is not None and self.role.passes
+        return self.is_service or passes or self.asked is not None or self.gives is not None
 
     def note_timeless(self, why: str) -> None:
         """Note why a message has no publication time, empty where nothing is wrong with it."""
@@ -100,14 +103,10 @@ class Source:
 
     def __init__(self, channel: Channel, topic: Topic, ready: Plan, known: Typestore) -> None:
         """Prepare to decode. Raises `TraceError` where the type of the messages is not known."""
-        if channel.serialization not in ("cdr", "ros1"):
-            raise TraceError(f"{channel.topic}: its messages are in '{channel.serialization[:20]}', which is not read")
         self.topic, self._type = topic, type_name(channel.type)
         topic.type = channel.type
         types = types_of(channel, known)
-        self._decode: Callable[[bytes, str], Any] = (
-            types.deserialize_ros1 if channel.serialization == "ros1" else types.deserialize_cdr
-        )
+        self._decode = decoder(channel, types)
         self._plan = ready
         self._streams = {key.kind: key for key in topic.role.streams} if topic.role else {}
         parts: Mapping[Kind, str] = {"topic": self._type}
@@ -132,8 +131,12 @@ class Source:
         if half is not None and half.kind == "request":
             self._note(time, "request", half.content)
 
-    def read(self, raw: bytes) -> Item | None:
-        """The event that a message is, None for none. Raises whatever decoding raises."""
+    def items(self, raw: bytes) -> list[Item]:
+        """The event that a message is, if it is one. Raises whatever decoding raises."""
+        item = self._read_one(raw)
+        return [] if item is None else [item]
+
+    def _read_one(self, raw: bytes) -> Item | None:
         if self.topic.is_service:
             half = self._half(raw)
             return None if half is None else self._of_service(half)
@@ -183,8 +186,17 @@ class Source:
     def _fields(self, kind: str) -> frozenset[str] | None:
         """The dotted paths of the fields that the spec reads of a message, None for all."""
         key = self._streams.get(kind)  # type: ignore[call-overload]
-        if key is None:
-            return frozenset()
-        fields = self._plan.streams[key].fields
-        stamp = self._plan.spec.by_key[key].stamp
-        return None if fields is None else fields | frozenset([stamp.field] if stamp else DEFAULT_PATHS)
+        return frozenset() if key is None else read_fields(self._plan, key)
+
+
+def decoder(channel: Channel, types: Typestore) -> Callable[[bytes, str], Any]:
+    """What decodes the messages of a channel, of a type by name. Raises `TraceError` where they are not read."""
+    if channel.serialization not in ("cdr", "ros1"):
+        raise TraceError(f"{channel.topic}: its messages are in '{channel.serialization[:20]}', which is not read")
+    return types.deserialize_ros1 if channel.serialization == "ros1" else types.deserialize_cdr
+
+
+def read_fields(ready: Plan, key: StreamKey) -> frozenset[str] | None:
+    """The dotted paths of the fields that a spec reads of a stream's messages, None for all."""
+    fields, stamp = ready.streams[key].fields, ready.spec.by_key[key].stamp
+    return None if fields is None else fields | frozenset([stamp.field] if stamp else DEFAULT_PATHS)

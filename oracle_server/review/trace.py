@@ -74,6 +74,7 @@ def _line(stored: StoredStep) -> Document:
         "signals": step.signals,
         "failed": sorted(step.failed),
         "places": [],
+        **event.marks,
     }
 
 

@@ -2,28 +2,50 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
+from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from oracle_server.core.errors import TraceError, one_line
 from oracle_server.rostypes.folders import package_of
 
+PARTS = ("Goal", "Result", "Feedback")
+"""The parts of an action's definition, in their order."""
+NOTHING = ("structure_needs_at_least_one_member", (Nodetype.BASE, ("uint8", 0)))
+"""The field of a message without fields, as it is sent."""
+
 
 def typestore(folders: Sequence[Path]) -> Typestore:
-    """The types of ROS 2's own packages, and those of the .msg files in folders, each in `PACKAGE/msg/`.
+    """The types of ROS 2's own packages, and those of files in folders, each in `PACKAGE/msg/` or `PACKAGE/action/`.
 
+    An action has three, as `PACKAGE/msg/Name_Goal`.
     Raises `TraceError` where a file can't be read.
     """
     store = get_typestore(Stores.LATEST)
     for folder in folders:
-        for path in sorted(folder.rglob("*.msg")):
+        for path in sorted((*folder.rglob("*.msg"), *folder.rglob("*.action"))):
             try:
-                types = get_types_from_msg(path.read_text(encoding="utf-8"), f"{package_of(path)}/msg/{path.stem}")
+                types = _types_in(path)
                 store.register({name: t for name, t in types.items() if name not in store.fielddefs})
             except Exception as error:  # noqa: BLE001 -- the parser raises anything for a malformed file
                 reason = one_line(str(error).strip()) or type(error).__name__
                 raise TraceError(f"{path}: can't be read as a message definition: {reason}") from None
     return store
+
+
+def _types_in(path: Path) -> dict[str, Any]:
+    text, name = path.read_text(encoding="utf-8"), f"{package_of(path)}/msg/{path.stem}"
+    if path.suffix == ".msg":
+        return get_types_from_msg(text, name)
+    parts = re.split(r"^---[^\S\n]*$", text, flags=re.MULTILINE)
+    found: dict[str, Any] = {}
+    for part, own in zip(PARTS, parts, strict=True):
+        found |= get_types_from_msg(f"{own.strip()}\n", f"{name}_{part}")
+        constants, fields = found[f"{name}_{part}"]
+        found[f"{name}_{part}"] = constants, fields or [NOTHING]
+    return found

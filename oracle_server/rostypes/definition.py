@@ -21,6 +21,7 @@ _LINE = re.compile(
 )
 _BOUNDED = re.compile(r"\[<=\d+\]")
 _PARTS = {"msg": 1, "srv": 2, "action": 3}
+_ACTION = ("Goal", "Result", "Feedback")
 _OF_ACTION = {
     "{0}ActionGoal": {"header": "std_msgs/msg/Header", "goal_id": "actionlib_msgs/msg/GoalID", "goal": "{1}Goal"},
     "{0}ActionResult": {
@@ -45,7 +46,7 @@ def read_definition(text: str, package: str, kind: str, name: str) -> dict[str, 
     """The messages that a file of a package defines, by their full names; `kind` is `msg`, `srv` or `action`.
 
     Of a service these are its request and response, `pkg/srv/Name_Request` and `pkg/srv/Name_Response`; of an action
-    the messages of ROS 1. Raises `DefinitionError`.
+    `pkg/action/Name_Goal`, `…_Result` and `…_Feedback`, and the messages of ROS 1. Raises `DefinitionError`.
     """
     parts: list[dict[str, str]] = [{}]
     for number, line in enumerate(text.splitlines(), 1):
@@ -64,7 +65,8 @@ def read_definition(text: str, package: str, kind: str, name: str) -> dict[str, 
         return {f"{package}/msg/{name}": parts[0]}
     if kind == "srv":
         return {f"{package}/srv/{name}_{half}": part for half, part in zip(("Request", "Response"), parts, strict=True)}
-    return _of_action(f"{package}/msg/{name}", name, parts)
+    named = {f"{package}/action/{name}_{part}": fields for part, fields in zip(_ACTION, parts, strict=True)}
+    return named | _of_action(f"{package}/msg/{name}", name, parts)
 
 
 def _add_field(fields: dict[str, str], line: str, package: str, number: int) -> None:
@@ -103,9 +105,7 @@ def _full(name: str, package: str, number: int) -> str:
 
 
 def _of_action(prefix: str, short: str, parts: list[dict[str, str]]) -> dict[str, Fields]:
-    made: dict[str, Fields] = {
-        f"{prefix}{part}": fields for part, fields in zip(("Goal", "Result", "Feedback"), parts, strict=True)
-    }
+    made: dict[str, Fields] = {f"{prefix}{part}": fields for part, fields in zip(_ACTION, parts, strict=True)}
     package = prefix.rpartition("/")[0]
     for name, fields in _OF_ACTION.items():
         made[f"{package}/{name.format(short)}"] = {key: type_.format(short, prefix) for key, type_ in fields.items()}

@@ -11,6 +11,8 @@ from oracle_server.core.errors import OracleError
 from oracle_server.rostypes.definition import DefinitionError, Fields, read_definition
 
 KINDS = ("msg", "srv", "action")
+PARTS = {"srv": ("_Request", "_Response"), "action": ("_Goal", "_Result", "_Feedback")}
+"""What the names of a definition's messages end with, where it has several."""
 _SHARES = (("AMENT_PREFIX_PATH", "share"), ("CMAKE_PREFIX_PATH", "share"), ("ROS_PACKAGE_PATH", ""))
 """The variables that name what is sourced, and where the packages are in each of their folders."""
 _MOST = 1_000_000
@@ -101,7 +103,7 @@ class Workspace:
         elif path.suffix != ".idl":
             return {}
         prefix = f"{package}/{path.parent.name}/{path.stem}"
-        return dict.fromkeys([f"{prefix}_Request", f"{prefix}_Response"] if path.parent.name == "srv" else [prefix])
+        return dict.fromkeys([f"{prefix}{part}" for part in PARTS.get(path.parent.name, ("",))])
 
 
 def _folders(share: Path, below: str) -> list[Path]:

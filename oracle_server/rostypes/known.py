@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Literal
 
 from oracle_server.core.errors import OracleError
+from oracle_server.core.kinds import ACTION
 from oracle_server.core.nearest import nearest
 from oracle_server.core.ros import Ros
 from oracle_server.core.shapes import Many, Record, Shape, Value, ValueKind
 from oracle_server.core.typed import Missing, TypedMessage
 from oracle_server.rostypes import standard
 from oracle_server.rostypes.definition import PRIMITIVES, Fields
-from oracle_server.rostypes.folders import Workspace, read_folder
+from oracle_server.rostypes.folders import PARTS, Workspace, read_folder
 from oracle_server.rostypes.others import is_well_known
 
 _KINDS: Mapping[str, ValueKind] = {
@@ -23,6 +24,10 @@ _KINDS: Mapping[str, ValueKind] = {
 _BYTES = frozenset({"uint8", "char", "byte"})
 _TIMES = frozenset({"builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration"})
 _DEEPEST = 64
+_BELONGS = {
+    "msg": ("a message", "topic"), "srv": ("a service", "service"), "action": ("an action", ACTION)
+}  # fmt: skip
+"""What people call the definitions of each kind, and the key of the streams that have them."""
 _Of = Literal["newest", "any", "every"]
 """Which fields: those of the newest definition, those that some definition has, or those that every one has alike."""
 
@@ -66,6 +71,8 @@ class Types:
         sourced = self._sourced.types(name.partition("/")[0]).get(name)
         given = [] if sourced is None else [sourced]
         known = list(standard.variants(name, ros))
+        if "/action/" in name and ros != 2:
+            known += standard.variants(_on_ros1(name), 1)
         return given + known if ros is None else known + given
 
     def _record(self, name: str, ros: Ros | None, which: _Of, depth: int = 0) -> Record:
@@ -100,7 +107,7 @@ class Types:
         return frozenset(names) | frozenset(self._sourced.packages)
 
     def _of_package(self, package: str) -> Iterator[str]:
-        """The names of a package's messages, and of the halves of its services."""
+        """The names of a package's messages, and of the parts of its services and actions."""
         for name in (*self._own, *self._sourced.types(package), *standard.names()):
             if name.startswith(f"{package}/"):
                 yield name
@@ -109,23 +116,21 @@ class Types:
         type_ = _written(name)
         package, kind, short = type_.split("/")
         if name in self._sourced.types(package):
-            why = next(
-                (w for p, w in self._sourced.unreadable.items() if f"/{short}." in p), "it is no .msg or .srv file"
-            )
+            why = next((w for p, w in self._sourced.unreadable.items() if f"/{short}." in p), f"it is no .{kind} file")
             return Missing(f"the definition of {type_} can't be read, so its fields are not checked: {why}", "warning")
         if package not in self._packages:
             near = "" if is_well_known(package) else nearest(package, self._packages, alike=0.85)
             who = f"the package {package} is not known here{f' ({near})' if near else ''}"
             return Missing(f"{who}, so the fields of its types are not checked; {_HOW}", "warning", package)
         known = {_written(other) for other in self._of_package(package)}
-        other = f"{package}/{'srv' if kind == 'msg' else 'msg'}/{short}"
-        if other in known:
-            is_now, key = ("service", "service") if kind == "msg" else ("message", "topic")
-            return Missing(f"{type_} is not there, and {other} is a {is_now}: it belongs to a `{key}`", "error")
+        for other_kind, (is_now, key) in _BELONGS.items():
+            other = f"{package}/{other_kind}/{short}"
+            if other_kind != kind and other in known:
+                return Missing(f"{type_} is not there, and {other} is {is_now}: it belongs to a `{key}`", "error")
         shorts = {n.rpartition("/")[2] for n in known if f"/{kind}/" in n}
         if not shorts:
             return Missing(f"{type_} is not known here, so its fields are not checked; {_HOW}", "warning")
-        half = short.removesuffix("_Request").removesuffix("_Response")
+        half = _written(f"{package}/srv/{short}").rpartition("/")[2]
         hint = (
             f"did you mean `{half}`?"
             if half in shorts
@@ -138,7 +143,12 @@ _HOW = "give the folder of its package with --types, or source the workspace"
 
 
 def _written(name: str) -> str:
-    """The name as a spec has it: the halves of a service by the service."""
-    if "/srv/" in name:
-        return name.removesuffix("_Request").removesuffix("_Response")
+    """The name as a spec has it: the parts of a service or action by the whole."""
+    for part in PARTS.get(name.split("/")[1], ()):
+        name = name.removesuffix(part)
     return name
+
+
+def _on_ros1(name: str) -> str:
+    """A part of an action, as `pkg/action/Name_Goal`, by the name of its message on ROS 1."""
+    return "".join(name.replace("/action/", "/msg/").rsplit("_", 1))

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+
 from oracle_server.core.errors import SpecProblem
+from oracle_server.core.kinds import ACTION
 from oracle_server.core.ros import Ros
+from oracle_server.core.shapes import Record, Value
 from oracle_server.core.spec import Spec, StreamSpec
-from oracle_server.core.typed import Missing, StreamTypes
+from oracle_server.core.typed import Missing, StreamTypes, TypedMessage
 from oracle_server.rostypes.known import Types
 
-_HALVES = {"request": "_Request", "response": "_Response"}
+_PARTS = {
+    "request": "_Request", "response": "_Response", "goal": "_Goal", "result": "_Result", "feedback": "_Feedback"
+}  # fmt: skip
+_TIME = Record("builtin_interfaces/msg/Time", {"sec": Value("whole", "int32"), "nanosec": Value("whole", "uint32")})
+_REPLY = Record("the reply to a goal", {"accepted": Value("bool", "bool"), "stamp": _TIME})
+_STATUS = Record("the status of a goal", {})
+_CANCEL: Mapping[Ros, str] = {1: "actionlib_msgs/msg/GoalID", 2: "action_msgs/msg/GoalInfo"}
 
 
 def stream_types(spec: Spec, types: Types, ros: Ros | None) -> tuple[StreamTypes, list[SpecProblem]]:
@@ -18,14 +29,35 @@ def stream_types(spec: Spec, types: Types, ros: Ros | None) -> tuple[StreamTypes
     for i, stream in enumerate(spec.streams):
         if not stream.type:
             continue
-        message = types.message(stream.type + _HALVES.get(stream.kind, ""), ros)
+        message = _message(stream, types, ros)
         if not isinstance(message, Missing):
             found[stream.key] = message
-        elif stream.traits.leads and message.package not in told:
-            told |= {message.package} - {""}
-            text = message.message + (_stamp(stream) if message.severity == "warning" else "")
-            problems.append(SpecProblem(("streams", i, "type"), text, severity=message.severity))
+        missing = _whole(stream, types, ros) if stream.leads else None
+        if isinstance(missing, Missing) and missing.package not in told:
+            told |= {missing.package} - {""}
+            text = missing.message + (_stamp(stream) if missing.severity == "warning" else "")
+            problems.append(SpecProblem(("streams", i, "type"), text, severity=missing.severity))
     return found, problems
+
+
+def _whole(stream: StreamSpec, types: Types, ros: Ros | None) -> TypedMessage | Missing:
+    """A message of the stream's interface that has its type, by which is seen whether that is known."""
+    return _message(stream if stream.traits.group != ACTION else replace(stream, kind="goal"), types, ros)
+
+
+def _message(stream: StreamSpec, types: Types, ros: Ros | None) -> TypedMessage | Missing:
+    """The messages of a stream whose type is given; those of some kinds are the same for all actions."""
+    if stream.kind == "reply":
+        return TypedMessage(_REPLY)
+    if stream.kind == "status":
+        return TypedMessage(_STATUS)
+    if stream.kind != "cancel":
+        return types.message(stream.type + _PARTS.get(stream.kind, ""), ros)
+    found = types.message(_CANCEL[ros or 2], ros)
+    other = types.message(_CANCEL[1], 1) if ros is None else found
+    if isinstance(found, Missing) or isinstance(other, Missing):
+        return found
+    return replace(found, anywhere=replace(found.shape, fields={**other.shape.fields, **found.shape.fields}))
 
 
 def _stamp(stream: StreamSpec) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from oracle_server.core.events import StreamKey
+from oracle_server.core.kinds import ACTION
 from oracle_server.core.plan import Plan
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.monitor import Monitor
@@ -50,7 +51,10 @@ def stream_frame(plan: Plan, key: StreamKey) -> StreamFrame:
         frame["reads"] = sorted(plan.streams[key].named)
     if stream.action == "filter":
         frame |= {"on_unavailable": stream.on_unavailable, "decide_within": stream.decide_within}
-    if stream.traits.proxied:
+    if stream.traits.group == ACTION:
+        proxy = stream.proxy if stream.proxied else None
+        frame |= {"proxy": proxy, "via": stream.via, "denied_result": stream.denied_result}
+    elif stream.proxied:
         frame |= {"proxy": stream.proxy, "denied_response": stream.denied_response}
     else:
         frame["intercept"] = stream.intercept

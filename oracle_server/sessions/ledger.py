@@ -16,7 +16,6 @@ from oracle_server.history.records import (
     Refusal,
     SessionRecord,
     StoredStep,
-    restated,
     stored,
     stored_revision,
 )
@@ -93,8 +92,8 @@ class Ledger:
         self._counters.add_steps([step.outcomes for step in steps if step.revision is None])
         standing, position = self._standing.changed(self._last_verdict), self._position
         done = partial(self._share.run, self._committed, used, position, told, standing)
-        stands = restated([item for item in judged if isinstance(item, Revision)], self._width)
-        self._history.append(self._session, steps, done, stands)
+        revisions = [item for item in judged if isinstance(item, Revision)]
+        self._history.append(self._session, steps, done, revisions)
         if self.snapshots.is_due(self._position):
             self._share.run_for_server(self.save)
 

@@ -69,7 +69,7 @@ class LiveSession:
 
     def attach(self, wanted: Attach, outbox: Outbox) -> Monitor:
         """Attach a monitor. Raises a fatal `WireError` where it is refused."""
-        streams = claimed(self.spec, wanted.streams)
+        streams = claimed(self.spec, wanted)
         self._set_time(wanted)
         monitor = self.monitors.get(wanted.monitor)
         if monitor is None:
@@ -151,7 +151,7 @@ class LiveSession:
         monitor.unsettled += 1
         event = Event(
             key, monitor.name, message.seq, message.stamp or None, self._enter(), message.data, message.source,
-            message.call, message.lost + monitor.lost + gap, message.ask,
+            message.call, message.lost + monitor.lost + gap, message.ask, None, message.goal_id, message.status,
         )  # fmt: skip
         monitor.lost = 0
         judged = self.core.ingest(event)

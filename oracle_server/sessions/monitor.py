@@ -8,6 +8,7 @@ from typing import Protocol
 
 from oracle_server.core.bypass import Bypass
 from oracle_server.core.events import StreamKey
+from oracle_server.core.kinds import NOUNS
 from oracle_server.core.numbering import Numbering
 from oracle_server.core.simulated import TimeBase
 from oracle_server.core.spec import Spec
@@ -110,8 +111,24 @@ class Monitor:
             self.outbox.finish({"type": "detached"})
 
 
-def claimed(spec: Spec, names: list[str] | None) -> tuple[StreamKey, ...]:
-    """The keys of the streams with these names, None for all. Raises a fatal `WireError` for an unknown name."""
+def claimed(spec: Spec, wanted: Attach) -> tuple[StreamKey, ...]:
+    """The keys of the streams that a monitor wants, all where it names none.
+
+    Raises a fatal `WireError` for an unknown name, and for streams of a kind that the monitor does not know.
+    """
+    found = _named(spec, wanted.streams)
+    for stream in (spec.by_key[key] for key in found):
+        feature = stream.traits.feature
+        if feature and feature not in wanted.features:
+            message = (
+                f"{stream.name} is {NOUNS[stream.traits.group]}, and the adapter '{wanted.monitor}' does not say that "
+                f"it knows {feature} (`features` of `attach`): use a newer one, or let it name other streams alone"
+            )
+            raise WireError("needs_feature", message, fatal=True)
+    return found
+
+
+def _named(spec: Spec, names: list[str] | None) -> tuple[StreamKey, ...]:
     if names is None:
         return tuple(spec.by_key)
     unknown = sorted(set(names) - spec.names)

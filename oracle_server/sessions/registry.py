@@ -259,7 +259,7 @@ class Registry:
         if wanted.spec is None:
             raise WireError("unknown_spec", "name a spec: there is no session to join", fatal=True)
         try:
-            claimed((await self._library.find(wanted.spec)).plan.spec, wanted.streams)
+            claimed((await self._library.find(wanted.spec)).plan.spec, wanted)
             return await self.create(wanted.spec, wanted.session, private=wanted.session is None)
         except SessionExistsError:
             return await self._session_for(wanted)

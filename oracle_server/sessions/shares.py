@@ -13,17 +13,17 @@ from typing import TypeVar, TypeVarTuple, Unpack
 
 from oracle_server.process.garbage import collecting
 
-FREE = 0.002
+FREE = 0.001
 """Seconds that a session may take before it rests."""
 ACTIVE = 1.0
 """Seconds for which a session counts as active after it took some time."""
-LONGEST = 3.0
+LONGEST = 10.0
 """Seconds after which it is read on in any case."""
 _MOST = 3
 """It rests this many times what it took where at least as many others are active: a quarter of the time is its own."""
-_RARE = 100
-"""What a piece takes beyond `FREE` keeps each of the others waiting: it rests as many times that as others are active,
-so many times at most. Where there are that many, it is 1 % of the time, and 99 % of their events do not meet it.
+_EACH, _RARE = 3, 300
+"""What a piece takes beyond `FREE` keeps each of the others waiting: it rests so many times that for each of them, so
+many times at most. Beside a hundred it is a third of a percent of the time, and 99 % of their events do not meet it.
 """
 _SAVED = 3.0
 """Seconds of such rest that count as made up for in advance: a dear piece now and then is no reason to rest."""
@@ -128,7 +128,7 @@ class Share:
             return
         fair = min(_MOST, others)
         self._used = max(0.0, self._used - passed / (1 + fair)) + took
-        self._owed = min(LONGEST, self._owed + min(rare, others) * max(0.0, took - FREE))
+        self._owed = min(LONGEST, self._owed + min(rare, _EACH * others) * max(0.0, took - FREE))
         rest = self._owed
         if self._used > FREE:
             rest, self._used = max(rest, fair * self._used), 0.0

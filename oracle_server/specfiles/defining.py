@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from oracle_server.core.errors import Finding, SpecProblem
 from oracle_server.core.formula.definitions import Mistake, defined
+from oracle_server.core.kinds import RESERVED
 from oracle_server.core.spec import Spec
 from oracle_server.specfiles.document import Document, KeyPath, Position
 from oracle_server.specfiles.mending import at
@@ -43,6 +44,22 @@ class Definitions:
             if name not in self.names.used:
                 message = f"`{name}` is defined here, and no formula uses it"
                 yield SpecProblem(("define", named.head), message, severity="warning")
+
+    def clashes(self, spec: Spec) -> Iterator[SpecProblem]:
+        """Names that are those of signals, too, so that `{name}` would not be what `name` is."""
+        signals: dict[str, tuple[str, KeyPath | None]] = dict.fromkeys(RESERVED, ("a signal of all events", None))
+        for i, stream in enumerate(spec.streams):
+            for name in stream.signals or ():
+                signals.setdefault(name, (f"a signal of {stream.key}", ("streams", i, "signals", name)))
+            for name in stream.hold:
+                signals.setdefault(name, (f"a signal of {stream.key}", ("streams", i, "hold")))
+        signals |= {d.name: ("a derived signal", ("derive", d.name)) for d in spec.derive}
+        for name, named in self.names.known.items():
+            if name in signals:
+                what, first = signals[name]
+                yours = "one of them" if first else "yours"
+                message = f"`{name}` is {what}, too: `{{{name}}}` would not be `{name}`; give {yours} another name"
+                yield SpecProblem(("define", named.head), message, first=first)
 
     def numeric(self, spec: Spec) -> Iterator[SpecProblem]:
         """Names in formulas over numbers, which have none: there they are signals that no stream declares."""

@@ -7,7 +7,6 @@ import json
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import accumulate
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -26,10 +25,11 @@ from oracle_server.core.stamps import Stamp
 from oracle_server.engines.table import ENGINES
 from oracle_server.rostypes.known import Types
 from oracle_server.rostypes.streams import stream_types
+from oracle_server.specfiles.actions import action_findings, action_problems, action_streams
 from oracle_server.specfiles.defining import Definitions
 from oracle_server.specfiles.derive import definitions
 from oracle_server.specfiles.document import MAX_TEXT, Document, read_yaml
-from oracle_server.specfiles.model import HalfModel, PropertyModel, ServiceModel, SpecModel, TopicModel
+from oracle_server.specfiles.model import ActionModel, HalfModel, PropertyModel, ServiceModel, SpecModel, TopicModel
 from oracle_server.specfiles.texts import formula_finding, texts_findings
 from oracle_server.specfiles.wording import model_findings
 
@@ -92,12 +92,13 @@ def parse_spec(
     except ValidationError as error:
         raise SpecError(_sorted([*model_findings(document, error.errors()), *texts_findings(document)])) from None
     named = Definitions(document)
-    findings = [*named.findings()]
+    findings = [*named.findings(), *action_findings(document, model.streams)]
     derived = definitions(document, model.derive, findings, named.names)
     properties = [_property(document, i, p, named, findings) for i, p in enumerate(model.properties)]
     made = [p or _make(m, SILENT, "") for p, m in zip(properties, model.properties, strict=True)]
     spec = _spec(model, tuple(made), tuple(derived))
     formulas = [prop.formula for prop in spec.properties] + [d.formula or SILENT for d in spec.derive]
+    places = [i for i, stream in enumerate(model.streams) for _ in _streams(stream)]
     pairs = len(spec.streams) * sum(_parts(formula) for formula in formulas)
     if bounded and pairs > MOST_PAIRS:
         message = (
@@ -113,8 +114,10 @@ def parse_spec(
         *_engines(spec),
         *_revising(spec, model),
         *(_on_ros(spec, ros, typed) if ros else ()),
+        *named.clashes(spec),
         *named.numeric(spec),
         *named.unused(),
+        *action_problems(model.streams, places),
     ]
     told = {(p.path, p.within) for p in problems if p.kind == "type" and p.within and p.severity == "error"}
     problems = [p for p in problems if p.kind == "type" or (p.path, p.within) not in told]
@@ -122,7 +125,6 @@ def parse_spec(
         problems = [p for p in problems if p.severity == "error"]
     elif any(p.severity == "error" for p in problems):
         problems = [p for p in problems if p.severity == "error" or p.path[-1] != "formula"]
-    places = [number - 1 for number in accumulate(stream.traits.leads for stream in spec.streams)]
     findings = _sorted(dict.fromkeys([*findings, *(_finding(document, p, spec, places, named) for p in problems)]))
     if any(f.severity == "error" for f in findings):
         raise SpecError(findings)
@@ -257,7 +259,7 @@ def _spec(model: SpecModel, properties: tuple[Property, ...], derived: tuple[Def
     return Spec(model.id, streams, properties, ordering, model.description, digest, retention, derived)
 
 
-def _streams(model: TopicModel | ServiceModel) -> Iterator[StreamSpec]:
+def _streams(model: TopicModel | ServiceModel | ActionModel) -> Iterator[StreamSpec]:
     common: dict[str, Any] = {
         "type": model.type,
         "latency": model.latency,
@@ -270,6 +272,9 @@ def _streams(model: TopicModel | ServiceModel) -> Iterator[StreamSpec]:
     }
     if isinstance(model, TopicModel):
         yield StreamSpec(model.topic, intercept=model.intercept, **_channel(model), **common)
+        return
+    if isinstance(model, ActionModel):
+        yield from action_streams(model, common, _channel)
         return
     common |= {"proxy": model.proxy or f"{model.service}_mon", "denied_response": model.denied_response}
     yield StreamSpec(model.service, "request", **_channel(model.request), **common)
@@ -300,7 +305,7 @@ def _engines(spec: Spec) -> Iterator[SpecProblem]:
         if prop.blame == "caused":
             yield SpecProblem(("properties", i, "blame"), f"`blame: caused` {native}")
         for j, stream in enumerate(spec.streams):
-            if stream.on_deny == "undo" and stream.traits.leads:
+            if stream.on_deny == "undo" and stream.leads:
                 yield SpecProblem(("streams", j, "on_deny"), f"`on_deny: undo` {native} (property '{prop.id}')")
 
 
@@ -361,5 +366,5 @@ def _in_file(path: tuple[str | int, ...], spec: Spec, places: Sequence[int]) -> 
     if len(path) < 2 or path[0] != "streams" or not isinstance(path[1], int):
         return path
     stream = spec.streams[path[1]]
-    own = not stream.traits.sole and path[2:3] and path[2] in ("stamp", "hold", "signals")
+    own = not stream.traits.sole and path[2:3] and path[2] in ("stamp", "hold", "signals", "ordered")
     return ("streams", places[path[1]], *((stream.kind,) if own else ()), *path[2:])

@@ -29,14 +29,14 @@ def mend(document: Document, path: KeyPath, value: object) -> str:
 
 def _of_text(document: Document, path: KeyPath, value: str) -> str:
     match path[-1]:
-        case "hold" | "guards" | "causes" | "streams":
+        case "hold" | "guards" | "causes" | "streams" | "ask":
             return f"; write [{_meant(document, path, value)}]"
         case "ordered" | "latch":
             truth = {"yes": "true", "on": "true", "no": "false", "off": "false"}.get(value.lower(), value.lower())
             return f"; write {truth}" if truth in ("true", "false") else ""
         case "type":
             return _type_mend(value)
-        case "topic" | "service" | "proxy" if re.search(r"[^\w/~{}]", value):
+        case "topic" | "service" | "ros_action" | "proxy" if re.search(r"[^\w/~{}]", value):
             return "; names have letters, digits, `_` and `/`, and nothing else"
         case "id":
             return f", which has {len(value)} characters" if len(value) > 64 else _other_id(value)

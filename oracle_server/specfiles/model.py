@@ -19,6 +19,7 @@ from pydantic import (
     model_serializer,
 )
 
+from oracle_server.core.kinds import ACTION
 from oracle_server.core.spec import HORIZON, IDENTIFIER, LONGEST_HORIZON
 from oracle_server.core.stamps import Epoch, Unit
 from oracle_server.core.units import duration, size
@@ -30,7 +31,7 @@ def _delay(value: object) -> int | None:
 
 
 def ros_type(value: str, kind: str) -> str:
-    """Normalise `pkg/Type` and `pkg.msg.Type` to `pkg/msg/Type`; services, of the kind `srv`, likewise."""
+    """Normalise `pkg/Type` and `pkg.msg.Type` to `pkg/msg/Type`; of services (`srv`) and actions likewise."""
     package, *rest = value.replace(".", "/").split("/")
     return "/".join((package, kind, *rest) if len(rest) == 1 else (package, *rest))
 
@@ -51,7 +52,9 @@ Identifier = Annotated[str, Field(pattern=IDENTIFIER)]
 RosName = Annotated[str, Field(pattern=r"^[~/A-Za-z][A-Za-z0-9_/{}~]*$", max_length=255)]
 MessageType = Annotated[str, BeforeValidator(partial(_type_key, kind="msg")), Field(pattern=r"^(\w+/msg/\w+)?$")]
 ServiceType = Annotated[str, BeforeValidator(partial(_type_key, kind="srv")), Field(pattern=r"^(\w+/srv/\w+)?$")]
+ActionType = Annotated[str, BeforeValidator(partial(_type_key, kind="action")), Field(pattern=r"^(\w+/action/\w+)?$")]
 FieldPath = Annotated[str, Field(pattern=r"^\w+(\.\w+)*$")]
+Asked = Literal["goal", "reply", "feedback", "cancel", "result"]
 SignalName = Annotated[str, Field(min_length=1, max_length=128)]
 
 
@@ -142,12 +145,47 @@ class ServiceModel(_Interface):
     response: HalfModel = HalfModel()
 
 
+class PartModel(HalfModel):
+    """The events of one kind of an action."""
+
+    ordered: StrictBool | None = None
+
+
+Part = Annotated[PartModel | None, BeforeValidator(lambda given: {} if given is None else given)]
+"""A section of an action, which may be written without any keys; None where it is not there."""
+
+
+class ActionModel(_Interface):
+    """An action: a stream for each kind of its events that is described, or asked."""
+
+    ros_action: RosName
+    type: ActionType = ""
+    proxy: RosName | None = None
+    via: Literal["proxy", "introspection"] = "proxy"
+    ask: list[Asked] | None = None
+    denied_result: dict[str, Any] | None = None
+    goal: Part = None
+    reply: Part = None
+    feedback: Part = None
+    cancel: Part = None
+    result: Part = None
+    status: Part = None
+
+    @property
+    def asked(self) -> tuple[Asked, ...]:
+        """The kinds on which is decided."""
+        if self.action == "log":
+            return ()
+        return tuple(dict.fromkeys(self.ask)) if self.ask else ("goal",)
+
+
 def _stream_kind(value: object) -> str:
-    return "service" if isinstance(value, dict) and "service" in value else "topic"
+    return next((group for group in ("service", ACTION) if isinstance(value, dict) and group in value), "topic")
 
 
 StreamModel = Annotated[
-    Annotated[TopicModel, Tag("topic")] | Annotated[ServiceModel, Tag("service")], Discriminator(_stream_kind)
+    Annotated[TopicModel, Tag("topic")] | Annotated[ServiceModel, Tag("service")] | Annotated[ActionModel, Tag(ACTION)],
+    Discriminator(_stream_kind),
 ]
 
 

@@ -14,6 +14,7 @@ from oracle_server.engines.table import ENGINES
 from oracle_server.specfiles.defining import Definitions
 from oracle_server.specfiles.derive import derive_findings
 from oracle_server.specfiles.document import Document, KeyPath
+from oracle_server.specfiles.wording import PARTS
 
 
 def texts_findings(document: Document) -> Iterator[Finding]:
@@ -35,7 +36,7 @@ def texts_findings(document: Document) -> Iterator[Finding]:
             pass  # what is not installed is told once the keys are right
     yield from derive_findings(document, value.get("derive"), definitions.names)
     for i, stream in enumerate(_list(value.get("streams"))):
-        for half in ((), ("request",), ("response",)):
+        for half in ((), *((part,) for part in PARTS)):
             channel = stream.get(half[0]) if half else stream
             signals = channel.get("signals") if isinstance(channel, dict) else None
             yield from _expressions(document, ("streams", i, *half, "signals"), signals)

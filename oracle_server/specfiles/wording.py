@@ -8,14 +8,16 @@ from typing import Any
 
 from oracle_server.core.errors import Finding
 from oracle_server.core.formula.foreign import UNITS
-from oracle_server.core.kinds import GROUPS
+from oracle_server.core.kinds import ACTION, GROUPS, NOUNS, OF_ACTIONS
 from oracle_server.core.nearest import near, nearest
 from oracle_server.specfiles.document import Document, KeyPath
 from oracle_server.specfiles.mending import at, is_map, mend
 from oracle_server.specfiles.model import (
+    ActionModel,
     DeriveModel,
     HalfModel,
     OrderingModel,
+    PartModel,
     PropertyModel,
     RetentionModel,
     ServiceModel,
@@ -33,8 +35,9 @@ _TAKES: Mapping[str, str] = {
     "description": "a text",
     "topic": "a ROS name such as /cmd_vel",
     "service": "a ROS name such as /set_mode",
+    ACTION: "a ROS name such as /navigate_to_pose",
     "proxy": "a ROS name such as /set_mode_mon",
-    "type": "a type such as std_msgs/msg/Bool, or of a service std_srvs/srv/SetBool",
+    "type": "a type such as std_msgs/msg/Bool, of a service std_srvs/srv/SetBool, of an action pkg/action/Name",
     "stamp": "a field of the message, such as header.stamp",
     "field": "a field of the message, such as header.stamp",
     "signals": "names, each with an expression, such as {speed: msg.data}",
@@ -44,6 +47,9 @@ _TAKES: Mapping[str, str] = {
     "request": "keys of its own, such as {signals: {speed: msg.speed}}",
     "response": "keys of its own, such as {signals: {ok: msg.success}}",
     "denied_response": "fields of the response, such as {success: false}",
+    "denied_result": "fields of the result, such as {error_code: 9}",
+    "ask": "a list of kinds, such as [goal, result]",
+    **dict.fromkeys(OF_ACTIONS, "keys of its own, such as {signals: {x: msg.x}}, or {}"),
     "ordered": _SWITCH,
     "latch": _SWITCH,
     "latency": _DURATION,
@@ -73,20 +79,35 @@ _DERIVING: Mapping[str, str] = {
     "forget": f"{_DURATION}, longer than 0s",
 }
 """What each key of a derived signal takes."""
-_STREAMS = "a list of at least one stream, each of which begins with `- topic:` or `- service:`"
+_STREAMS = "a list of at least one stream, each of which begins with `- topic:`, `- service:` or `- ros_action:`"
 _LEVELS: Mapping[str, Any] = {
     "the file": SpecModel,
     "`ordering`": OrderingModel,
     "`retention`": RetentionModel,
     "a topic": TopicModel,
     "a service": ServiceModel,
+    "an action": ActionModel,
     "`request` or `response`": HalfModel,
+    "a kind of an action": PartModel,
     "`stamp`": StampModel,
     "a property": PropertyModel,
     "a derived signal": DeriveModel,
 }
 """The keys that there are, by where they stand."""
-_FIRST = ("topic", "service", "type", "request", "response", "signals", "hold", "stamp")
+PARTS = ("request", "response", *OF_ACTIONS)
+"""The keys of streams below which signals may stand."""
+_BELOW: Mapping[str, tuple[str, type[HalfModel]]] = {
+    "a service": ("`request` or `response`", HalfModel),
+    "an action": ("a kind of its events, such as `goal`", PartModel),
+}
+"""Below which keys signals stand, where they do not stand below the stream itself."""
+_INSIDE: Mapping[tuple[str, str], str] = {
+    **{("", half): "`request` or `response`" for half in ("request", "response")},
+    **{(ACTION, kind): "a kind of an action" for kind in OF_ACTIONS},
+    ("", "stamp"): "`stamp`",
+}
+"""Where the keys stand below a key of a stream, by the stream's group, empty for any."""
+_FIRST = ("topic", "service", ACTION, "type", "request", "response", *OF_ACTIONS, "signals", "hold", "stamp")
 """The keys of a stream that are told first."""
 _KEYS_MEANT: Mapping[str, Mapping[str, str]] = {
     "the file": {"name": "id", "topics": "streams", "services": "streams", "rules": "properties",
@@ -96,6 +117,10 @@ _KEYS_MEANT: Mapping[str, Mapping[str, str]] = {
         "variables": "signals", "timestamp": "stamp", "keep": "hold", "timeout": "decide_within"},
     "a service": {"name": "service", "srv_type": "type", "timeout": "decide_within", "req": "request",
         "res": "response", "resp": "response", "reply": "response"},
+    "an action": {"name": ACTION, "action_type": "type", "timeout": "decide_within", "request": "goal",
+        "response": "reply", "accepted": "reply", "get_result": "result", "send_goal": "goal", "cancel_goal": "cancel",
+        "guard": "ask", "asks": "ask", "denied_response": "denied_result"},
+    "a kind of an action": {"fields": "signals", "variables": "signals", "keep": "hold"},
     "`request` or `response`": {"fields": "signals", "variables": "signals", "keep": "hold"},
     "a property": {"name": "id", **dict.fromkeys(("expression", "expr", "ltl", "stl", "spec", "rule"), "formula"),
         "guard": "guards", "message": "description", "unit": "time", "clock": "time"},
@@ -138,7 +163,7 @@ def _is_action(stream: object) -> bool:
 
 def _action(document: Document, path: KeyPath) -> Finding:
     name = str(at(document.value, (*path, "action")))
-    message = f"an action is no stream; observe one of its topics, as `topic: {name}/_action/status`"
+    message = f"`action` says `log` or `filter`; an action of ROS is observed as `ros_action: {name}`"
     return Finding(document.file, *document.key_place((*path, "action")), f"stream '{name}': {message}")
 
 
@@ -154,7 +179,7 @@ def place_name(document: Document, path: KeyPath) -> str:
     names = (*GROUPS, "id") if path[0] == "streams" else ("id",)
     name = next((value[key] for key in names if isinstance(value.get(key), str)), None) if is_map(value) else None
     noun = "stream" if path[0] == "streams" else "property"
-    half = f" {path[2]}" if len(path) > 3 and path[2] in ("request", "response") else ""
+    half = f" {path[2]}" if len(path) > 3 and path[2] in PARTS else ""
     return f"{noun} '{name}'{half}: " if name is not None else f"{noun} {path[1] + 1}{half}: "
 
 
@@ -177,7 +202,8 @@ def _unknown(document: Document, path: KeyPath) -> str:
     key = str(path[-1])
     if _is_signal(document, path):
         text = at(document.value, path)
-        half = "" if _level(document, path[:-1]) != "a service" else "`request` or `response`, and there "
+        below, _ = _BELOW.get(_level(document, path[:-1]), ("", None))
+        half = f"{below}, and there " if below else ""
         mend = f"deeper than it, as `signals: {{{key}: {text}}}`"
         return f"unknown key '{key}': a signal stands below {half}`signals:`, {mend}"
     meant = _near_key(document, path)
@@ -187,8 +213,8 @@ def _unknown(document: Document, path: KeyPath) -> str:
     if path[0] == "streams" and key in ("filter", "enforce", "block", "deny"):
         return f"unknown key '{key}'; write `action: filter`"
     others = [name for name, model in _LEVELS.items() if key in model.model_fields and name != level]
-    if level == "a service" and key in HalfModel.model_fields:
-        return f"unknown key '{key}': of a service it stands under `request` or `response`"
+    if level in _BELOW and key in _BELOW[level][1].model_fields:
+        return f"unknown key '{key}': of {level} it stands under {_BELOW[level][0]}"
     if others:
         return f"unknown key '{key}': it belongs to {' or '.join(others)}, and not to {level}"
     fields = _LEVELS[level].model_fields
@@ -213,13 +239,11 @@ def _level(document: Document, path: KeyPath) -> str:
     match path:
         case ("ordering" | "retention" as key, *_):
             return f"`{key}`"
-        case ("streams", int(), "request" | "response", *_):
-            return "`request` or `response`"
-        case ("streams", int(), "stamp", *_):
-            return "`stamp`"
-        case ("streams", int(), *_):
+        case ("streams", int(), *below):
             value = at(document.value, path[:2])
-            return "a service" if is_map(value) and "service" in value else "a topic"
+            group = next((group for group in ("service", ACTION) if is_map(value) and group in value), "topic")
+            inner = str(below[0]) if below else ""
+            return _INSIDE.get((group, inner)) or _INSIDE.get(("", inner)) or NOUNS[group]
         case ("properties" | "derive" as key, _, *_):
             return "a property" if key == "properties" else "a derived signal"
     return "the file"
@@ -228,7 +252,9 @@ def _level(document: Document, path: KeyPath) -> str:
 def _missing(path: KeyPath) -> str:
     key = path[-1]
     if key == "topic":
-        return "the key 'topic' is missing, or `service`: write what it observes, as `- topic: /cmd_vel`"
+        return (
+            "the key 'topic' is missing, or `service` or `ros_action`: write what it observes, as `- topic: /cmd_vel`"
+        )
     if key == "id":
         return "the key 'id' is missing: write a name, as `id: speed_limit`"
     if key == "streams":

@@ -1,4 +1,7 @@
-"""ROSMonitoring's flat events: a message's fields beside `topic` and `time`, or a service's `request` or `response`."""
+"""ROSMonitoring's flat events: a message's fields beside `topic` and `time`, or a service's `request` or `response`.
+
+Those of actions are the project's own: `ros_action`, `kind`, `goal_id`, `status` where there is one, and `data`.
+"""
 
 from __future__ import annotations
 
@@ -9,18 +12,22 @@ from typing import Any, NamedTuple
 import msgspec
 
 from oracle_server.core.events import Step, StreamKey
-from oracle_server.core.kinds import KINDS, Kind
+from oracle_server.core.kinds import ACTION, KINDS, OF_ACTIONS, Kind
 from oracle_server.core.stamps import nanoseconds
 
 
 class FlatEvent(NamedTuple):
-    """One flat event; `time` is when its monitor observed it, `stamp` the publication time of a call, both in ns."""
+    """One flat event; `time` is when its monitor observed it, `stamp` the publication time of a call, both in ns.
+
+    `marks` are what an action's event has beside its message; whether they are sound is for others to say.
+    """
 
     stream: str
     kind: Kind
     data: Any
     time: int | None
     stamp: int | None
+    marks: Mapping[str, Any] = {}
 
 
 def decode_object(text: bytes | str) -> dict[str, Any]:
@@ -45,10 +52,18 @@ def flat_event(value: Mapping[str, Any]) -> FlatEvent:
     if isinstance(topic, str):
         data = {k: v for k, v in value.items() if k not in ("topic", "time")}
         return FlatEvent(topic, "topic", data, time, None)
-    kind: Kind = "response" if "response" in value else "request"
+    action = value.get(ACTION)
+    kind: Kind | None = next((kind for kind in OF_ACTIONS if kind == value.get("kind")), None)
+    if isinstance(action, str) and kind is not None:
+        marks = {mark: value.get(mark) for mark in KINDS[kind].marks}
+        return FlatEvent(action, kind, value.get("data", {}), time, nanoseconds(value.get("stamp")), marks)
+    kind = "response" if "response" in value else "request"
     if kind in value and isinstance(service, str):
         return FlatEvent(service, kind, value[kind], time, nanoseconds(value.get("stamp")))
-    raise ValueError("it has neither `stream`, nor `topic`, nor `service` with a `request` or `response`")
+    raise ValueError(
+        "it has neither `stream`, nor `topic`, nor `service` with a `request` or `response`, nor `ros_action` with a "
+        "`kind` of actions"
+    )
 
 
 def as_flat(step: Step, name: str, time: int) -> dict[str, Any]:
@@ -62,6 +77,8 @@ def as_flat(step: Step, name: str, time: int) -> dict[str, Any]:
         raise TypeError("the message was not kept")
     traits = KINDS[kind]
     head = {traits.group: name, "time": time / 10**9}
+    if traits.marks:
+        return {**head, "kind": kind, **step.event.marks, "data": data}
     return {**head, **{k: v for k, v in data.items() if k not in head}} if traits.sole else head | {kind: data}
 
 

@@ -27,6 +27,8 @@ class StreamFrame(TypedDict):
     intercept: NotRequired[Literal["publisher", "subscriber"] | None]
     proxy: NotRequired[str | None]
     denied_response: NotRequired[Mapping[str, Any] | None]
+    via: NotRequired[Literal["proxy", "introspection"] | None]
+    denied_result: NotRequired[Mapping[str, Any] | None]
 
 
 class Limits(TypedDict):

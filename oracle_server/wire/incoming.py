@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from pydantic import BaseModel, ConfigDict, Field
 
-from oracle_server.core.kinds import Kind
+from oracle_server.core.kinds import Kind, Status
 from oracle_server.core.simulated import TimeBase
 from oracle_server.core.spec import IDENTIFIER
 
@@ -53,11 +53,15 @@ class Attach(_Message):
     verdicts: bool = False
     """Whether it wants `verdicts` frames: how the properties stand, now and after each commit that changes it."""
     features: Annotated[list[str], Field(max_length=MAX_FEATURES, fail_fast=True)] = []
-    """What else it wants; unknown words are ignored. `revisions`: `revision` frames, of verdicts put right."""
+    """What else it knows; unknown words are ignored. `revisions`: `revision` frames, of verdicts put right; `actions`:
+    the kinds of actions, without which it can't observe one."""
 
 
 class EventMessage(_Message):
-    """One observed message, request or response."""
+    """One observed message, request or response, or an event of an action, whose `data` is the inner message.
+
+    All events of actions have a `goal_id`, empty for a cancel of all goals; replies, results and status have `status`.
+    """
 
     type: Literal["event"] = "event"
     seq: Seq
@@ -69,6 +73,8 @@ class EventMessage(_Message):
     source: Annotated[str, Field(max_length=255)] = ""
     call: Count | None = None
     lost: Count = 0
+    goal_id: Annotated[str, Field(max_length=255)] | None = None
+    status: Status | None = None
 
 
 class QuickEvent(msgspec.Struct, frozen=True, gc=False):
@@ -83,6 +89,8 @@ class QuickEvent(msgspec.Struct, frozen=True, gc=False):
     source: str = ""
     call: int | None = None
     lost: int = 0
+    goal_id: str | None = None
+    status: Status | None = None
 
 
 class RawEvent(msgspec.Struct, frozen=True, gc=False, tag_field="type", tag="event"):
@@ -97,6 +105,8 @@ class RawEvent(msgspec.Struct, frozen=True, gc=False, tag_field="type", tag="eve
     source: Annotated[str, msgspec.Meta(max_length=255)] = ""
     call: Annotated[int, msgspec.Meta(ge=0, lt=2**53)] | None = None
     lost: Annotated[int, msgspec.Meta(ge=0, lt=2**53)] = 0
+    goal_id: Annotated[str, msgspec.Meta(max_length=255)] | None = None
+    status: Status | None = None
 
 
 class Events(_Message):

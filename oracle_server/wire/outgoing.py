@@ -19,7 +19,9 @@ class _Frame(BaseModel):
 class StreamFrame(_Frame):
     """One stream to observe; durations in nanoseconds, `fields` the dotted paths that are read, null for all.
 
-    `reads` are those that the spec itself names: what the type lacks of them is a mistake in one of both.
+    `reads` are those that the spec itself names: what the type lacks of them is a mistake in one of both. Of an action
+    there is one for each kind that the spec observes; `proxy`, `via` and `denied_result` are equal in all of them, and
+    `action` is `filter` for the kinds that are asked.
     """
 
     name: str
@@ -36,6 +38,8 @@ class StreamFrame(_Frame):
     intercept: Literal["publisher", "subscriber"] | None = None
     proxy: str | None = None
     denied_response: dict[str, Any] | None = None
+    via: Literal["proxy", "introspection"] | None = None
+    denied_result: dict[str, Any] | None = None
 
 
 class Limits(_Frame):

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import Any
 
 import msgspec
 from pydantic import TypeAdapter, ValidationError
 
+from oracle_server.core.kinds import GOAL_ID, KINDS, STATUS, Status
 from oracle_server.wire.data import DataDecoder, Decoders, decoded, resting, whole
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import (
@@ -38,64 +39,67 @@ _NO_DATA = msgspec.Raw()
 _UNREADABLE = (msgspec.MsgspecError, ValueError, RecursionError)
 _LOWEST, _HIGHEST = -(2**63), 2**64 - 1
 _LARGE = 2**14
-"""Bytes from which on data is looked through level by level, which is fast where there is much."""
+"""Bytes from which on data is looked through level by level, which is fast where there is much.
+
+What is smaller can't have too many keys, lists or objects.
+"""
 _TAGS = frozenset({"attach", "events", "outcome", "outcomes", "clock", "report", "detach"})
 
 
-class Frame(NamedTuple):
-    """A frame's message; the data of a suspicious one may hold too many keys, lists or objects."""
-
-    message: Message | Quick
-    suspicious: bool
-
-
-def decode(text: str, decoders: Decoders = whole) -> Frame:
+def decode(text: str, decoders: Decoders = whole) -> Message | Quick:
     """A frame as a message; the events of a batch are left undecoded. Raises `WireError`."""
-    odd = suspicious(text)
     try:
         message = _quick.decode(text)
     except _UNREADABLE:
-        return _decode_slowly(text, decoders, odd=odd)
-    if isinstance(message, RawEvent):
-        return Frame(_with_data(message, decoders, odd=odd), odd)
-    return Frame(message, odd)
+        return _decode_slowly(text, decoders)
+    return _with_data(message, decoders) if isinstance(message, RawEvent) else message
 
 
-def suspicious(text: str) -> bool:
-    """Whether a frame may carry an event with too many keys, lists or objects."""
-    if len(text) <= MAX_KEYS:
-        return False
-    return text.count(":") > MAX_KEYS or text.count("[") + text.count("{") > MAX_PARTS
-
-
-def event_in(raw: msgspec.Raw, decoders: Decoders, *, suspicious: bool) -> QuickEvent:
+def event_in(raw: msgspec.Raw, decoders: Decoders) -> QuickEvent:
     """An undecoded event of a batch, checked. Raises `WireError`."""
     try:
         event = _quick_event.decode(raw)
     except _UNREADABLE:
-        return _event_slowly(raw, decoders, odd=suspicious)
-    return _with_data(event, decoders, odd=suspicious)
+        return _event_slowly(raw, decoders)
+    return _with_data(event, decoders)
 
 
-def event_of(value: Any, *, suspicious: bool) -> QuickEvent:
-    """An event that is decoded already, checked. Raises `WireError`."""
+def event_of(value: Any, size: int) -> QuickEvent:
+    """An event that is decoded already, of a text of `size` bytes, checked. Raises `WireError`."""
     event = _checked(value)
-    reason = _unfit(event.data, much=suspicious)
+    reason = _unfit(event.data, size)
     if reason is not None:
         raise WireError("bad_event", reason, seq=event.seq)
     return event
 
 
-def _with_data(event: RawEvent, decoders: Decoders, *, odd: bool) -> QuickEvent:
-    data = _data(event.data, decoders(event.stream, event.kind), event.seq, odd=odd)
+def _with_data(event: RawEvent, decoders: Decoders) -> QuickEvent:
+    goal_id, status = _marks(event)
+    data = _data(event.data, decoders(event.stream, event.kind), event.seq)
     return QuickEvent(
-        event.seq, event.stream, data, event.kind, event.stamp, event.ask, event.source, event.call, event.lost
-    )
+        event.seq, event.stream, data, event.kind, event.stamp, event.ask, event.source, event.call, event.lost,
+        goal_id, status,
+    )  # fmt: skip
 
 
-def _data(raw: msgspec.Raw, decoder: DataDecoder, seq: int, *, odd: bool) -> dict[str, Any]:
+def _marks(event: RawEvent | EventMessage) -> tuple[str | None, Status | None]:
+    """The goal's id and status, of kinds that have them. Raises `WireError` where one is missing."""
+    marks = KINDS[event.kind].marks
+    if not marks:
+        return None, None
+    goal_id = event.goal_id
+    status = event.status if STATUS in marks else None
+    missing = GOAL_ID if goal_id is None else STATUS if STATUS in marks and status is None else ""
+    if missing:
+        raise WireError(
+            "bad_event", f"{missing}: missing, and every event of kind `{event.kind}` has one", seq=event.seq
+        )
+    return goal_id, status
+
+
+def _data(raw: msgspec.Raw, decoder: DataDecoder, seq: int) -> dict[str, Any]:
     try:
-        found = resting(memoryview(raw).nbytes, _decoded_fit, decoder, raw, odd)
+        found = resting(memoryview(raw).nbytes, _decoded_fit, decoder, raw)
     except _UNREADABLE as error:
         if not _is_object(raw):
             raise WireError("bad_event", "data: Input should be a valid dictionary", seq=seq) from None
@@ -105,35 +109,35 @@ def _data(raw: msgspec.Raw, decoder: DataDecoder, seq: int, *, odd: bool) -> dic
     return found
 
 
-def _decoded_fit(decoder: DataDecoder, raw: msgspec.Raw, odd: bool) -> dict[str, Any] | str:
+def _decoded_fit(decoder: DataDecoder, raw: msgspec.Raw) -> dict[str, Any] | str:
     """An event's data, or why it can't be judged: it is let go of here, before the garbage collector looks at it."""
     data = decoder.decode(raw)
-    reason = _unfit(data, much=odd or memoryview(raw).nbytes > _LARGE)
+    reason = _unfit(data, memoryview(raw).nbytes)
     return data if reason is None else reason
 
 
-def _unfit(data: dict[str, Any], *, much: bool) -> str | None:
-    """Why an event's data can't be judged, None where it can."""
-    return _flaw_in_much(data) if much else _flaw(data, MAX_DEPTH)
+def _unfit(data: dict[str, Any], size: int) -> str | None:
+    """Why an event's data, of so many bytes, can't be judged; None where it can."""
+    return _flaw_in_much(data) if size > _LARGE else _flaw(data, MAX_DEPTH)
 
 
-def _decode_slowly(text: str, decoders: Decoders, *, odd: bool) -> Frame:
+def _decode_slowly(text: str, decoders: Decoders) -> Message | Quick:
     parts = _parts_of(text)
     if parts is None:
         raise WireError("malformed", "expected a JSON object")
     if "type" in parts and _plain(parts["type"]) == "event":
-        return Frame(_event_slowly(text, decoders, odd=odd), odd)
+        return _event_slowly(text, decoders)
     value = _plain(text)
     try:
         message = _incoming.validate_python(value)
     except ValidationError as error:
         raise WireError("malformed", _reason(error), seq=_seq(value)) from None
     if isinstance(message, Events):
-        return Frame(RawEvents([msgspec.Raw(encode_bytes(event)) for event in message.events]), odd)
-    return Frame(message, odd)
+        return RawEvents([msgspec.Raw(encode_bytes(event)) for event in message.events])
+    return message
 
 
-def _event_slowly(text: str | msgspec.Raw, decoders: Decoders, *, odd: bool) -> QuickEvent:
+def _event_slowly(text: str | msgspec.Raw, decoders: Decoders) -> QuickEvent:
     """An event whose head is checked before its data is decoded, for words about what is wrong."""
     parts = _parts_of(text)
     if parts is None:
@@ -143,7 +147,7 @@ def _event_slowly(text: str | msgspec.Raw, decoders: Decoders, *, odd: bool) -> 
     if raw is not _NO_DATA:
         value["data"] = {} if _is_object(raw) else None
     event = _checked(value)
-    data = _data(raw, decoders(event.stream, event.kind), event.seq, odd=odd)
+    data = _data(raw, decoders(event.stream, event.kind), event.seq)
     return msgspec.structs.replace(event, data=data)
 
 
@@ -152,9 +156,11 @@ def _checked(value: Any) -> QuickEvent:
         event = _event.validate_python(value)
     except ValidationError as error:
         raise WireError("bad_event", _reason(error), seq=_seq(value)) from None
+    goal_id, status = _marks(event)
     return QuickEvent(
-        event.seq, event.stream, event.data, event.kind, event.stamp, event.ask, event.source, event.call, event.lost
-    )
+        event.seq, event.stream, event.data, event.kind, event.stamp, event.ask, event.source, event.call, event.lost,
+        goal_id, status,
+    )  # fmt: skip
 
 
 def _parts_of(text: str | msgspec.Raw) -> dict[str, msgspec.Raw] | None:

@@ -50,6 +50,14 @@ def lines_of(path: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in path.read_text(encoding="utf-8").split("\n") if line]
 
 
+def test_an_event_of_an_action_names_its_goal(streams: Path, tmp_path: Path) -> None:
+    log = log_at(tmp_path / "log.jsonl", streams)
+    log.send("/dock", "reply", 5, {"accepted": True}, call=3, goal_id="9f2c", status="accepted")
+    log.close()
+    [line] = lines_of(tmp_path / "log.jsonl")
+    assert (line["kind"], line["call"], line["goal_id"], line["status"]) == ("reply", 3, "9f2c", "accepted")
+
+
 def test_a_log_is_judged_as_the_events_were_told(streams: Path, tmp_path: Path) -> None:
     events: list[dict[str, Any]] = lines_of(TRACE)
     log = log_at(tmp_path / "log.jsonl", streams)

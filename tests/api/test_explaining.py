@@ -4,35 +4,47 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Coroutine
 from typing import Any
 
 import httpx
 import pytest
+from fastapi import Request
 
 from oracle_server.api import explaining
 from oracle_server.api.explaining import MOST
+from oracle_server.api.leaving import unless_left
 from tests.api.conftest import Asked
 from tests.processes import PATIENCE
-
-
-async def until(done: Callable[[], object]) -> None:
-    async with asyncio.timeout(PATIENCE):
-        while not done():
-            await asyncio.sleep(0.01)
 
 
 class Blocked:
     """Takes the place of what explains: each explanation waits until it is allowed, or given up."""
 
-    def __init__(self) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.begun: list[int] = []
         self.ended: list[int] = []
         self.allowed = asyncio.Event()
         self.at_once = 0
+        self._begins = asyncio.Event()
+        self._taken = asyncio.Semaphore(0)
+        monkeypatch.setattr(explaining, "explained", self)
+        monkeypatch.setattr(explaining, "unless_left", self._take)
+
+    async def _take(self, request: Request, answer: Coroutine[Any, Any, Any]) -> Any:
+        self._taken.release()
+        return await unless_left(request, answer)
+
+    async def until_taken(self, count: int) -> None:
+        """Wait until so many are waited for, and one of them is begun."""
+        async with asyncio.timeout(PATIENCE):
+            for _ in range(count):
+                await self._taken.acquire()
+            await self._begins.wait()
 
     async def __call__(self, _: object, __: int, n: int, ___: str) -> dict[str, Any]:
         self.begun.append(n)
+        self._begins.set()
         self.at_once = max(self.at_once, len(self.begun) - len(self.ended))
         try:
             await self.allowed.wait()
@@ -54,11 +66,10 @@ async def waiting(asked: Asked, numbers: range) -> AsyncIterator[list[asyncio.Ta
 
 
 async def test_one_is_computed_at_a_time_and_so_many_wait(asked: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
-    blocked = Blocked()
-    monkeypatch.setattr(explaining, "explained", blocked)
+    blocked = Blocked(monkeypatch)
     assert (await asked.http.post("/api/v1/sessions", json={"spec": "single", "id": "s"})).status_code == 201
     async with waiting(asked, range(1, MOST + 1)) as tasks:
-        await until(lambda: blocked.begun)
+        await blocked.until_taken(MOST)
         refused = await asked.http.get("/api/v1/sessions/s/verdicts/99/explanation")
         assert refused.status_code == 503
         assert int(refused.headers["Retry-After"]) > 0
@@ -70,13 +81,11 @@ async def test_one_is_computed_at_a_time_and_so_many_wait(asked: Asked, monkeypa
 
 
 async def test_who_leaves_makes_room_for_others(asked: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
-    blocked = Blocked()
-    monkeypatch.setattr(explaining, "explained", blocked)
+    blocked = Blocked(monkeypatch)
     assert (await asked.http.post("/api/v1/sessions", json={"spec": "single", "id": "s"})).status_code == 201
     async with waiting(asked, range(1, MOST + 1)):
-        await until(lambda: blocked.begun)
-    await until(lambda: blocked.ended)
-    assert blocked.begun == [1], "what only waited was never begun"
+        await blocked.until_taken(MOST)
+    assert blocked.begun == blocked.ended == [1], "what only waited was never begun"
     blocked.allowed.set()
     answers = [await asked.http.get(f"/api/v1/sessions/s/verdicts/{n}/explanation") for n in range(20, 20 + MOST)]
     assert [answer.json()["n"] for answer in answers] == list(range(20, 20 + MOST))

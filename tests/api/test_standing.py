@@ -93,6 +93,7 @@ class Streamed:
 
     def __init__(self, asked: Asked, **query: Any) -> None:
         self.found: list[tuple[int, str]] = []
+        self._more = asyncio.Event()
         self._task = asyncio.create_task(self._read(asked, query))
 
     async def _read(self, asked: Asked, query: dict[str, Any]) -> None:
@@ -101,11 +102,13 @@ class Streamed:
             if line.startswith('data: {"'):
                 record = json.loads(line.removeprefix("data: "))
                 self.found.append((record["n"], record["outcome"]))
+                self._more.set()
 
     async def until(self, count: int) -> list[tuple[int, str]]:
         async with asyncio.timeout(PATIENCE):
             while len(self.found) < count:
-                await asyncio.sleep(0.01)
+                self._more.clear()
+                await self._more.wait()
         return self.found
 
     def end(self) -> None:

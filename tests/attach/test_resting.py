@@ -218,13 +218,13 @@ async def test_what_is_processed_on_arrival_waits_too(talk: Talk) -> None:
     await talk.idle()
     taken: list[bool] = []
 
-    def arrive(_data: bytes) -> None:
+    def arrive() -> None:
         taken.extend(talk.connection.offer(json.dumps(talk.asks(seq))) for seq in (1, 2))
 
-    talk.connection.take(arrive, b"")
+    talk.connection.take(arrive)
     assert taken == [True, True]
     talk._other.run(lambda: None)
     talk.machine.dear = 0.003
-    talk.connection.take(lambda _: None, b"")
-    talk.connection.take(arrive, b"")
+    talk.connection.take(lambda: None)
+    talk.connection.take(arrive)
     assert taken[2:] == [False, False]

@@ -18,7 +18,20 @@ from pathlib import Path
 from tests.chaos.disk import Disk, small_disk
 from tests.chaos.link import Frame
 from tests.chaos.robots import Robot
-from tests.chaos.runs import LATE, LIMIT, PASSING, SESSION, TRIO, attach_frame, own, specs, stream_through, told, void
+from tests.chaos.runs import (
+    LATE,
+    LIMIT,
+    PASSING,
+    SESSION,
+    TRIO,
+    Layout,
+    attach_frame,
+    own,
+    specs,
+    stream_through,
+    told,
+    void,
+)
 from tests.chaos.served import Ended, Served, reviving
 
 _DIES_WHILE_RESTORING = """
@@ -130,7 +143,7 @@ async def run_round(
                 async with asyncio.TaskGroup() as tasks:
                     strike = _strike(served, disk, tasks, chance)
                     run = _with_robots if kind.robots else _by_wire
-                    decisions, again = await run(served, trace, chance, kills, strike)
+                    decisions, again = await run(served, layout, trace, chance, kills, strike)
                 await served.up.wait()
             count = Count(served.starts - 1, len(trace), twice=again)
             records = await served.records(SESSION)
@@ -206,15 +219,15 @@ def _strike(served: Served, disk: Disk | None, tasks: asyncio.TaskGroup, chance:
 
 
 async def _by_wire(
-    served: Served, trace: list[Frame], chance: random.Random, kills: int, strike: Callable[[], None]
+    served: Served, layout: Layout, trace: list[Frame], chance: random.Random, kills: int, strike: Callable[[], None]
 ) -> tuple[dict[tuple[str, int], str], int]:
     points = _points(told(trace), chance, kills)
-    links = await stream_through(served, TRIO, trace, chance, points, lambda _: strike())
+    links = await stream_through(served, layout, trace, chance, points, lambda _: strike())
     return {(link.attach["monitor"], s): f["decision"] for link in links for s, f in link.decisions.items()}, 0
 
 
 async def _with_robots(
-    served: Served, trace: list[Frame], chance: random.Random, kills: int, strike: Callable[[], None]
+    served: Served, layout: Layout, trace: list[Frame], chance: random.Random, kills: int, strike: Callable[[], None]
 ) -> tuple[dict[tuple[str, int], str], int]:
     left, seen = _points(len(trace), chance, kills), 0
 
@@ -226,8 +239,8 @@ async def _with_robots(
             strike()
 
     robots = [
-        Robot(served, attach_frame(TRIO, monitor), own(trace, names), trace[-1]["stamp"] + 1, moved)
-        for monitor, names in TRIO.monitors.items()
+        Robot(served, attach_frame(layout, monitor), own(trace, names), trace[-1]["stamp"] + 1, moved)
+        for monitor, names in layout.monitors.items()
     ]
     async with asyncio.timeout(LIMIT):
         await asyncio.gather(*(robot.run() for robot in robots))

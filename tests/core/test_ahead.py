@@ -64,7 +64,7 @@ def test_the_parts_of_an_obligation() -> None:
         ("eventually[:5] {a} -> next {b}", (1, 1), "`eventually` stands before `->`"),
         ("{a} -> (next {b} -> next {c})", (1, 9), "`next` stands before `->`"),
         ("eventually {a}", (1, 1), "without an upper bound each step would wait for ever"),
-        ("always {a}", (1, 1), "`{a}` alone is asked at every step"),
+        ("always {a}", (1, 1), "so leave `always` out"),
         ("always[:5] eventually {a}", (1, 12), "without an upper bound"),
         ("{a} until {b}", (1, 5), "without an upper bound"),
         ("forall[x]. eventually[:5] {a: *x}", (1, 12), "for which values of 'x' is `eventually` asked for?"),

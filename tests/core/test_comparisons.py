@@ -115,7 +115,7 @@ def test_a_failing_comparison_is_plain_data_too() -> None:
         ("{v > true}", "1:6: `>` compares with a number or with another signal, and `true` is none"),
         ("{v > NaN}", "1:6: `>` compares with a number or with another signal, and `NaN` is none"),
         ("{v < v}", "1:6: `v` is compared with itself"),
-        ("exists[x]. {a: *x} and {v > *x}", "1:29: `>` takes no variable"),
+        ("exists[x]. {a: *x} and {v > *x}", "1:24: `v > *x` compares with a variable"),
         ("{v > msg.limit}", "declare `limit: msg.limit` under `signals`, and write `limit`"),
         ("{v > limit + 1}", "there is no arithmetic in atoms"),
         ('{v > "x"}', "`>` compares with a number or with another signal"),

@@ -282,6 +282,10 @@ WITHIN = "forall[g]. {goal: *g} -> eventually[:10s] {done: *g}"
             "asked for at step 1 (1.000 s), /a (topic 1 of m); at none of steps 1\u20132",
         ),
         (
+            "{a} -> eventually[:2s] ({b} and eventually[:3s] {c})", "seconds", [{"a": True}, {"b": True}, *[{}] * 4],
+            "asked for at step 1 (1.000 s), /a (topic 1 of m); at none of the steps until 3.000 s",
+        ),
+        (
             "{a} -> next next (next {b} and {c})", "steps", [{"a": True}, {}, {}], "it can't hold any more",
         ),
     ],

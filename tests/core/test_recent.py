@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import pytest
+
 from oracle_server.core.events import Event, Step
 from oracle_server.core.naming import first_name
 from oracle_server.core.plan import View
 from oracle_server.core.property_state import PropertyState
-from oracle_server.core.recent import Recent
+from oracle_server.core.recent import LENGTH, Recent
 from oracle_server.engines.native import NativeEngine
 from tests.core.sessions import A, Feed, open_session, prop
 
@@ -22,6 +24,41 @@ def test_of_several_steps_of_one_time_none_is_taken_for_the_one() -> None:
         assert found
         assert found["seq"] == seq
     assert recent.recall(4, None, timed=False) is None
+
+
+def told(recent: Recent, number: int, text: str = "") -> None:
+    event = Event(A, "m", number, number, number, None)
+    recent.add(number, number, Step(event, {}, frozenset(), number), {"v": text, "n": number})
+
+
+def numbers(recent: Recent) -> list[int]:
+    return [number for number, *_ in recent.snapshot()]
+
+
+@pytest.mark.parametrize("spare", [0, 10])
+def test_of_long_texts_fewer_steps_are_remembered(spare: int) -> None:
+    """A thousand texts of a megabyte took a gigabyte, and a snapshot of them seconds, for which all waited."""
+    recent = Recent(spare=spare)
+    assert numbers(recent) == []
+    for number in range(1, 21):
+        told(recent, number, "x" * (LENGTH // 4))
+    assert numbers(recent) == [16, 17, 18, 19, 20], "four beyond the oldest"
+    told(recent, 21, "x" * 2 * LENGTH)
+    assert numbers(recent) == [21]
+    for number in range(22, 30):
+        told(recent, number)
+    assert numbers(recent) == [*range(21, 30)]
+
+
+def test_steps_are_there_again_where_long_ones_behind_them_are_removed() -> None:
+    recent, straight = Recent(spare=10), Recent(spare=10)
+    for number in range(1, 9):
+        told(recent, number, "x" * (LENGTH // 4))
+        told(straight, number, "x" * (LENGTH // 4))
+    for number in range(9, 14):
+        told(recent, number, "x" * LENGTH)
+    recent.remove(5)
+    assert numbers(recent) == numbers(straight) == [4, 5, 6, 7, 8]
 
 
 def test_a_snapshot_has_what_failed_and_an_older_one_is_read_without() -> None:

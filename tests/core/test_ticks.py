@@ -124,6 +124,57 @@ def test_a_tick_waits_no_longer_than_max_delay() -> None:
     assert told(session.advance(120)) == [("topic", 14, "true")], "judged as if no tick had been"
 
 
+def test_a_tick_does_not_overtake_what_is_held() -> None:
+    """An event that came within `max_delay` of its stamp is known, and waits for older ones as long as it may."""
+    session = session_of(timed(ANSWERED), by="publication", max_delay=50)
+    feed = Feed(session)
+    feed(A, 10)
+    session.advance(60)
+    assert feed(B, 15, arrived=62) == []
+    assert session.advance(65) == [], "it was in time, and is not judged yet"
+    assert session.next_deadline == 112
+    assert told(session.advance(112)) == [("topic", 15, "true")]
+
+
+def test_a_tick_waits_for_what_is_held_no_longer_than_max_delay_twice() -> None:
+    """Who is further behind than `max_delay` holds up no deadline."""
+    session = session_of(timed(ANSWERED), by="publication", max_delay=50)
+    feed = Feed(session)
+    feed(A, 10)
+    session.advance(60)
+    for arrived in (64, 110):
+        assert feed(MODE, 14, {"mode": 1}, arrived=arrived) == []
+    assert told(session.advance(114)) == [("topic", 14, "currently_true")]
+    assert session.next_deadline == 115
+    assert told(session.advance(115)) == [("tick", 15, "currently_false")]
+
+
+def test_delays_below_max_delay_change_nothing_of_what_is_told() -> None:
+    """Outcomes, ticks and their times are those of the same events without any delay."""
+    for number in range(SEED, SEED + 300):
+        rng = random.Random(f"delayed {number}")
+        formula = in_nanoseconds(generate.formula(rng, "seconds", rng.randint(2, 4), 1))
+        stamps = sorted(rng.sample(range(1, 60), rng.randint(2, 10)))
+        sent = [(stamp, rng.choice((A, B, MODE))) for stamp in stamps]
+        signals = [{key: rng.choice((1, 2)) for key in "abc" if rng.random() < 0.5} for _ in sent]
+        found = []
+        for longest in (1, 50):
+            session = open_session(
+                [Property("p", formula, time="seconds")], attach={"m": [A, B, MODE]}, maker=native, by="publication",
+            )  # fmt: skip
+            delayed = [(stamp + rng.randrange(longest), n) for n, (stamp, _) in enumerate(sent)]
+            latest, lines = dict[StreamKey, int](), []
+            for arrived, n in sorted(delayed, key=lambda line: line[1]):
+                stamp, stream = sent[n]
+                latest[stream] = max(arrived, latest.get(stream, 0))
+                lines.append((latest[stream], n, stream, stamp))
+            feed, judged = Feed(session), list[Judged]()
+            for arrived, n, stream, stamp in sorted(lines):
+                judged += feed(stream, stamp, signals[n], arrived=arrived)
+            found.append(told(judged + session.advance(200)))
+        assert found[0] == found[1], f"{number}: {render(formula, 'seconds')} {sent} {signals}"
+
+
 def test_a_tick_comes_before_the_event_that_tells_of_its_time() -> None:
     session = session_of(timed(ANSWERED), by="publication", max_delay=None)
     feed = Feed(session)

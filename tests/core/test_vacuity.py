@@ -1,17 +1,15 @@
-"""Warnings of parts that never hold, or never fail: each is so on random traces, and the common mistakes are found."""
+"""Warnings of parts that never hold, or never fail: each is so on random traces."""
 
 from __future__ import annotations
 
 import os
 import random
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import pytest
 
 from oracle_server.core.atoms import canonical
-from oracle_server.core.errors import Finding
 from oracle_server.core.events import StreamKey
 from oracle_server.core.expression import check_shape, parse_expression
 from oracle_server.core.formula import tree
@@ -23,14 +21,13 @@ from oracle_server.core.kinds import RESERVED
 from oracle_server.core.misfits import Doubt
 from oracle_server.core.places import places
 from oracle_server.core.plan import constants, plan
-from oracle_server.core.ranges import Range, range_of
+from oracle_server.core.ranges import range_of
 from oracle_server.core.shapes import Record, Value
 from oracle_server.core.signals import Projection
 from oracle_server.core.spec import Property, Spec, StreamSpec
 from oracle_server.core.typed import StreamTypes, TypedMessage
 from oracle_server.core.vacuity import doubts
 from oracle_server.core.worlds import Effort
-from oracle_server.specfiles.load import parse_spec
 from tests import generate
 from tests.brute import TimedSignals, truths
 from tests.strategies import SECOND
@@ -277,174 +274,3 @@ def _expression(rng: random.Random, depth: int, inner: tuple[str, ...]) -> str:
     )
     form = rng.choice(forms)
     return form.format(part(), part(), part(), part())
-
-
-# What is told
-
-HOLD = (
-    "`{stopped}` never holds at an event of /cmd_vel: only /estop has `stopped`; name it under `hold` of /estop, so "
-    "that it keeps its value"
-)
-
-STREAMS = """\
-id: x
-streams:
-  - {topic: /cmd_vel, signals: {cmd: msg.linear.x}}
-  - topic: /estop
-    signals: {stopped: msg.data == true, mode: "msg.m == 1 ? 'IDLE' : 'AUTO'", id: string(msg.id)}
-  - {topic: /battery, signals: {percent: msg.p, level: msg.l}, hold: [level]}
-properties:
-"""
-
-
-def warnings(*formulas: str, **more: Any) -> tuple[Finding, ...]:
-    rows = [{"id": f"p{i}", "formula": text, **more} for i, text in enumerate(formulas)]
-    return parse_spec(STREAMS + "".join(f"  - {row}\n" for row in rows), "x.yaml").warnings
-
-
-@pytest.mark.parametrize(
-    ("formula", "message"),
-    [
-        (
-            '{topic: "/cmd_vel", cmd != 0} -> not {stopped}',
-            HOLD,
-        ),
-        (
-            'forall[i]. {topic: "/cmd_vel", cmd: *i} and not {stopped} -> once{percent: *i}',
-            HOLD,
-        ),
-        (
-            "historically{percent >= 20}",
-            "`{percent >= 20}` is false at every event of /cmd_vel and /estop, which have no `percent`, so that "
-            "`historically {percent >= 20}` is false for ever after the first one; write "
-            "`historically ({percent: *} -> {percent >= 20})`",
-        ),
-        (
-            '{level > 3} since[:4] {stopped} or once historically[:2]{topic: "/battery", percent > 5}',
-            '`{topic: "/battery", percent > 5}` is false at every event of /cmd_vel and /estop, so that '
-            '`historically[:2] {topic: "/battery", percent > 5}` is false while one is within its bound; write '
-            '`historically[:2] ({topic: "/battery"} -> {topic: "/battery", percent > 5})`',
-        ),
-        (
-            "{percent > 5} since {stopped}",
-            "`{percent > 5}` is false at every event of /cmd_vel and /estop, which have no `percent`, so that each of "
-            "them ends the `since`; write `({percent: *} -> {percent > 5}) since {stopped}`",
-        ),
-        (
-            'not ({topic: "/cmd_vel", cmd > 1} and {topic: "/estop"})',
-            '`{topic: "/estop"}` never holds at an event of /cmd_vel, where alone it would matter: a step is one event '
-            'of one stream; write `once {topic: "/estop"}` if it may have held before',
-        ),
-        (
-            'exists[i]. {topic: "/estop", id: *i} -> once {topic: "/battery", level: *i}',
-            "`exists[i].` holds at every event, whatever the messages say, since `->` holds for values that no "
-            "event has had; write `forall[i].`, or `and` for `->`",
-        ),
-        (
-            'exists[i]. exists[j]. {topic: "/estop", id: *i, mode: *j} -> once {topic: "/battery", level: *i}',
-            "`exists[i, j].` holds at every event, whatever the messages say, since `->` holds for values that "
-            "no event has had; write `forall[i, j].`, or `and` for `->`",
-        ),
-        (
-            'exists[i]. not ({topic: "/estop", id: *i} and {stopped})',
-            "`exists[i].` holds at every event, whatever the messages say, since what follows holds for values "
-            "that no event has had; write `forall[i].`",
-        ),
-        (
-            'forall[i]. {topic: "/estop", id: *i} and once {topic: "/battery", level: *i}',
-            "`forall[i].` fails at every event, whatever the messages say, since what follows fails for values "
-            "that no event has had; write `exists[i].`, or `->` for `and`",
-        ),
-        (
-            '{topic: "/cmd_vel", cmd > 0} -> once[:5] {topic: "/cmd_vel"}',
-            '`once[:5] {topic: "/cmd_vel"}` holds wherever `{topic: "/cmd_vel", cmd > 0}` does, so that the '
-            "implication is always true",
-        ),
-        (
-            '{topic: "/cmd_vel", cmd > 0} -> not {topic: "/estop"}',
-            '`{topic: "/estop"}` never holds at an event of /cmd_vel, where alone it would matter: a step is one event '
-            'of one stream; write `once {topic: "/estop"}` if it may have held before',
-        ),
-        ("{cmd > 1} or {kind: topic}", "it holds at every event, whatever the messages say; it can never be violated"),
-        (
-            "{mode: idle}",
-            '`mode: "idle"` is never met: `mode` of /estop is always "IDLE" or "AUTO"; write `mode: "IDLE"`',
-        ),
-        ("{id: 3}", '`id: 3` is never met: `id` of /estop is always a text; write `id: "3"`'),
-        (
-            "{id > 3}",
-            "`id > 3` is never met: `id` of /estop is always a text; texts and Booleans are neither smaller nor larger "
-            "than a number",
-        ),
-        (
-            "{stopped: True}",
-            '`stopped: "True"` is never met: `stopped` of /estop is always true or false; write `stopped: true`',
-        ),
-        ("{id != 3}", '`id != 3` is met by every value: `id` of /estop is always a text; write `id != "3"`'),
-        (
-            "{cmd > 3, cmd < 2}",
-            "`{cmd > 3, cmd < 2}` never holds: no value of `cmd` meets `cmd > 3` and `cmd < 2`",
-        ),
-    ],
-)
-def test_common_mistakes_are_told_with_their_mend(formula: str, message: str) -> None:
-    assert [w.message for w in warnings(formula)] == [f"formula of 'p0': {message}"]
-
-
-@pytest.mark.parametrize(
-    "formula",
-    [
-        '{topic: "/cmd_vel", cmd != 0} -> {level > 3}',
-        'historically({topic: "/battery"} -> {percent > 5})',
-        "historically({percent: *} -> {percent >= 20})",
-        'historically not {topic: "/estop", stopped}',
-        'not {topic: "/estop"} since[:10] {topic: "/cmd_vel"}',
-        "{percent > 5} or {stopped}",
-        '{topic: "/cmd_vel", cmd > 1} -> once {mode: AUTO}',
-        '{topic: "/cmd_vel"} -> pre {topic: "/cmd_vel"}',
-        "{cmd > 3, cmd < 4, cmd != 3.5}",
-        "{id != 'a'}",
-        'exists[i]. {topic: "/estop", id: *i} and once {topic: "/battery", level: *i}',
-        'forall[i]. {topic: "/estop", id: *i} -> once {topic: "/battery", level: *i}',
-        'forall[i]. {topic: "/estop", id: *i} -> exists[j]. once {mode: *i, id: *j}',
-        'forall[i]. not ({topic: "/estop", id: *i} and pre once {topic: "/estop", id: *i})',
-        'exists[i]. {topic: "/battery", level > 3} -> once {topic: "/battery", level: *i}',
-    ],
-)
-def test_what_can_be_meant_is_not_warned_of(formula: str) -> None:
-    assert warnings(formula) == ()
-
-
-def test_the_mend_mends() -> None:
-    assert warnings('{topic: "/cmd_vel", cmd != 0} -> not {stopped}')
-    text = STREAMS.replace("id: string(msg.id)}", "id: string(msg.id)}\n    hold: [stopped]")
-    assert (
-        parse_spec(text + """  - {id: p, formula: '{topic: "/cmd_vel", cmd != 0} -> not {stopped}'}\n""", "x").warnings
-        == ()
-    )
-
-
-def test_a_warning_stands_at_its_atom() -> None:
-    (found,) = warnings('{topic: "/cmd_vel", cmd != 0} -> not {stopped}')
-    assert (found.line, found.column, found.severity) == (8, 67, "warning")
-
-
-def test_streams_that_are_alike_are_looked_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    looked: list[Constraint] = []
-    meets = Range.meets
-
-    def counted(self: Range, constraints: Sequence[Constraint]) -> bool:
-        looked.extend(constraints)
-        return meets(self, constraints)
-
-    monkeypatch.setattr(Range, "meets", counted)
-    numbers = []
-    for many in (3, 300):
-        streams = "".join(
-            f"  - {{topic: /a{n}, signals: {{v: msg.v, w{n}: msg.w}}, hold: [w{n}]}}\n" for n in range(many)
-        )
-        properties = "".join(f"  - {{id: p{n}, formula: '{{v: {n}}} -> once {{w0 > 3}}'}}\n" for n in range(5))
-        parse_spec(f"id: x\nstreams:\n{streams}properties:\n{properties}", "x.yaml")
-        numbers.append(len(looked))
-        looked.clear()
-    assert numbers[0] == numbers[1] > 0

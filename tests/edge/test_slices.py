@@ -49,7 +49,7 @@ class Receiver:
     def __init__(self) -> None:
         self.rest = 0.0
         self.takes = True
-        self.slices: list[int] = []
+        self.turns = 0
         self.texts: list[str] = []
 
     def offer(self, text: str) -> bool:
@@ -57,9 +57,19 @@ class Receiver:
             self.texts.append(text)
         return self.takes
 
-    def take(self, process: Callable[[bytes], None], data: bytes) -> None:
+    def take(self, work: Callable[[], None]) -> None:
+        self.turns += 1
+        work()
+
+
+class Noted(WebSocketTransport):
+    """Notes the sizes of what it processes."""
+
+    slices: list[int]
+
+    def process(self, data: bytes) -> None:
         self.slices.append(len(data))
-        process(data)
+        super().process(data)
 
 
 class Open:
@@ -69,7 +79,8 @@ class Open:
         config = uvicorn.Config(app, ws="none")
         config.load()
         self.transport, self.receiver = Transport(), Receiver()
-        self.socket = WebSocketTransport(config, ServerState(), {}, asyncio.get_running_loop())
+        self.socket = Noted(config, ServerState(), {}, asyncio.get_running_loop())
+        self.socket.slices = []
         self.socket.transport = cast("Any", self.transport)
         self.socket.connections.add(self.socket)
         self.socket.receiver, self.socket.handshake_complete = self.receiver, True
@@ -104,10 +115,10 @@ SMALL = [str(i) for i in range(5_000)]
 
 async def test_forty_thousand_bytes_are_not_processed_at_once(opened: Open) -> None:
     opened.says(*SMALL)
-    assert opened.receiver.slices == [SLICE]
+    assert opened.socket.slices == [SLICE]
     assert not opened.transport.reading
     await until(lambda: opened.transport.reading)
-    assert max(opened.receiver.slices) == SLICE
+    assert max(opened.socket.slices) == SLICE
     assert opened.receiver.texts == SMALL
 
 
@@ -115,7 +126,7 @@ async def test_what_came_first_is_taken_first_whoever_takes_it(opened: Open) -> 
     opened.receiver.takes = False
     opened.says(*SMALL)
     await asyncio.sleep(0)
-    assert opened.receiver.slices == [SLICE], "while messages wait nothing more is processed"
+    assert opened.socket.slices == [SLICE], "while messages wait nothing more is processed"
     got: list[str] = []
     while len(got) < len(SMALL):
         message = cast("dict[str, str]", await opened.socket.receive())
@@ -132,7 +143,7 @@ async def test_nothing_more_is_processed_while_the_session_rests_but_a_ping_is_a
     opened.receiver.rest, opened.receiver.takes = 10.0, False
     long = frame(Opcode.TEXT, b"x" * 10 * SLICE)
     opened.socket.data_received(long + frame(Opcode.PING, b"there?"))
-    assert opened.receiver.slices == [SLICE]
+    assert opened.socket.slices == [SLICE]
     assert not opened.transport.reading
     await until(lambda: b"there?" in opened.transport.written)
     assert opened.socket.queue.qsize() == 1, "the message waits"
@@ -146,7 +157,7 @@ async def test_it_is_looked_at_no_sooner_than_the_rest_is_over(opened: Open) -> 
     opened.says(*SMALL)
     for _ in range(100):
         await asyncio.sleep(0)
-    assert opened.receiver.slices == [SLICE]
+    assert opened.socket.slices == [SLICE]
 
 
 async def test_what_was_read_before_the_connection_was_lost_is_taken(opened: Open) -> None:
@@ -164,3 +175,12 @@ async def test_a_close_behind_much_else_is_found_once_the_application_has_closed
     opened.socket.data_received(data + frame(Opcode.CLOSE, struct.pack("!H", 1000)))
     await opened.socket.send({"type": "websocket.close", "code": 1000, "reason": ""})
     await until(lambda: opened.transport.closing)
+
+
+async def test_a_turn_is_charged_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is charged for asks the processor's clock, which takes as long as a slice of a long message."""
+    monkeypatch.setattr(slices, "_TURN", 1e9)
+    opened = Open()
+    opened.says("x" * 50 * SLICE)
+    assert (opened.receiver.turns, len(opened.socket.slices)) == (1, 51)
+    assert [len(text) for text in opened.receiver.texts] == [50 * SLICE]

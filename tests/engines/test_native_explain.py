@@ -4,34 +4,23 @@ from __future__ import annotations
 
 import os
 import random
-from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import pytest
 
-from oracle_server.core.explanation import Reason
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.parse import Time, parse_formula
 from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import Call, Formula
 from oracle_server.core.past import Past
 from oracle_server.engines.native import NativeEngine
+from oracle_server.engines.native.reasons import spots
 from tests import generate
 from tests.brute import TimedSignals, truths
 from tests.engines.test_against_brute import SEED, matches
 from tests.strategies import SECOND, free
 
 CASES = int(os.environ.get("CASES", "1000"))
-
-
-def explained(reasons: Iterable[Reason]) -> Iterator[tuple[int, int]]:
-    """The times that reasons speak of, from and to."""
-    for reason in reasons:
-        if reason.at is not None:
-            yield reason.at, reason.at
-        if reason.window is not None:
-            yield reason.window
-        yield from explained(reason.parts)
 
 
 def named(rng: random.Random, formula: Formula) -> Formula:
@@ -62,7 +51,7 @@ def test_the_explained_steps_alone_make_the_same_outcome(time: Time) -> None:
             engine.step(at, found)
             past = Past([t for t, _ in told[:last]], [m for _, m in told].__getitem__, effort=10**6)
             why = engine.explain(past)
-            spans = [*explained(why.reasons)]
+            spans = [*spots(why.reasons)]
             kept = [
                 s if n == last or any(a <= (n if time == "steps" else t) <= b for a, b in spans) else {}
                 for n, (t, s) in enumerate(steps[:last], start=1)

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from oracle_server.core.atoms import Match
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.parse import Time, parse_formula
 from oracle_server.core.formula.render import render
@@ -17,9 +18,15 @@ from oracle_server.engines.native import NativeEngine
 from tests import generate
 from tests.brute import TimedSignals
 from tests.engines.test_against_brute import SEED, outcomes
+from tests.engines.test_obligations_random import Fed
+from tests.engines.test_obligations_random import formula as obligation
+from tests.obligations import Item
 from tests.strategies import SECOND
 
 CASES = int(os.environ.get("CASES", "300"))
+
+
+_BOUNDED = tree.Once, tree.Historically, tree.Since, tree.Eventually, tree.Always, tree.Until
 
 
 def bounded(formula: Formula, unit: int) -> Formula:
@@ -29,7 +36,7 @@ def bounded(formula: Formula, unit: int) -> Formula:
         for name in ("operand", "left", "right", "body")
         if (part := getattr(formula, name, None)) is not None
     }
-    if isinstance(formula, tree.Once | tree.Historically | tree.Since):
+    if isinstance(formula, _BOUNDED):
         parts["bound"] = Bound(formula.bound.lower, formula.bound.upper or formula.bound.lower + 3 * unit)
     if isinstance(formula, tree.Exists | tree.Forall):
         parts["variable"] = formula.variable
@@ -57,6 +64,35 @@ def _kept(engine: NativeEngine) -> int:
     """How many keys an engine tells apart, as its snapshot shows them; times of steps are kept in blocks."""
     data = engine.snapshot()
     return json.dumps(data["nodes"]).count('"') // 2
+
+
+@pytest.mark.parametrize("time", ["steps", "seconds"])
+def test_bounded_obligations_leave_nothing_behind(time: Time) -> None:
+    for number in range(SEED, SEED + min(CASES, 100)):
+        rng = random.Random(f"obligations' memory {time} {number}")
+        whole = bounded(obligation(rng, time), 1 if time == "steps" else SECOND)
+        fed, sizes = Fed(whole, time), []
+        for turn in range(6):
+            for n in range(turn * 40, turn * 40 + 40):
+                signals = {key: rng.choice((n, n // 2, "x")) for key in generate.KEYS if rng.random() < 0.7}
+                fed.feed(Item((1000 + n) * SECOND, {**signals, "kind": "topic"}))
+            sizes.append(len(json.dumps(fed.engine.snapshot()["nodes"])))
+        told = f"case {number}, {time}: {render(whole, time)} takes {sizes}"
+        assert max(sizes[3:]) <= 2 * max(sizes[:3]) + 500, told
+
+
+@pytest.mark.parametrize("operator", ["eventually[:100000]", "{held} until[:100000]"])
+def test_what_was_answered_leaves_no_deadline_behind_one_that_never_is(operator: str) -> None:
+    whole = parse_formula(f"forall[g]. {{goal: *g}} -> {operator} {{done: *g}}")
+    engine, sizes = NativeEngine(whole), []
+    held: list[Match] = [()] if "held" in operator else []
+    engine.step(1, [("0",), *held, None])
+    for n in range(1, 2_000):
+        engine.step(2 * n, [(str(n),), *held, None])
+        engine.step(2 * n + 1, [None, *held, (str(n),)])
+        if n in (200, 1_999):
+            sizes.append(len(json.dumps(engine.snapshot()["nodes"])))
+    assert sizes[1] <= 2 * sizes[0]
 
 
 def test_two_values_in_windows_leave_nothing_behind() -> None:

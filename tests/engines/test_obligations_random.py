@@ -18,14 +18,14 @@ import pytest
 
 from oracle_server.core.atoms import Matches, canonical, specialise
 from oracle_server.core.formula import tree
-from oracle_server.core.formula.ahead import check_ahead, looks_ahead, obligation
+from oracle_server.core.formula.ahead import can_fail, check_ahead, looks_ahead, obligation
 from oracle_server.core.formula.parse import Time, parse_formula
 from oracle_server.core.formula.render import render
-from oracle_server.core.formula.tree import Atom, Constraint, Formula, Ref
+from oracle_server.core.formula.tree import Atom, Constraint, Formula, Limit, Ref
 from oracle_server.core.lost import lost
 from oracle_server.core.plan import View
 from oracle_server.core.verdicts import NEGATIVE
-from oracle_server.engines.native import NativeEngine
+from oracle_server.engines.native import NativeEngine, waiting
 from oracle_server.engines.native.keys import texts_of
 from tests import generate
 from tests.brute import Fresh, Values
@@ -44,11 +44,25 @@ def word(rng: random.Random, time: Time, scope: tuple[str, ...]) -> Formula:
     return rng.choice((tree.TRUE, tree.FALSE, tree.FIRST, tree.Not(tree.FIRST), lasted))
 
 
+def compared(rng: random.Random, time: Time, scope: tuple[str, ...]) -> Formula:
+    """What compares with a variable, alone or beside something else."""
+    limits = [
+        Constraint(rng.choice(generate.KEYS), rng.choice(("<", "<=", ">", ">=")), Limit(rng.choice(scope)))
+        for _ in range(rng.choice((1, 1, 1, 2)))
+    ]
+    more = [Constraint(rng.choice(generate.KEYS), "==", Ref(name)) for name in scope if rng.random() < 0.3]
+    atom: Formula = Atom((*limits, *more))
+    other = generate.formula(rng, time, rng.randint(0, 1), 1, scope)
+    return rng.choice((atom, atom, tree.Not(atom), tree.And(atom, other), tree.Implies(other, atom)))
+
+
 def goal(rng: random.Random, time: Time, depth: int, scope: tuple[str, ...]) -> Formula:
     """What is awaited: all operators, nested, over parts that look back."""
     if depth == 0 or rng.random() < 0.15:
         if rng.random() < 0.15:
             return word(rng, time, scope)
+        if scope and rng.random() < 0.25:
+            return compared(rng, time, scope)
         return generate.formula(rng, time, rng.choice((0, 0, 0, 1, 2)), 1, scope)
 
     def part() -> Formula:
@@ -183,6 +197,9 @@ def check(time: Time, number: int, stats: Counter[str]) -> None:
         done |= wanted
         if item.signals is None and not wanted:
             unseen.append(n)
+        if not can_fail(found.goal):
+            assert "false" not in wanted.values(), told
+            stats["endless"] += len(wanted)
         stats.update(wanted.values())
         stats["at ticks"] += len(wanted) if item.signals is None else 0
         stats["prefixes"] += 1
@@ -196,12 +213,14 @@ def check(time: Time, number: int, stats: Counter[str]) -> None:
 
 
 @pytest.mark.parametrize("time", ["steps", "seconds"])
-def test_each_is_decided_once_and_as_the_table_says(time: Time) -> None:
+def test_each_is_decided_once_and_as_the_table_says(time: Time, monkeypatch: pytest.MonkeyPatch) -> None:
     stats = Counter[str]()
     for number in range(SEED, SEED + CASES):
+        monkeypatch.setattr(waiting, "MANY", (1, 2, 256)[number % 3])
+        monkeypatch.setattr(waiting, "SPARE", (0, 64)[number % 2])
         check(time, number, stats)
     print(CASES, time, dict(stats))
-    assert min(stats[what] for what in ("true", "false", "lost", "taken back", "restarts", "ends")) > 0
+    assert min(stats[what] for what in ("true", "false", "lost", "taken back", "restarts", "ends", "endless")) > 0
     assert (stats["at ticks"] > 0) is (time == "seconds")
 
 

@@ -12,6 +12,7 @@ import pytest
 
 from oracle_server.replay.opening import open_recording
 from oracle_server.replay.run import Replay
+from oracle_server.rostypes.known import Types
 from oracle_server.specfiles.load import load_spec, parse_spec
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -32,8 +33,8 @@ def simulator(name: str) -> Callable[..., Iterator[str]]:
     return found
 
 
-def replayed(name: str, trace: str) -> tuple[Replay, list[Any]]:
-    loaded = load_spec(EXAMPLES / name / f"{name}.yaml")
+def replayed(name: str, trace: str, types: Types | None = None) -> tuple[Replay, list[Any]]:
+    loaded = load_spec(EXAMPLES / name / f"{name}.yaml", types=types)
     assert loaded.warnings == ()
     replay = Replay(loaded.spec, open_recording(EXAMPLES / name / "traces" / f"{trace}.jsonl", loaded.spec))
     return replay, list(replay)
@@ -95,3 +96,16 @@ def test_the_turtle_is_held_back_each_time() -> None:
         "/turtle1/cmd_vel": speeding + BROKEN["turtle"]["slow_at_the_edge"],
         "/turtle1/teleport_absolute": 1,
     }
+
+
+def test_the_base_is_not_sent_away_with_its_arm_out() -> None:
+    """Its recordings are of real nodes."""
+    types = Types([EXAMPLES / "navigation" / "ros2" / "navigation_msgs"], {})
+    sound, judged = replayed("navigation", "sound", types)
+    assert not sound.violated
+    assert {item.step.event.stream.kind for item in judged} >= {"goal", "reply", "feedback", "cancel", "result"}
+    faulty, judged = replayed("navigation", "fault", types)
+    broken = {n: state["violations"] for n, state in faulty.states().items() if state["violations"]}
+    assert broken == {"arm_is_stowed": 1}
+    denied = [item.step.event.stream.kind for item in judged if item.decision and item.decision.choice == "deny"]
+    assert denied == ["goal"]

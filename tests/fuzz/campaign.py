@@ -23,7 +23,7 @@ _TESTS = Path(__file__).parents[1]
 FOLDERS = (_TESTS / "whole" / "specs", _TESTS / "vectors" / "specs", _TESTS / "fuzz" / "specs")
 SPECS = (
     "pair", "single", "both", "deadline", "timed", "texts", "remembers", "tiny", "presence", "lamp", "bypassed",
-    "answered", "strict", "explained", "prompt", "reelay", "robust", "booted",
+    "errand", "answered", "strict", "explained", "prompt", "reelay", "robust", "booted",
 )  # fmt: skip
 AMENDED = frozenset({"passed", "kind"})
 """What a record says that may change after its commit: what the adapter did."""

@@ -31,6 +31,9 @@ LONE = "\ud800"
 STAMPS = (None, 0, 1, 10**9, BASE, 2**53, 2**62, 2**63 - 2, 2**63 - 1)
 COUNTS = (0, 1, 2, 1000, 2**31, 2**32, 2**53 - 1)
 SOURCES = ("", "", "", "/a_node", "/a_node", "/b_node", "\U0001f916", "s" * 255)
+GOALS = ("a", "a", "b", "0" * 32, "", "g" * 255, "NaN", "\0", "\U0001f916", "'; DROP TABLE steps; --")
+STATUSES = ("accepted", "rejected", "executing", "canceling", "succeeded", "canceled", "aborted", "unknown")
+OF_ACTIONS = frozenset({"goal", "reply", "feedback", "cancel", "result", "status"})
 BAD_FIELDS: dict[str, tuple[Any, ...]] = {
     "stream": (None, 1, "", "/nowhere", "x" * 256, "\0"),
     "kind": (None, "", "tick", "Topic", 1, "unavailable"),
@@ -40,6 +43,8 @@ BAD_FIELDS: dict[str, tuple[Any, ...]] = {
     "source": (None, 1, "s" * 256),
     "call": (-1, 2**53, 1.0, "1"),
     "lost": (-1, 2**53, 0.5, None, "1"),
+    "goal_id": (0, [], "g" * 256, True),
+    "status": ("", "done", 1, [], "Accepted"),
     "seq": (0, -1, 2**53, 1.0, "1", None, True, []),
     "type": ("Event", "clock", None, 1, "attach"),
 }
@@ -92,7 +97,7 @@ class Writer:
         elif how < 0.9:
             frame["data"]["other"] = nested(chance, chance.choice((64, 65, 100, 900)))
         else:
-            del frame[chance.choice(("stream", "data", "seq"))]
+            del frame[chance.choice(("stream", "data", "seq", *(["goal_id"] if kind in OF_ACTIONS else [])))]
         return self._written(seq, stream, kind, frame, sound=False)
 
     def unreadable(self, seq: int) -> Event:
@@ -167,6 +172,8 @@ class Writer:
             frame["stamp"] = stamp
         if kind != "topic" or chance.random() < 0.1:
             frame["call"] = chance.choice((seq, 0, 2**53 - 1))
+        if kind in OF_ACTIONS or chance.random() < 0.02:
+            frame |= {"goal_id": chance.choice(GOALS), "status": chance.choice(STATUSES)}
         if chance.random() < 0.25:
             frame["ask"] = True
         if chance.random() < 0.3:

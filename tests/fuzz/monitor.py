@@ -244,6 +244,7 @@ class Monitor:
     def _wanted(self, instance: str) -> Frame:
         wanted: Frame = {"type": "attach", "monitor": self.name, "instance": instance, "session": self.session}
         wanted |= {"spec": self.spec, "clock": self.clock, "verdicts": self.chance.random() < 0.5}
+        wanted["features"] = ["actions"]
         names = sorted({name for name, _ in self.claimed})
         return wanted | ({} if self.claimed == self.writer.streams else {"streams": names})
 

@@ -8,10 +8,11 @@ from hypothesis import strategies as st
 
 from oracle_server.core.events import REVISIONS, Event, Step, StreamKey
 from oracle_server.core.kinds import StepKind
-from oracle_server.core.records import ExplanationRecord
+from oracle_server.core.records import ExplanationRecord, VerdictRecord
 from oracle_server.core.revisions import Change, Revision, Standing
 from oracle_server.core.verdicts import Decision, Outcome
 from oracle_server.history.port import History
+from oracle_server.history.query import Query
 from oracle_server.history.records import SessionRecord, StoredStep
 
 PROPERTIES = ("p", "q")
@@ -75,6 +76,25 @@ def revision(
         Step(event, {}, frozenset(), stamp, skipped=True), None, "publication", 100 * position, (), None,
         first=(position - 1) * len(PROPERTIES) + 1, changes=changes, because=(late,), causes=1, standing=standing or {},
     )  # fmt: skip
+
+
+def asked_for(found: Sequence[VerdictRecord], query: Query) -> list[VerdictRecord]:
+    """Of all records, in their order, those that a query asks for, by its words."""
+    wanted = []
+    for record in found:
+        n = record["n"]
+        behind = query.after is None or (n > query.after if query.order == "asc" else n < query.after)
+        if (
+            behind
+            and (not query.properties or record["property"] in query.properties)
+            and (not query.outcomes or record["outcome"] in query.outcomes)
+            and (query.stream is None or record["stream"] == query.stream)
+            and (query.since is None or record["stamp"] >= query.since)
+            and (query.until is None or record["stamp"] <= query.until)
+            and (not query.violations or record["violation"] or record.get("retracted", False))
+        ):
+            wanted.append(record)
+    return wanted if query.order == "asc" else wanted[::-1]
 
 
 async def add(history: History, *steps: StoredStep, session: int = 1) -> None:

@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 import oracle_server
 from oracle_server.core.bypass import Bypass
 from oracle_server.core.events import StreamKey
-from oracle_server.core.records import VerdictRecord
 from oracle_server.core.spec import By
 from oracle_server.core.verdicts import FINAL, Decision, Outcome
 from oracle_server.history.memory import MemoryHistory
@@ -32,7 +31,7 @@ from oracle_server.history.records import (
 )
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.history.views import records
-from tests.history.making import PROPERTIES, add, opened, some_steps, step
+from tests.history.making import PROPERTIES, add, asked_for, opened, some_steps, step
 
 Direction = Literal["asc", "desc"]
 FALSE, TRUE, HELD = Outcome.CURRENTLY_FALSE, Outcome.TRUE, Outcome.CURRENTLY_TRUE
@@ -305,26 +304,6 @@ def queries(draw: st.DrawFn) -> Query:
     )
 
 
-def expected(steps: list[StoredStep], query: Query) -> list[VerdictRecord]:
-    """The records that a query asks for, by its words: over all of them, one by one."""
-    wanted = []
-    for stored in steps:
-        for record in records(stored, PROPERTIES):
-            n = record["n"]
-            behind = query.after is None or (n > query.after if query.order == "asc" else n < query.after)
-            if (
-                behind
-                and (not query.properties or record["property"] in query.properties)
-                and (not query.outcomes or record["outcome"] in query.outcomes)
-                and (query.stream is None or record["stream"] == query.stream)
-                and (query.since is None or record["stamp"] >= query.since)
-                and (query.until is None or record["stamp"] <= query.until)
-                and (not query.violations or record["violation"])
-            ):
-                wanted.append(record)
-    return wanted if query.order == "asc" else wanted[::-1]
-
-
 @given(steps=some_steps(), query=queries())
 @settings(max_examples=60)
 def test_backends_answer_a_query_as_it_says(
@@ -336,7 +315,7 @@ def test_backends_answer_a_query_as_it_says(
         history.open_session(session)
         await add(history, *steps)
         found, after = await find(history, session, query)
-        wanted = expected(steps, query)
+        wanted = asked_for([r for stored in steps for r in records(stored, PROPERTIES)], query)
         assert found == wanted[: query.limit]
         assert after == (found[-1]["n"] if len(wanted) > query.limit else None)
         assert await latest(history, session) == len(steps) * len(PROPERTIES)

@@ -18,7 +18,7 @@ from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.pages import find
 from oracle_server.history.port import History
 from oracle_server.history.query import Query
-from oracle_server.history.records import StoredStep, restated, stored, stored_revision
+from oracle_server.history.records import StoredStep, stored, stored_revision
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.history.views import View
 from oracle_server.replay.jsonl import read_lines
@@ -55,8 +55,7 @@ async def write(history: History, run: Kept, rng: random.Random) -> None:
                 position += 1
                 revised = isinstance(row, Revision)
                 rows.append(stored_revision(position, row) if revised else stored(position, 0, row))  # type: ignore[arg-type]
-            standing = restated([row for row in waiting if isinstance(row, Revision)], WIDTH)
-            history.append(1, rows, lambda: None, standing)
+            history.append(1, rows, lambda: None, [row for row in waiting if isinstance(row, Revision)])
             waiting = []
     await history.flush()
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import sqlite3
+import threading
+from collections.abc import Iterable
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -22,11 +24,11 @@ from oracle_server.history.pages import find, find_as
 from oracle_server.history.port import History
 from oracle_server.history.query import Query
 from oracle_server.history.records import Restated, StoredStep, restated, stored_revision
+from oracle_server.history.sqlite import history as sqlite_history
 from oracle_server.history.sqlite.history import SqliteHistory
-from oracle_server.history.sqlite.schema import STEP_COLUMNS
 from oracle_server.history.sqlite.standing import RESTATE
 from oracle_server.history.views import Doubts, View, records
-from tests.history.making import OUTCOMES, PROPERTIES, add, explanation, opened, revision, some_steps, step
+from tests.history.making import OUTCOMES, PROPERTIES, add, asked_for, explanation, opened, revision, some_steps, step
 from tests.history.test_port import collected, queries
 
 WIDTH = len(PROPERTIES)
@@ -78,7 +80,7 @@ async def revised(history: History) -> tuple[StoredStep, ...]:
     more = revision(7, change(13, 5, 5, None), change(14, 6, 6, None, retracted=True))
     history.append(1, steps, lambda: None)
     kept = [late, stored_revision(6, made), stored_revision(7, more)]
-    history.append(1, kept, lambda: None, restated([made, more], WIDTH))
+    history.append(1, kept, lambda: None, [made, more])
     await history.flush()
     return (*steps, *kept)
 
@@ -166,7 +168,7 @@ async def test_what_a_revision_changes_may_be_deleted_already(history: History) 
     await add(history, *(step(i) for i in range(1, 6)))
     await history.forget_steps(1, 3)
     made = revision(6, change(11, 1, 9, FALSE), None, standing={p: stands(FALSE, HELD) for p in range(1, 6)})
-    history.append(1, [stored_revision(6, made)], lambda: None, restated([made], WIDTH))
+    history.append(1, [stored_revision(6, made)], lambda: None, [made])
     await history.flush()
     assert await history.extent(1) == (3, 6)
     assert [r["n"] for r in await told(history, Query(outcomes=frozenset({FALSE})))] == [5, 7, 9]
@@ -180,7 +182,7 @@ async def test_each_property_names_the_last_revision_of_its_own(history: History
         (3, revision(3, change(5, 1, 3, FALSE), None, standing={1: stands(FALSE, HELD), 2: stands(FALSE, HELD)})),
         (4, revision(4, None, change(8, 4, 4, UNKNOWN), standing={2: stands(FALSE, UNKNOWN, degraded=(True, False))})),
     ):
-        history.append(1, [stored_revision(position, made)], lambda: None, restated([made], WIDTH))
+        history.append(1, [stored_revision(position, made)], lambda: None, [made])
     await history.flush()
     found = await told(history)
     assert [(r["outcome"], r["degraded"], r.get("revised")) for r in found] == [
@@ -189,11 +191,33 @@ async def test_each_property_names_the_last_revision_of_its_own(history: History
     ]  # fmt: skip
 
 
+async def test_what_stands_of_many_steps_is_told_while_others_are_served(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of 10,000 steps it takes 0.1 s."""
+    threads: list[str] = []
+
+    def noted(revisions: Iterable[Revision]) -> dict[int, Restated]:
+        threads.append(threading.current_thread().name)
+        return restated(revisions)
+
+    monkeypatch.setattr(sqlite_history, "restated", noted)
+    history = SqliteHistory(tmp_path)
+    history.start(asyncio.get_running_loop())
+    history.open_session(opened())
+    made = revision(2, change(3, 1, 1, FALSE), None, standing={1: stands(FALSE, HELD)})
+    history.append(1, [step(1), stored_revision(2, made)], lambda: None, [made])
+    await history.flush()
+    assert threads == ["history writer"]
+    assert (await told(history))[0]["outcome"] == "currently_false"
+    await asyncio.to_thread(history.close)
+
+
 def test_several_passes_that_are_written_together_leave_what_the_last_one_says() -> None:
     first = revision(3, change(5, 1, 3, FALSE), None, standing={1: stands(FALSE, HELD), 2: stands(FALSE, HELD)})
     more = revision(4, None, change(8, 2, 2, UNKNOWN))
     again = revision(5, change(9, 3, 3, HELD), None, standing={2: stands(HELD, HELD)})
-    assert restated([first, more, again], WIDTH) == {
+    assert restated([first, more, again]) == {
         1: Restated(stands(FALSE, HELD), {0: 5, 1: 8}), 2: Restated(stands(HELD, HELD), {0: 9}),
     }  # fmt: skip
 
@@ -225,7 +249,7 @@ def _released(made: StoredStep, why: str, *unheard: str) -> StoredStep:
 class Life:
     """What a session gave to its history, and what stands since then, by brute force."""
 
-    given: list[tuple[list[StoredStep], dict[int, Restated]]] = field(default_factory=list)
+    given: list[tuple[list[StoredStep], list[Revision]]] = field(default_factory=list)
     rows: list[StoredStep] = field(default_factory=list)
     standing: dict[int, Standing] = field(default_factory=dict)
     revised: dict[int, int] = field(default_factory=dict)
@@ -233,8 +257,7 @@ class Life:
 
     def expected(self, query: Query) -> list[VerdictRecord]:
         """The records that a query asks for, by its words: over all of them, one by one."""
-        found = [record for row in self.rows for record in self._records(row, query) if self._wanted(record, query)]
-        return found if query.order == "asc" else found[::-1]
+        return asked_for([record for row in self.rows for record in self._records(row, query)], query)
 
     def _records(self, row: StoredStep, query: Query) -> list[VerdictRecord]:
         made = records(row, PROPERTIES)
@@ -252,19 +275,6 @@ class Life:
                 record["revised"] = self.revised[record["n"]]
         return [record for record in made if record["outcome"] is not None]
 
-    def _wanted(self, record: VerdictRecord, query: Query) -> bool:
-        n = record["n"]
-        behind = query.after is None or (n > query.after if query.order == "asc" else n < query.after)
-        return (
-            behind
-            and (not query.properties or record["property"] in query.properties)
-            and (not query.outcomes or record["outcome"] in query.outcomes)
-            and (query.stream is None or record["stream"] == query.stream)
-            and (query.since is None or record["stamp"] >= query.since)
-            and (query.until is None or record["stamp"] <= query.until)
-            and (not query.violations or record["violation"] or record.get("retracted", False))
-        )
-
 
 @st.composite
 def lives(draw: st.DrawFn) -> Life:
@@ -273,10 +283,10 @@ def lives(draw: st.DrawFn) -> Life:
     for made in draw(some_steps()):
         row = msgspec.structs.replace(made, position=len(life.rows) + 1)
         life.rows.append(row)
-        life.given.append(([row], {}))
+        life.given.append(([row], []))
         if draw(st.integers(0, 3)) == 0:
             passed = [_revision(draw, life) for _ in range(draw(st.integers(1, 2)))]
-            life.given.append(([stored_revision(p, r) for p, r in passed], restated([r for _, r in passed], WIDTH)))
+            life.given.append(([stored_revision(p, r) for p, r in passed], [r for _, r in passed]))
     return life
 
 
@@ -321,8 +331,8 @@ def test_each_view_is_as_a_reading_of_all(
     async def ask(history: History) -> None:
         history.start(asyncio.get_running_loop())
         history.open_session(opened())
-        for rows, standing in life.given:
-            history.append(1, rows, lambda: None, standing)
+        for rows, revisions in life.given:
+            history.append(1, rows, lambda: None, revisions)
         await history.flush()
         asked = replace(query, view=view, follows=follows)
         wanted = life.expected(asked)
@@ -348,7 +358,7 @@ async def test_a_step_and_what_stands_since_then_are_committed_at_once(tmp_path:
     with closing(sqlite3.connect(history.path)) as database:  # what is to stand can't be written
         database.execute("CREATE TRIGGER no BEFORE UPDATE ON steps BEGIN SELECT raise(ABORT, 'no'); END")
     made = revision(3, change(5, 1, 1, FALSE), None, standing={1: stands(FALSE, HELD)})
-    history.append(1, [step(2), stored_revision(3, made)], lambda: None, restated([made], WIDTH))
+    history.append(1, [step(2), stored_revision(3, made)], lambda: None, [made])
     await history.flush()
     assert await history.extent(1) == (1, 1)
     assert [r["outcome"] for r in await told(history)] == ["currently_true"] * 2
@@ -364,26 +374,3 @@ def test_what_stands_is_written_by_a_look_at_each_step_that_is_revised(tmp_path:
         "SCAN json_each VIRTUAL TABLE INDEX 1:", "SEARCH steps USING PRIMARY KEY (session=? AND position=?)",
     ]  # fmt: skip
     history.close()
-
-
-async def test_a_history_that_an_older_version_wrote_tells_what_it_told(tmp_path: Path) -> None:
-    steps = [step(1), step(2, outcomes=(FALSE, HELD), violated=[0]), step(3, kind="tick")]
-    older = SqliteHistory(tmp_path)
-    older.start(asyncio.get_running_loop())
-    older.open_session(opened())
-    await add(older, *steps)
-    await asyncio.to_thread(older.close)
-    with closing(sqlite3.connect(older.path)) as database:
-        for column in STEP_COLUMNS[STEP_COLUMNS.index("released") :]:
-            database.execute(f"ALTER TABLE steps DROP COLUMN {column}")
-        database.execute("PRAGMA user_version = 6")
-    history = SqliteHistory(tmp_path)
-    history.start(asyncio.get_running_loop())
-    assert await collected(history.steps(1, 0)) == steps
-    for view in get_args(View):
-        assert await told(history, Query(view=view)) == [r for kept in steps for r in records(kept, PROPERTIES)]
-    late = revision(4, change(7, 3, 3, HELD, retracted=True), None, standing={2: stands(HELD, HELD)})
-    history.append(1, [stored_revision(4, late)], lambda: None, restated([late], WIDTH))
-    await history.flush()
-    assert await told(history, Query(violations=True)) == []
-    await asyncio.to_thread(history.close)

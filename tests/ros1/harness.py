@@ -15,6 +15,7 @@ from xmlrpc.client import ServerProxy
 
 from tests.processes import PATIENCE, ROOT, Process, Server, as_yaml, environment, eventually, held_port
 from tests.ros1 import peer
+from tests.ros1.actionpeer import Behaviour, Ended
 
 
 class Peer:
@@ -78,6 +79,48 @@ class Peer:
         answer = self.answer(self.begin(kind, service, request))
         assert answer is not None
         return answer
+
+    def serve_action(self, kind: Any, name: str, behave: Behaviour) -> None:
+        """Serve an action by a function that can be pickled."""
+        self._do("serve_action", name, kind, behave)
+
+    def goals(self, name: str, count: int = 0) -> list[str]:
+        """The ids of the goals that have reached its server, once there are so many."""
+        self.until(lambda: len(self._do("goals", name)) >= count, lambda: f"{self._do('goals', name)} came to {name}")
+        found: list[str] = self._do("goals", name)
+        return found
+
+    def connect(self, kind: Any, name: str) -> None:
+        """Be a client of an action, once its server is there."""
+        self._do("connect", name, kind)
+        self.until(lambda: self._do("connected", name), lambda: f"nobody serves {name}")
+
+    def send_goal(self, name: str, goal: Any) -> tuple[int, str]:
+        """Send a goal, and go on; tells what it is called by here, and its id."""
+        number = next(self._calls)
+        return number, self._do("send_goal", name, number, goal)
+
+    def cancel_goal(self, number: int) -> None:
+        self._do("cancel_goal", number)
+
+    def cancel_all(self, name: str) -> None:
+        self._do("cancel_all", name)
+
+    def fed(self, number: int, count: int) -> None:
+        """Wait until so much feedback has come for a goal."""
+        self.until(lambda: self._do("feedback", number) >= count, lambda: f"{self._do('feedback', number)} came")
+
+    def states(self, number: int) -> list[int]:
+        """The states that a goal has gone through, as its client sees it."""
+        found: list[int] = self._do("states", number)
+        return found
+
+    def ended(self, number: int, wait: bool = True) -> Ended | None:
+        """What came of a goal."""
+        if wait:
+            self.until(lambda: self._do("ended", number), lambda: f"it is in {self._do('states', number)}")
+        found: Ended | None = self._do("ended", number)
+        return found
 
     def until(self, condition: Callable[[], object], what: Callable[[], str]) -> None:
         end = time.monotonic() + PATIENCE
@@ -158,10 +201,10 @@ class Scene:
         process.said("observing")
         return process
 
-    def node(self, module: str, **parameters: object) -> Process:
-        """One of the example's nodes."""
+    def node(self, module: str, package: str = "battery_uav", **parameters: object) -> Process:
+        """One of an example's nodes."""
         words = [f"_{name}:={as_yaml(value)}" for name, value in parameters.items()]
-        return self.run(module, sys.executable, "-m", f"battery_uav.{module}", *words)
+        return self.run(module, sys.executable, "-m", f"{package}.{module}", *words)
 
     def peer(self) -> Peer:
         made = Peer(f"peer{next(self._peers)}", self.settings)

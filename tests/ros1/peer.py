@@ -7,21 +7,22 @@ import threading
 import time
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any
-from xmlrpc.client import ServerProxy
 
 import rospy
+
+from tests.ros1.actionpeer import ActionSide, reaches
 
 Answer = tuple[Any, str | None]
 """What a service answered, or its error."""
 
 
-class Node:
+class Node(ActionSide):
     """The node's side: each method can be called from the test's process, with what can be pickled."""
 
     def __init__(self) -> None:
+        super().__init__()
         self._heard: dict[str, list[Any]] = defaultdict(list)
         self._subscribers: dict[str, rospy.Subscriber] = {}
         self._publishers: dict[str, rospy.Publisher] = {}
@@ -35,7 +36,7 @@ class Node:
 
     def speakers(self, topic: str) -> int:
         """How many publishers would reach it with what they say on a topic from now on."""
-        return sum(_reaches(connection.endpoint_id, topic) for connection in self._subscribers[topic].impl.connections)
+        return sum(reaches(connection.endpoint_id, topic) for connection in self._subscribers[topic].impl.connections)
 
     def heard(self, topic: str) -> list[Any]:
         """What was heard so far."""
@@ -94,14 +95,6 @@ class Node:
     def answer(self, number: int) -> Answer | None:
         """What came of a call, None while it waits."""
         return self._answers.get(number)
-
-
-def _reaches(uri: str, topic: str) -> bool:
-    """Whether a node publishes a topic to this one, as it says itself: here a connection counts before it is made."""
-    own = rospy.get_name()
-    with suppress(OSError), ServerProxy(uri) as node:
-        return any([where, way, what] == [own, "o", topic] for _, where, way, _, what, *_ in node.getBusInfo(own)[2])
-    return False  # it has gone
 
 
 def main(connection: Connection, name: str, environment: dict[str, str]) -> None:

@@ -20,6 +20,8 @@ PACKAGES = {
     "oracle_ros1": "adapters/ros1",
     "battery_uav": "examples/battery_uav/ros1/battery_uav",
     "battery_uav_msgs": "examples/battery_uav/ros1/battery_uav_msgs",
+    "navigation": "examples/navigation/ros1/navigation",
+    "navigation_msgs": "examples/navigation/ros1/navigation_msgs",
 }
 UNUSED = {"ROS_LANG_DISABLE": "gencpp:geneus:genlisp:gennodejs"}
 PATH = ("PYTHONPATH",)  # of what this environment has of the packages already

@@ -114,10 +114,10 @@ class Scene:
         process.said("observing")
         return process
 
-    def node(self, module: str, **parameters: object) -> Process:
-        """One of the example's nodes."""
+    def node(self, module: str, package: str = "battery_uav", **parameters: object) -> Process:
+        """One of an example's nodes."""
         words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={as_yaml(value)}")]
-        return self.run(module, sys.executable, "-m", f"battery_uav.{module}", "--ros-args", *words)
+        return self.run(module, sys.executable, "-m", f"{package}.{module}", "--ros-args", *words)
 
     def peer(self) -> Peer:
         peer = Peer(self.domain)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import pytest
 
+from oracle_server.core.revisions import Revision
 from oracle_server.history.port import Done
-from oracle_server.history.records import Restated, SessionRecord, StoredStep
+from oracle_server.history.records import SessionRecord, StoredStep
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.process.clock import Clock
 from oracle_server.sessions import live as live_module
@@ -30,11 +31,9 @@ BAD = 13
 class Choosy(SqliteHistory):
     """A history that gets some steps with an integer that SQLite refuses."""
 
-    def append(
-        self, session: int, steps: Sequence[StoredStep], done: Done, restated: Mapping[int, Restated] | None = None
-    ) -> None:
+    def append(self, session: int, steps: Sequence[StoredStep], done: Done, revisions: Sequence[Revision] = ()) -> None:
         spoiled = [_spoiled(s) if s.step.signals.get("speed") == BAD else s for s in steps]
-        super().append(session, spoiled, done, restated)
+        super().append(session, spoiled, done, revisions)
 
 
 def _spoiled(stored: StoredStep) -> StoredStep:

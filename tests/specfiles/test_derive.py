@@ -61,6 +61,8 @@ def told(derived: str = "other: limit", formula: str = "{topic: /cmd} -> {rate >
         ("m: 5", "10:6", "such as {rate: '{topic: /scan}', over: 2s}, or an expression; found 5"),
         ("topic: limit", "10:10", "the signal 'topic' is reserved"),
         ("near: limit", "10:9", "'near' is a signal of /scan already"),
+        ("null: limit", "10:9", "`null` is a word of expressions"),
+        ('"in": limit', "10:9", "`in` is a word of expressions; give the derived signal another name"),
     ],
 )
 def test_a_derived_signal_is_refused_at_its_place(derived: str, place: str, says: str) -> None:
@@ -127,12 +129,10 @@ def test_a_spec_without_derived_signals_means_what_it_did() -> None:
     assert first != second
 
 
-def test_two_signals_are_not_compared_where_time_alone_may_turn_it() -> None:
+def test_two_signals_are_compared_where_time_turns_nothing_between_steps() -> None:
     timed = SPEC.replace("formula: 'FORMULA'", "time: seconds, formula: '{topic: /cmd} -> {speed <= COMPARED}'")
-    for name in ("rate", "age", "total"):
-        with pytest.raises(SpecError, match=f"compares '{name}', which changes with time, with another signal"):
-            parse_spec(timed.replace("COMPARED", name).replace("DERIVED", "other: limit"), "s.yaml")
-    assert not parse_spec(timed.replace("COMPARED", "limit").replace("DERIVED", "other: limit"), "s.yaml").warnings
+    for name in ("rate", "age", "total", "limit"):
+        assert not parse_spec(timed.replace("COMPARED", name).replace("DERIVED", "other: limit"), "s.yaml").warnings
     assert told(formula="{topic: /cmd} -> {speed <= total}") == []
 
 
@@ -140,6 +140,32 @@ def test_what_is_defined_stands_in_derived_signals_too() -> None:
     named = SPEC.replace("derive:", "define:\n  fast: '{speed > limit}'\nderive:")
     named = named.replace("DERIVED", "n: {count: fast, over: 2s}").replace("FORMULA", "{topic: /cmd} -> {n < 3}")
     assert not parse_spec(named, "s.yaml").warnings
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("fast", ""),
+        ("rate", "`rate` is a derived signal, too: `{rate}` would not be `rate`; give one of them another name"),
+        ("speed(u)", "`speed` is a signal of /cmd, too: `{speed}` would not be `speed`; give one of them another name"),
+        ("limit", "`limit` is a signal of /limit, too"),
+        ("kind", "`kind` is a signal of all events, too: `{kind}` would not be `kind`; give yours another name"),
+    ],
+)
+def test_a_defined_name_is_that_of_no_signal(name: str, says: str) -> None:
+    body = "{user: *u, speed > limit}" if "(" in name else "{speed > limit}"
+    named = SPEC.replace("derive:", f"define:\n  {name}: '{body}'\nderive:").replace("DERIVED", "n: limit")
+    use = name.replace("(u)", "(x)")
+    formula = f"forall[x]. {{user: *x, n > 1}} -> {use}" if "(" in name else f"{use} or {{n > 1}}"
+    try:
+        found = parse_spec(named.replace("FORMULA", formula), "s.yaml").warnings
+    except SpecError as error:
+        found = tuple(error.findings)
+    assert [f"{f.line}:{f.column}" for f in found] == (["7:3"] if says else [])
+    assert all(says in f.message for f in found)
+    assert [f"; the first is at s.yaml:{line}" in str(f) for f in found for line in ("4", "5", "8", "9", "10")].count(
+        True
+    ) == (says != "" and name != "kind")
 
 
 def test_late_events_are_not_put_in_their_places_among_derived_signals() -> None:

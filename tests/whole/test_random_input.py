@@ -37,6 +37,9 @@ WORDS = st.sampled_from(
         "data",
         "v",
         "ask",
+        "goal",
+        "goal_id",
+        "status",
     ]
 )
 NUMBERS = st.one_of(st.integers(), st.floats(), st.sampled_from([2**53, 2**63, 2**64, -(2**63) - 1, 10**400]))

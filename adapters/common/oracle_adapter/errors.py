@@ -11,6 +11,7 @@ ENDING = frozenset(
         "bad_attach",
         "forbidden",
         "monitor_taken",
+        "needs_feature",
         "replaced",
         "session_closed",
         "spec_mismatch",

@@ -13,28 +13,34 @@ if TYPE_CHECKING:
 
 
 class _Waiting:
-    __slots__ = ("answer", "message")
+    __slots__ = ("answer", "call", "goal_id", "message")
 
-    def __init__(self, message: Any) -> None:
-        self.message = message
+    def __init__(self, message: Any, call: Optional[int], goal_id: str) -> None:
+        self.message, self.call, self.goal_id = message, call, goal_id
         self.answer: Optional[Answer] = None
 
 
 class ForwardQueue:
     """Forwards what may pass of a topic, in order of arrival; no caller waits for a decision."""
 
-    def __init__(self, passing: Passing, forward: Callable[[Any], bool]) -> None:
+    def __init__(
+        self,
+        passing: Passing,
+        forward: Callable[[Any], bool],
+        withheld: Optional[Callable[[Any, str], None]] = None,
+    ) -> None:
         """Call `forward` with each message that may pass, mostly in the link's thread.
 
-        It returns whether the message was passed on.
+        It returns whether the message was passed on. `withheld` is called with each that was not,
+        and a text why.
         """
-        self._passing, self._forward = passing, forward
+        self._passing, self._forward, self._withheld = passing, forward, withheld
         self._waiting: Deque[_Waiting] = deque()
         self._entering, self._leaving = threading.Lock(), threading.Lock()
 
     def take(self, message: Any, stamp: Stamp, data: Any, **more: Any) -> None:
         """Ask about a message that came, from any thread; `more` is as for `Link.ask`."""
-        waiting = _Waiting(message)
+        waiting = _Waiting(message, more.get("call"), more.get("goal_id") or "")
 
         def answered(answer: Answer) -> None:
             waiting.answer = answer
@@ -53,4 +59,9 @@ class ForwardQueue:
                 answer = self._waiting[0].answer
                 if answer is None:
                     break
-                self._passing.settle(answer, self._forward, self._waiting.popleft().message)
+                head = self._waiting.popleft()
+                passed, why = self._passing.settle(
+                    answer, self._forward, head.message, head.call, head.goal_id
+                )
+                if not passed and self._withheld is not None:
+                    self._withheld(head.message, why)

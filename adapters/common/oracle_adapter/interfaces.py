@@ -1,4 +1,4 @@
-"""The streams that a server describes, by the topics and services that they belong to."""
+"""The streams that a server describes, by the topics, services and actions that they belong to."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Stream = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Interface:
-    """A topic, or a service: what one part of an adapter observes."""
+    """A topic, a service or an action: what one part of an adapter observes."""
 
     type: InterfaceType
     name: str
@@ -27,8 +27,10 @@ class Interface:
 
     @property
     def first(self) -> Stream:
-        """The stream whose events answer no others: that of the messages, or of the requests."""
-        return next(s for kind, s in self.streams.items() if KINDS[kind].answers is None)
+        """The first stream whose events answer no others: of the messages, requests or goals."""
+        streams = self.streams
+        asking = (s for kind, s in streams.items() if KINDS[kind].answers is None)
+        return next(asking, next(iter(streams.values())))
 
     @property
     def filtered(self) -> bool:

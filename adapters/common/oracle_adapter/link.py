@@ -36,7 +36,11 @@ class Details(TypedDict, total=False):
     source: Optional[str]
     """Its publisher."""
     call: Optional[int]
-    """Pairs a request with its response."""
+    """Pairs a request with its response, and a goal with its reply."""
+    goal_id: Optional[str]
+    """The goal that an event of an action is about; empty for a cancel of all."""
+    status: Optional[str]
+    """How that goal stands, as `accepted`, with a reply, a result or a status."""
     lost: Optional[int]
     """Counts messages known to be missed just before it."""
 
@@ -51,7 +55,8 @@ class Link:
     `session`: without one the server makes one. `streams`: names of those that will be observed,
     default all. `capacity`: events held until the server has committed them; more than its order
     holds, or events are lost here before the server makes room. `tls`: default, for an encrypted
-    address, by `ORACLE_CA`, `ORACLE_CLIENT_CERT` and `ORACLE_CLIENT_KEY`.
+    address, by `ORACLE_CA`, `ORACLE_CLIENT_CERT` and `ORACLE_CLIENT_KEY`. `features`: what the
+    adapter can do that not every adapter can, by the server's words, as `actions`.
 
     `on_violation(record)`, `on_revision(record)`, `on_verdicts(frame)`, `on_state(state, detail)`,
     `on_error(error)` are called in the link's thread, as the futures' callbacks are: they must be
@@ -72,6 +77,7 @@ class Link:
         token: Optional[str] = None,
         tls: Optional[SSLContext] = None,
         capacity: int = 20_000,
+        features: Iterable[str] = (),
         timing: Optional[Timing] = None,
         on_violation: Optional[Callable[[Mapping[str, Any]], None]] = None,
         on_state: Optional[Callable[[State, str], None]] = None,
@@ -81,9 +87,9 @@ class Link:
     ) -> None:
         names = None if streams is None else tuple(streams)
         wanted = True if on_verdicts else None
-        features = ("revisions",) if on_revision else None
+        wishes = (*features, *(("revisions",) if on_revision else ())) or None
         instance = _instance(os.getpid())
-        hello = Hello(monitor, instance, session, spec, names, clock, wanted, features)
+        hello = Hello(monitor, instance, session, spec, names, clock, wanted, wishes)
         protocol = Protocol(hello, capacity)
         self._exchange = Exchange(
             protocol, on_violation, on_state, on_error, on_verdicts, on_revision
@@ -244,13 +250,13 @@ def _body(
     ask: bool,
     source: Optional[str] = None,
     call: Optional[int] = None,
+    goal_id: Optional[str] = None,
+    status: Optional[str] = None,
     lost: Optional[int] = None,  # noqa: ARG001 - passed separately
 ) -> str:
     """An event's JSON after its number, stamp and losses, which are known only later."""
     event: Dict[str, Any] = {"stream": stream, "kind": kind, "ask": ask}
-    if source is not None:
-        event["source"] = source
-    if call is not None:
-        event["call"] = call
+    details = {"source": source, "call": call, "goal_id": goal_id, "status": status}
+    event.update((name, value) for name, value in details.items() if value is not None)
     event["data"] = data
     return dumps(event)[1:]

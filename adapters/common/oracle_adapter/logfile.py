@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 class LogFile:
     """Replaces a `Link` where there is no oracle: it writes events, and denies nothing.
 
-    Streams are observed only, whatever the spec would have filtered; services stay behind their
-    proxies, since there is no other way to observe them.
+    Streams are observed only, whatever the spec would have filtered; services and actions stay
+    behind their proxies, since there is no other way to observe them.
     """
 
     def __init__(
@@ -109,11 +109,8 @@ class LogFile:
         return True
 
 
-def _given(
-    source: Optional[str] = None, call: Optional[int] = None, lost: Optional[int] = None
-) -> Dict[str, Any]:
-    known = {"source": source, "call": call, "lost": lost}
-    return {name: value for name, value in known.items() if value is not None}
+def _given(**details: Unpack[Details]) -> Dict[str, Any]:
+    return {name: value for name, value in details.items() if value is not None}
 
 
 def open_log(

@@ -61,12 +61,13 @@ class Marks:
     def clock(self, stamps: Iterable[ClockStamp], after: int) -> None:
         """Place clocks after an event, replacing older ones of the same streams."""
         fresh = {(stream, kind): stamp for stream, kind, stamp in stamps}
+        if not fresh:
+            return
         # The newest takes over only what waits in the second place. The first keeps its place:
         # moved back each time, it would never be sent while events keep coming.
         if len(self._clocks) == 2:
             fresh = {**self._clocks.pop().stamps, **fresh}
-        if fresh:
-            self._clocks.append(_ClockMark(after, fresh))
+        self._clocks.append(_ClockMark(after, fresh))
 
     def handled(self, event: Queued, passed: bool, why: str) -> None:
         """Place what was done with an ask after its event."""

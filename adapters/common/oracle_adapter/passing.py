@@ -10,7 +10,8 @@ from oracle_adapter.kinds import KINDS
 
 if TYPE_CHECKING:
     from oracle_adapter.board import Board
-    from oracle_adapter.decision import Answer
+    from oracle_adapter.clocks import Clocks
+    from oracle_adapter.decision import Answer, Policy
     from oracle_adapter.exchange import Stamp, Then
     from oracle_adapter.link import Link
 
@@ -22,20 +23,29 @@ GRACE = 5.0
 class Passing:
     """What becomes of the events of one filtered stream, which the server has described."""
 
-    def __init__(self, link: Link, board: Board, stream: Mapping[str, Any]) -> None:
+    def __init__(self, link: Link, board: Board, stream: Mapping[str, Any], clocks: Clocks) -> None:
         self._link, self._board = link, board
+        self._behind = clocks.behind(stream["name"], stream["kind"])
         self._name, self._kind = stream["name"], KINDS[stream["kind"]]
         self._within = stream["decide_within"] / 10**9
-        self._policy = stream["on_unavailable"]
+        self._policy: Policy = stream["on_unavailable"]
+        if self._kind.passes_when_undecided:
+            self._policy = "pass"
 
     def ask(self, stamp: Stamp, data: Any, then: Then, **more: Any) -> None:
         """Ask about an event; `then` and `more` are what `Link.ask_then` takes."""
         self._link.ask_then(
             self._name, self._kind.name, stamp, data, then, decide_within=self._within, **more
         )
+        self._link.clock(self._behind)
 
     def settle(
-        self, answer: Answer, give: Callable[[Any], bool], what: Any, call: Optional[int] = None
+        self,
+        answer: Answer,
+        give: Callable[[Any], bool],
+        what: Any,
+        call: Optional[int] = None,
+        goal_id: str = "",
     ) -> Tuple[bool, str]:
         """Return whether it passed, and a text why not; report the handling to the server.
 
@@ -44,7 +54,9 @@ class Passing:
         exception of `give` is counted and shown: the event did not pass.
         """
         event = f"a {self._kind.event} of {self._name}"
-        if self._kind.has_call:
+        if goal_id:
+            event += f", goal {goal_id}"
+        elif self._kind.has_call:
             event += f", call {call}"
         may, why = self._board.settle(answer, self._policy, event)
         passed, reason = False, ", ".join(answer.denied_by) or answer.reason or "the monitor ends"
@@ -57,10 +69,8 @@ class Passing:
         self._link.handled(answer, passed, why)
         return passed, reason
 
-    def ask_and_wait(
-        self, stamp: Stamp, data: Any, call: int, then: Callable[[], None]
-    ) -> Tuple[bool, str]:
-        """Ask about a call, call `then`, and wait for what `settle` returns.
+    def ask_and_wait(self, stamp: Stamp, data: Any, call: int) -> Tuple[bool, str]:
+        """Ask about a call, and wait for what `settle` returns.
 
         Where the link's thread hangs, the wait ends `GRACE` seconds after the time for a decision;
         then the call does not pass, whatever the answer will be.
@@ -72,7 +82,6 @@ class Passing:
             settled.put(self.settle(answer, lambda _: passed.acquire(blocking=False), None, call))
 
         self.ask(stamp, data, answered, call=call)
-        then()
         try:
             return settled.get(timeout=self._within + GRACE)
         except Empty:

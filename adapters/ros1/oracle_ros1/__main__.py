@@ -93,7 +93,7 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
             options.oracle, options.monitor, spec=options.spec, session=options.session, token=options.token,
             clock="sim" if simulated else "wall", on_error=on_error, on_state=board.on_state,
             on_violation=board.on_violation, on_verdicts=board.on_verdicts,
-            on_revision=board.on_revision,
+            on_revision=board.on_revision, features=("actions",),
         )  # fmt: skip
     link.start()
     try:

@@ -7,6 +7,7 @@ from typing import List
 
 import rospy
 from oracle_adapter import Attached, Board, ClockStamp, Link, Names
+from oracle_adapter.clocks import Clocks
 from oracle_adapter.command import unknown_remap
 from oracle_adapter.interfaces import interfaces_of, report_unknown
 
@@ -35,9 +36,10 @@ class Monitor:
         self._link, self._board, self._streams = link, board, attached.streams
         self._now = now = simulated_now if simulated else wall_now
         self._graph = Graph()
-        shared = Shared(link, board, names, now, self._graph)
+        self._clocks = Clocks(now)
+        shared = Shared(link, board, names, now, self._graph, self._clocks)
         self._parts = [make_part(shared, interface) for interface in interfaces_of(attached.streams)]
-        self._observed = [stream for part in self._parts for stream in part.streams]
+        self._clocks.follow(stream for part in self._parts for stream in part.streams)
         report_unknown(attached.streams, board, link)
         self._graph.start()
         self._turns = itertools.count()
@@ -75,10 +77,4 @@ class Monitor:
         self._board.tick(self._link.stats())
 
     def _stamps(self) -> List[ClockStamp]:
-        """How far each stream has come: exactly where its events are stamped here, else less its latency."""
-        now = self._now()
-        if now is None:
-            return []
-        return [
-            (s.name, s.kind, now if s.time_source == "arrival" else max(0, now - s.latency)) for s in self._observed
-        ]
+        return self._clocks.readings(self._now())

@@ -41,7 +41,7 @@ class Observed:
     def __init__(self, stream: Mapping[str, Any], now: Now) -> None:
         self.name: str = stream["name"]
         self.kind: str = stream["kind"]
-        self.latency: int = stream["latency"]
+        self._latency: int = stream["latency"]
         self._type = ros1_name(stream["type"]) if stream["type"] else ""
         self._fields, self._path, self._now = stream["fields"], stream["stamp"], now
         self._reads = stream.get("reads") or ()
@@ -60,6 +60,11 @@ class Observed:
         # a copy: another publisher may just come
         known = self.installed or next((d for d in list(self._decoders.values()) if isinstance(d, Decoder)), None)
         return None if known is None else "field" if known.stamp else "arrival"
+
+    @property
+    def latency(self) -> Optional[int]:
+        """How late its messages may be (ns); None where they are stamped here."""
+        return None if self.time_source == "arrival" else self._latency
 
     def decoder(self, header: Header) -> Union[Decoder, str]:
         """What decodes the messages of a publisher with this connection header, or why nothing can."""

@@ -1,4 +1,4 @@
-"""The parts of a monitor: what observes a topic or a service, by its type and by whether it is filtered.
+"""The parts of a monitor: what observes a topic, a service or an action, by its type and by whether it is filtered.
 
 Another type of interface is a row here, and a file of its own.
 """
@@ -11,6 +11,8 @@ from oracle_adapter import TimeSource
 from oracle_adapter.interfaces import Interface
 from oracle_adapter.kinds import InterfaceType
 
+from oracle_ros1.actionproxy import ProxiedAction
+from oracle_ros1.actions import LoggedAction
 from oracle_ros1.services import ProxiedService
 from oracle_ros1.shared import Shared
 from oracle_ros1.topics import FilteredTopic, LoggedTopic
@@ -21,16 +23,18 @@ class PartStream(Protocol):
 
     name: str
     kind: str
-    latency: int
-    """How late its messages may be (ns)."""
+
+    @property
+    def latency(self) -> Optional[int]:
+        """How late its messages may be (ns); None where they are stamped here, under the link's lock."""
 
     @property
     def time_source(self) -> Optional[TimeSource]:
-        """Where its times come from, `arrival` where events are stamped here; None while that is not known."""
+        """Where its times come from; None while that is not known."""
 
 
 class Part(Protocol):
-    """What observes one topic or service."""
+    """What observes one topic, service or action."""
 
     @property
     def streams(self) -> Sequence[PartStream]:
@@ -47,11 +51,19 @@ class Part(Protocol):
         """Take and forward no more."""
 
 
+def action_part(shared: Shared, action: Interface) -> Part:
+    """What observes an action: its topics as they are, or those of its proxy."""
+    via = next(iter(action.streams.values())).get("via")
+    return LoggedAction(shared, action) if via == "introspection" else ProxiedAction(shared, action)
+
+
 MAKERS: Mapping[Tuple[InterfaceType, bool], Callable[[Shared, Interface], Part]] = {
     ("topic", False): LoggedTopic,
     ("topic", True): FilteredTopic,
     ("service", False): ProxiedService,
     ("service", True): ProxiedService,
+    ("action", False): action_part,
+    ("action", True): action_part,
 }
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import itertools
-from typing import Any, List, Optional
+from typing import Any, Optional
 
 import rospy
-from oracle_adapter import ClockStamp, TimeSource
+from oracle_adapter import TimeSource
 from oracle_adapter.fields import not_there
 from oracle_adapter.interfaces import Interface, Stream, is_filtered
 from oracle_adapter.passing import Passing
@@ -62,14 +62,9 @@ class ProxiedService:
         if side.passing is None:
             self._link.send(self._name, side.kind, stamp, data, call=call)
             return
-        # the clocks go at once, or the decision would wait for the monitor's next ones
-        passed, reason = side.passing.ask_and_wait(stamp, data, call, lambda: self._link.clock(self._stamps))
+        passed, reason = side.passing.ask_and_wait(stamp, data, call)
         if not passed:
             raise rospy.ServiceException(f"the oracle denied the {side.kind} of {self._name}: {reason}")
-
-    def _stamps(self) -> List[ClockStamp]:
-        now = self._now()
-        return [(self._name, side.kind, now) for side in self.streams if side.stamp is None and now is not None]
 
 
 class _Side:
@@ -77,10 +72,12 @@ class _Side:
 
     def __init__(self, shared: Shared, stream: Stream, message_type: Any) -> None:
         self.name, self.kind = str(stream["name"]), str(stream["kind"])
-        self.latency: int = stream["latency"]
-        self.passing = Passing(shared.link, shared.board, stream) if is_filtered(stream) else None
+        self.passing: Optional[Passing] = None
+        if is_filtered(stream):
+            self.passing = Passing(shared.link, shared.board, stream, shared.clocks)
         unread = lacking(message_type, stream.get("reads") or (), lookup_installed)
         self.lacking = not_there(f"the {self.kind} of {stream['type']}", unread)
         self.read = reader(message_type, stream["fields"], lookup_installed)
         self.stamp = stamp_reader(message_type, stream["stamp"]) if stream["stamp"] else None
         self.time_source: Optional[TimeSource] = "field" if self.stamp else "arrival"
+        self.latency: Optional[int] = stream["latency"] if self.stamp else None

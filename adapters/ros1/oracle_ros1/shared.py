@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from oracle_adapter import Board, Link, Names
+from oracle_adapter.clocks import Clocks
 
 from oracle_ros1.graph import Graph
 from oracle_ros1.stamps import Now
@@ -19,3 +20,4 @@ class Shared:
     names: Names
     now: Now
     graph: Graph
+    clocks: Clocks

@@ -63,7 +63,7 @@ class FilteredTopic:
         self.streams = [self._observed]
         name, proxy = shared.names[topic.name], shared.names[topic.name + PROXY]
         taken, self._given = (proxy, name) if stream["intercept"] == "publisher" else (name, proxy)
-        self._queue = ForwardQueue(Passing(shared.link, shared.board, stream), self._forward)
+        self._queue = ForwardQueue(Passing(shared.link, shared.board, stream, shared.clocks), self._forward)
         self._making = threading.Lock()
         self._publishers: List[rospy.Publisher] = []
         self._latched = self._stopped = False

@@ -72,6 +72,11 @@ class MatchedSubscription:
         nodes = (full_name(info) for info in self._publishers if bytes(info.endpoint_gid).hex().startswith(source))
         return next(nodes, None)
 
+    @property
+    def sources(self) -> list[str]:
+        """The publishers, as of the last look."""
+        return [bytes(info.endpoint_gid).hex() for info in self._publishers]
+
     def stop(self) -> None:
         """Unsubscribe."""
         while self._subscriptions:
@@ -123,13 +128,13 @@ class MatchedPublisher:
     who request what is kept would not get it, and what is published once would be lost.
     """
 
-    def __init__(self, node: Node, message_type: Any, topic: str) -> None:
-        """Offer what is usual until `look` is given what the originals offer."""
+    def __init__(self, node: Node, message_type: Any, topic: str, offered: Sequence[QoSProfile] = ()) -> None:
+        """Offer what `offered` would have it until `look` is given what the originals offer."""
         self._node, self._type, self._topic = node, message_type, topic
         self.bypass = ""
         """Who else publishes the topic, as of the last look; empty where nobody does."""
         self._giving = threading.Lock()
-        self._publisher = self._next = self._make(to_offer([]))
+        self._publisher = self._next = self._make(to_offer(offered))
         self._retired: Any = None
         self._changed = 0.0  # when the next one was made, or took over (s)
         self._held: list[Any] | None = None  # what waits for the next one
@@ -207,7 +212,8 @@ class MatchedPublisher:
 
 def type_name(message_type: Any) -> str:
     """What the graph calls a message type."""
-    return f"{message_type.__module__.partition('.')[0]}/msg/{message_type.__name__}"
+    package, kind = message_type.__module__.split(".")[:2]
+    return f"{package}/{kind}/{message_type.__name__}"
 
 
 def full_name(info: Any) -> str:

@@ -34,6 +34,11 @@ def dump_graph(node: Node) -> dict[str, Any]:
     return graph
 
 
+def hidden(action: str, interface: str) -> str:
+    """The name of one of an action's interfaces."""
+    return f"{action}/_action/{interface}"
+
+
 def past_proxy(node: Node, service: str, proxy: str) -> str:
     """Who can call a service without its proxy, and who serves the proxy's name besides `node`; else an empty text.
 

@@ -29,9 +29,9 @@ class Later:
     def __init__(self, take: Callable[[Any, Reply], None]) -> None:
         self.take = take
 
-    def __call__(self, request: Any, response: Any) -> Any:
+    def __call__(self, _request: Any, _response: Any) -> Any:
         """Refuse: an executor of rclpy's sends what is returned, at once."""
-        raise NotImplementedError("a service that replies later is served by a Loop")
+        raise TypeError("a service that replies later is served by a Loop, and by no executor of rclpy")
 
 
 class Loop:

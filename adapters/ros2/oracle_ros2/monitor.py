@@ -6,6 +6,7 @@ import time
 from typing import TYPE_CHECKING
 
 from oracle_adapter import Attention
+from oracle_adapter.clocks import Clocks
 from oracle_adapter.command import unknown_remap
 from oracle_adapter.interfaces import interfaces_of, report_unknown
 from rclpy.clock import Clock, ClockType
@@ -15,7 +16,7 @@ from oracle_ros2.shared import Shared
 from oracle_ros2.stamps import on_back, simulated, time_of
 
 if TYPE_CHECKING:
-    from oracle_adapter import Attached, Board, ClockStamp, Link, Names
+    from oracle_adapter import Attached, Board, Link, Names
     from rclpy.node import Node
 
 CLOCK_PERIOD = 0.01
@@ -38,12 +39,14 @@ class Monitor:
         self._attached, self._streams = attached, attached.streams
         streams = attached.streams
         self._now, self._attention = time_of(node), Attention()
+        self._clocks = clocks = Clocks(self._now)
         self._watch = None
         if simulated(node):
-            self._watch = on_back(node, lambda: link.renew(lambda: self._readings(self._now())))
-        shared = Shared(node, link, board, names)
+            self._watch = on_back(node, lambda: link.renew(lambda: clocks.readings(self._now())))
+        shared = Shared(node, link, board, names, clocks)
         self._parts = [make_part(shared, interface) for interface in interfaces_of(streams)]
-        self._observed = [stream for part in self._parts for stream in part.streams]
+        observed = [stream for part in self._parts for stream in part.streams]
+        clocks.follow(observed)
         report_unknown(streams, board, link)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may be paused
         self._timers = [
@@ -51,7 +54,7 @@ class Monitor:
             node.create_timer(CLOCK_PERIOD, self._send_clocks, clock=steady),
             node.create_timer(SHOW_PERIOD, lambda: board.tick(link.stats()), clock=steady),
         ]
-        for stream in self._observed:
+        for stream in observed:
             link.report(stream.name, stream.kind, time_source=stream.time_source)
         node.get_logger().info(f"observing {len(streams)} streams for session {attached.session}")
 
@@ -90,14 +93,4 @@ class Monitor:
             part.catch_up()
         if not self._attention.is_paid(time.monotonic(), sum(part.received for part in self._parts)):
             received_by = None
-        self._link.clock(lambda: self._readings(received_by))
-
-    def _readings(self, received_by: int | None) -> list[ClockStamp]:
-        now = self._now()
-        if not now:
-            return []  # simulated time has not begun
-        return [
-            (s.name, s.kind, now if s.latency is None or received_by is None else max(0, received_by - s.latency))
-            for s in self._observed
-            if s.latency is None or received_by is not None
-        ]
+        self._link.clock(lambda: self._clocks.readings(received_by))

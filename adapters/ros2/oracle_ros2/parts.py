@@ -1,4 +1,4 @@
-"""The parts of a monitor: what observes a topic or a service, by its type and by whether it is filtered.
+"""The parts of a monitor: what observes a topic, a service or an action, by its type and by whether it is filtered.
 
 Another type of interface is a row here, and a file of its own.
 """
@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Callable, Mapping, Protocol, Sequence
 
+from oracle_ros2.actions import ProxiedAction
+from oracle_ros2.introspected import IntrospectedAction
 from oracle_ros2.services import ProxiedService
 from oracle_ros2.topics import FilteredTopic, LoggedTopic
 
@@ -30,7 +32,7 @@ class PartStream(Protocol):
 
 
 class Part(Protocol):
-    """What observes one topic or service; all is called where callbacks run."""
+    """What observes one topic, service or action; all is called where callbacks run."""
 
     streams: Sequence[PartStream]
     """Its streams; troubles are those of the first."""
@@ -53,11 +55,18 @@ class Part(Protocol):
         """Take and forward no more."""
 
 
+def _action(shared: Shared, action: Interface) -> Part:
+    introspected = action.first.get("via") == "introspection"
+    return IntrospectedAction(shared, action) if introspected else ProxiedAction(shared, action)
+
+
 MAKERS: Mapping[tuple[InterfaceType, bool], Callable[[Shared, Interface], Part]] = {
     ("topic", False): LoggedTopic,
     ("topic", True): FilteredTopic,
     ("service", False): ProxiedService,
     ("service", True): ProxiedService,
+    ("action", False): _action,
+    ("action", True): ProxiedAction,
 }
 
 

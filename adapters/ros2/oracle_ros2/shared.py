@@ -7,14 +7,16 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from oracle_adapter import Board, Link, Names
+    from oracle_adapter.clocks import Clocks
     from rclpy.node import Node
 
 
 @dataclass(frozen=True)
 class Shared:
-    """The node that all belong to, the link and the board that all report to, and the names of streams here."""
+    """The node that all belong to, the link and the board that all report to, the streams' names here and clocks."""
 
     node: Node
     link: Link
     board: Board
     names: Names
+    clocks: Clocks

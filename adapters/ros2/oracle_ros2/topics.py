@@ -22,29 +22,62 @@ if TYPE_CHECKING:
     from oracle_ros2.shared import Shared
 
 
+class Numbers:
+    """The publishers of a topic, and how their messages are numbered."""
+
+    def __init__(self, on_new: Callable[[], None] = lambda: None) -> None:
+        """`on_new` is called before the first message of each publisher is counted."""
+        self._on_new = on_new
+        self._last: dict[str, int] = {}
+
+    def missed(self, source: str, info: Mapping[str, Any]) -> int:
+        """How many messages of a publisher were lost just before this one, by its number; -1 where it is old."""
+        number = info.get("publication_sequence_number")
+        if number is None:
+            return 0
+        before = self._last.get(source)
+        if before is None:
+            self._on_new()
+            before = number - 1
+        self._last[source] = max(number, before)
+        return max(-1, number - before - 1)
+
+
+def source_of(info: Mapping[str, Any]) -> str:
+    """The publisher of a message."""
+    publisher = info.get("publisher_gid")
+    return publisher["data"].hex() if publisher else ""
+
+
 class Observed:
     """A topic as its messages arrive: their stamp, their publisher, what was missed, and the fields that are read."""
 
-    def __init__(self, node: Node, stream: Mapping[str, Any], on_new: Callable[[], None] = lambda: None) -> None:
-        """`on_new` is called before the first message of each publisher is an event."""
-        self._on_new = on_new
+    def __init__(
+        self, node: Node, stream: Mapping[str, Any], on_new: Callable[[], None] = lambda: None,
+        envelope: tuple[Any, str] | None = None,
+    ) -> None:  # fmt: skip
+        """`on_new` is called before the first message of each publisher is an event.
+
+        `envelope`: the type of the messages, and its field in which is what the stream's events are about.
+        """
         # the middleware's time is the wall's: in a simulation the time of arrival comes nearer
         self._now = time_of(node) if simulated(node) else None
         self.name: str = stream["name"]
         self.kind: str = stream["kind"]
         self.latency: int = stream["latency"]
-        self.type = load_type(stream["type"])
-        self._stamp = stamp_reader(self.type, stream["stamp"])
+        self.type, self._field = envelope or (load_type(stream["type"]), "")
+        inner = type(getattr(self.type(), self._field)) if self._field else self.type
+        self._stamp = stamp_reader(inner, stream["stamp"])
         self.time_source: TimeSource = "field" if self._stamp else "arrival" if self._now else "middleware"
         self.misplaced = ""
         """Why its messages are not ordered by the field that the spec names."""
         if stream["stamp"] and self._stamp is None:
             where = f"{stream['type']} has no time at `{stream['stamp']}`"
             self.misplaced = f"{where}: ordered by {self.time_source} instead"
-        self.lacking = not_there(stream["type"], lacking(self.type, stream.get("reads") or ()))
+        self.lacking = not_there(stream["type"], lacking(inner, stream.get("reads") or ()))
         """Which fields the spec reads that the type does not have here."""
-        self._read = reader(self.type, stream["fields"])
-        self._numbers: dict[str, int] = {}
+        self._read = reader(inner, stream["fields"])
+        self._numbers = Numbers(on_new)
         self._unread = 0  # messages since the last event
         self.unreadable: dict[str, str] = {}
         """Why messages of a publisher can't be read, by its source."""
@@ -56,15 +89,24 @@ class Observed:
 
         None where it came before, or can't be read: then it is counted as lost, and in `unreadable`.
         """
+        missed = self.missed(info)
+        return None if missed < 0 else self.decoded(serialized, info, missed)
+
+    def missed(self, info: Mapping[str, Any]) -> int:
+        """Count a message that has come: how many were lost before it; -1 where it came before."""
         self.count += 1
-        publisher = info.get("publisher_gid")
-        source = publisher["data"].hex() if publisher else ""
-        missed = self._missed(source, info)
-        if missed < 0:
-            return None
+        return self._numbers.missed(source_of(info), info)
+
+    def decoded(
+        self, serialized: bytes, info: Mapping[str, Any], missed: int
+    ) -> tuple[int | None, Any, dict[str, Any]] | None:
+        """The event of a message that `missed` has counted; None where it can't be read."""
+        source = source_of(info)
         missed += self._unread
         try:
             message = deserialize_message(serialized, self.type)
+            if self._field:
+                message = getattr(message, self._field)
         except Exception as error:  # noqa: BLE001 - whatever another node sends
             self._unread = missed + 1
             self.unreadable[source] = str(error) or type(error).__name__
@@ -74,18 +116,6 @@ class Observed:
             (self._stamp and self._stamp(message)) or (self._now() if self._now else info["source_timestamp"]) or None
         )
         return stamp, self._read(message), {"source": source, "lost": missed}
-
-    def _missed(self, source: str, info: Mapping[str, Any]) -> int:
-        """How many messages of a publisher were lost just before this one, by its number; -1 where it is old."""
-        number = info.get("publication_sequence_number")
-        if number is None:
-            return 0
-        before = self._numbers.get(source)
-        if before is None:
-            self._on_new()
-            before = number - 1
-        self._numbers[source] = max(number, before)
-        return max(-1, number - before - 1)
 
 
 class LoggedTopic:
@@ -137,7 +167,7 @@ class FilteredTopic:
         plain, beside = shared.names[topic.name], shared.names[topic.name + PROXY]
         source, target = (beside, plain) if stream["intercept"] == "publisher" else (plain, beside)
         self._publisher = MatchedPublisher(node, self.observed.type, target)
-        self._queue = ForwardQueue(Passing(shared.link, shared.board, stream), self._publisher.publish)
+        self._queue = ForwardQueue(Passing(shared.link, shared.board, stream, shared.clocks), self._publisher.publish)
         self.subscription = MatchedSubscription(node, self.observed.type, source, self._take)
 
     @property

@@ -34,13 +34,15 @@ class Age:
         self.last = 0
         """The number of the step at which it held last."""
 
-    def take(self, sample: Value, now: int, number: int, _signals: Signals, _failed: Collection[str]) -> None:
-        """It holds now, or it is not known whether."""
+    def take(self, sample: Value, now: int, number: int, _signals: Signals, _failed: Collection[str]) -> Value | None:
+        """It holds now, or it is not known whether; returns the age."""
         if self._session.journal.entries is not None:
             self._session.journal.entries.append(partial(self._become, self._since, self.last, failed=self._failed))
         self._failed = sample is FAILED
-        if not self._failed:
-            self._since, self.last = now, number
+        if self._failed:
+            return FAILED
+        self._since, self.last = now, number
+        return 0.0
 
     def value(self, now: int, _number: int, _signals: Signals, _failed: Collection[str]) -> Value | None:
         """The age at a step."""

@@ -24,8 +24,9 @@ class Arithmetic:
         self._names = definition.operands
         self.last = 0
 
-    def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> None:
-        """Nothing is kept."""
+    def take(self, _sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
+        """Nothing is kept; returns its value."""
+        return self.value(now, number, signals, failed)
 
     def value(self, _now: int, _number: int, signals: Signals, failed: Collection[str]) -> Value | None:
         """Its value."""

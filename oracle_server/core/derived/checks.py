@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Literal
 
+from oracle_server.core.derived.compared import uncompared
 from oracle_server.core.derived.definition import MAX_SAMPLES, OPS, Definition
 from oracle_server.core.derived.ranges import derived_ranges
 from oracle_server.core.errors import ExpressionError, SpecProblem
-from oracle_server.core.expression import check_shape
+from oracle_server.core.expression import KEYWORDS, check_shape
 from oracle_server.core.expression.tokens import place
 from oracle_server.core.expression.tree import Path, walk
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.render import render_atom
-from oracle_server.core.formula.tree import Atom, Constraint, Position, Ref, Signal
-from oracle_server.core.kinds import RESERVED
+from oracle_server.core.formula.tree import Atom, Constraint, Position, Ref
+from oracle_server.core.kinds import OWN, RESERVED
 from oracle_server.core.nearest import listed, nearest
 from oracle_server.core.ranges import Range
 from oracle_server.core.spec import Spec
@@ -35,14 +36,16 @@ def derived_problems(spec: Spec) -> Iterator[SpecProblem]:
         yield from _operands(spec, index, definition, ranges)
         yield from _keys(definition)
     yield from _asked(spec, ranges)
-    yield from _compared(spec)
+    yield from uncompared(spec)
     yield from _too_early(spec)
 
 
 def _name(spec: Spec, definition: Definition) -> Iterator[SpecProblem]:
     name, path = definition.name, ("derive", definition.name)
-    if name in RESERVED:
+    if name in _reserved(spec):
         yield SpecProblem(path, f"the signal '{name}' is reserved; give yours another name")
+    if name in KEYWORDS:
+        yield SpecProblem(path, f"`{name}` is a word of expressions; give the derived signal another name")
     for i, stream in enumerate(spec.streams):
         if name in (stream.signals or ()) or name in stream.hold:
             key = "signals" if name in (stream.signals or ()) else "hold"
@@ -83,7 +86,7 @@ def _formula(spec: Spec, index: int, definition: Definition) -> Iterator[SpecPro
             yield _problem(definition, path, message, min(found, default=(1, 1)))
             return
     above = frozenset(d.name for d in spec.derive[:index]).union(*(s.hold for s in spec.streams))
-    below = {d.name for d in spec.derive[index:]} - above - _declared(spec) - RESERVED
+    below = {d.name for d in spec.derive[index:]} - above - _declared(spec) - _reserved(spec)
     for atom in tree.atoms(definition.formula):
         reason = next((_below(spec, index, c.key) for c in atom.constraints if c.key in below), None)
         reason = reason or why_never(atom, spec, above)
@@ -112,7 +115,7 @@ def _expression(spec: Spec, index: int, definition: Definition, path: tuple[str,
 
 def _unknown(spec: Spec, index: int, name: str) -> str | None:
     """Why a name is no signal that a derived one may read; None where it is."""
-    if name in RESERVED or name in {d.name for d in spec.derive[:index]}:
+    if name in _reserved(spec) or name in {d.name for d in spec.derive[:index]}:
         return None
     declared = _declared(spec)
     below = _below(spec, index, name)
@@ -123,6 +126,11 @@ def _unknown(spec: Spec, index: int, name: str) -> str | None:
     known = sorted({*declared, *(d.name for d in spec.derive[:index])})
     hint = nearest(name, known)
     return f"unknown signal '{name}'; {f'{hint} ' if hint else ''}there are {listed(known) or 'none'}"
+
+
+def _reserved(spec: Spec) -> frozenset[str]:
+    """The names that events of the spec's streams have without declaring them."""
+    return RESERVED.union(*(OWN[stream.traits.group] for stream in spec.streams))
 
 
 def _declared(spec: Spec) -> set[str]:
@@ -170,23 +178,6 @@ def _asked(spec: Spec, ranges: Mapping[str, Range]) -> Iterator[SpecProblem]:
                 reason = definition and _misfit(definition, constraint, ranges)
                 if reason:
                     message = f"formula of '{prop.id}': {reason}"
-                    yield SpecProblem(("properties", i, "formula"), message, atom.at)
-
-
-def _compared(spec: Spec) -> Iterator[SpecProblem]:
-    """Comparisons of two signals that time alone may turn: there would be no tick where it does."""
-    turning = {d.name for d in spec.derive if d.op == "age" or d.timed}
-    for i, prop in enumerate(spec.properties):
-        for atom in prop.atoms if prop.time == "seconds" else ():
-            for constraint in atom.constraints:
-                if not isinstance(constraint.value, Signal):
-                    continue
-                name = next((n for n in (constraint.key, constraint.value.name) if n in turning), None)
-                if name is not None:
-                    message = (
-                        f"formula of '{prop.id}': `{render_atom(atom)}` compares '{name}', which changes with time, "
-                        "with another signal; with `time: seconds` compare it with a number, or write `time: steps`"
-                    )
                     yield SpecProblem(("properties", i, "formula"), message, atom.at)
 
 

@@ -21,14 +21,24 @@ class Count(Window):
 
     __slots__ = ()
 
-    def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> None:
-        """Add one."""
+    def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
+        """Add one; returns how many there are then."""
         if sample is FAILED or self.journal.entries is not None or self.budget.used >= MAX_SAMPLES:
-            super().take(sample, now, number, signals, failed)
-            return
+            return super().take(sample, now, number, signals, failed)
         self.last = number
-        self.places.append(now if self.clock == TIME else number)
-        self.budget.used += 1
+        at = now if self.clock == TIME else number
+        limit = at - self.width
+        places, head = self.places, self.head
+        places.append(at)
+        after = head + 1
+        if places[head] > limit:
+            self.budget.used += 1
+        elif after & OFTEN and places[after] > limit:
+            self.head = after  # one comes and one leaves, as most often
+        else:
+            self.budget.used += 1
+            self.move(limit)
+        return len(places) - self.head if self.failed_at is None or self.failed_at <= limit else FAILED
 
     def value(self, now: int, number: int, _signals: Signals, _failed: Collection[str]) -> Value | None:
         """How many there are at a step."""
@@ -92,13 +102,13 @@ class Rate(Count):
 
     __slots__ = ()
 
+    def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
+        """Add one; returns the rate with it."""
+        return self._rate(Count.take(self, sample, now, number, signals, failed), now)  # a rate stays as it is
+
     def value(self, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
         """The rate at a step."""
-        count = super().value(now, number, signals, failed)
-        begun = self.session.begun
-        if begun is None or now < begun + self.width:
-            return FAILED if count is FAILED else None
-        return count * SECOND / self.width if type(count) is int else count
+        return self._rate(super().value(now, number, signals, failed), now)
 
     def at(self, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
         """The rate at a tick."""

@@ -73,6 +73,11 @@ class Definition:
         """Whether it is over a window of time."""
         return self.over is not None and not self.counted
 
+    @property
+    def changes(self) -> bool:
+        """Whether time alone changes it: samples leave its window, or it is an age."""
+        return self.timed or self.op == "age"
+
     @cached_property
     def expression(self) -> Expression:
         """The expression that it is. Raises `ExpressionError` where it can't be read."""

@@ -17,35 +17,44 @@ from oracle_server.core.events import Signals
 class Extreme(Window):
     """Only the samples that may be the least one yet are kept: their values grow. The largest is the least negated."""
 
-    __slots__ = ("_sign", "_values")
+    __slots__ = ("_sign", "_timed", "_values")
 
     def __init__(self, definition: Definition, session: Session) -> None:
         super().__init__(definition, session)
         self._sign = -1 if definition.op == "max" else 1
+        self._timed = definition.timed
         self._values: list[int | float] = []
         self.columns = (self.places, self._values)
 
-    def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> None:
-        """Add a number."""
-        if (
-            self.clock != TIME
-            or sample is FAILED
-            or self.journal.entries is not None
-            or self.budget.used >= MAX_SAMPLES
-        ):
-            super().take(sample, now, number, signals, failed)
-            return
+    def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
+        """Add a number; returns the extreme with it."""
+        budget, sign = self.budget, self._sign
+        slow = sample is FAILED or self.journal.entries is not None or budget.used >= MAX_SAMPLES
+        if slow or not self._timed:
+            return super().take(sample, now, number, signals, failed)
         self.last = number
-        least = -sample if self._sign < 0 else sample  # type: ignore[operator] # others are `FAILED`
-        values, places = self._values, self.places
-        more = 1
-        while len(values) > self.head and values[-1] >= least:  # type: ignore[operator]
-            values.pop()
-            places.pop()
-            more -= 1
-        values.append(least)  # type: ignore[arg-type]
-        places.append(now)
-        self.budget.used += more
+        least: int | float = -sample if sign < 0 else sample  # type: ignore[operator,assignment] # as above
+        values, places, head = self._values, self.places, self.head
+        size = before = len(values)
+        if size > head and values[-1] >= least:
+            while size - 1 > head and values[-2] >= least:
+                values.pop()
+                places.pop()
+                size -= 1
+            values[-1], places[-1] = least, now
+            if size != before:
+                budget.used += size - before
+        else:
+            values.append(least)
+            places.append(now)
+            budget.used += 1
+        limit = now - self.width
+        if places[head] <= limit:
+            self.move(limit)
+            head = self.head
+        if self.failed_at is not None and self.failed_at > limit:
+            return FAILED
+        return -values[head] if sign < 0 else values[head]
 
     def add(self, at: int, sample: Value) -> None:
         """Add a number, and let go of those that can't be the least one any more."""

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from functools import lru_cache
 
-from oracle_server.core.atoms import canonical, meets
+from oracle_server.core.atoms import canonical, meets, precedes
 from oracle_server.core.derived.samples import FAILED, Lack, Value
 from oracle_server.core.formula.tree import Any, Constraint, Ref, Scalar
 
@@ -24,6 +24,17 @@ def answer(constraint: Constraint, value: Value | None) -> Answer:
         return "failed"
     assert not isinstance(value, Lack)  # noqa: S101 -- there are no others
     return canonical(value) if isinstance(constraint.value, Ref) else meets(constraint, value)
+
+
+def answer_beside(constraint: Constraint, value: Value | None, other: Value | None) -> Answer:
+    """What a comparison of two signals comes to."""
+    if value is FAILED or other is FAILED:
+        return "failed"
+    if value is None or other is None:
+        return None
+    assert not isinstance(value, Lack)  # noqa: S101 -- there are no others
+    assert not isinstance(other, Lack)  # noqa: S101 -- there are no others
+    return precedes(value, constraint.op, other)
 
 
 def border(constraint: Constraint) -> Fraction | None:

@@ -68,32 +68,34 @@ class Keyed:
         """The last sample of a key for which there was no room."""
         self._empty = make()
 
-    def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> None:
-        """Add a sample to the series of the step's key."""
+    def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
+        """Add a sample to the series of the step's key; returns what it is for that key."""
         self._let_go(now, number)
         value = signals.get(self._by)
         if value is None:
             if self._by in failed:
                 self._change("_blind", self._mark(now, number))
-            return
+                return FAILED
+            return None
         key, position = key_of(value), number if self._by_steps else now
-        entry = self._entries.get(key)
+        entry, undone = self._entries.get(key), self._session.journal.entries
         if entry is None:
             if len(self._entries) >= MAX_KEYS:
                 self._change("_crowded", self._mark(now, number))
-                return
-            entry = self._entries[key] = _Entry(self._unseen(), position, self._blinds)
-            self._note(partial(self._entries.__delitem__, key))
-        elif entry.seen != self._blinds:
+                return FAILED
+            entry = self._enter(key, position)
+        elif self._blind is not None and entry.seen != self._blind.number:
             self._see(entry)
-        entry.series.take(sample, now, number, signals, failed)
+        value_of_it = entry.series.take(sample, now, number, signals, failed)
         if entry.newest != position:
-            self._note(partial(setattr, entry, "newest", entry.newest))
+            if undone is not None:
+                undone.append(partial(setattr, entry, "newest", entry.newest))
             entry.newest = position
         if self._queued:
             self._queue.add(position, key)
-            if self._queue.is_long:
+            if self._queue.is_long and not self._queue.trim():
                 self._fill()
+        return value_of_it
 
     def value(self, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
         """What it is for the key of a step; absent where it has none."""
@@ -144,13 +146,20 @@ class Keyed:
             ages = self._turning(asked)
             for span in ages if self._life is None else {self._life, *(a for a in ages if a <= self._life)}:
                 yield from self._queue.at(time - span)
-            if time in self._marks_after(time - 1):
-                yield from self._known_before(time)
         elif self._leaves and self._life is not None:
             yield from self._queue.at(time - self._life)
-            begins = self._rate and self._session.begun is not None and time == self._session.begun + self._life
-            if begins or time in self._marks_after(time - 1):
-                yield from self._known_before(time)
+        if self.may_turn_all(time):
+            yield from self.known_before(time)
+
+    def may_turn_all(self, time: int) -> bool:
+        """Whether an answer may turn at a time for any key, also one that never had a sample."""
+        begun, life = self._session.begun, self._life
+        begins = self._rate and begun is not None and life is not None and time == begun + life
+        return begins or time in self._marks_after(time - 1)
+
+    def known_before(self, time: int) -> list[Key]:
+        """The keys that are not forgotten just before a time."""
+        return [k for k, entry in self._entries.items() if self._life is None or entry.newest + self._life >= time]
 
     def settled(self, _now: int, _number: int) -> bool:
         """Whether no key has had a sample."""
@@ -202,18 +211,20 @@ class Keyed:
         marks = () if life is None or self._by_steps else (self._blind, self._crowded)
         return [m.now + life for m in marks if m is not None and life is not None and m.now + life > after]
 
-    def _known_before(self, time: int) -> list[Key]:
-        """The keys that are not forgotten just before a time."""
-        return [k for k, entry in self._entries.items() if self._life is None or entry.newest + self._life >= time]
-
     def _unseen(self) -> Series:
         """The series of a key that has none: where samples were lost, it may have been one of its own."""
-        marks = [mark for mark in (self._blind, self._crowded) if mark is not None]
-        if not marks:
+        if self._blind is None and self._crowded is None:
             return self._make()
+        marks = [mark for mark in (self._blind, self._crowded) if mark is not None]
         series, mark = self._make(), max(marks)
         series.take(FAILED, mark.now, mark.number, {}, ())
         return series
+
+    def _enter(self, key: Key, position: int) -> _Entry:
+        """A new entry for a key."""
+        entry = self._entries[key] = _Entry(self._unseen(), position, self._blinds)
+        self._note(partial(self._entries.__delitem__, key))
+        return entry
 
     def _see(self, entry: _Entry) -> None:
         """Let a series note the last sample of which the key is not known."""
@@ -228,12 +239,14 @@ class Keyed:
             return
         position = number if self._by_steps else now
         limit = position - self._life
+        undone = self._session.journal.entries
         for key in self._queue.pass_by(limit):
             entry = self._entries.get(key)
             if entry is not None and entry.newest <= limit:
                 if isinstance(entry.series, Window):
                     entry.series.leave(len(entry.series.places))
-                self._note(partial(self._entries.__setitem__, key, entry))
+                if undone is not None:
+                    undone.append(partial(self._entries.__setitem__, key, entry))
                 del self._entries[key]
         if self._blind is not None and self._blind.position <= limit:
             self._change("_blind", None)

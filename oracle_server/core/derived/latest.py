@@ -24,11 +24,12 @@ class Last:
         self.last = 0
         """The number of the step of the last sample."""
 
-    def take(self, sample: Value, _now: int, number: int, _signals: Signals, _failed: Collection[str]) -> None:
-        """Add a sample."""
+    def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
+        """Add a sample; returns what the signal is with it."""
         if self._session.journal.entries is not None:
             self._session.journal.entries.append(partial(self._become, self._before, self._last, self.last))
         self._before, self._last, self.last = self._last, sample, number
+        return self.value(now, number, signals, failed)
 
     def value(self, _now: int, _number: int, _signals: Signals, _failed: Collection[str]) -> Value | None:
         """The last sample."""

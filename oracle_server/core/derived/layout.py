@@ -9,6 +9,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from oracle_server.core.atoms import AtomTest
+from oracle_server.core.comparisons import turned
 from oracle_server.core.derived.definition import OPS, Definition
 from oracle_server.core.derived.samples import (
     Sampler,
@@ -18,25 +19,36 @@ from oracle_server.core.derived.samples import (
     sample_of_formula,
     sample_of_reserved,
 )
-from oracle_server.core.formula.tree import Atom, Constraint, atoms
+from oracle_server.core.formula.tree import Atom, Constraint, Signal, atoms
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A derived signal on one stream: its place among all, how a step gives a sample, and whether its value is read."""
+    """A derived signal on one stream: its place among all, how a step gives a sample, and whether its value is read.
+
+    `own` is the signal of the stream that is its sample wherever it is a number, empty where there is none.
+    """
 
     index: int
     sample: Sampler | None
     wanted: bool
+    own: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class Watched:
-    """A derived signal that time alone changes: what is asked of it at ticks, each by which properties."""
+    """A derived signal that time alone changes: what is asked of it at ticks, each by which properties.
+
+    `compares`: some of that compares it with another signal. Of these, `abreast` are ages beside its own, from which it
+    stays as far, and `moving` all others that time changes.
+    """
 
     index: int
     asked: tuple[Constraint, ...]
     properties: tuple[frozenset[int], ...]
+    abreast: frozenset[str] = frozenset()
+    moving: frozenset[str] = frozenset()
+    compares: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +84,8 @@ def parts(
         sample, is_read = samplers.get(definition.name), definition.name in wanted
         if is_read or (sample is not None and definition.op != "expression"):
             wanted.update(definition.reads)
-            found.append(Part(index, sample, is_read))
+            is_own = sample is not None and definition.of in own and definition.formula is None
+            found.append(Part(index, sample, is_read, definition.of if is_own and definition.op in OPS else ""))
     return tuple(reversed(found))
 
 
@@ -102,13 +115,26 @@ def _sampler(
 
 def watched(definitions: Sequence[Definition], properties: Sequence[tuple[int, Sequence[Atom]]]) -> tuple[Watched, ...]:
     """What is asked at ticks of signals that time changes, by the atoms of timed properties that may hold there."""
-    places = {d.name: i for i, d in enumerate(definitions) if d.timed or d.op == "age"}
+    places = {d.name: i for i, d in enumerate(definitions) if d.changes}
+    ages = frozenset(d.name for d in definitions if d.op == "age")
     asked: dict[int, dict[Constraint, set[int]]] = {}
     for prop, found in properties:
-        for atom in found:
-            for constraint in atom.constraints:
-                if constraint.key in places:
-                    asked.setdefault(places[constraint.key], {}).setdefault(constraint, set()).add(prop)
+        for constraint in (c for atom in found for each in atom.constraints for c in _sides(each)):
+            if constraint.key in places:
+                asked.setdefault(places[constraint.key], {}).setdefault(constraint, set()).add(prop)
     return tuple(
-        Watched(index, tuple(by), tuple(frozenset(found) for found in by.values())) for index, by in asked.items()
+        Watched(
+            index,
+            tuple(by),
+            tuple(frozenset(found) for found in by.values()),
+            abreast=ages if definitions[index].name in ages else frozenset(),
+            moving=frozenset() if definitions[index].name in ages else frozenset(places),
+            compares=any(isinstance(constraint.value, Signal) for constraint in by),
+        )
+        for index, by in asked.items()
     )
+
+
+def _sides(constraint: Constraint) -> tuple[Constraint, ...]:
+    """A constraint as one of each signal that it is of."""
+    return (constraint, turned(constraint)) if isinstance(constraint.value, Signal) else (constraint,)

@@ -38,6 +38,16 @@ class Queue:
         """Whether it has grown to twice what it was when it was filled."""
         return len(self._places) > self._most
 
+    def trim(self) -> bool:
+        """Let go of what was passed by, where that is half of it; returns whether it was."""
+        if 2 * self._head < len(self._places):
+            return False
+        if self._journal.entries is not None:
+            self._journal.entries.append(partial(self._restore, self._places, self._keys, self._head))
+        self._places, self._keys, self._head = self._places[self._head :], self._keys[self._head :], 0
+        self._most = 2 * max(_LEAST, len(self._places))
+        return True
+
     def fill(self, pairs: list[tuple[int, Key]]) -> None:
         """Begin anew with these pairs, in order."""
         if self._journal.entries is not None:

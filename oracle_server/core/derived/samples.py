@@ -32,10 +32,12 @@ def sample_of(name: str, numbers: bool) -> Sampler:
 
     def sample(step: Step, _signals: Signals, _failed: Names, _fresh: Names) -> Value:
         value = step.signals.get(name)
+        kind = type(value)
+        if kind is float or kind is int:
+            return value  # type: ignore[return-value] # as most are
         if value is None:
             return FAILED if name in step.failed else NOTHING
-        kind = type(value)
-        return value if kind is float or kind is int or not numbers else FAILED
+        return FAILED if numbers else value
 
     return sample
 

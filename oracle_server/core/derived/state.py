@@ -14,7 +14,7 @@ from oracle_server.core.derived.extremes import Extreme
 from oracle_server.core.derived.keyed import Keyed, key_of, value_of
 from oracle_server.core.derived.latest import Delta, Last, Previous
 from oracle_server.core.derived.layout import Layout, Part
-from oracle_server.core.derived.samples import FAILED, NOTHING, Lack, always
+from oracle_server.core.derived.samples import FAILED, NOTHING, Lack
 from oracle_server.core.derived.sums import Mean, Sum
 from oracle_server.core.derived.watch import Carried, Watch
 from oracle_server.core.derived.window import Series, Session
@@ -36,16 +36,17 @@ _MAKE: Mapping[str, Callable[[Definition, Session], Series]] = {
     "age": Age,
 }
 Names = frozenset[str] | set[str]
+_NOTHING: tuple[Signals, frozenset[str]] = {}, frozenset()
 _NONE: set[str] = set()
 """The derived signals of which a step has a sample, where nobody asks: never changed."""
 
 
 class LastStep(NamedTuple):
-    """The last step: its time (ns), its number, or 0 before the first one, and what is held since."""
+    """The last step: its time (ns), its number, or 0 before the first one, and what is held, or has failed, since."""
 
     present: int
     steps: int
-    held: Callable[[], Signals]
+    held: Callable[[], tuple[Signals, Names]]
 
 
 class Turn(NamedTuple):
@@ -76,6 +77,8 @@ class Derived:
         self._bound: dict[int, list[Any]] = {}
         self._silent = [(self._series[p.index], self._names[p.index]) for p in layout.silent]
         self._watch: tuple[int, int, Watch] | None = None
+        self._sees = bool(layout.keys) or any(w.compares for w in layout.watched)
+        """Whether what is held matters to what turns."""
         self._due: list[Carried] = []
         """The keys for which a tick at the last one's time is still due."""
 
@@ -97,16 +100,19 @@ class Derived:
         if begun is None or now < begun:
             self._begin_before(now)
         bound = self._bound.get(id(parts)) or self._bind(parts)
-        fresh: set[str] = set() if self._chained else _NONE
-        for take, value_of_it, sample, name, wanted in bound:
-            if sample is not None:
-                found = True if sample is always else sample(step, signals, failed, fresh)
-                if found is not NOTHING:
-                    take(found, now, number, signals, failed)
-                    if self._chained:
-                        fresh.add(name)
-            if wanted:
+        chained, of_event = self._chained, step.signals
+        fresh: set[str] = set() if chained else _NONE
+        for take, value_of_it, sample, own, name, wanted in bound:
+            found: Any = of_event.get(own) if own else None
+            if type(found) is not float:  # else `sample` has it so, too
+                found = NOTHING if sample is None else sample(step, signals, failed, fresh)
+            if found is not NOTHING:
+                value = take(found, now, number, signals, failed)
+                if chained:
+                    fresh.add(name)
+            elif wanted:
                 value = value_of_it(now, number, signals, failed)
+            if wanted:
                 if value is FAILED:
                     failed = frozenset((*failed, name))
                 elif value is not None:
@@ -218,8 +224,12 @@ class Derived:
     def _watching(self, last: LastStep) -> Watch:
         present, steps, held = last
         if self._watch is None or self._watch[:2] != (present, steps):
-            signals = held() if self._layout.keys else {}
-            watch = Watch(self._layout.watched, self._series, self._bys, self._session, present, steps, signals)
+            signals, failed = held() if self._sees else _NOTHING
+
+            def see(time: int, carried: Signals) -> tuple[Signals, Names]:
+                return self.at(time, steps, {**signals, **carried}, failed - carried.keys())
+
+            watch = Watch(self._layout.watched, self._series, self._bys, self._session, present, steps, signals, see)
             self._watch = present, steps, watch
             self._due = []
         return self._watch[2]
@@ -232,7 +242,7 @@ class Derived:
 
     def _bind(self, parts: tuple[Part, ...]) -> list[Any]:
         """What is called for the parts of a stream."""
-        found = [(self._series[p.index], p.sample, self._names[p.index], p.wanted) for p in parts]
+        found = [(self._series[p.index], p.sample, p.own, self._names[p.index], p.wanted) for p in parts]
         return self._bound.setdefault(id(parts), [(s.take, s.value, *rest) for s, *rest in found])
 
 

@@ -51,19 +51,39 @@ class Sum(Window):
         if entries is not None:
             entries.append(self._unadd)
 
-    def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> None:
-        """Add a number."""
+    def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
+        """Add a number; returns the sum with it."""
         slow = sample is FAILED or self.journal.entries is not None or self.budget.used >= MAX_SAMPLES
         if slow or self.clock != TIME:
-            super().take(sample, now, number, signals, failed)
-            return
+            return super().take(sample, now, number, signals, failed)
         self.last = number
-        whole = self._whole(float(sample))  # type: ignore[arg-type] # others are `FAILED`
+        exact = float(sample)  # type: ignore[arg-type] # others are `FAILED`
+        try:
+            whole = int(times := exact * self._unit)
+        except (OverflowError, ValueError):  # as in `_whole`
+            whole = self._whole(exact)
+        else:
+            if whole != times:
+                whole = self._whole(exact)
         self._ahead = None
-        self._total += whole
-        self._wholes.append(whole)
-        self.places.append(now)
-        self.budget.used += 1
+        limit = now - self.width
+        places, wholes, head = self.places, self._wholes, self.head
+        places.append(now)
+        wholes.append(whole)
+        after = head + 1
+        if places[head] > limit:
+            self._total += whole
+            self.budget.used += 1
+        elif after & OFTEN and places[after] > limit:
+            self._total += whole - wholes[head]
+            self.head = after  # one comes and one leaves, as most often
+        else:
+            self._total += whole
+            self.budget.used += 1
+            self.move(limit)
+        if self.failed_at is not None and self.failed_at > limit:
+            return FAILED
+        return self.worth(self._total, len(places) - self.head)
 
     def leave(self, head: int) -> None:
         """Take away those that leave."""

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import replace
 
 from oracle_server.core.atoms import canonical
-from oracle_server.core.derived.flips import Answer, answer
+from oracle_server.core.derived.flips import Answer, answer, answer_beside
 from oracle_server.core.derived.keyed import Keyed, key_of, value_of
 from oracle_server.core.derived.layout import Watched
 from oracle_server.core.derived.queue import Key
-from oracle_server.core.derived.window import Series, Session, least
+from oracle_server.core.derived.samples import FAILED, Value
+from oracle_server.core.derived.window import Asked, Series, Session, least
 from oracle_server.core.events import Signals
+from oracle_server.core.formula.tree import Any, Constraint, Ref, Signal
 
 Carried = tuple[str, Key]
 """A signal, and a value of it for which something turned."""
+Seen = Callable[[int, Signals], tuple[Signals, Collection[str]]]
+"""The signals of a tick at a time (ns) that carries some, with all that is derived, and those that failed."""
 _NONE = frozenset[int]()
+_ANY_CHANGE = Ref("")
+"""What a variable is bound to changes with each change of a value."""
 
 
 class Watch:
@@ -29,15 +36,16 @@ class Watch:
         present: int,
         steps: int,
         held: Signals,
+        see: Seen,
     ) -> None:
         """Look from the last step, at `present` (ns), of `steps`; or from the session's begin. `held` are signals."""
-        self._held = held
+        self._held, self._see = held, see
         self._plain = [(w, series[w.index]) for w in watched if not bys[w.index]]
         self._keyed = [(w, found, bys[w.index]) for w in watched if isinstance(found := series[w.index], Keyed)]
         self._steps = steps
         self._at = present if steps or session.begun is None else session.begun
         self._next: tuple[int, int | None] | None = None
-        self._answers = [self._asked(w, found, self._at) for w, found in self._plain]
+        self._answers = [self._answers_of(w, found, self._at, {}) for w, found in self._plain]
         self.turned: set[int] = set()
         """The properties for which something turned."""
         self.keys: dict[Carried, set[int]] = {}
@@ -49,8 +57,8 @@ class Watch:
         if self._next is not None and self._next[0] <= after and (self._next[1] is None or after < self._next[1]):
             return self._next[1]
         found = least(
-            *(series.next_change(after, w.asked) for w, series in self._plain),
-            *(keyed.next_change(after, w.asked) for w, keyed, _ in self._keyed),
+            *(series.next_change(after, self._wanted(w, after)) for w, series in self._plain),
+            *(keyed.next_change(after, self._wanted(w, after)) for w, keyed, _ in self._keyed),
         )
         self._next = after, found
         return found
@@ -69,7 +77,7 @@ class Watch:
         before = len(self.turned)
         turned: set[int] = set()
         for place, (watched, series) in enumerate(self._plain):
-            found = self._asked(watched, series, time)
+            found = self._answers_of(watched, series, time, {})
             turned |= self._turns(watched, self._answers[place], found)
             self._answers[place] = found
         self.turned |= turned
@@ -79,19 +87,40 @@ class Watch:
         found: list[Carried] = []
         for watched, keyed, by in self._keyed:
             own = (key_of(self._held[by]),) if by in self._held else ()
-            for key in {*keyed.keys_at(time, watched.asked), *own}:
+            for key in {
+                *keyed.keys_at(time, self._wanted(watched, self._at)),
+                *self._beside(watched, keyed, time),
+                *own,
+            }:
                 carried = {by: value_of(key)}
-                before, now = ([answer(c, keyed.at(t, self._steps, carried, ())) for c in watched.asked]
-                               for t in (time - 1, time))  # fmt: skip
+                before, now = (self._answers_of(watched, keyed, t, carried) for t in (time - 1, time))
                 turned = self._turns(watched, before, now)
                 if turned:
                     self.keys.setdefault((by, key), set()).update(turned)
                     found.append((by, key))
         return found
 
-    def _asked(self, watched: Watched, series: Series, time: int) -> list[Answer]:
-        value = series.at(time, self._steps, {}, ())
-        return [answer(constraint, value) for constraint in watched.asked]
+    def _answers_of(self, watched: Watched, series: Series, time: int, carried: Signals) -> list[Answer]:
+        value = series.at(time, self._steps, carried, ())
+        if not watched.compares:
+            return [answer(constraint, value) for constraint in watched.asked]
+        signals, failed = self._see(time, carried)
+        return [_answer_among(constraint, value, signals, failed) for constraint in watched.asked]
+
+    def _beside(self, watched: Watched, keyed: Keyed, time: int) -> Iterator[Key]:
+        """The keys that are known of what it is compared with, where an answer may turn for all of them."""
+        if watched.compares and keyed.may_turn_all(time):
+            others = {c.value.name for c in watched.asked if isinstance(c.value, Signal)}
+            for w, other, _ in self._keyed:
+                if w.asked[0].key in others:
+                    yield from other.known_before(time)
+
+    def _wanted(self, watched: Watched, after: int) -> Asked:
+        """What is asked up to the next change, of what it is compared with too: this is a number until then."""
+        if not watched.compares:
+            return watched.asked
+        signals, _ = self._see(after, {})
+        return [_against(watched, constraint, signals) for constraint in watched.asked]
 
     def _turns(self, watched: Watched, before: Sequence[Answer], now: Sequence[Answer]) -> frozenset[int]:
         """The properties for which answers differ. What is absent is not met, but before the first step not known."""
@@ -101,6 +130,26 @@ class Watch:
             if was != is_now and (not self._steps or (was or False) != (is_now or False))
         )
         return _NONE.union(*turns)
+
+
+def _answer_among(constraint: Constraint, value: Value | None, signals: Signals, failed: Collection[str]) -> Answer:
+    if not isinstance(constraint.value, Signal):
+        return answer(constraint, value)
+    other = constraint.value.name
+    return answer_beside(constraint, value, FAILED if other in failed else signals.get(other))
+
+
+def _against(watched: Watched, constraint: Constraint, signals: Signals) -> Constraint:
+    """What a comparison asks of its first signal, where the other is as it is among these."""
+    if not isinstance(constraint.value, Signal):
+        return constraint
+    name = constraint.value.name
+    if name in watched.moving:
+        return replace(constraint, op="==", value=_ANY_CHANGE)
+    other = None if name in watched.abreast else signals.get(name)
+    if other is None or isinstance(other, str | bool):
+        return replace(constraint, op="==", value=Any.ANY)
+    return replace(constraint, value=other)
 
 
 def _text(carried: Carried) -> tuple[str, str]:

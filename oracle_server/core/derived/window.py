@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from bisect import bisect_right
 from collections.abc import Collection
 from functools import partial
@@ -30,8 +31,8 @@ class Series(Protocol):
     last: int
     """The number of the step of the last sample, 0 before there was one."""
 
-    def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> None:
-        """Add a sample, or `FAILED`, of a step at `now` (ns), the session's step number `number`."""
+    def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
+        """Add a sample, or `FAILED`, of a step at `now` (ns), the session's step number `number`; returns its value."""
         ...
 
     def value(self, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
@@ -79,7 +80,7 @@ class Session:
         """In nanoseconds; None before anything was."""
 
 
-class Window:
+class Window(ABC):
     """The positions of the samples in a window, and in further columns what stands at them."""
 
     __slots__ = ("budget", "clock", "columns", "failed_at", "head", "journal", "last", "places", "session", "short",
@@ -103,8 +104,8 @@ class Window:
         self.last = 0
         """The number of the step of the last sample."""
 
-    def take(self, sample: Value, now: int, number: int, _signals: Signals, _failed: Collection[str]) -> None:
-        """Add a sample."""
+    def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
+        """Add a sample; returns what the signal is with it."""
         if self.journal.entries is not None:
             self.journal.entries.append(partial(self._untake, self.taken, self.last))
         self.last = number
@@ -118,10 +119,11 @@ class Window:
             self._take_or_fail(at, sample)
         else:
             self.add(at, sample)
+        return self.value(now, number, signals, failed)
 
+    @abstractmethod
     def value(self, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
         """What the signal is at a step."""
-        raise NotImplementedError
 
     def add(self, at: int, _sample: Value) -> None:
         """Put a sample into the columns."""

@@ -10,6 +10,7 @@ is_always_there(expression, shape) -> bool      whether its signal is never abse
 from oracle_server.core.expression.check import Problem, check_shape, result_kind
 from oracle_server.core.expression.cost import MAX_STEPS
 from oracle_server.core.expression.expression import Expression, FieldPath, parse_expression, read, too_dear
+from oracle_server.core.expression.parse import KEYWORDS
 from oracle_server.core.expression.patterns import MAX_PATTERNS
 from oracle_server.core.expression.reasons import WANTED, reason, told
 from oracle_server.core.expression.results import is_always_there, results
@@ -18,6 +19,7 @@ from oracle_server.core.expression.stops import Absent, Failed
 from oracle_server.core.expression.tree import Literal
 
 __all__ = [
+    "KEYWORDS",
     "MAX_PATTERNS",
     "MAX_STEPS",
     "WANTED",

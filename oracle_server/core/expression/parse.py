@@ -23,6 +23,8 @@ from oracle_server.core.expression.tokens import Token, number_value, refusal, t
 from oracle_server.core.expression.tree import Node
 
 _WORDS = {"true": True, "false": False, "null": None}
+KEYWORDS = frozenset({*_WORDS, "in", "msg"})
+"""Names that stand for something in expressions: no signal is meant by them."""
 _COMPARE = frozenset({"<", "<=", ">", ">=", "==", "!=", "in"})
 
 

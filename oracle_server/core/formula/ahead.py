@@ -17,7 +17,12 @@ WORDS: dict[type[Formula], str] = {
     tree.Always: "always",
     tree.Until: "until",
 }
-_PAST = {tree.Pre: "pre", tree.Once: "once", tree.Historically: "historically", tree.Since: "since"}
+PAST: dict[type[Formula], str] = {
+    tree.Pre: "pre",
+    tree.Once: "once",
+    tree.Historically: "historically",
+    tree.Since: "since",
+}
 _NEGATED = {
     tree.Next: "write `next not …`",
     tree.Eventually: "write `always not …`",
@@ -65,11 +70,34 @@ def unbounded(goal: Formula) -> Ahead | None:
     return next((node for node in walk(goal) if isinstance(node, bounded) and node.bound.upper is None), None)
 
 
+def can_fail(goal: Formula) -> bool:  # noqa: PLR0911 -- a case a node
+    """Whether what is awaited can be decided false while the session goes on."""
+    match goal:
+        case tree.Eventually(_, bound):
+            return bound.upper is not None
+        case tree.Always(operand):
+            return can_fail(operand)
+        case tree.Until(left, _, bound):
+            return bound.upper is not None or can_fail(left)
+        case tree.And(left, right):
+            return can_fail(left) or can_fail(right)
+        case tree.Or(left, right):
+            return can_fail(left) and can_fail(right)
+        case tree.Implies(_, right) if looks_ahead(goal):
+            return can_fail(right)
+        case _:
+            return True
+
+
 def check_ahead(formula: Formula) -> None:
     """Refuse what is no obligation although it waits for what comes. Raises `FormulaError` with its place."""
     found = obligation(formula)
     if found is None:
+        _check_limits(formula, "")
         return
+    if found.trigger is not None:
+        _check_limits(found.trigger, "")
+    _check_limits(found.goal, None)
     if found.trigger is not None and (early := first_ahead(found.trigger)) is not None:
         _refuse(
             early,
@@ -80,10 +108,14 @@ def check_ahead(formula: Formula) -> None:
     endless = unbounded(found.goal)
     if found.trigger is None and endless is not None:
         word = _word(endless)
-        alone = "`{a}` alone is asked at every step" if word == "always" else f"`{word}[:60] …` has one"
+        mend = (
+            "a property is asked for at every step anyway, so leave `always` out"
+            if word == "always"
+            else f"`{word}[:60] …` has one"
+        )
         _refuse(
             endless,
-            f"without an upper bound each step would wait for ever: {alone}; write `… -> {word} …` for what begins "
+            f"without an upper bound each step would wait for ever: {mend}; write `… -> {word} …` for what begins "
             "with an event",
         )
     needed = needs(found.trigger) if found.trigger is not None else frozenset()
@@ -157,7 +189,7 @@ def _check_goal(node: Formula) -> None:
         case tree.Pre() | tree.Once() | tree.Historically() | tree.Since():
             below = first_ahead(node)
             assert below is not None  # noqa: S101 -- it looks ahead
-            past, word = _PAST[type(node)], _word(below)
+            past, word = PAST[type(node)], _word(below)
             _refuse(
                 below,
                 f"`{word}` stands within `{past}`, which is judged when it is asked, and not later; write it the "
@@ -176,6 +208,38 @@ def _check_goal(node: Formula) -> None:
         case _:
             for child in children(node):
                 _check_goal(child)
+
+
+def _check_limits(node: Formula, within: str | None) -> None:
+    """Refuse comparisons with variables but in what is awaited, `within` None, at the step that is judged.
+
+    What looks back from there began before the variable had its value.
+    """
+    if isinstance(node, tree.Atom):
+        if within is not None and node.limits:
+            _refuse_limit(node, within)
+        return
+    if within is None and isinstance(node, tree.Exists | tree.Forall):
+        within = "exists" if isinstance(node, tree.Exists) else "forall"
+    for child in children(node):
+        _check_limits(child, PAST.get(type(node)) if within is None else within)
+
+
+def _refuse_limit(atom: tree.Atom, within: str) -> None:
+    limit = atom.limits[0]
+    assert isinstance(limit.value, tree.Limit)  # noqa: S101 -- these are all such
+    key, op, name = limit.key, limit.op, limit.value.name
+    example = f"forall[{name}]. {{limit: *{name}}} -> always[:5] {{{key} {op} *{name}}}"
+    if within in ("exists", "forall"):
+        reason = f"stands within `{within}`; compare outside of it"
+    elif within:
+        reason = (
+            f"stands within `{within}`, which looks back to before '{name}' had its value; compare at the step itself"
+        )
+    else:
+        reason = "compares with a variable, as only what waits for what comes can, behind the `->` that binds it"
+    other = "" if within else f"; two signals of one event compare as `{{{key} {op} limit}}`"
+    raise FormulaError(f"`{key} {op} *{name}` {reason}, as in `{example}`{other}", *atom.at)
 
 
 def first_ahead(formula: Formula) -> Ahead | None:

@@ -48,6 +48,7 @@ constraint: key                                           -> flag
     | key "!=" literal                                    -> unequal
     | key COMPARE NUMBER                                  -> compare
     | key COMPARE NAME                                    -> compare_signals
+    | key COMPARE "*" VARIABLE                            -> compare_limit
 key: NAME | STRING
 ?value: literal
     | "*" VARIABLE                                        -> ref

@@ -76,13 +76,11 @@ def _of_number(found: Around) -> str:
 
 def _of_comparison(found: Around) -> str:
     mark, before = found.next(), found.last()
-    if before in ("<", "<=", ">", ">=", "!=") and mark == "*" and found.kind(1) == "word":
+    if before == "!=" and mark == "*" and found.kind(1) == "word":
         key, name = found.last(2), found.next(1)
         equal = f"{{{key}: *{name}}}"
         mend = f"write `{{{key}: *}} and not {equal}`"
-        if before != "!=":
-            mend = f"to compare two fields declare a signal, as `faster: msg.{key} {before} msg.limit`"
-        return f"`{before}` takes no variable; one stands for equal values only, as in `{equal}`; {mend}"
+        return f"`!=` takes no variable; one stands for equal values only, as in `{equal}`; {mend}"
     if before in ("<", "<=", ">", ">=", ":", "=", "==", "!=") and mark in (".", "+") and found.kind(1) == "number":
         return f"a number is written `{'0.' if mark == '.' else ''}{found.next(1)}`"
     if before in ("<", "<=", ">", ">="):

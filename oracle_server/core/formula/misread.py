@@ -7,7 +7,7 @@ import re
 from oracle_server.core.errors import FormulaError
 from oracle_server.core.formula.around import BOUNDED, CLOSING, CONSTANTS, OPERATORS, QUANTIFIERS, Around, first_unknown
 from oracle_server.core.formula.foreign import SYMBOLS, WORDS
-from oracle_server.core.formula.misatom import of_atom
+from oracle_server.core.formula.misatom import of_atom, of_value
 from oracle_server.core.formula.misbound import of_bound, of_displaced, of_lasting, of_variables, unbounded
 from oracle_server.core.formula.names import Names
 from oracle_server.core.nearest import nearest
@@ -146,6 +146,8 @@ def _of_closing(found: Around) -> str:
         return f"this `{mark}` closes nothing"
     if CLOSING[found.inside] != mark:
         return found.unclosed()
+    if found.last() == "*" and found.last(2) in ("<", "<=", ">", ">="):
+        return of_value(found.last(2), "*")
     return f"something is missing between `{found.last()}` and `{mark}`"
 
 
@@ -175,7 +177,8 @@ def _of_outside(found: Around) -> str:
         inner = mark[1:-1] if found.kind() == "string" else found.text[found.at + 1 :].partition("]")[0]
         return f"an atom stands in braces: write `{{{inner}}}`"
     if mark == "/":
-        return "a stream stands in an atom's braces, as in `{topic: /cmd_vel, speed > 1}`"
+        name = re.split(r"[^\w/]", found.text[found.at :], maxsplit=1)[0]
+        return f"a stream stands in an atom's braces: write `{{topic: {name if len(name) > 1 else '/cmd_vel'}}}`"
     if found.kind() == "number" and found.complete:
         return f"`{mark}` is not expected here: a time or a number of steps stands in a bound, as in `once[:5] {{…}}`"
     return ""

@@ -16,6 +16,7 @@ from oracle_server.core.formula.tree import (
     Exists,
     Forall,
     Formula,
+    Limit,
     Next,
     Position,
     Ref,
@@ -136,10 +137,10 @@ def _instance(node: Formula, values: Mapping[str, str], at: Position) -> Formula
 
 
 def _renamed(constraint: Constraint, values: Mapping[str, str]) -> Constraint:
-    if not isinstance(constraint.value, Ref):
+    value = constraint.value
+    if not isinstance(value, Ref | Limit):
         return constraint
-    name = constraint.value.name
-    return Constraint(constraint.key, constraint.op, Ref(values.get(name, name)))
+    return Constraint(constraint.key, constraint.op, type(value)(values.get(value.name, value.name)))
 
 
 def _fresh(variable: str, body: Formula, values: Mapping[str, str]) -> str:
@@ -147,7 +148,7 @@ def _fresh(variable: str, body: Formula, values: Mapping[str, str]) -> str:
     taken = {*values.values()}
     for node in walk(body):
         if isinstance(node, Atom):
-            taken.update(name for _, name in node.refs)
+            taken.update(node.variables)
         elif isinstance(node, Exists | Forall):
             taken.add(node.variable)
     return next(name for i in range(2, len(taken) + 3) if (name := f"{variable}{i}") not in taken)

@@ -94,10 +94,10 @@ def check_variables(
 def _used(node: Formula, bound: frozenset[str], of: tree.Call | None) -> frozenset[str]:
     """The free variables of a node; refuses those that nothing binds and quantifiers that nothing uses."""
     if isinstance(node, Atom):
-        for _, name in node.refs:
+        for name in node.variables:
             if name not in bound:
                 raise FormulaError(f"the variable '{name}' is free; {_bind(name, of)}", *node.at)
-        return frozenset(name for _, name in node.refs)
+        return frozenset(node.variables)
     if isinstance(node, tree.Exists | tree.Forall):
         used = _used(node.body, bound | {node.variable}, of)
         if node.variable not in used:
@@ -208,6 +208,9 @@ class _Builder(Transformer[Token, Formula]):
         if key == name:
             raise FormulaError(f"`{key}` is compared with itself; write the signal or the number meant", *_place(name))
         return Constraint(key, str(op), tree.Signal(str(name)))  # type: ignore[arg-type]
+
+    def compare_limit(self, key: str, op: Token, name: Token) -> Constraint:
+        return Constraint(key, str(op), tree.Limit(str(name)))  # type: ignore[arg-type]
 
     def ref(self, name: Token) -> Ref:
         return Ref(str(name))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from oracle_server.core.formula import tree
+from oracle_server.core.formula.ahead import PAST
+from oracle_server.core.formula.ahead import WORDS as AHEAD
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import (
     Always,
@@ -17,6 +19,7 @@ from oracle_server.core.formula.tree import (
     Formula,
     Historically,
     Implies,
+    Limit,
     Next,
     Not,
     Once,
@@ -30,6 +33,7 @@ from oracle_server.core.formula.tree import (
 )
 from oracle_server.core.units import span
 
+_WORDS: dict[type[Formula], str] = {Not: "not", **PAST, **AHEAD}
 _LOOSEST, _IMPLIES, _OR, _AND, _SINCE, _UNARY = range(6)
 
 
@@ -74,30 +78,22 @@ class _Printer:
             return _UNARY, f"lasting[{_distance(lasted[1], self._time)}] {self._part(lasted[0], _UNARY)}"
         return None if word is None else (_UNARY, word)
 
-    def _operator(self, node: Formula) -> tuple[int, str]:  # noqa: C901, PLR0911, PLR0912 -- a case a node
+    def _operator(self, node: Formula) -> tuple[int, str]:  # noqa: PLR0911 -- a case a node
         """How tightly a node binds, and its text."""
         match node:
             case Atom():
                 return _UNARY, render_atom(node)
-            case Not(operand):
-                return _UNARY, f"not {self._part(operand, _UNARY)}"
-            case Pre(operand):
-                return _UNARY, f"pre {self._part(operand, _UNARY)}"
-            case Once(operand, bound):
-                return _UNARY, f"once{_bound(bound, self._time)} {self._part(operand, _UNARY)}"
-            case Historically(operand, bound):
-                return _UNARY, f"historically{_bound(bound, self._time)} {self._part(operand, _UNARY)}"
-            case Since(left, right, bound):
-                word = f"since{_bound(bound, self._time)}"
-                return _SINCE, f"{self._part(left, _SINCE)} {word} {self._part(right, _UNARY)}"
-            case Next(operand):
-                return _UNARY, f"next {self._part(operand, _UNARY)}"
-            case Eventually(operand, bound):
-                return _UNARY, f"eventually{_bound(bound, self._time)} {self._part(operand, _UNARY)}"
-            case Always(operand, bound):
-                return _UNARY, f"always{_bound(bound, self._time)} {self._part(operand, _UNARY)}"
-            case Until(left, right, bound):
-                word = f"until{_bound(bound, self._time)}"
+            case Not(operand) | Pre(operand) | Next(operand):
+                return _UNARY, f"{_WORDS[type(node)]} {self._part(operand, _UNARY)}"
+            case (
+                Once(operand, bound)
+                | Historically(operand, bound)
+                | Eventually(operand, bound)
+                | Always(operand, bound)
+            ):
+                return _UNARY, f"{_WORDS[type(node)]}{_bound(bound, self._time)} {self._part(operand, _UNARY)}"
+            case Since(left, right, bound) | Until(left, right, bound):
+                word = f"{_WORDS[type(node)]}{_bound(bound, self._time)}"
                 return _SINCE, f"{self._part(left, _SINCE)} {word} {self._part(right, _UNARY)}"
             case And(left, right):
                 return _AND, f"{self._part(left, _AND)} and {self._part(right, _SINCE)}"
@@ -137,11 +133,11 @@ def _constraint(constraint: Constraint) -> str:
     return f"{key}: {_value(constraint.value)}"
 
 
-def _value(value: Scalar | Any | Ref | Signal) -> str:
+def _value(value: Scalar | Any | Ref | Signal | Limit) -> str:
     match value:
         case Any():
             return "*"
-        case Ref(name):
+        case Ref(name) | Limit(name):
             return f"*{name}"
         case Signal(name):
             return name

@@ -35,13 +35,20 @@ class Signal:
     name: str
 
 
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """A quantified variable with whose value a constraint compares: `{key > *name}`."""
+
+    name: str
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Constraint:
     """One `key op value` of an atom; `a: 1` and `a: true` are different, though Python's 1 and True are equal."""
 
     key: str
     op: Literal["==", "!=", "<", "<=", ">", ">="]
-    value: Scalar | Any | Ref | Signal
+    value: Scalar | Any | Ref | Signal | Limit
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Constraint) and self._identity == other._identity
@@ -108,6 +115,16 @@ class Atom(_Node):
     def refs(self) -> tuple[tuple[str, str], ...]:
         """The (key, variable) pairs that quantifiers bind, in their order."""
         return tuple((c.key, c.value.name) for c in self.constraints if isinstance(c.value, Ref))
+
+    @property
+    def limits(self) -> tuple[Constraint, ...]:
+        """The constraints that compare with the values of variables, which something else binds."""
+        return tuple(c for c in self.constraints if isinstance(c.value, Limit))
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """The variables that it binds, and those that it compares with."""
+        return tuple(c.value.name for c in self.constraints if isinstance(c.value, Ref | Limit))
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from oracle_server.core.formula.tree import Atom, Formula
 from oracle_server.engines.native.body import Body, Expression, negated
 from oracle_server.engines.native.eventually import Eventually
 from oracle_server.engines.native.guarded import SomeGuarded
-from oracle_server.engines.native.joined import Joined, Leaf, Next
+from oracle_server.engines.native.joined import Joined, Leaf, Next, Reading
 from oracle_server.engines.native.keys import Key
 from oracle_server.engines.native.obligations import Obligations
 from oracle_server.engines.native.some import Some
@@ -66,10 +66,11 @@ class Goals:
 
     def leaf(self, formula: Formula, expression: Expression) -> Leaf:
         """A part that only looks back, as an expression."""
-        reads: dict[int, tuple[int, ...]] = {}
+        reads: dict[int, Reading] = {}
         for atom, variables in _reads(formula, self.scope):
-            known = reads.setdefault(self.places[atom], variables)
-            reads[self.places[atom]] = tuple([v if v == w else 0 for v, w in zip(variables, known, strict=True)])
+            known, _ = reads.setdefault(self.places[atom], (variables, limits_of(atom, self.scope)))
+            both = tuple([v if v == w else 0 for v, w in zip(variables, known, strict=True)])
+            reads[self.places[atom]] = both, limits_of(atom, self.scope)
         leaf = Leaf(Body(self.timeline, expression), len(self.scope), reads)
         self.leaves.append(leaf)
         return leaf
@@ -92,6 +93,11 @@ def obligations(found: Obligation, goals: Goals, some: Callable[[Expression], So
         else:
             trigger = partial(_where, Body(goals.timeline, expression).at[0])
     return Obligations(found.variables, goals.present, trigger, losing, goal, leaves, goals.waiting)
+
+
+def limits_of(atom: Atom, scope: Scope) -> tuple[tuple[str, int], ...]:
+    """How an atom compares with variables, and with which ones."""
+    return tuple((c.op, scope[c.value.name]) for c in atom.limits if isinstance(c.value, tree.Limit))
 
 
 def _always() -> Collection[Key]:

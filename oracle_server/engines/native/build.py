@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.ahead import Obligation, Path, obligation
 from oracle_server.core.formula.tree import Atom, Bound, Formula
-from oracle_server.engines.native.awaiting import Goals, obligations
+from oracle_server.engines.native.awaiting import Goals, limits_of, obligations
 from oracle_server.engines.native.body import Body, Expression, negated, variables_of
+from oracle_server.engines.native.compared import ComparedNode
 from oracle_server.engines.native.ever import Ever
 from oracle_server.engines.native.guarded import SomeGuarded, guard_of
 from oracle_server.engines.native.latest import Latest
@@ -31,9 +32,9 @@ class Network:
     """The nodes of a formula: atoms with their places among the formula's, and operators, each after those below it."""
 
     timeline: Timeline
-    atoms: list[tuple[int, AtomNode]] = field(default_factory=list)
+    atoms: list[tuple[int, AtomNode | ComparedNode]] = field(default_factory=list)
     operators: list[Operator] = field(default_factory=list)
-    places: dict[Path, AtomNode | Operator] = field(default_factory=dict)
+    places: dict[Path, AtomNode | ComparedNode | Operator] = field(default_factory=dict)
     """The node of each part of the formula that has one; of quantifiers that follow each other, the first one."""
     scopes: dict[Path, Scope] = field(default_factory=dict)
     """What quantifiers bind in their bodies."""
@@ -55,7 +56,7 @@ class _Builder:
     def __init__(self, formula: Formula, network: Network) -> None:
         self._network, self._timeline = network, network.timeline
         self._places = {atom: i for i, atom in enumerate(tree.atoms(formula))}
-        self._atoms: dict[tuple[int, tuple[int, ...]], AtomNode] = {}
+        self._atoms: dict[tuple[int, tuple[int, ...]], AtomNode | ComparedNode] = {}
         self._quantifiers = 0
 
     def expression(self, node: Formula, scope: Scope, path: Path) -> Expression:
@@ -129,12 +130,15 @@ class _Builder:
                     return self._add(path, Latest(body, Body(self._timeline, sides[1]), bound.upper, self._timeline))
                 return self._add(path, Window(Body(self._timeline, *sides), bound, self._timeline))
 
-    def _atom(self, atom: Atom, scope: Scope, path: Path) -> AtomNode:
+    def _atom(self, atom: Atom, scope: Scope, path: Path) -> AtomNode | ComparedNode:
         refs = tuple(scope[name] for _, name in atom.refs)
-        place = self._places[atom]
-        node = self._atoms.get((place, refs))
+        limits = limits_of(atom, scope)
+        place, variables = self._places[atom], (*refs, *(v for _, v in limits))
+        node = self._atoms.get((place, variables))
         if node is None:
-            node = self._atoms[place, refs] = AtomNode(tuple(sorted(set(refs))), refs)
+            known = tuple(sorted(set(variables)))
+            node = ComparedNode(known, refs, limits) if limits else AtomNode(known, refs)
+            self._atoms[place, variables] = node
             self._network.atoms.append((place, node))
         self._network.places[path] = node
         return node

@@ -6,8 +6,9 @@ dual: `always φ` is `not eventually not φ`, and the answers are turned.
 
 from __future__ import annotations
 
-from bisect import bisect_left, bisect_right
+from bisect import bisect_left
 from functools import partial
+from itertools import islice
 from typing import Any
 
 from oracle_server.core.formula.tree import Bound
@@ -16,7 +17,6 @@ from oracle_server.engines.native.keys import Key, read_key
 from oracle_server.engines.native.waiting import (
     FALSE,
     LOST,
-    MAX_OPEN,
     NEGATED,
     OPEN,
     TRUE,
@@ -25,8 +25,11 @@ from oracle_server.engines.native.waiting import (
     Deadlines,
     Moment,
     Present,
+    Starts,
     moments,
     place_of,
+    reach,
+    starts_of,
 )
 
 
@@ -36,7 +39,7 @@ class Row:
     __slots__ = ("more", "starts")
 
     def __init__(self) -> None:
-        self.starts: list[Moment] = []
+        self.starts: Starts = []
         self.more: More | None = None
 
 
@@ -65,13 +68,15 @@ class Eventually:
         self._lower, self._upper = bound.lower, bound.upper
         self._neutral = TRUE if dual else FALSE
         self.rows: dict[Key, Row] = {}
-        self.deadlines = Deadlines(present, bound.upper)
+        self.deadlines = Deadlines(present, self.rows, bound.upper)
         operand.above, operand.slot = self, 0
         self._leaf = operand if isinstance(operand, Leaf) else None
         self._holds = _never if self._leaf is None else self._leaf.holds
         """The operand where it answers at once."""
         self._asked: Moment | None = None
         self._answer = OPEN
+        self._now = FALSE if dual else TRUE
+        """What it comes to where its operand decides."""
 
     def step(self, key: Key, ask: bool) -> int:
         """Take the present step; see `Awaited`."""
@@ -101,11 +106,12 @@ class Eventually:
                 self._meet(key, row)
             else:
                 self._decide(key, row, low, high)
+            row = self.rows.get(key)
         if not ask:
             return OPEN
         if met and not self._lower:
-            return FALSE if self._dual else TRUE
-        self._wait(key, self.rows.get(key))
+            return self._now
+        self._wait(key, row)
         return OPEN
 
     def _meet(self, key: Key, row: Row) -> None:
@@ -114,8 +120,9 @@ class Eventually:
         if self._present.timeline.journal is not None:
             self._present.timeline.journal.append(partial(self.rows.__setitem__, key, row))
         self._present.opened -= len(row.starts)
-        self.deadlines.stale = True
-        value, resolved, slot = FALSE if self._dual else TRUE, self.above.resolved, self.slot
+        if not self.rows:
+            self.deadlines.clear()
+        value, resolved, slot = self._now, self.above.resolved, self.slot
         for start in row.starts:
             resolved(key, slot, start, value)
 
@@ -127,14 +134,9 @@ class Eventually:
             row = self.rows[key] = Row()
             if journal is not None:
                 journal.append(partial(self.rows.pop, key))
-        row.starts.append(moment)
-        if journal is not None:
-            journal.append(row.starts.pop)
+        present.start(row)
         if self._upper is not None:
             self.deadlines.add(key, moment)
-        present.opened += 1
-        if present.opened > MAX_OPEN:
-            present.refuse()
         return row
 
     def _take(self, key: Key, row: Row, moment: Moment, value: int) -> None:
@@ -167,7 +169,9 @@ class Eventually:
             return
         if value == LOST:
             self._present.insert(more.lost, bisect_left(more.lost, about), about)
-        for start in row.starts[low : min(high, more.over)]:  # some of those that are over waited for this alone
+        for start in [
+            *islice(row.starts, low, min(high, more.over))
+        ]:  # some of those that are over waited for this alone
             place = place_of(row.starts, start)
             if place is not None and place < more.over and not self._any(more.pending, start):
                 self._settle(key, row, place)
@@ -198,32 +202,23 @@ class Eventually:
 
     def snapshot(self) -> Any:
         """All rows as plain data."""
-        rows = [(key, row.starts, _data(row.more)) for key, row in self.rows.items()]
-        return [rows, list(self.deadlines.queue), self._operand.snapshot()]
+        rows = [(key, list(row.starts), _data(row.more)) for key, row in self.rows.items()]
+        return [rows, self.deadlines.snapshot(), self._operand.snapshot()]
 
     def restore(self, data: Any) -> None:
         """Take over a snapshot."""
         rows, queue, operand = data
         for key, starts, more in rows:
             row = self.rows[read_key(key)] = Row()
-            row.starts = moments(starts)
+            row.starts = starts_of(starts)
             if more is not None:
                 row.more = More()
                 row.more.pending, row.more.lost, row.more.over = moments(more[0]), moments(more[1]), more[2]
-        self.deadlines.queue.extend((read_key(key), (t, n)) for key, (t, n) in queue)
+        self.deadlines.restore(queue)
         self._operand.restore(operand)
 
     def _reach(self, row: Row, about: Moment) -> tuple[int, int]:
-        """The starts within whose bound a step is: from which place up to which."""
-        starts, time = row.starts, about[0]
-        low = 0
-        if self._upper is not None and starts and starts[0][0] < time - self._upper:
-            low = bisect_left(starts, (time - self._upper,))
-        if self._lower:
-            high = bisect_left(starts, (time - self._lower + 1,))
-        else:
-            high = len(starts) if not starts or starts[-1] <= about else bisect_right(starts, about)
-        return low, max(low, high)
+        return reach(row.starts, about, self._lower, self._upper)
 
     def _any(self, steps: list[Moment], start: Moment) -> bool:
         """Whether one of some steps is within the bound of a start."""
@@ -234,14 +229,20 @@ class Eventually:
 
     def _close(self, key: Key, row: Row) -> None:
         """Settle those that are over, but for those that wait for open answers."""
-        present = self._present
-        while (over := row.more.over if row.more else 0) < len(row.starts):
-            if not present.is_over(row.starts[over], self._upper):
+        present, more = self._present, row.more
+        if more is None:
+            over = 0
+            while over < len(row.starts) and present.is_over(row.starts[over], self._upper):
+                over += 1
+            for start in self._remove(row, 0, over):
+                self._tell(key, start, FALSE)
+        while more is not None and more.over < len(row.starts):
+            if not present.is_over(row.starts[more.over], self._upper):
                 break
-            if row.more is not None and self._any(row.more.pending, row.starts[over]):
-                self._set_over(row.more, over + 1)
+            if self._any(more.pending, row.starts[more.over]):
+                self._set_over(more, more.over + 1)
             else:
-                self._settle(key, row, over)
+                self._settle(key, row, more.over)
         if not row.starts:
             self._tidy(key, row)
 
@@ -268,7 +269,6 @@ class Eventually:
         if low >= high:
             return []
         self._present.count(low - high)
-        self.deadlines.stale = True
         if row.more is not None and row.more.over > low:
             self._set_over(row.more, row.more.over - (min(high, row.more.over) - low))
         return self._present.cut(row.starts, low, high)
@@ -295,6 +295,8 @@ class Eventually:
                     self._operand.cancel(key, about)
         if not row.starts and self.rows.get(key) is row:
             present.pop(self.rows, key)
+            if not self.rows:
+                self.deadlines.clear()
 
     def _drop(self, row: Row, steps: list[Moment], about: Moment) -> bool:
         low, high = self._reach(row, about)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
-from typing import Any
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import Any, NamedTuple
 
+from oracle_server.core.lost import Lost
 from oracle_server.engines.native.body import NOTHING, Body
+from oracle_server.engines.native.compared import Limit, is_right
 from oracle_server.engines.native.keys import Key, Variables, picker, read_key, texts_of
 from oracle_server.engines.native.waiting import (
     FALSE,
@@ -19,8 +21,15 @@ from oracle_server.engines.native.waiting import (
     any_of,
 )
 
-Pattern = tuple[str | None, ...]
-"""Values of all variables, None where it is any."""
+Reading = tuple[Variables, Sequence[tuple[str, int]]]
+"""The variables at the refs of an atom, 0 for one of its own, and those with which it compares, and how."""
+
+
+class Pattern(NamedTuple):
+    """Values of all variables, None where it is any that compares so."""
+
+    texts: tuple[str | None, ...]
+    limits: Sequence[Limit] = ()
 
 
 class Leaf:
@@ -29,11 +38,8 @@ class Leaf:
     above: Above
     slot = 0
 
-    def __init__(self, body: Body, size: int, reads: Mapping[int, Variables]) -> None:
-        """`body` is over some of `size` variables, which have the numbers from 1 on.
-
-        `reads` are its atoms, and which variables stand at their refs, 0 for one of its own.
-        """
+    def __init__(self, body: Body, size: int, reads: Mapping[int, Reading]) -> None:
+        """`body` is over some of `size` variables, which have the numbers from 1 on; `reads` are its atoms."""
         self._size, self._reads = size, reads
         self.places = [v - 1 for v in body.variables]
         self.pick: Callable[[Key], Key] | None = picker(self.places, size)
@@ -43,16 +49,19 @@ class Leaf:
         self.lost: list[Pattern] = []
         """For which values it can't be judged at the present step."""
 
-    def lose(self, lost: Collection[tuple[int, Pattern]]) -> None:
+    def lose(self, lost: Collection[Lost]) -> None:
         """At the present step these atoms can't be judged, with these values at their refs."""
         self.lost = []
         for atom, texts in lost:
             if atom in self._reads:
+                refs, compared = self._reads[atom]
                 pattern: list[str | None] = [None] * self._size
-                for variable, text in zip(self._reads[atom], texts, strict=True):
+                for variable, text in zip(refs, texts, strict=False):
                     if variable:
                         pattern[variable - 1] = pattern[variable - 1] or text
-                self.lost.append(tuple(pattern))
+                values = texts[len(refs) :]
+                limits = [(v - 1, op, value) for (op, v), value in zip(compared, values, strict=True)]
+                self.lost.append(Pattern(tuple(pattern), limits))
 
     def changed(self) -> Collection[Key]:
         """The keys of its own variables at which it may have changed with this step."""
@@ -96,7 +105,9 @@ def _holds(at: Callable[[Key], bool], pick: Callable[[Key], Key] | None) -> Call
 
 def fits(pattern: Pattern, key: Key) -> bool:
     """Whether a pattern stands for a key."""
-    return all(wanted is None or wanted == text for wanted, text in zip(pattern, texts_of(key), strict=True))
+    texts = texts_of(key)
+    there = all(wanted is None or wanted == text for wanted, text in zip(pattern.texts, texts, strict=True))
+    return there and is_right(pattern.limits, texts)
 
 
 class Joined:

@@ -14,6 +14,7 @@ from typing import Any
 import msgspec
 
 from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.lost import Lost
 from oracle_server.core.owing import Unanswered
 from oracle_server.core.records import EventRecord
 from oracle_server.engines.native.body import NOTHING
@@ -83,7 +84,8 @@ class Obligations:
         """How many are open."""
         self.changes: list[Key] = []
         self._names, self._present, self._trigger, self._losing = names, present, trigger, losing
-        self._goal, self._leaves, self._waiting = goal, leaves, waiting
+        self._goal, self._leaves = goal, leaves
+        self._deadlines = [node.deadlines for node in waiting]
         self._timeline: Timeline = present.timeline
         self._keyed = bool(names)
         alone = len(names) == 1 and len(leaves) == 1 and leaves[0].pick is None
@@ -103,7 +105,7 @@ class Obligations:
         """The keys with something open by the values of a part's own variables, where it has some of them only."""
         goal.above, goal.slot = self, 0
 
-    def lose(self, lost: Collection[tuple[int, Pattern]]) -> None:
+    def lose(self, lost: Collection[Lost]) -> None:
         """At the next step these atoms can't be judged, with these values at their refs, None for any."""
         self._loses = bool(lost)
         for leaf in (*self._leaves, *([self._losing] if self._losing else ())):
@@ -129,9 +131,8 @@ class Obligations:
             else:
                 self.decided.append(Decided(present.moment, key, value, self.event()))
                 self.broken = self.broken or value == FALSE
-        for node in self._waiting:
-            queue = node.deadlines.queue
-            if queue and (node.deadlines.stale or queue[0][1][0] + node.deadlines.reach < present.now):
+        for deadlines in self._deadlines:
+            if deadlines.queue and deadlines.queue[0][0] < present.now:
                 self._expire()
                 break
         if self._keyed:
@@ -169,23 +170,27 @@ class Obligations:
 
     def resolved(self, key: Key, slot: int, about: Moment, value: int) -> None:  # noqa: ARG002 -- there is one
         """An obligation is decided."""
-        present, counts, number = self._present, self._counts, about[1]
+        counts, number, journal = self._counts, about[1], self._timeline.journal
         opened = self._opened[number]
         self.decided.append(Decided(about, key, value, opened.event))
-        self.broken = self.broken or value == FALSE
+        if value == FALSE:
+            self.broken = True
         self.pending -= 1
-        if opened.count == 1:
-            present.pop(self._opened, number)
-        else:
-            present.note(partial(setattr, opened, "count", opened.count))
-            opened.count -= 1
-        if counts[key] > 1:
-            present.put(counts, key, counts[key] - 1)
+        count = counts[key]
+        if journal is not None:
+            journal.append(partial(setattr, opened, "count", opened.count))
+            journal.append(partial(self._opened.__setitem__, number, opened))
+            journal.append(partial(counts.__setitem__, key, count))
+        opened.count -= 1
+        if not opened.count:
+            del self._opened[number]
+        if count > 1:
+            counts[key] = count - 1
             return
-        present.pop(counts, key)
+        del counts[key]
         for index in self._within.values():
             index.remove(key)
-            present.note(partial(index.add, key))
+            self._present.note(partial(index.add, key))
 
     @property
     def failed(self) -> list[Decided]:
@@ -231,7 +236,7 @@ class Obligations:
 
     def next_deadline(self, after: int) -> int | None:
         """The first time later than `after` at which time alone decides something."""
-        found = [later for node in self._waiting if (later := node.deadlines.later(after)) is not None]
+        found = [later for deadlines in self._deadlines if (later := deadlines.later(after)) is not None]
         return min(found, default=None)
 
     def snapshot(self) -> Any:
@@ -362,22 +367,18 @@ class Obligations:
 
     def _matching(self, patterns: Sequence[Pattern]) -> Collection[Key]:
         """The keys that patterns stand for: all that are open where one stands for many."""
-        if any(not pattern or None in pattern for pattern in patterns):
+        if any(not pattern.texts or None in pattern.texts for pattern in patterns):
             return self._counts
-        return [key_of(pattern) for pattern in patterns]
+        return [key_of(pattern.texts) for pattern in patterns]
 
     def _expire(self) -> None:
-        """Decide what is over, and skip deadlines of what was decided before."""
-        for node in self._waiting:
-            if node.deadlines.queue:
-                for key in node.deadlines.take():
-                    self._goal.passed(key)
-        for node in self._waiting:
-            if node.deadlines.stale:
-                node.deadlines.drop(node.rows)
+        """Decide what is over."""
+        for deadlines in self._deadlines:
+            for key in deadlines.take():
+                self._goal.passed(key)
 
     def _firsts(self) -> Iterator[int]:
-        return (first for node in self._waiting if (first := node.deadlines.first) is not None)
+        return (first for deadlines in self._deadlines if (first := deadlines.first) is not None)
 
 
 _NONE: frozenset[Key] = frozenset()

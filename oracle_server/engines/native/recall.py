@@ -238,7 +238,7 @@ class Recall:
 
 def _free(formula: Formula) -> frozenset[str]:
     if isinstance(formula, tree.Atom):
-        return frozenset(name for _, name in formula.refs)
+        return frozenset(formula.variables)
     inner = frozenset[str]().union(*(_free(child) for child in tree.children(formula)))
     return inner - {formula.variable} if isinstance(formula, tree.Exists | tree.Forall) else inner
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from oracle_server.core.explanation import Failing
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.tree import Atom, Bound
-from oracle_server.core.kinds import RESERVED
+from oracle_server.core.kinds import NAMING
 from oracle_server.engines.native.parts import Part, is_simple
 from oracle_server.engines.native.recall import Recall
 from oracle_server.engines.native.values import atom_of, failing, telling
@@ -101,7 +101,7 @@ class Saying:
             if seen is None:
                 return ""
             failed = failing(part, atom, seen)
-            if len(failed) == 1 and failed[0].signal not in RESERVED and seen.number is not None:
+            if len(failed) == 1 and failed[0].signal not in NAMING and seen.number is not None:
                 return f"; the last near miss: {failed[0].text}, at {self._wording.step(step)}"
         return ""
 

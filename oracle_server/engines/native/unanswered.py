@@ -99,6 +99,8 @@ class _Telling:
         until = moment(time + bound.upper, failed.event["stamp"])
         if bound.lower:
             return f"the steps from {moment(time + bound.lower, failed.event['stamp'])} until {until}"
+        if isinstance(self._found.goal, tree.Eventually) and looks_ahead(self._found.goal.operand):
+            return f"the steps until {until}"  # decided later than that, by what was awaited of them
         count = self._owed.number - number + (self._reasons is None)  # a step that is later is not among them
         return f"{count} step{'s' if count != 1 else ''} until {until}"
 

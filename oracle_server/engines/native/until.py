@@ -6,7 +6,6 @@ false ends all others. Answers are kept only where one of them is open or lost, 
 
 from __future__ import annotations
 
-from bisect import bisect_left, bisect_right
 from typing import Any
 
 from oracle_server.core.formula.tree import Bound
@@ -22,10 +21,12 @@ from oracle_server.engines.native.waiting import (
     Deadlines,
     Moment,
     Present,
+    Starts,
     all_of,
     any_of,
-    moments,
     place_of,
+    reach,
+    starts_of,
 )
 
 _LEFT, _RIGHT = 0, 1
@@ -40,7 +41,7 @@ class Row:
     __slots__ = ("left", "right", "starts")
 
     def __init__(self) -> None:
-        self.starts: list[Moment] = []
+        self.starts: Starts = []
         self.left: dict[Moment, int] = {}
         self.right: dict[Moment, int] = {}
 
@@ -55,7 +56,7 @@ class Until:
         self._present, self._left, self._right = present, left, right
         self._lower, self._upper = bound.lower, bound.upper
         self.rows: dict[Key, Row] = {}
-        self.deadlines = Deadlines(present, bound.upper)
+        self.deadlines = Deadlines(present, self.rows, bound.upper)
         left.above = right.above = self
         left.slot, right.slot = _LEFT, _RIGHT
         self._asked: Moment | None = None
@@ -109,10 +110,9 @@ class Until:
         if row is None:
             row = Row()
             present.put(self.rows, key, row)
-        present.append(row.starts, present.moment)
+        present.start(row)
         if self._upper is not None:
             self.deadlines.add(key, present.moment)
-        present.count(1)
         return row
 
     def _take(self, key: Key, row: Row, left: int, right: int) -> None:
@@ -168,7 +168,6 @@ class Until:
         if row is not None and place is not None:
             self._present.cut(row.starts, place, place + 1)
             self._present.count(-1)
-            self.deadlines.stale = True
             self._tidy(key, row)
 
     def quiet(self, key: Key) -> int | None:  # noqa: ARG002 -- each step is waited about
@@ -184,29 +183,25 @@ class Until:
 
     def snapshot(self) -> Any:
         """All rows as plain data."""
-        rows = [(key, row.starts, list(row.left.items()), list(row.right.items())) for key, row in self.rows.items()]
-        return [rows, list(self.deadlines.queue), self._left.snapshot(), self._right.snapshot()]
+        rows = [
+            (key, list(row.starts), list(row.left.items()), list(row.right.items())) for key, row in self.rows.items()
+        ]
+        return [rows, self.deadlines.snapshot(), self._left.snapshot(), self._right.snapshot()]
 
     def restore(self, data: Any) -> None:
         """Take over a snapshot."""
         rows, queue, left, right = data
         for key, starts, lefts, rights in rows:
             row = self.rows[read_key(key)] = Row()
-            row.starts = moments(starts)
+            row.starts = starts_of(starts)
             row.left = {(t, n): value for (t, n), value in lefts}
             row.right = {(t, n): value for (t, n), value in rights}
-        self.deadlines.queue.extend((read_key(key), (t, n)) for key, (t, n) in queue)
+        self.deadlines.restore(queue)
         self._left.restore(left)
         self._right.restore(right)
 
     def _reach(self, row: Row, about: Moment) -> tuple[int, int]:
-        """The starts within whose bound a step is: from which place up to which."""
-        starts, time = row.starts, about[0]
-        low = 0
-        if self._upper is not None and starts and starts[0][0] < time - self._upper:
-            low = bisect_left(starts, (time - self._upper,))
-        high = bisect_left(starts, (time - self._lower + 1,)) if self._lower else bisect_right(starts, about)
-        return low, max(low, high)
+        return reach(row.starts, about, self._lower, self._upper)
 
     def _close(self, key: Key, row: Row) -> None:
         """End those that are over, where no answer is open or lost."""
@@ -220,7 +215,6 @@ class Until:
         if low >= high:
             return
         self._present.count(low - high)
-        self.deadlines.stale = True
         for start in self._present.cut(row.starts, low, high):
             self._tell(key, start, value)
 
@@ -270,3 +264,5 @@ class Until:
                         operand.cancel(key, step)
         if least is None and self.rows.get(key) is row:
             self._present.pop(self.rows, key)
+            if not self.rows:
+                self.deadlines.clear()

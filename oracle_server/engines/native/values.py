@@ -5,8 +5,8 @@ from __future__ import annotations
 from oracle_server.core.atoms import meets, precedes
 from oracle_server.core.explanation import Failing
 from oracle_server.core.formula import tree
-from oracle_server.core.formula.tree import Any, Atom, Constraint, Ref, Scalar, Signal
-from oracle_server.core.kinds import RESERVED
+from oracle_server.core.formula.tree import Any, Atom, Constraint, Limit, Ref, Scalar, Signal
+from oracle_server.core.kinds import NAMING
 from oracle_server.core.naming import value_text
 from oracle_server.core.past import Seen
 from oracle_server.engines.native.parts import Part
@@ -29,7 +29,7 @@ def failing(part: Part, atom: Atom, seen: Seen) -> tuple[Failing, ...]:
     failed = [each for c in atom.constraints if (each := _failing(part, c, seen)) is not None]
     missing = {each.signal for each in failed if each.value is None}
     found = [each for each in failed if each.than not in missing]
-    return tuple([each for each in found if each.signal in RESERVED] or found)
+    return tuple([each for each in found if each.signal in NAMING] or found)
 
 
 def telling(part: Part, atom: Atom, seen: Seen) -> str:
@@ -46,7 +46,7 @@ def _failing(part: Part, constraint: Constraint, seen: Seen) -> Failing | None:
         return Failing(key, constraint.op, wanted, None, "failed" if key in seen.failed else "absent")
     if isinstance(constraint.value, Ref):
         met = wanted is not None and meets(Constraint(key, "==", wanted), value)
-    elif isinstance(constraint.value, Signal):
+    elif isinstance(constraint.value, Signal | Limit):
         met = precedes(value, constraint.op, wanted)
     else:
         met = meets(constraint, value)
@@ -59,7 +59,7 @@ def _wanted(part: Part, constraint: Constraint, seen: Seen) -> Scalar | None:
     match constraint.value:
         case Any():
             return None
-        case Ref(name):
+        case Ref(name) | Limit(name):
             return scalar(part.values.get(part.scope[name]))
         case Signal(name):
             return seen.signals.get(name)

@@ -6,14 +6,15 @@ step; it answers at once, or `OPEN`, and then tells its answer later. All change
 
 from __future__ import annotations
 
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Collection, Iterable, Mapping, MutableMapping, MutableSequence, Sequence
 from functools import partial
+from operator import itemgetter
 from typing import Any, NoReturn, Protocol, TypeVar
 
 from oracle_server.core.errors import EngineError
-from oracle_server.engines.native.keys import Key
+from oracle_server.engines.native.keys import Key, read_key
 from oracle_server.engines.native.timeline import Timeline
 
 FALSE, TRUE, LOST, OPEN = range(4)
@@ -24,6 +25,14 @@ MAX_OPEN = 100_000
 
 Moment = tuple[int, int]
 """A step: its time, as the timeline has it, and its number."""
+Starts = list[Moment] | deque[Moment]
+"""Steps, oldest first: a list, which is small, or a queue, which loses its first ones at no cost."""
+MANY = 256
+"""Starts from which on they are a queue."""
+SPARE = 64
+"""Deadlines of what was met meanwhile that are kept at least."""
+Deadline = tuple[int, Key, Moment]
+"""The last time at which a start is not over, its key, and the start."""
 _K = TypeVar("_K")
 _V = TypeVar("_V")
 
@@ -76,13 +85,32 @@ class Present:
         if self.timeline.journal is not None:
             self.timeline.journal.append(partial(items.__delitem__, place))
 
-    def cut(self, items: list[Moment], low: int, high: int) -> list[Moment]:
-        """Take a part out of a list."""
-        taken = items[low:high]
-        del items[low:high]
+    def cut(self, items: Starts, low: int, high: int) -> list[Moment]:
+        """Take a part out of ascending steps."""
+        if isinstance(items, list):
+            taken = items[low:high]
+            del items[low:high]
+        else:
+            items.rotate(-low)
+            taken = [items.popleft() for _ in range(high - low)]
+            items.rotate(low)
         if self.timeline.journal is not None:
-            self.timeline.journal.append(partial(items.__setitem__, slice(low, low), taken))
+            self.timeline.journal.append(partial(_join, items, low, taken))
         return taken
+
+    def start(self, row: Waits) -> None:
+        """Wait about the present step too. Raises `EngineError` where there are too many."""
+        starts, journal = row.starts, self.timeline.journal
+        if len(starts) == MANY and isinstance(starts, list):
+            if journal is not None:
+                journal.append(partial(setattr, row, "starts", starts))
+            starts = row.starts = deque(starts)
+        starts.append(self.moment)
+        if journal is not None:
+            journal.append(starts.pop)
+        self.opened += 1
+        if self.opened > MAX_OPEN:
+            self.refuse()
 
     def put(self, items: MutableMapping[_K, _V], key: _K, value: _V) -> None:
         """Set a value in a dictionary."""
@@ -165,73 +193,121 @@ class Awaited(Protocol):
 class Deadlines:
     """When the starts of a node are over, the earliest first; those that were met meanwhile are skipped."""
 
-    __slots__ = ("_present", "queue", "reach", "stale")
+    __slots__ = ("_present", "_rows", "queue", "reach")
 
-    def __init__(self, present: Present, upper: int | None) -> None:
-        self._present = present
+    def __init__(self, present: Present, rows: Mapping[Key, Waits], upper: int | None) -> None:
+        self._present, self._rows = present, rows
         self.reach = 0 if upper is None else upper + present.slack
         """How much later than a start the last time is at which it is not over, where there is one."""
-        self.queue: deque[tuple[Key, Moment]] = deque()
-        self.stale = False
-        """Whether a start was met since the queue was looked through."""
+        self.queue: deque[Deadline] = deque()
 
     def add(self, key: Key, start: Moment) -> None:
         """A start, which is over some time."""
-        self.queue.append((key, start))
-        if self._present.timeline.journal is not None:
-            self._present.timeline.journal.append(self.queue.pop)
+        present, queue = self._present, self.queue
+        if len(queue) > 2 * present.opened + SPARE:
+            self._put(deque(each for each in queue if self._waits(each)))
+            queue = self.queue
+        queue.append((start[0] + self.reach, key, start))
+        if present.timeline.journal is not None:
+            present.timeline.journal.append(queue.pop)
 
     @property
     def first(self) -> int | None:
         """The last time at which the earliest one is not over."""
-        return self.queue[0][1][0] + self.reach if self.queue else None
+        self._drop()
+        return self.queue[0][0] if self.queue else None
 
     def later(self, after: int) -> int | None:
         """The first time later than this one at which some are over that were not before."""
-        place = bisect_left(self.queue, after - self.reach, key=_time)
-        return self.queue[place][1][0] + self.reach + 1 if place < len(self.queue) else None
+        self._drop()
+        place = bisect_left(self.queue, after, key=_over)
+        return self.queue[place][0] + 1 if place < len(self.queue) else None
 
     def take(self) -> Collection[Key]:
         """The keys at which some are over; there are deadlines."""
-        queue, now, reach = self.queue, self._present.now, self.reach
-        found: dict[Key, None] = {}
-        while queue and queue[0][1][0] + reach < now:
-            found[self._pop()[0]] = None
+        queue, now, found = self.queue, self._present.now, dict[Key, None]()
+        while queue and queue[0][0] < now:
+            found[self._pop()[1]] = None
         return list(found)
 
-    def drop(self, rows: Mapping[Key, Waits]) -> None:
-        """Skip those of which no row waits any more."""
-        self.stale = False
-        queue = self.queue
-        while queue:
-            key, start = queue[0]
-            row = rows.get(key)
-            if row is not None and (row.starts[0] == start or place_of(row.starts, start) is not None):
-                return
-            queue.popleft()
-            if self._present.timeline.journal is not None:
-                self._present.timeline.journal.append(partial(queue.appendleft, (key, start)))
+    def clear(self) -> None:
+        """Skip all: no row waits any more."""
+        if self._present.timeline.journal is None:
+            self.queue.clear()
+        elif self.queue:
+            self._put(deque())
 
-    def _pop(self) -> tuple[Key, Moment]:
+    def snapshot(self) -> Any:
+        """Those that are not over, as plain data."""
+        return [(key, start) for _, key, start in self.queue]
+
+    def restore(self, data: Any) -> None:
+        """Take over a snapshot."""
+        self.queue.extend((time + self.reach, read_key(key), (time, number)) for key, (time, number) in data)
+
+    def _drop(self) -> None:
+        """Skip the first ones, as far as no row waits for them any more."""
+        while self.queue and not self._waits(self.queue[0]):
+            self._pop()
+
+    def _waits(self, deadline: Deadline) -> bool:
+        _, key, start = deadline
+        row = self._rows.get(key)
+        if row is None or not row.starts:
+            return False
+        return row.starts[0] == start or place_of(row.starts, start) is not None
+
+    def _pop(self) -> Deadline:
         entry = self.queue.popleft()
         self._present.note(partial(self.queue.appendleft, entry))
         return entry
+
+    def _put(self, queue: deque[Deadline]) -> None:
+        self._present.note(partial(setattr, self, "queue", self.queue))
+        self.queue = queue
 
 
 class Waits(Protocol):
     """A row: the steps about which something is awaited at a key."""
 
-    starts: list[Moment]
+    starts: Starts
 
 
-def _time(entry: tuple[Key, Moment]) -> int:
-    return entry[1][0]
+_over = itemgetter(0)
 
 
-def place_of(items: list[Moment], item: Moment) -> int | None:
+def _join(items: Starts, place: int, taken: list[Moment]) -> None:
+    """Put back what was cut out."""
+    if isinstance(items, list):
+        items[place:place] = taken
+    else:
+        items.rotate(-place)
+        items.extendleft(reversed(taken))
+        items.rotate(place)
+
+
+def reach(starts: Starts, about: Moment, lower: int, upper: int | None) -> tuple[int, int]:
+    """The starts within whose bound a step is: from which place up to which."""
+    low, time = 0, about[0]
+    if upper is not None and starts and starts[0][0] < time - upper:
+        low = bisect_left(starts, (time - upper,))
+    if lower:
+        high = bisect_left(starts, (time - lower + 1,))
+    else:
+        high = len(starts) if not starts or starts[-1] <= about else bisect_right(starts, about)
+    return low, max(low, high)
+
+
+def place_of(items: Starts, item: Moment) -> int | None:
     """Where an item stands in an ascending list, None where it does not."""
     place = bisect_left(items, item)
     return place if place < len(items) and items[place] == item else None
+
+
+def starts_of(data: Iterable[Sequence[int]]) -> Starts:
+    """Starts out of plain data."""
+    found = moments(data)
+    return found if len(found) <= MANY else deque(found)
 
 
 def moments(data: Iterable[Sequence[int]]) -> list[Moment]:

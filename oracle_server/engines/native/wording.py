@@ -9,7 +9,7 @@ from dataclasses import replace
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.render import render, render_value
-from oracle_server.core.formula.tree import Atom, Bound, Call, Constraint, Formula, Ref, Scalar
+from oracle_server.core.formula.tree import Atom, Bound, Call, Constraint, Formula, Limit, Ref, Scalar
 from oracle_server.core.naming import step_name
 from oracle_server.engines.native.keys import Text
 from oracle_server.engines.native.parts import Part, Values
@@ -186,10 +186,10 @@ def _called(call: Call | None, values: Mapping[str, Scalar | None]) -> Call | No
 
 
 def _given(constraint: Constraint, values: Mapping[str, Scalar | None]) -> Constraint:
-    if not isinstance(constraint.value, Ref):
+    if not isinstance(constraint.value, Ref | Limit):
         return constraint
     value = values.get(constraint.value.name)
-    return constraint if value is None else Constraint(constraint.key, "==", value)
+    return constraint if value is None else Constraint(constraint.key, constraint.op, value)
 
 
 def duration(nanoseconds: int) -> str:

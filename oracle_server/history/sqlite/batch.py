@@ -5,6 +5,7 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any, NamedTuple
 
 import msgspec
@@ -16,11 +17,25 @@ COLUMNS = {"steps": STEP_COLUMNS, "refused": REFUSED_COLUMNS}
 """The tables into which rows are inserted many to a statement."""
 REFUSED = (
     sqlite3.DataError, sqlite3.IntegrityError, sqlite3.InterfaceError, sqlite3.ProgrammingError,
-    ValueError, OverflowError, TypeError, RecursionError, msgspec.MsgspecError,
+    ValueError, OverflowError, TypeError, LookupError, AttributeError, RecursionError, msgspec.MsgspecError,
 )  # fmt: skip
 """What is raised for a value that can't be kept, now or ever; a disk that is full or fails raises other errors."""
-_CHUNK = 512
-"""The most rows of one statement."""
+_CHUNK = 64
+"""The most rows of one statement: its values are bound while no other thread can run."""
+_LONG = 2**17
+"""Characters of signals and explanations beyond which it has fewer: SQLite copies them."""
+_TEXTS = [STEP_COLUMNS.index("signals"), STEP_COLUMNS.index("explanations")]
+
+
+class Then(NamedTuple):
+    """A statement that is executed after a piece of work, together with it or not at all.
+
+    Its values are made in the writer's thread. It counts as `size` rows.
+    """
+
+    what: str
+    make: Callable[[], Sequence[Any]]
+    size: int
 
 
 @dataclass(slots=True)
@@ -38,8 +53,7 @@ class Work:
     done: Callable[[], object] | None = None
     needed: bool = True
     always: bool = False
-    then: tuple[str, Sequence[Any]] | None = None
-    """A statement with its values that is executed after it, together with it or not at all."""
+    then: Then | None = None
 
 
 class Refused(NamedTuple):
@@ -102,17 +116,29 @@ def _merged(work: Sequence[Work]) -> list[tuple[str | Exception, list[Any]]]:
             merged.append((one.what, []))
         merged[-1][1].extend(one.values if one.what in COLUMNS else [one.values])
         if one.then is not None:
-            merged.append((one.then[0], [one.then[1]]))
+            merged.append((one.then.what, [one.then.make()]))
     return merged
 
 
 def _insert(database: sqlite3.Connection, table: str, rows: list[Row]) -> None:
-    columns = COLUMNS[table]
-    place = f"({','.join('?' * len(columns))})"
     start = 0
     while start < len(rows):
         size = min(_CHUNK, 1 << ((len(rows) - start).bit_length() - 1))  # few sizes, so that statements are cached
-        values = [value for row in rows[start : start + size] for value in row]
-        statement = f"INSERT INTO {table} ({','.join(columns)}) VALUES {','.join([place] * size)}"  # noqa: S608
-        database.execute(statement, values)
+        while size > 1 and table == "steps" and _length(rows[start : start + size]) > _LONG:
+            size //= 2
+        _insert_at_once(database, table, rows[start : start + size])
         start += size
+
+
+def _insert_at_once(database: sqlite3.Connection, table: str, rows: list[Row]) -> None:
+    """Insert with one statement, which names no column without values: binding NULL takes ten times as long as 0."""
+    columns = zip(COLUMNS[table], zip(*rows, strict=True), strict=True)
+    filled = [(name, values) for name, values in columns if any(value is not None for value in values)]
+    place = f"({','.join('?' * len(filled))})"
+    names = ",".join([name for name, _ in filled])
+    statement = f"INSERT INTO {table} ({names}) VALUES {','.join([place] * len(rows))}"  # noqa: S608
+    database.execute(statement, [*chain.from_iterable(zip(*[values for _, values in filled], strict=True))])
+
+
+def _length(rows: list[Row]) -> int:
+    return sum(len(row[place] or "") for row in rows for place in _TEXTS)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from oracle_server.core.events import Order, StreamKey
+from oracle_server.core.revisions import Revision
 from oracle_server.core.verdicts import Outcome
 from oracle_server.history.port import Done
 from oracle_server.history.query import Query
@@ -21,12 +22,12 @@ from oracle_server.history.records import (
     Extent,
     MonitorRecord,
     Refusal,
-    Restated,
     SessionRecord,
     SnapshotRecord,
     StoredStep,
+    restated,
 )
-from oracle_server.history.sqlite.batch import REFUSED, Work
+from oracle_server.history.sqlite.batch import REFUSED, Then, Work
 from oracle_server.history.sqlite.reader import Reader
 from oracle_server.history.sqlite.rows import (
     Row,
@@ -77,6 +78,8 @@ _OF_A_SESSION = (
     ("sessions", "number"),
 )  # fmt: skip
 """The tables that have rows of a session, and their columns with its number; itself at last."""
+_OF_ONE = 64
+"""Steps of which something else stands that count as one row."""
 _SIZE = (
     "SELECT (p.page_count - f.freelist_count) * s.page_size FROM pragma_page_count p, pragma_freelist_count f, "
     "pragma_page_size s"
@@ -160,13 +163,11 @@ class SqliteHistory:
         sql = _insert("INSERT OR REPLACE INTO monitors", MONITOR_COLUMNS)
         self._execute(session, sql, lambda: monitor_row(session, monitor), done)
 
-    def append(
-        self, session: int, steps: Sequence[StoredStep], done: Done, restated: Mapping[int, Restated] | None = None
-    ) -> None:
+    def append(self, session: int, steps: Sequence[StoredStep], done: Done, revisions: Sequence[Revision] = ()) -> None:
         """Keep steps that were judged, and what stands of earlier ones."""
         try:
             rows = [step_row(session, step) for step in steps]
-            then = (RESTATE, (restate_text(session, restated),)) if restated else None
+            then = _restating(session, revisions) if revisions else None
         except REFUSED as error:
             self._writer.add(Work(session, error, ()))
         else:
@@ -373,6 +374,13 @@ class SqliteHistory:
         """Bytes that the history takes."""
         (size,) = await self._reader.row(_SIZE)
         return int(size)
+
+
+def _restating(session: int, revisions: Sequence[Revision]) -> Then:
+    """What keeps what stands since revisions: 10,000 steps take 0.1 s to tell, while which others are served."""
+    standing = [stands for revision in revisions for stands in revision.standing.values()]
+    size = 1 + len(standing) // _OF_ONE + sum(bool(stands.explanations) for stands in standing)
+    return Then(RESTATE, lambda: (restate_text(session, restated(revisions)),), size)
 
 
 def _refusal_of(row: Row) -> Refusal:

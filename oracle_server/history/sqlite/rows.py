@@ -10,6 +10,7 @@ import msgspec
 
 from oracle_server.core.bypass import Bypass
 from oracle_server.core.events import Event, Step, StreamKey
+from oracle_server.core.kinds import GOAL_ID, KINDS, STATUS
 from oracle_server.core.verdicts import Decision, Outcome, json_number
 from oracle_server.history.query import Query
 from oracle_server.history.records import Document, MonitorRecord, SessionRecord, SnapshotRecord, StoredStep
@@ -51,8 +52,9 @@ def step_row(session: int, stored: StoredStep) -> Row:
     plain = stored.standing is None and stored.revision is None  # as nearly all are, and each is written
     return (
         session, stored.position, stored.order, _number(stored), event.stream.name, event.stream.kind, event.monitor,
-        event.seq, stored.gap, step.stamp, event.arrived, stored.judged, step.late, step.skewed, step.forced,
-        event.lost, event.source, event.call, event.ask, stored.decision.choice if stored.decision else None,
+        event.seq, stored.gap, step.stamp, event.arrived, stored.judged, int(step.late), int(step.skewed),
+        int(step.forced), event.lost, event.source, event.call, int(event.ask),
+        stored.decision.choice if stored.decision else None,
         text(stored.decision.denied_by) if stored.decision else "[]", stored.passed, stored.why,
         _encode(step.signals).decode(), "[]" if not step.failed else text(sorted(step.failed)),
         letters(stored.outcomes if plain else _told(stored)), _degraded(stored),
@@ -67,12 +69,14 @@ def step_row(session: int, stored: StoredStep) -> Row:
 def step_of(row: Row) -> StoredStep:
     """A row of the table of steps as what it was made of."""
     r = dict(zip(STEP_COLUMNS, row, strict=True))
+    signals, marks = _decode(r["signals"]), KINDS[r["kind"]].marks  # which stand among the signals
     event = Event(
         StreamKey(r["stream"], r["kind"]), r["monitor"], r["seq"], r["stamp"], r["arrived"], None, r["source"],
-        r["call"], r["lost"], bool(r["ask"]),
+        r["call"], r["lost"], bool(r["ask"]), None, signals[GOAL_ID] if GOAL_ID in marks else None,
+        signals[STATUS] if STATUS in marks else None,
     )  # fmt: skip
     step = Step(
-        event, _decode(r["signals"]), frozenset(_decode(r["failed"])), r["stamp"], bool(r["skewed"]), bool(r["late"]),
+        event, signals, frozenset(_decode(r["failed"])), r["stamp"], bool(r["skewed"]), bool(r["late"]),
         bool(r["forced"]), r["number"] is None, r["released"],
         frozenset(_decode(r["unheard"])) if r["unheard"] else _NONE,
     )  # fmt: skip

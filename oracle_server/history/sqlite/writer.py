@@ -17,12 +17,12 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Literal, TypeVar
 
 import structlog
 
 from oracle_server.core.errors import HistoryError
-from oracle_server.history.sqlite.batch import REFUSED, Refused, Work, write, write_apart
+from oracle_server.history.sqlite.batch import REFUSED, Refused, Then, Work, write, write_apart
 from oracle_server.history.sqlite.migrations import migrate
 from oracle_server.history.sqlite.rows import Row
 from oracle_server.history.sqlite.schema import STEP_COLUMNS, VERSION
@@ -115,15 +115,11 @@ class Writer:
         table: Literal["steps", "refused"],
         rows: Sequence[Row],
         done: Callable[[], object],
-        then: tuple[str, Sequence[Any]] | None = None,
+        then: Then | None = None,
     ) -> None:
-        """Insert rows of a session with the next commit, and call `done` after it.
-
-        `then` is a statement with its values, which is executed after them: all are written, or none.
-        """
+        """Insert rows of a session with the next commit, and call `done` after it."""
         large = sum(len(row[_SIGNALS]) // _OF_ONE for row in rows) if table == "steps" else 0
-        restated = 0 if then is None else 1 + len(str(then[1][0])) // _OF_ONE
-        self.add(Work(session, table, rows, done, then=then), len(rows) + large + restated)
+        self.add(Work(session, table, rows, done, then=then), len(rows) + large + (0 if then is None else then.size))
 
     def add(self, work: Work, size: int = 1) -> None:
         """Do a piece of work with the next commit, after all earlier ones, and call its `done` after it.

@@ -37,6 +37,20 @@ def test_a_service_is_filtered_where_one_of_its_streams_is(response: str, filter
     assert [is_filtered(s) for s in service.streams.values()] == [False, filtered]
 
 
+def test_an_action_has_the_streams_that_the_spec_describes() -> None:
+    streams = [
+        stream("/dock", "reply"),
+        stream("/dock", "result", "filter"),
+        stream("/dock", "topic"),
+    ]
+    action, topic = interfaces_of(streams)
+    assert (action.type, action.first["kind"], action.filtered) == ("action", "result", True)
+    assert (topic.type, set(topic.streams)) == ("topic", {"topic"})
+    (alone,) = interfaces_of([stream("/dock", "reply")])
+    assert (alone.first["kind"], alone.filtered) == ("reply", False)
+    assert not is_filtered(stream("/dock", "status", "filter"))
+
+
 def test_each_kind_answers_one_of_the_same_interface() -> None:
     for kind in KINDS.values():
         if kind.answers is not None:
@@ -60,10 +74,10 @@ class Notes:
 
 
 def test_a_kind_that_is_not_known_is_reported_and_the_others_are_observed() -> None:
-    streams = [stream("/dock", "goal"), stream("/pose", "topic")]
+    streams = [stream("/dock", "latch"), stream("/pose", "topic")]
     assert [interface.name for interface in interfaces_of(streams)] == ["/pose"]
     notes: Any = Notes()
     report_unknown(streams, notes, notes)
     ((name, text),) = notes.shown
-    assert (name, "'goal'" in text) == ("/dock", True)
-    assert notes.reported == [("/dock", "goal", text)]
+    assert (name, "'latch'" in text) == ("/dock", True)
+    assert notes.reported == [("/dock", "latch", text)]

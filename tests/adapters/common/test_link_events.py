@@ -258,6 +258,18 @@ class TestNews:
         told = news.verdicts.get(timeout=PATIENCE)
         assert told == {"n": 2, "worst": "false", "properties": {}}
 
+    def test_an_event_of_an_action_names_its_goal(self, oracle: Oracle, links: List[Link]) -> None:
+        links.append(Link(oracle.url, "uav1", features=["actions"]))
+        links[0].start()
+        peer = oracle.accept()
+        assert peer.attach()["features"] == ["actions"]
+        links[0].send("/dock", "reply", 5, {}, call=3, goal_id="9f2c", status="accepted")
+        links[0].send("/dock", "cancel", 6, {}, call=4, goal_id="")
+        reply, cancel = peer.events(2)
+        assert (reply["call"], reply["goal_id"], reply["status"]) == (3, "9f2c", "accepted")
+        assert cancel["goal_id"] == "", "of all goals"
+        assert "status" not in cancel
+
     def test_what_was_revised_is_told_to_those_who_ask(
         self, oracle: Oracle, links: List[Link]
     ) -> None:

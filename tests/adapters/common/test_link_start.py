@@ -12,6 +12,7 @@ from typing import Any, Coroutine, Iterator, List
 
 import pytest
 from oracle_adapter import Board, Link, LinkError, keeper, passing
+from oracle_adapter.clocks import Clocks
 from oracle_adapter.passing import Passing
 from tests.adapters.common.conftest import Oracle
 from tests.adapters.common.links import PATIENCE, answer_of, ask
@@ -145,7 +146,7 @@ def test_who_waits_for_an_answer_is_released_where_the_links_thread_hangs(
 ) -> None:
     monkeypatch.setattr(passing, "GRACE", 0.05)
     stream = {**STREAM, "decide_within": 1, "on_unavailable": "pass"}
-    waiting = Passing(held, Board("uav1", Screen()), stream)
-    passed, reason = outcome_of(lambda: waiting.ask_and_wait(None, {}, 1, lambda: None))
+    waiting = Passing(held, Board("uav1", Screen()), stream, Clocks(lambda: 1))
+    passed, reason = outcome_of(lambda: waiting.ask_and_wait(None, {}, 1))
     assert not passed
     assert "no answer" in reason

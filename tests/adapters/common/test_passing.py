@@ -6,7 +6,8 @@ import logging
 from typing import Any, Dict, List, Sequence
 
 import pytest
-from oracle_adapter import Board, Link, Stats, Status
+from oracle_adapter import Answer, Board, Link, Stats, Status
+from oracle_adapter.clocks import Clocks
 from oracle_adapter.forwarding import ForwardQueue
 from oracle_adapter.passing import Passing
 from tests.adapters.common.conftest import Oracle, Peer
@@ -52,7 +53,9 @@ class Robot:
         self.board = Board("uav1", self.screen)
         self.failing: List[str] = []
         self.forwarded: List[str] = []
-        self.queue = ForwardQueue(Passing(link, self.board, STREAM), self._forward)
+        self.queue = ForwardQueue(
+            Passing(link, self.board, STREAM, Clocks(lambda: 1)), self._forward
+        )
 
     def take(self, *messages: str) -> None:
         for message in messages:
@@ -125,6 +128,20 @@ def test_a_screen_that_fails_holds_up_nothing(peer: Peer, robot: Robot, decision
     decide(peer, 3, 2)
     decide(peer, 1, decision=decision)
     assert handlings(peer, 3) == {1: decision == "allow", 2: True, 3: True}
+
+
+def test_a_cancel_passes_while_the_oracle_is_away_whatever_the_spec_says(link: Link) -> None:
+    screen = Screen()
+    stream = {**STREAM, "kind": "cancel", "name": "/dock"}
+    passing = Passing(link, Board("uav1", screen), stream, Clocks(lambda: 1))
+    given: List[str] = []
+    away = Answer("unavailable", reason="no connection to the oracle")
+    give: Any = given.append
+    assert passing.settle(away, lambda what: give(what) is None, "stop", 3, "9f2c")[0]
+    assert given == ["stop"]
+    assert "passed a cancel of /dock, goal 9f2c: no connection" in screen.errors[0]
+    denied = Answer("decision", "deny", ("no_stop",))
+    assert passing.settle(denied, lambda _: True, "stop", 4, "9f2c") == (False, "no_stop")
 
 
 class Broken(logging.Handler):

@@ -10,11 +10,12 @@ from functools import cache
 from typing import Any
 
 from oracle_server.core.atoms import canonical
+from oracle_server.core.derived.compared import uncompared
 from oracle_server.core.derived.definition import OPS, Definition, Op
 from oracle_server.core.events import Event, StreamKey
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.parse import Time, parse_formula
-from oracle_server.core.formula.tree import Constraint, Formula, Scalar
+from oracle_server.core.formula.tree import Constraint, Formula, Scalar, Signal
 from oracle_server.core.plan import Plan, plan
 from oracle_server.core.session import Session
 from oracle_server.core.spec import By, Ordering, Property, Spec, StreamSpec, orders
@@ -62,7 +63,7 @@ def case(rng: random.Random, time: Time, *, by: By = "arrival", undo: bool = Fal
     definitions: list[Definition] = []
     for i in range(rng.randint(1, 4)):
         definitions.append(_definition(rng, f"d{i}", definitions))
-    properties = [_property(rng, i, rng.choice(definitions), time) for i in range(rng.randint(1, 4))]
+    properties = [_property(rng, i, definitions, time) for i in range(rng.randint(1, 4))]
     streams: tuple[StreamSpec, ...] = STREAMS
     if undo:
         properties[0] = replace(properties[0], guards=frozenset({"/b"}))
@@ -95,11 +96,28 @@ def _definition(rng: random.Random, name: str, above: Sequence[Definition]) -> D
     return Definition(name, op, "" if formula else rng.choice(names), formula, over, counted, by, forget)
 
 
-def _property(rng: random.Random, index: int, of: Definition, time: Time) -> Property:
+def _property(rng: random.Random, index: int, definitions: Sequence[Definition], time: Time) -> Property:
+    of = rng.choice(definitions)
+    if rng.random() < 0.3:
+        found = _comparison(rng, index, of, definitions, time)
+        if not [*uncompared(Spec("s", STREAMS, (found,), derive=tuple(definitions)))]:
+            return found
     where = rng.choice(("", "", "", "topic: /b, "))
     what = rng.choice((*(f"{of.name} {op} {rng.choice(LIMITS)}" for op in ("<", "<=", ">", ">=", ":", "!=")),
                        f"{of.name}: *"))  # fmt: skip
     text = f"{rng.choice(('', 'not '))}{{{where}{what}}}"
+    return Property(f"p{index}", _formula(text), text, time=time)
+
+
+def _comparison(
+    rng: random.Random, index: int, of: Definition, definitions: Sequence[Definition], time: Time
+) -> Property:
+    """A property that compares a derived signal with another signal; `check` may refuse it."""
+    others = [name for name in ("y", "h", "y", "h", "z", *(d.name for d in definitions)) if name != of.name]
+    sides = [of.name, rng.choice(others)]
+    rng.shuffle(sides)
+    where = rng.choice(("", "", "", "topic: /b, "))
+    text = f"{rng.choice(('', 'not '))}{{{where}{sides[0]} {rng.choice(('<', '<=', '>', '>='))} {sides[1]}}}"
     return Property(f"p{index}", _formula(text), text, time=time)
 
 
@@ -148,11 +166,26 @@ def rows_of(found: Sequence[Judged]) -> list[Row]:
     return [(j.step.event.stream.name, j.step.stamp, tuple(v.outcome.current.value for v in j.verdicts)) for j in found]
 
 
+def interleaved(found: Case, rng: random.Random) -> list[int]:
+    """The places of the events in another order, in which each stream has its own one."""
+    streams = [stream for _, stream, _ in found.events]
+    queues = {name: [i for i, stream in enumerate(streams) if stream == name] for name in streams}
+    rng.shuffle(streams)
+    return [queues[name].pop(0) for name in streams]
+
+
+def distinct(found: Case) -> Case:
+    """The case with stamps that are all different: equal ones are judged as they arrive."""
+    events = tuple((time + i, *rest) for i, (time, *rest) in enumerate(found.events))
+    return replace(found, events=events)  # type: ignore[arg-type]
+
+
 @dataclass
 class Expected:
-    """Judges a case by the reference."""
+    """Judges a case by the reference: all of it, or without `judge` what it is told to take."""
 
     case: Case
+    judge: bool = True
     steps: list[Step] = field(default_factory=list)
     rows: list[Row] = field(default_factory=list)
     held: dict[str, Value] = field(default_factory=dict)
@@ -162,14 +195,23 @@ class Expected:
         self.outcomes = ["unknown"] * len(self.case.spec.properties)
         times = [time for time, _, _ in self.case.events]
         self.begun, self.ticked = self.case.begun, 0
-        for i, (time, name, data) in enumerate(self.case.events):
+        for i, (time, _, _) in enumerate(self.case.events if self.judge else ()):
             self._ticks(time)
-            self.begun = min(self.begun, time)
-            self._step(i, time, name, data)
-        self._ticks(self.case.end)
-        assert times == sorted(times)
+            self._step(i)
+        if self.judge:
+            self._ticks(self.case.end)
+            assert times == sorted(times)
 
-    def _step(self, index: int, time: int, name: str, data: Mapping[str, Any]) -> None:
+    def take(self, index: int) -> Step:
+        """Take an event as the next step."""
+        step, self.held = self._made(index)
+        self.steps.append(step)
+        return step
+
+    def _made(self, index: int) -> tuple[Step, dict[str, Value]]:
+        """The step that an event would be next, and what is held behind it."""
+        time, name, data = self.case.events[index]
+        self.begun = min(self.begun, time)
         own = {k: v for k, v in data.items() if not isinstance(v, dict)}
         failed = {k for k, v in data.items() if isinstance(v, dict)}
         held = dict(self.held)
@@ -181,6 +223,11 @@ class Expected:
         step = Step(time, len(self.steps) + 1, name, own, failed, {**seen, "topic": name, **own},
                     failed | (lost - own.keys()))  # fmt: skip
         self.reference.take(self.steps, step, self.begun)
+        return step, held
+
+    def _step(self, index: int) -> None:
+        step, held = self._made(index)
+        time, name, _ = self.case.events[index]
         outcomes = [self._outcome(p, step) for p in self.case.spec.properties]
         self.rows.append((name, time, tuple(outcomes)))
         guards = [o for p, o in zip(self.case.spec.properties, outcomes, strict=True) if name in p.guards]
@@ -198,17 +245,18 @@ class Expected:
         timed = [i for i, p in enumerate(self.case.spec.properties) if p.time == "seconds"]
         present = self.steps[-1].time if self.steps else self.begun
         asked = {i: self._asked(self.case.spec.properties[i]) for i in timed}
-        found = changes(self.case.spec.derive, self.steps, [c for cs in asked.values() for c in cs], self.begun)
+        found = self._changes([c for cs in asked.values() for c in cs])
         turned: set[int] = set()
         by_key: dict[tuple[str, str], set[int]] = {}
         bys = {d.name: d.by for d in self.case.spec.derive}
         timely = {d.name for d in self.case.spec.derive if d.op == "age" or (d.over and not d.counted)}
         for time in sorted({t for t in found if present < t < until}) if timed else ():
-            plain = {i for i in timed for c in asked[i] if c.key in timely and not bys[c.key] and self._turns(c, time)}
+            own = [(i, c) for i in timed for c in asked[i] if any(not bys[n] for n in _sides(c) & timely)]
+            plain = {i for i, c in own if self._turns(c, time)}
             keyed = []
             for (text, by), names in sorted(self.reference.keys(self.steps, _together(self.held)[0], time).items()):
                 carried = {by: json.loads(text)}
-                own = [(i, c) for i in timed for c in asked[i] if c.key in timely & names and bys[c.key] == by]
+                own = [(i, c) for i in timed for c in asked[i] if any(bys[n] == by for n in _sides(c) & timely & names)]
                 due = {i for i, c in own if self._turns(c, time, carried)}
                 if due:
                     by_key.setdefault((by, text), set()).update(due)
@@ -244,13 +292,34 @@ class Expected:
         return before != now
 
     def _answer(self, constraint: Constraint, step: Step) -> str | bool | None:
-        if constraint.key in step.failed:
+        if _sides(constraint) & step.failed:
             return "failed"
-        return None if constraint.key not in step.seen else self.reference.holds(tree.Atom((constraint,)), step)
+        if not _sides(constraint) <= step.seen.keys():
+            return None
+        return self.reference.holds(tree.Atom((constraint,)), step)
+
+    def _changes(self, asked: Sequence[Constraint]) -> set[int]:
+        """Times at which an answer may turn, and many more."""
+        definitions = self.case.spec.derive
+        limits: set[object] = {c.value for c in asked}
+        found = {*changes(definitions, self.steps, limits, self.begun)}
+        ages = {d.name for d in definitions if d.op == "age"}
+        beside = {name for c in asked if isinstance(c.value, Signal) and _sides(c) & ages for name in _sides(c) - ages}
+        if beside:
+            now = self.steps[-1].time if self.steps else self.begun
+            seen = [self._at(time, {}).seen for time in {now, *found}]
+            limits |= {signals[name] for signals in seen for name in beside & signals.keys()}
+            found |= {*changes(definitions, self.steps, limits, self.begun)}
+        return found
 
     def _at(self, time: int, carried: Mapping[str, Scalar]) -> Step:
         seen, failed = _together(self.held)
         return self.reference.tick(self.steps, time, {**seen, **carried}, failed - carried.keys(), self.begun)
+
+
+def _sides(constraint: Constraint) -> set[str]:
+    """The signals that a constraint is of."""
+    return {constraint.key, constraint.value.name} if isinstance(constraint.value, Signal) else {constraint.key}
 
 
 def _together(held: Mapping[str, Value]) -> tuple[dict[str, Scalar], set[str]]:

@@ -8,10 +8,10 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from oracle_server.core.atoms import canonical, meets
+from oracle_server.core.atoms import canonical, meets, precedes
 from oracle_server.core.derived.definition import Definition
 from oracle_server.core.formula import tree
-from oracle_server.core.formula.tree import Atom, Constraint, Formula, Scalar
+from oracle_server.core.formula.tree import Atom, Constraint, Formula, Scalar, Signal
 
 SECOND = 10**9
 
@@ -215,13 +215,13 @@ class Reference:
 
 
 def changes(
-    definitions: Sequence[Definition], steps: Sequence[Step], asked: Sequence[Constraint], begun: int
+    definitions: Sequence[Definition], steps: Sequence[Step], limits: Collection[object], begun: int
 ) -> Iterator[int]:
-    """Times at which a derived signal may change by time alone, and many more."""
+    """Times at which a derived signal may change by time alone, or an age may pass a limit, and many more."""
     times = {begun, *(s.time for s in steps)}
     widths = {d.over for d in definitions if d.over is not None and not d.counted}
     widths |= {d.forget for d in definitions if d.forget is not None and d.op == "age"}
-    widths |= {round(c.value * SECOND) for c in asked if isinstance(c.value, int | float) and abs(c.value) < 100}
+    widths |= {round(v * SECOND) for v in limits if isinstance(v, int | float) and abs(v) < 100}
     for width in widths:
         for time in times:
             yield from (time + width - 1, time + width, time + width + 1)
@@ -281,4 +281,6 @@ def _meets(constraint: Constraint, step: Step) -> bool:
         return constraint.value == step.stream
     if constraint.key in step.failed or constraint.key not in step.seen:
         return False
+    if isinstance(constraint.value, Signal):
+        return precedes(step.seen[constraint.key], constraint.op, step.seen.get(constraint.value.name))
     return meets(constraint, step.seen[constraint.key])

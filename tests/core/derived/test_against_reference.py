@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.plan import plan
 from oracle_server.core.verdicts import Judged
-from tests.core.derived.cases import Case, Expected, Row, case, event_of, judged, opened, rows_of
+from tests.core.derived.cases import Expected, Row, case, distinct, event_of, interleaved, judged, opened, rows_of
 
 CASES = 3_000
 FEWER = 600
@@ -94,20 +94,6 @@ WAYS: dict[str, Check] = {
     "restarted": check_restarted,
     "both": check_both,
 }
-
-
-def interleaved(found: Case, rng: random.Random) -> list[int]:
-    """The places of the events in another order, in which each stream has its own one."""
-    streams = [stream for _, stream, _ in found.events]
-    queues = {name: [i for i, stream in enumerate(streams) if stream == name] for name in streams}
-    rng.shuffle(streams)
-    return [queues[name].pop(0) for name in streams]
-
-
-def distinct(found: Case) -> Case:
-    """The case with stamps that are all different: equal ones are judged as they arrive."""
-    events = tuple((time + i, *rest) for i, (time, *rest) in enumerate(found.events))
-    return replace(found, events=events)  # type: ignore[arg-type]
 
 
 def before_last(rows: list[Row]) -> list[Row]:

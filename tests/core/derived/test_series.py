@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import random
+from types import FunctionType, MethodType
 from typing import Any
 
 import pytest
@@ -132,15 +133,43 @@ def test_the_bounds_are_those_that_are_told() -> None:
     assert (definition.MAX_SAMPLES, definition.MAX_KEYS) == (100_000, 10_000)
 
 
-def test_only_what_is_in_a_window_is_kept() -> None:
-    for text in ("{count: '{topic: /a}', over: 1s}", "{sum: x, over: 1s, by: k}", "{max: x, over: 100}"):
-        one = One(text)
-        sizes = set()
-        for n in range(20_000):
-            one(n * SECOND // 100, {"x": n % 17, "k": f"key{n % 300}"})
-            if n > 5_000 and n % 1_000 == 0:
-                sizes.add(len(one.saved()) // 4_096)
-        assert len(sizes) <= 2, text
+def held(thing: object, seen: set[int]) -> int:
+    """How many elements the lists and dictionaries have that something keeps, at any depth."""
+    if id(thing) in seen or isinstance(thing, str | int | float | type | FunctionType | MethodType):
+        return 0
+    seen.add(id(thing))
+    if isinstance(thing, dict):
+        return len(thing) + sum(held(value, seen) for value in thing.values())
+    if isinstance(thing, list | tuple | set):
+        return len(thing) + sum(held(value, seen) for value in thing)
+    slots = [name for kind in type(thing).__mro__ for name in getattr(kind, "__slots__", ())]
+    return sum(held(getattr(thing, name, None), seen) for name in (*slots, *getattr(thing, "__dict__", ())))
+
+
+@pytest.mark.parametrize("by", ["", ", by: k"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "{count: '{topic: /a}', over: 1sBY}",
+        "{rate: '{topic: /a, x > 5}', over: 1sBY}",
+        "{sum: x, over: 1sBY}",
+        "{mean: x, over: 100BY, forget: 2s}",
+        "{min: x, over: 1sBY}",
+        "{max: x, over: 100BY, forget: 2s}",
+        "{last: xBY, forget: 2s}",
+        "{age: '{topic: /a}'BY, forget: 2s}",
+    ],
+)
+def test_no_more_is_kept_than_windows_hold(text: str, by: str) -> None:
+    """Each window has 100 samples, or each key one; what waits to be cleared away is bounded by that."""
+    one = One(text.replace("BY", by).replace("" if by else ", forget: 2s", ""))
+    sizes = []
+    for n in range(8_000):
+        one(n * SECOND // 100, {"x": n % 17, "k": f"key{n % 500 if n % 3 else n}"})
+        if n % 250 == 249:
+            sizes.append(held(one.derived._series[0], set()))
+    half = len(sizes) // 2
+    assert max(sizes[half:]) <= 1.2 * max(sizes[:half]), "what grows with each step would have doubled"
 
 
 def test_one_and_true_are_different_keys_and_seven_is_seven() -> None:

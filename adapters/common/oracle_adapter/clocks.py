@@ -1,0 +1,65 @@
+"""How far the streams of a monitor have come: what is sent as their clocks."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Callable, Iterable, List, Optional, Sequence
+
+if TYPE_CHECKING:
+    from typing import Protocol
+
+    from oracle_adapter.marks import ClockStamp
+
+    class ClockedStream(Protocol):
+        """One stream that an adapter observes."""
+
+        name: str
+        kind: str
+
+        @property
+        def latency(self) -> Optional[int]:
+            """How late its events may be (ns); None: stamped here, under the link's lock."""
+
+
+class Clocks:
+    """Reads the clocks of all streams of a monitor; to be called under the link's lock."""
+
+    def __init__(self, now: Callable[[], Optional[int]]) -> None:
+        """`now` is the present time (ns); nothing, or 0, while there is none."""
+        self._now = now
+        self._streams: Sequence[ClockedStream] = ()
+
+    def follow(self, streams: Iterable[ClockedStream]) -> None:
+        """Speak for these streams, too."""
+        self._streams = (*self._streams, *streams)
+
+    def readings(self, received_by: Optional[int]) -> List[ClockStamp]:
+        """The clock of each stream: the present where it is stamped here, else less its latency.
+
+        What others have published is here as of `received_by` (ns); None where that is not known:
+        then nothing is said of their streams.
+        """
+        found = self._stamped_here()
+        if received_by:
+            found += [
+                (stream.name, stream.kind, max(0, received_by - stream.latency))
+                for stream in self._streams
+                if stream.latency is not None
+            ]
+        return found
+
+    def behind(self, name: str, kind: str) -> Callable[[], List[ClockStamp]]:
+        """What to send behind each ask of a stream: the clocks of all streams stamped here.
+
+        Else the decision would wait for the monitor's next clocks. Where no other stream is
+        stamped here there is nothing to send: the ask says as much.
+        """
+
+        def stamps() -> List[ClockStamp]:
+            found = self._stamped_here()
+            return found if any(stamp[:2] != (name, kind) for stamp in found) else []
+
+        return stamps
+
+    def _stamped_here(self) -> List[ClockStamp]:
+        now = self._now()
+        return [(s.name, s.kind, now) for s in self._streams if s.latency is None] if now else []

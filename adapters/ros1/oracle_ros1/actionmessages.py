@@ -1,0 +1,110 @@
+"""The messages of an action: five topics, of which each event takes what is inside the envelope."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Any, Callable, Dict, Mapping, Optional
+
+import rospy
+from actionlib_msgs.msg import GoalID, GoalStatusArray
+from oracle_adapter import Stamp, TimeSource
+from oracle_adapter.fields import grouped, not_there
+from oracle_adapter.interfaces import Stream, is_filtered
+from oracle_adapter.passing import Passing
+
+from oracle_ros1.codec import CodecError, lacking, reader
+from oracle_ros1.definitions import lookup_installed, ros1_name
+from oracle_ros1.observed import Header, header_of
+from oracle_ros1.shared import Shared
+from oracle_ros1.stamps import stamp_reader
+
+LONGEST = 255
+"""The most characters of a goal's id in events."""
+
+
+class ActionTypes:
+    """The classes of an action's messages: those of the five topics, and those inside."""
+
+    def __init__(self, name: str) -> None:
+        """`name` is that of the action's type, as `pkg/action/Type` or `pkg/Type`. Raises `CodecError`."""
+        name = ros1_name(name)
+        self.topics: Dict[str, Any] = {"cancel": GoalID, "status": GoalStatusArray}
+        self.inner: Dict[str, Any] = {"cancel": GoalID}
+        for kind in ("goal", "feedback", "result"):
+            self.topics[kind] = lookup_installed(f"{name}Action{kind.capitalize()}")
+            self.inner[kind] = lookup_installed(f"{name}{kind.capitalize()}")
+
+    def decoded(self, kind: str, message: rospy.AnyMsg) -> Any:
+        """A message of one of the topics. Raises `CodecError` with the node whose it is."""
+        self.check(kind, header_of(message))
+        try:
+            return self.topics[kind]().deserialize(message._buff)  # noqa: SLF001 - rospy's own interface
+        except Exception as error:  # whatever another node sends
+            raise CodecError(f"{_node(header_of(message))} publishes what can't be read: {error}") from error
+
+    def check(self, kind: str, header: Header) -> None:
+        """Raise `CodecError` where a publisher's messages can't be those of a topic."""
+        wanted = self.topics[kind]
+        if header["md5sum"] != wanted._md5sum:  # noqa: SLF001 - genpy's own interface
+            name = wanted._type  # noqa: SLF001
+            what = f"another version of {name} than is installed here"
+            if header["type"] != name:
+                what = f"{header['type']}, and the spec says {name}"
+            raise CodecError(f"nothing of {_node(header)} can be read: it publishes {what}")
+
+
+class ActionStream:
+    """The events of one kind of an action."""
+
+    def __init__(self, shared: Shared, stream: Stream, types: ActionTypes, *, proxied: bool) -> None:
+        self.name, self.kind = str(stream["name"]), str(stream["kind"])
+        self.passing: Optional[Passing] = None
+        self.trouble = ""
+        """What is wrong with it for as long as the adapter runs."""
+        if is_filtered(stream) and self.kind == "reply":
+            self.trouble = "replies are not decided on: on ROS 1 a server's status tells of them, when it is too late"
+        elif is_filtered(stream):
+            self.passing = Passing(shared.link, shared.board, stream, shared.clocks)
+        inner, outer, path = types.inner.get(self.kind), types.topics.get(self.kind), stream["stamp"]
+        self._now = shared.now
+        self.data = _reader(inner, stream)
+        """What is read of a message inside its envelope."""
+        named = stamp_reader(inner, path) if inner and path else None
+        sent = stamp_reader(outer, "header.stamp") if outer and not proxied else None
+        self._stamp: Optional[Callable[[Any, Any], Optional[int]]] = None
+        if named:
+            self._stamp = lambda _message, found: named(found)
+        elif sent:
+            self._stamp = lambda message, _found: sent(message)
+        if path and not named:
+            self.trouble = f"its {self.kind} has no time at `{path}`: ordered by arrival instead"
+        if inner is not None:
+            unread = lacking(inner, stream.get("reads") or (), lookup_installed)
+            self.trouble = self.trouble or not_there(f"the {self.kind} of {stream['type']}", unread)
+        self.time_source: TimeSource = "field" if self._stamp else "arrival"
+        self.latency: Optional[int] = stream["latency"] if self._stamp else None
+
+    def stamp(self, message: Any, found: Any) -> Stamp:
+        """The time of a message, by what is inside it or by itself; or what reads the clock as it is queued."""
+        return (self._stamp(message, found) if self._stamp else None) or self._now
+
+
+def _node(header: Header) -> str:
+    return header.get("callerid", "an unknown node")
+
+
+def _reader(inner: Any, stream: Stream) -> Callable[[Any], Any]:
+    """Of a kind that is no message: a reply is a mapping, a status nothing."""
+    fields = stream["fields"]
+    if inner is not None:
+        return reader(inner, fields, lookup_installed)
+    wanted: Optional[Mapping[str, Any]] = None if fields is None else grouped(fields)
+    return lambda found: {name: value for name, value in found.items() if wanted is None or name in wanted}
+
+
+def text_of(goal_id: str) -> str:
+    """A goal's id as events have it: one that is too long keeps its beginning, and ends with a digest of it."""
+    if len(goal_id) <= LONGEST:
+        return goal_id
+    digest = hashlib.sha256(goal_id.encode()).hexdigest()
+    return goal_id[: LONGEST - len(digest)] + digest

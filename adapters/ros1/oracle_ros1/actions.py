@@ -1,0 +1,84 @@
+"""Actions that are only observed: on ROS 1 their five topics are as any others."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Callable, Dict, Mapping, Optional
+
+import rospy
+from oracle_adapter.interfaces import Interface
+
+from oracle_ros1.actionevents import ActionEvents, Event
+from oracle_ros1.actionstatus import Statuses
+from oracle_ros1.shared import Shared
+
+Take = Callable[[rospy.AnyMsg], None]
+
+
+def subscribed(take: Mapping[str, Take], name: Callable[[str], str]) -> Dict[str, rospy.Subscriber]:
+    """Subscribers of an action's topics by their kinds; `name` is the action's on the side of a kind."""
+    return {
+        kind: rospy.Subscriber(f"{name(kind)}/{kind}", rospy.AnyMsg, call, tcp_nodelay=True)
+        for kind, call in take.items()
+    }
+
+
+class LoggedAction:
+    """Reports what passes between an action's clients and its server."""
+
+    bypass = ""
+
+    def __init__(self, shared: Shared, action: Interface) -> None:
+        """Observe at once. Raises `CodecError`."""
+        self._events, self._statuses = ActionEvents(shared, action, proxied=False), Statuses()
+        self.streams = list(self._events.streams.values())
+        take: Dict[str, Take] = {
+            "goal": self._take_goal,
+            "cancel": self._take_cancel,
+            "feedback": partial(self._take_answer, "feedback"),
+            "result": partial(self._take_answer, "result"),
+            "status": self._take_status,
+        }
+        wanted = {kind: call for kind, call in take.items() if self._events.reads(kind)}
+        if "reply" in self._events.streams:
+            wanted["goal"] = self._take_goal
+        self._subscribers = subscribed(wanted, lambda _: shared.names[action.name])
+
+    def look(self) -> str:
+        """What is wrong."""
+        return "; ".join(self._events.troubles(self._subscribers))
+
+    def stop(self) -> None:
+        """Take no more."""
+        for subscriber in self._subscribers.values():
+            subscriber.unregister()
+
+    def _take_goal(self, message: rospy.AnyMsg) -> None:
+        found = self._events.decoded("goal", message)
+        if found is not None:
+            call, goal_id = next(self._events.numbers), found.goal_id.id
+            self._report("goal", self._events.event("goal", found, found.goal, goal_id, call=call))
+            self._events.expect_reply(goal_id, call)
+
+    def _take_cancel(self, message: rospy.AnyMsg) -> None:
+        found = self._events.decoded("cancel", message)
+        if found is not None:
+            call = next(self._events.numbers)
+            self._report("cancel", self._events.event("cancel", found, found, found.id, call=call))
+
+    def _take_answer(self, kind: str, message: rospy.AnyMsg) -> None:
+        found = self._events.decoded(kind, message)
+        if found is not None:
+            said = found.status
+            self._events.answered(said.goal_id.id, said.status, found.header)
+            code = said.status if kind == "result" else None
+            self._report(kind, self._events.event(kind, found, getattr(found, kind), said.goal_id.id, code=code))
+
+    def _take_status(self, message: rospy.AnyMsg) -> None:
+        array = self._events.decoded("status", message)
+        if array is not None:
+            self._events.changed(array, self._statuses.changes(array))
+
+    def _report(self, kind: str, event: Optional[Event]) -> None:
+        if event is not None:
+            self._events.send(kind, event)

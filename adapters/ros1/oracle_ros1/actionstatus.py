@@ -1,0 +1,121 @@
+"""How an action's goals stand: what its server says of them, and what its clients are to see."""
+
+from __future__ import annotations
+
+import copy
+import math
+from typing import Any, Dict, Iterable, List, Optional, Tuple
+
+from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
+
+SHOWN = 5.0
+"""Seconds for which a status of the proxy's own is shown, as servers show those of goals that are over."""
+LAG = 1.0
+"""Seconds that a result may come behind the status that says so."""
+
+WORDS = {
+    GoalStatus.PENDING: "unknown",  # the server has it, and has not said whether it takes it
+    GoalStatus.ACTIVE: "executing",
+    GoalStatus.PREEMPTED: "canceled",
+    GoalStatus.SUCCEEDED: "succeeded",
+    GoalStatus.ABORTED: "aborted",
+    GoalStatus.REJECTED: "rejected",
+    GoalStatus.PREEMPTING: "canceling",
+    GoalStatus.RECALLING: "canceling",
+    GoalStatus.RECALLED: "canceled",
+    GoalStatus.LOST: "unknown",
+}
+_UNDECIDED = frozenset({GoalStatus.PENDING, GoalStatus.RECALLING, GoalStatus.LOST})
+_REFUSED = frozenset({GoalStatus.REJECTED, GoalStatus.RECALLED})
+_ENDED = frozenset({GoalStatus.PREEMPTED, GoalStatus.SUCCEEDED, GoalStatus.ABORTED, *_REFUSED})
+
+
+def word(code: int) -> str:
+    """What a status is called in events."""
+    return WORDS.get(code, "unknown")
+
+
+def accepted(code: int) -> Optional[bool]:
+    """Whether a goal of this status was accepted; None while that is open."""
+    return None if code in _UNDECIDED else code not in _REFUSED
+
+
+def status(goal: GoalID, code: int, text: str) -> GoalStatus:
+    """A goal's status; the goal stays as it is."""
+    return GoalStatus(copy.deepcopy(goal), code, text)
+
+
+class Statuses:
+    """The statuses of an action's goals. All times are in seconds, of a clock that never goes back."""
+
+    def __init__(self) -> None:
+        self.last: Optional[GoalStatusArray] = None
+        """The server's last array, where it was read."""
+        self._codes: Dict[str, int] = {}  # of the last array
+        self._own: Dict[str, Tuple[GoalStatus, float]] = {}  # given by the proxy, and until when
+        self._open: Dict[str, float] = {}  # goals whose results are asked about: until when no end of them is shown
+        self._shown: Dict[str, GoalStatus] = {}  # of these, what clients saw last
+
+    @property
+    def rewriting(self) -> bool:
+        """Whether clients may have to see another array than the server's."""
+        return bool(self._own or self._open)
+
+    def give(self, own: GoalStatus, now: float) -> None:
+        """Show this status for a goal, for `SHOWN` seconds and as long as the server shows one of it."""
+        self._own[own.goal_id.id] = own, now + SHOWN
+
+    def open(self, goal_id: str) -> None:
+        """Show no end of this goal before its result is there, for `LAG` seconds at most."""
+        self._open.setdefault(goal_id, math.nan)
+
+    def deciding(self, goal_id: str) -> None:
+        """Its result is there: show no end of this goal before that is settled."""
+        self._open[goal_id] = math.inf
+
+    def settled(self, goal_id: str) -> None:
+        """Its result is settled: the server's status is shown again, or the one that was given."""
+        self._open.pop(goal_id, None)
+        self._shown.pop(goal_id, None)
+
+    def changes(self, array: GoalStatusArray) -> List[Tuple[str, int]]:
+        """Take the server's next array; the goals of another status than in the last one.
+
+        Goals that the proxy has refused are none of them: the server knows these from cancels only.
+        """
+        codes = {entry.goal_id.id: entry.status for entry in array.status_list}
+        before, self._codes, self.last = self._codes, codes, array
+        refused = {goal for goal, (own, _) in self._own.items() if own.status in _REFUSED}
+        return [(goal, code) for goal, code in codes.items() if before.get(goal) != code and goal not in refused]
+
+    def view(self, now: float) -> Optional[GoalStatusArray]:
+        """What clients are to see of the last array; itself where that is as the server has it."""
+        array = self.last
+        if array is None:
+            return None
+        there = set(self._codes)
+        self._own = {goal: own for goal, own in self._own.items() if own[1] > now or goal in there}
+        entries = [self._seen(entry, now) for entry in array.status_list]
+        entries += [own for goal, (own, _) in self._own.items() if goal not in there]
+        return array if _same(entries, array.status_list) else GoalStatusArray(array.header, entries)
+
+    def _seen(self, entry: GoalStatus, now: float) -> GoalStatus:
+        goal = entry.goal_id.id
+        if goal in self._own:
+            return self._own[goal][0]
+        if goal not in self._open:
+            return entry
+        if entry.status not in _ENDED:
+            self._shown[goal] = entry
+            return entry
+        if math.isnan(self._open[goal]):
+            self._open[goal] = now + LAG
+        if self._open[goal] <= now:
+            self.settled(goal)
+            return entry
+        return self._shown.get(goal, status(entry.goal_id, GoalStatus.PENDING, ""))
+
+
+def _same(entries: Iterable[Any], others: Iterable[Any]) -> bool:
+    entries, others = list(entries), list(others)
+    return len(entries) == len(others) and all(a is b for a, b in zip(entries, others))

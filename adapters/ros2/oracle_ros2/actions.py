@@ -1,0 +1,277 @@
+"""Actions: the proxy of one's five hidden interfaces, byte for byte and with the goals' own ids."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any, Callable, Mapping, Sequence
+
+from action_msgs.msg import GoalInfo
+from action_msgs.srv import CancelGoal
+
+from oracle_ros2.codec import load_type, write
+from oracle_ros2.feedback import RelayedFeedback
+from oracle_ros2.goals import Goals
+from oracle_ros2.graph import hidden, past_proxy
+from oracle_ros2.relay import UNDERWAY, Relay
+from oracle_ros2.sides import Side
+from oracle_ros2.standing import RelayedStatus
+from oracle_ros2.statuses import ABORTED, UNKNOWN, word
+from oracle_ros2.withdrawals import Withdrawals, cancel_request
+
+if TYPE_CHECKING:
+    from oracle_adapter.interfaces import Interface
+
+    from oracle_ros2.goals import Goal
+    from oracle_ros2.relay import Call
+    from oracle_ros2.shared import Shared
+    from oracle_ros2.standing import StatusStream
+    from oracle_ros2.topics import Observed
+
+
+class ProxiedAction:
+    """Serves `proxy` as an action, and passes on to the action itself what may pass."""
+
+    def __init__(self, shared: Shared, action: Interface) -> None:
+        """Serve at once. Raises `CodecError`."""
+        node, board = shared.node, shared.board
+        self._node, self._board = node, board
+        self.name = action.name
+        first, streams = action.first, action.streams
+        self._type = load_type(first["type"])
+        self._impl = impl = self._type.Impl
+        self._denied: Mapping[str, Any] = first.get("denied_result") or {}
+        write(self._type.Result(), self._denied)
+        served, proxy = shared.names[self.name], shared.names[first["proxy"]]
+        self._served, self._proxy = hidden(served, "send_goal"), hidden(proxy, "send_goal")
+        self._goals = Goals()
+
+        contents = {"goal": self._type.Goal, "reply": impl.SendGoalService.Response, "cancel": GoalInfo,
+                    "result": self._type.Result}  # fmt: skip
+        self._sides = {kind: Side(shared, s, contents[kind]) for kind, s in streams.items() if kind in contents}
+
+        def topics(topic: str) -> tuple[str, str]:
+            return hidden(served, topic), hidden(proxy, topic)
+
+        def relay(kind: Any, service: str, ask: Callable[[Call], None], answer: Callable[[Call, Any], None]) -> Relay:
+            return Relay(node, kind, *topics(service), ask, answer)
+
+        self._feedback = RelayedFeedback(
+            shared, self.name, streams.get("feedback"), impl.FeedbackMessage, topics("feedback"), self._goals
+        )
+        self._status = RelayedStatus(shared, self.name, streams.get("status"), topics("status"), self._goals)
+        self._sending = relay(impl.SendGoalService, "send_goal", self._ask_goal, self._answer_goal)
+        self._cancelling = relay(CancelGoal, "cancel_goal", self._ask_cancel, self._answer_cancel)
+        self._results = relay(impl.GetResultService, "get_result", self._ask_result, self._answer_result)
+        self._withdrawals = Withdrawals(self._cancelling)
+        observed = {**self._sides, "feedback": self._feedback.observed, "status": self._status.observed}
+        self.streams: list[Side | Observed | StatusStream] = [
+            found for kind in streams if (found := observed[kind]) is not None
+        ]
+        self.bypass = ""
+        """What lets goals and news of them past the monitor, as of the last look."""
+        self._trouble = ""
+        self._servers: dict[int, set[str]] = {}  # the servers that were there when a result was asked for, by call
+
+    @property
+    def received(self) -> int:
+        """How many messages have come."""
+        return self._feedback.count + self._status.count
+
+    def catch_up(self) -> None:
+        """Take what has come by now, and go on with what waits; to be called often, where callbacks run."""
+        self._status.subscription.take_all()
+        self._feedback.subscription.take_all()
+        self._status.flush()
+        for call in self._sending.catch_up():
+            if call.forwarded:  # the server may have accepted it all the same
+                self._goals.refuse(_goal_of(call))
+                self._withdrawals.add(_goal_of(call))
+            if self._reject(call):
+                self._board.error(f"{self.name} is not there: goal {_goal_of(call).hex()} is rejected")
+        for call in self._cancelling.catch_up():
+            self._keep(call)
+        self._abort(self._results.catch_up())
+        self._withdrawals.catch_up(self._status.statuses)
+
+    def look(self) -> str:
+        """Look at the other nodes again, and return what is wrong."""
+        found = [*self._feedback.look(), *self._status.look()]
+        self._abort(self._orphaned())
+        past = past_proxy(self._node, self._served, self._proxy), self._feedback.bypass, self._status.bypass
+        self.bypass = "; ".join(text for text in past if text)
+        if self._results.is_there:
+            self._trouble = ""
+        lacking = [side.lacking for side in self._sides.values()]
+        troubles = (past[0], *found, *lacking, *self._withdrawals.troubles(), self._trouble)
+        return "; ".join(trouble for trouble in troubles if trouble)
+
+    def stop(self) -> None:
+        """Serve no more. Goals under way go on, and whoever waits for a result is told that it is unknown here."""
+        goals, results, under_way = self._sending.open, self._results.open, self._status.under_way
+        for call in goals:
+            if call.forwarded and self._cancelling.is_there:  # its client will believe it rejected
+                self._cancelling.send(cancel_request(_goal_of(call)), lambda _: None)
+            self._reject(call)
+        for call in results:
+            self._results.reply(call, self._impl.GetResultService.Response(status=UNKNOWN))
+        for call in self._cancelling.open:
+            self._keep(call)
+        if under_way or results:
+            self._board.error(
+                f"the monitor of {self.name} ends: {under_way} goals go on at the server, "
+                f"and {len(results)} calls that wait for results are told that these are unknown"
+            )
+        if goals or results:
+            time.sleep(UNDERWAY)  # answers that have not arrived yet go with the service
+        for relay in (self._sending, self._cancelling, self._results):
+            relay.destroy()
+        self._feedback.stop()
+        self._status.stop()
+
+    # A goal, and its reply
+
+    def _ask_goal(self, call: Call) -> None:
+        goal = _goal_of(call)
+        self._goals.begin(goal)
+        forward = self._sending.forward
+        self._judge("goal", call.request.goal, lambda: forward(call), lambda: self._reject(call), goal, call.number)
+
+    def _answer_goal(self, call: Call, response: Any) -> None:
+        goal = _goal_of(call)
+
+        def refuse() -> None:
+            if response.accepted:
+                self._goals.refuse(goal)
+                self._withdrawals.add(goal)
+            self._reject(call)
+
+        def give() -> bool:
+            told = self._sending.reply(call, response)
+            if told:
+                self._settle(goal)
+            else:
+                refuse()
+            return told
+
+        status = "accepted" if response.accepted else "rejected"
+        self._judge("reply", response, give, refuse, goal, call.number, status)
+
+    def _reject(self, call: Call) -> bool:
+        told = self._sending.reply(call, self._impl.SendGoalService.Response(accepted=False))
+        self._settle(_goal_of(call))
+        return told
+
+    def _settle(self, goal: Goal) -> None:
+        """The client has its reply: what comes after that may come."""
+        waiting = self._goals.settle(goal)
+        self._feedback.reply_settled(goal)
+        self._status.flush()
+        for call in waiting:
+            call()
+
+    # Cancelling
+
+    def _ask_cancel(self, call: Call) -> None:
+        info = call.request.goal_info
+        goal = bytes(info.goal_id.uuid)
+        self._judge("cancel", info, lambda: self._cancel(call, goal), lambda: self._keep(call), goal, call.number)
+
+    def _cancel(self, call: Call, goal: Goal) -> bool:
+        """Pass a cancel on, not before its goal: what is on its way would go on else."""
+        if any(goal) and self._goals.after_reply(goal, lambda: self._cancelling.forward(call)):
+            return True
+        if not any(goal):
+            for other in self._goals.unsettled:
+                self._goals.after_reply(other, lambda other=other: self._cancel_late(other))
+        return self._cancelling.forward(call)
+
+    def _cancel_late(self, goal: Goal) -> None:
+        """Cancel a goal that came before a cancel of all, and was accepted after it."""
+        if self._cancelling.is_there:
+            self._cancelling.send(cancel_request(goal), lambda _: None)
+
+    def _answer_cancel(self, call: Call, response: Any) -> None:
+        self._cancelling.reply(call, response)
+
+    def _keep(self, call: Call) -> bool:
+        rejected = CancelGoal.Response(return_code=CancelGoal.Response.ERROR_REJECTED)
+        return self._cancelling.reply(call, rejected)
+
+    # A result
+
+    def _ask_result(self, call: Call) -> None:
+        goal = _goal_of(call)
+        if self._goals.is_withheld(goal):
+            self._withhold(call)
+            return
+        if "result" in self._sides and self._sides["result"].asks:
+            self._goals.await_result(goal)
+        self._servers[call.number] = set(self._status.subscription.sources)
+        self._results.forward(call)
+
+    def _answer_result(self, call: Call, response: Any) -> None:
+        goal = _goal_of(call)
+
+        def refuse() -> None:
+            self._goals.withhold(goal)
+            self._withhold(call)
+            self._decide(call)
+
+        def give() -> bool:
+            told = self._results.reply(call, response)
+            self._decide(call)
+            return told
+
+        if self._goals.is_withheld(goal):
+            refuse()
+        else:
+            self._judge("result", response.result, give, refuse, goal, status=word(response.status))
+
+    def _withhold(self, call: Call) -> bool:
+        response = self._impl.GetResultService.Response(status=ABORTED)
+        write(response.result, self._denied)
+        return self._results.reply(call, response)
+
+    def _decide(self, call: Call) -> None:
+        """A result is decided on, or none will come: how its goal stands may be told."""
+        if self._servers.pop(call.number, None) is not None:
+            self._goals.decided(_goal_of(call))
+            self._status.flush()
+            self._status.withheld()
+
+    def _orphaned(self) -> list[Call]:
+        """The calls for results of a server that has ended, though there is another one by now."""
+        there = set(self._status.subscription.sources)
+        found = []
+        for call in self._results.open:
+            servers = self._servers.get(call.number)
+            if servers is None or not there:
+                continue
+            if not servers:
+                self._servers[call.number] = there
+            elif not servers & there:
+                found.append(call)
+        return found
+
+    def _abort(self, calls: Sequence[Call]) -> None:
+        """Answer for a server that has ended."""
+        goals = {_goal_of(call) for call in calls if self._withhold(call)}
+        for call in calls:
+            self._decide(call)
+        if goals:
+            self._trouble = f"its server has ended with {len(goals)} goals under way: their results are ABORTED"
+            self._board.trouble(self.name, self._trouble)
+
+    def _judge(
+        self, kind: str, message: Any, give: Callable[[], bool], refuse: Callable[[], object], goal: Goal,
+        call: int | None = None, status: str | None = None,
+    ) -> None:  # fmt: skip
+        side = self._sides.get(kind)
+        if side is None:
+            give()
+        else:
+            side.judge(message, give, refuse, call, goal.hex() if any(goal) else "", status)
+
+
+def _goal_of(call: Call) -> Goal:
+    return bytes(call.request.goal_id.uuid)

@@ -1,0 +1,102 @@
+"""What is known here of an action's goals: whose reply is not settled, and what was withheld of which."""
+
+from __future__ import annotations
+
+import threading
+from collections import Counter
+from typing import Any, Callable
+
+from oracle_ros2.statuses import ABORTED, FINAL, Statuses
+
+Goal = bytes
+"""A goal's id: 16 bytes."""
+MOST = 1000
+"""Goals of which something was withheld that are remembered; a server forgets them after 10 s, usually."""
+
+
+class Goals:
+    """All of it may be called in any thread; `lock` is held where several things must go together."""
+
+    def __init__(self) -> None:
+        self.lock = threading.RLock()
+        self._unsettled: dict[Goal, list[Callable[[], Any]]] = {}
+        self._awaited: Counter[Goal] = Counter()
+        self._refused: dict[Goal, None] = {}
+        self._withheld: dict[Goal, None] = {}
+
+    def begin(self, goal: Goal) -> None:
+        """A goal has come: nothing of it may be told before the reply."""
+        with self.lock:
+            self._unsettled.setdefault(goal, [])
+
+    def settle(self, goal: Goal) -> list[Callable[[], Any]]:
+        """Its client has the reply; returns what waits for that."""
+        with self.lock:
+            return self._unsettled.pop(goal, [])
+
+    def is_unsettled(self, goal: Goal) -> bool:
+        """Whether its client has no reply yet."""
+        return goal in self._unsettled
+
+    def after_reply(self, goal: Goal, call: Callable[[], Any]) -> bool:
+        """Have something called once its client has the reply; False where there is nothing to wait for."""
+        with self.lock:
+            waiting = self._unsettled.get(goal)
+            if waiting is not None:
+                waiting.append(call)
+            return waiting is not None
+
+    @property
+    def unsettled(self) -> list[Goal]:
+        """The goals whose clients have no reply yet."""
+        with self.lock:
+            return list(self._unsettled)
+
+    def refuse(self, goal: Goal) -> None:
+        """Its client is told that it was rejected, though the server has accepted it: tell nothing of it."""
+        with self.lock:
+            _remember(self._refused, goal)
+
+    def is_refused(self, goal: Goal) -> bool:
+        """Whether the client was told that the goal was rejected, though the server has accepted it."""
+        return goal in self._refused
+
+    def await_result(self, goal: Goal) -> None:
+        """A result is to be decided on: how the goal ends is not told before."""
+        with self.lock:
+            self._awaited[goal] += 1
+
+    def decided(self, goal: Goal) -> None:
+        """It is decided on, or will not be."""
+        with self.lock:
+            self._awaited[goal] -= 1
+            if self._awaited[goal] <= 0:
+                del self._awaited[goal]
+
+    def withhold(self, goal: Goal) -> None:
+        """Its result is withheld for good."""
+        with self.lock:
+            _remember(self._withheld, goal)
+
+    def is_withheld(self, goal: Goal) -> bool:
+        """Whether its result was withheld."""
+        return goal in self._withheld
+
+    def may_show(self, statuses: Statuses) -> bool:
+        """Whether statuses may be told: their goals' replies are settled, and results where there are some."""
+        with self.lock:
+            unsettled = any(goal in statuses for goal in self._unsettled)
+            return not unsettled and not any(statuses.get(goal) in FINAL for goal in self._awaited)
+
+    def shown(self, statuses: Statuses) -> dict[Goal, int | None]:
+        """Those of some statuses that are told otherwise, None for not at all."""
+        with self.lock:
+            hidden: dict[Goal, int | None] = {goal: None for goal in self._refused if goal in statuses}
+            ended = (goal for goal in self._withheld if statuses.get(goal, ABORTED) in FINAL - {ABORTED})
+            return {**dict.fromkeys(ended, ABORTED), **hidden}
+
+
+def _remember(goals: dict[Goal, None], goal: Goal) -> None:
+    goals[goal] = None
+    if len(goals) > MOST:
+        del goals[next(iter(goals))]

@@ -1,0 +1,218 @@
+"""Actions that are only observed: by what their server tells of its calls, and by feedback and status."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING, Any, Callable, Mapping
+
+from action_msgs.msg import GoalInfo, GoalStatusArray
+from action_msgs.srv import CancelGoal
+from oracle_adapter.fields import not_there
+from rclpy.serialization import deserialize_message
+from service_msgs.msg import ServiceEventInfo
+
+from oracle_ros2.codec import lacking, load_type, reader
+from oracle_ros2.endpoints import MatchedSubscription
+from oracle_ros2.graph import hidden
+from oracle_ros2.standing import StatusStream
+from oracle_ros2.statuses import read, word
+from oracle_ros2.topics import Numbers, Observed, source_of, unreadable
+
+if TYPE_CHECKING:
+    from oracle_adapter import TimeSource
+    from oracle_adapter.interfaces import Interface, Stream
+
+    from oracle_ros2.goals import Goal
+    from oracle_ros2.shared import Shared
+
+MOST = 10_000
+"""Calls without an answer that are remembered."""
+SERVICES = {"goal": "send_goal", "reply": "send_goal", "cancel": "cancel_goal", "result": "get_result"}
+_REQUEST, _RESPONSE = ServiceEventInfo.REQUEST_RECEIVED, ServiceEventInfo.RESPONSE_SENT
+
+
+class CallStream:
+    """Goals, replies, cancels or results, as the server tells of them."""
+
+    time_source: TimeSource = "middleware"
+
+    def __init__(self, shared: Shared, stream: Stream, message_type: Any) -> None:
+        self._link = shared.link
+        self.name, self.kind = str(stream["name"]), str(stream["kind"])
+        self.latency: int = stream["latency"]
+        unread = lacking(message_type, stream.get("reads") or ())
+        self.lacking = not_there(f"the {self.kind} of {stream['type']}", unread)
+        """Which fields the spec reads that the type does not have here."""
+        self._read = reader(message_type, stream["fields"])
+
+    def send(self, info: Any, message: Any, goal: Goal, call: int | None = None, status: str | None = None) -> None:
+        """Report one of them."""
+        stamp = info.stamp.sec * 10**9 + info.stamp.nanosec
+        goal_id = goal.hex() if any(goal) else ""
+        self._link.send(
+            self.name, self.kind, stamp or None, self._read(message), call=call, goal_id=goal_id, status=status
+        )
+
+
+class ServiceEvents:
+    """What a server tells of the calls of one of an action's services."""
+
+    def __init__(
+        self, shared: Shared, service: str, service_type: Any,
+        on_request: Callable[[Any, Any, int], Goal], on_response: Callable[[Any, Any, int, Goal], None],
+    ) -> None:  # fmt: skip
+        self._type, self._service = service_type.Event, service
+        self._on_request, self._on_response = on_request, on_response
+        self._numbers, self._calls = Numbers(), itertools.count(1)
+        self._open: dict[tuple[bytes, int], tuple[int, Goal]] = {}
+        self.count = 0
+        """How many messages have come."""
+        self._empty = False  # it tells of calls, and not what was in them
+        self.subscription = MatchedSubscription(shared.node, self._type, f"{service}/_service_event", self._take)
+
+    def look(self, served: bool) -> list[str]:
+        """Look at the other nodes again, and return what is wrong."""
+        troubles = [self.subscription.look()]
+        if served and not self.subscription.sources:
+            troubles.append(f"nobody tells of {self._service}: its server has to turn introspection on")
+        elif self._empty:
+            troubles.append(f"what is in calls of {self._service} is not told: its server has to turn CONTENTS on")
+        return troubles
+
+    def _take(self, message: bytes, info: Mapping[str, Any]) -> None:
+        if self._numbers.missed(source_of(info), info) < 0:
+            return
+        self.count += 1
+        event = deserialize_message(message, self._type)
+        told = event.info
+        if told.event_type not in (_REQUEST, _RESPONSE):
+            return  # a client's side of it
+        asking = told.event_type == _REQUEST
+        content = list(event.request if asking else event.response)
+        self._empty = not content
+        key = bytes(told.client_gid), told.sequence_number
+        if not content:
+            return
+        if asking:
+            call = next(self._calls)
+            self._open[key] = call, self._on_request(told, content[0], call)
+            if len(self._open) > MOST:
+                del self._open[next(iter(self._open))]
+        elif key in self._open:  # else it was asked before this was heard
+            call, goal = self._open.pop(key)
+            self._on_response(told, content[0], call, goal)
+
+
+class IntrospectedAction:
+    """Reports what an action's server tells of itself."""
+
+    bypass = ""
+
+    def __init__(self, shared: Shared, action: Interface) -> None:
+        """Raises `CodecError`."""
+        node, streams, name = shared.node, action.streams, shared.names[action.name]
+        self._node, self._link, self._board, self.name = node, shared.link, shared.board, action.name
+        kind = load_type(action.first["type"])
+        impl = kind.Impl
+        contents = {"goal": kind.Goal, "reply": impl.SendGoalService.Response,
+                    "cancel": GoalInfo, "result": kind.Result}  # fmt: skip
+        self._sides = {kind: CallStream(shared, s, contents[kind]) for kind, s in streams.items() if kind in contents}
+        types = {"send_goal": impl.SendGoalService, "cancel_goal": CancelGoal, "get_result": impl.GetResultService}
+        takes = {"send_goal": (self._goal, self._reply), "cancel_goal": (self._cancel, _nothing),
+                 "get_result": (_asked, self._result)}  # fmt: skip
+        wanted = {SERVICES[kind]: None for kind in self._sides}
+        self._events = [ServiceEvents(shared, hidden(name, s), types[s], *takes[s]) for s in wanted]
+
+        self._feedback = self._status = None
+        self._numbers = Numbers()
+        self._status_topic = hidden(name, "status")
+        self.subscription: Any = None
+        if "feedback" in streams:
+            envelope = impl.FeedbackMessage, "feedback"
+            self._feedback = self.observed = Observed(node, streams["feedback"], envelope=envelope)
+            self.subscription = MatchedSubscription(node, envelope[0], hidden(name, "feedback"), self._take_feedback)
+        self._statuses: MatchedSubscription | None = None
+        if "status" in streams:
+            self._status = StatusStream(shared, streams["status"])
+            self._statuses = MatchedSubscription(node, GoalStatusArray, self._status_topic, self._take_status)
+        observed = {**self._sides, "feedback": self._feedback, "status": self._status}
+        self.streams: list[CallStream | Observed | StatusStream] = [
+            found for kind in streams if (found := observed[kind]) is not None
+        ]
+
+    @property
+    def received(self) -> int:
+        """How many messages have come."""
+        return sum(events.count for events in self._events) + (self._feedback.count if self._feedback else 0)
+
+    @property
+    def _subscriptions(self) -> list[MatchedSubscription]:
+        found = [*(events.subscription for events in self._events), self._statuses, self.subscription]
+        return [subscription for subscription in found if subscription is not None]
+
+    def catch_up(self) -> None:
+        """Take what has come by now."""
+        for subscription in self._subscriptions:
+            subscription.take_all()
+
+    def look(self) -> str:
+        """Look at the other nodes again, and return what is wrong."""
+        served = self._node.count_publishers(self._status_topic) > 0
+        troubles = [trouble for events in self._events for trouble in events.look(served)]
+        troubles += [side.lacking for side in self._sides.values()]
+        if self._feedback is not None:
+            troubles += [self.subscription.look(), self._feedback.misplaced, self._feedback.lacking, *unreadable(self)]
+        if self._statuses is not None and self._status is not None:
+            troubles.append(self._statuses.look())
+            self._status.keep(self._statuses.sources)
+        return "; ".join(trouble for trouble in troubles if trouble)
+
+    def stop(self) -> None:
+        """Take no more."""
+        for subscription in self._subscriptions:
+            subscription.stop()
+
+    def _goal(self, info: Any, request: Any, call: int) -> Goal:
+        goal = bytes(request.goal_id.uuid)
+        if "goal" in self._sides:
+            self._sides["goal"].send(info, request.goal, goal, call)
+        return goal
+
+    def _reply(self, info: Any, response: Any, call: int, goal: Goal) -> None:
+        if "reply" in self._sides:
+            status = "accepted" if response.accepted else "rejected"
+            self._sides["reply"].send(info, response, goal, call, status)
+
+    def _cancel(self, info: Any, request: Any, call: int) -> Goal:
+        goal = bytes(request.goal_info.goal_id.uuid)
+        self._sides["cancel"].send(info, request.goal_info, goal, call)
+        return goal
+
+    def _result(self, info: Any, response: Any, _call: int, goal: Goal) -> None:
+        self._sides["result"].send(info, response.result, goal, status=word(response.status))
+
+    def _take_feedback(self, message: bytes, info: Mapping[str, Any]) -> None:
+        event = self.observed.event(message, info)
+        if event is not None:
+            stamp, data, more = event
+            more["goal_id"] = message[4:20].hex()
+            self._link.send(self.observed.name, self.observed.kind, stamp, data, **more)
+
+    def _take_status(self, array: bytes, info: Mapping[str, Any]) -> None:
+        lost = self._numbers.missed(source_of(info), info)
+        if lost < 0 or self._status is None:
+            return
+        try:
+            statuses = read(array)
+        except Exception as error:  # noqa: BLE001 - whatever another node sends
+            self._board.failed(self.name, f"a status array of {self.name}", error)
+            return
+        self._status.take(statuses, info, lost)
+
+
+def _asked(_info: Any, request: Any, _call: int) -> Goal:
+    return bytes(request.goal_id.uuid)
+
+
+def _nothing(_info: Any, _response: Any, _call: int, _goal: Goal) -> None:
+    """What is answered to a cancel is no event."""

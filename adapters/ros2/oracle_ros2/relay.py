@@ -1,0 +1,127 @@
+"""One service behind its proxy: calls go on to it when it is there, and each is answered once."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+import time
+from collections import deque
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Callable
+
+from rclpy.qos import QoSProfile
+
+from oracle_ros2.loop import Later
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from oracle_ros2.loop import Reply
+
+CALLS = QoSProfile(depth=1000)  # of more that come at once the middleware drops the oldest: the usual 10 are few
+UNDERWAY = 0.2  # seconds that an answer may take to its client
+DISCOVERY = 2.0  # seconds that a service may take to be discovered, or to come back
+
+
+@dataclass(eq=False)
+class Call:
+    """A call of the proxy."""
+
+    number: int
+    request: Any
+    reply: Reply
+    allowed: float = 0.0
+    """When it might go to the service (s); 0 while that is not decided."""
+    forwarded: bool = False
+    """Whether it has gone to the service."""
+
+
+class Relay:
+    """Serves a proxy's name, and calls a service with what its owner lets pass. No call waits for another."""
+
+    def __init__(
+        self, node: Node, service_type: Any, served: str, proxy: str,
+        on_request: Callable[[Call], None], on_response: Callable[[Call, Any], None],
+    ) -> None:  # fmt: skip
+        """Serve at once. `on_request` and `on_response` are called in the thread of the callbacks."""
+        self._node, self._on_request, self._on_response = node, on_request, on_response
+        self._calls = itertools.count(1)
+        self._lock = threading.Lock()  # guards what follows: decisions come in the link's thread
+        self._open: dict[int, Call] = {}  # without an answer
+        self._early: deque[Call] = deque()  # that wait for the service to be discovered
+        self._away: float | None = None  # since when the service has not been there (s)
+        self._client = node.create_client(service_type, served, qos_profile=CALLS)
+        self._service = node.create_service(service_type, proxy, Later(self._serve), qos_profile=CALLS)
+
+    @property
+    def is_there(self) -> bool:
+        """Whether the service is there."""
+        return bool(self._client.service_is_ready())
+
+    @property
+    def open(self) -> list[Call]:
+        """The calls without an answer."""
+        with self._lock:
+            return list(self._open.values())
+
+    def forward(self, call: Call) -> bool:
+        """Call the service once it is there; False where the call has its answer already."""
+        with self._lock:
+            if call.number not in self._open:
+                return False
+            call.allowed = time.monotonic()
+            ready = self._client.service_is_ready()
+            if not ready:
+                self._early.append(call)
+        if ready:
+            self._forward(call)
+        return True
+
+    def reply(self, call: Call, response: Any) -> bool:
+        """Answer a call, unless it was answered."""
+        with self._lock:
+            found = self._open.pop(call.number, None)
+            if found is not None:
+                call.reply(response)
+        return found is not None
+
+    def send(self, request: Any, then: Callable[[Any], None]) -> None:
+        """Call the service by oneself; `then` gets the response, in the thread of the callbacks."""
+        self._client.call_async(request).add_done_callback(lambda done: then(done.result()))
+
+    def catch_up(self) -> list[Call]:
+        """Go on with calls that wait for the service, and return those that have waited for too long.
+
+        To be called often, where callbacks run.
+        """
+        if not self._open:
+            self._away = None
+            return []
+        now = time.monotonic()
+        if self._client.service_is_ready():
+            self._away = None
+            while self._early:
+                self._forward(self._early.popleft())
+            return []
+        self._away = since = self._away or now
+        # those that came while it was away have their time too
+        return [call for call in self.open if call.allowed and now - max(call.allowed, since) > DISCOVERY]
+
+    def destroy(self) -> None:
+        """Serve no more."""
+        self._node.destroy_service(self._service)
+        self._node.destroy_client(self._client)
+
+    def _serve(self, request: Any, reply: Reply) -> None:
+        call = Call(next(self._calls), request, reply)
+        with self._lock:
+            self._open[call.number] = call
+        self._on_request(call)
+
+    def _forward(self, call: Call) -> None:
+        with self._lock:
+            if call.number not in self._open:
+                return
+            call.forwarded = True
+            answered = self._client.call_async(call.request)
+        answered.add_done_callback(lambda done: self._on_response(call, done.result()))

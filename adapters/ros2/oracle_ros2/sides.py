@@ -1,0 +1,66 @@
+"""Streams whose events are stamped here: requests and responses of services, and the like of actions."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Callable
+
+from oracle_adapter.fields import not_there
+from oracle_adapter.interfaces import is_filtered
+from oracle_adapter.passing import Passing
+
+from oracle_ros2.codec import lacking, reader
+from oracle_ros2.stamps import stamp_reader, time_of
+
+if TYPE_CHECKING:
+    from oracle_adapter import Answer, TimeSource
+    from oracle_adapter.interfaces import Stream
+
+    from oracle_ros2.shared import Shared
+
+
+class Side:
+    """One such stream: it reports its events, and asks about them where they are filtered."""
+
+    def __init__(self, shared: Shared, stream: Stream, message_type: Any) -> None:
+        self._link, self._time = shared.link, time_of(shared.node)
+        self.name, self.kind = str(stream["name"]), str(stream["kind"])
+        self._passing: Passing | None = None
+        if is_filtered(stream):
+            self._passing = Passing(shared.link, shared.board, stream, shared.clocks)
+        self.lacking = not_there(
+            f"the {self.kind} of {stream['type']}", lacking(message_type, stream.get("reads") or ())
+        )
+        """Which fields the spec reads that the type does not have here."""
+        self._read = reader(message_type, stream["fields"])
+        self.latency: int | None = stream["latency"] if stream["stamp"] else None
+        self.time_source: TimeSource = "field" if stream["stamp"] else "arrival"
+        self._stamp = (stream["stamp"] and stamp_reader(message_type, stream["stamp"])) or (lambda _: None)
+
+    @property
+    def asks(self) -> bool:
+        """Whether its events pass only where the oracle allows them."""
+        return self._passing is not None
+
+    def judge(
+        self, message: Any, give: Callable[[], bool], refuse: Callable[[], object], call: int | None = None,
+        goal_id: str | None = None, status: str | None = None,
+    ) -> None:  # fmt: skip
+        """Report an event, and call `give` where it passes, else `refuse`; after a decision in the link's thread.
+
+        `give` returns whether it was passed on.
+        """
+        # stamped under the link's lock, so that no clock can exclude it before it is queued
+        stamp = self._stamp(message) or self._time
+        data = self._read(message)
+        passing = self._passing
+        if passing is None:
+            self._link.send(self.name, self.kind, stamp, data, call=call, goal_id=goal_id, status=status)
+            give()
+            return
+
+        def settle(answer: Answer) -> None:
+            passed, _reason = passing.settle(answer, lambda _: give(), None, call, goal_id or "")
+            if not passed:
+                refuse()
+
+        passing.ask(stamp, data, settle, call=call, goal_id=goal_id, status=status)

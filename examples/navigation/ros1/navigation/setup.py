@@ -1,0 +1,6 @@
+"""How catkin installs the nodes."""
+
+from catkin_pkg.python_setup import generate_distutils_setup
+from setuptools import setup
+
+setup(**generate_distutils_setup(packages=["navigation"], package_dir={"": "src"}))

@@ -1,0 +1,80 @@
+"""Histories that older versions wrote: they tell what they told, and are gone on with."""
+
+from __future__ import annotations
+
+import asyncio
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+from typing import get_args
+
+import msgspec
+import pytest
+
+from oracle_server.core.verdicts import Outcome
+from oracle_server.history.pages import find
+from oracle_server.history.query import Query
+from oracle_server.history.records import stored_revision
+from oracle_server.history.sqlite.history import SqliteHistory
+from oracle_server.history.sqlite.schema import STEP_COLUMNS, VERSION
+from oracle_server.history.views import View, records
+from tests.history.making import PROPERTIES, add, opened, revision, step
+from tests.history.test_port import collected
+from tests.history.test_standing import change, stands, told
+
+HELD, FALSE = Outcome.CURRENTLY_TRUE, Outcome.CURRENTLY_FALSE
+NEWER = {6: "released", 7: "pending"}
+"""By their formats: the first column of steps that they had not; nor had they those behind it."""
+
+
+async def written(folder: Path, version: int) -> SqliteHistory:
+    """A history of three steps as a version of an older format wrote it, taken over by this one."""
+    older = SqliteHistory(folder)
+    older.start(asyncio.get_running_loop())
+    older.open_session(opened())
+    await add(older, *STEPS)
+    await asyncio.to_thread(older.close)
+    with closing(sqlite3.connect(older.path)) as database:
+        for column in STEP_COLUMNS[STEP_COLUMNS.index(NEWER[version]) :]:
+            database.execute(f"ALTER TABLE steps DROP COLUMN {column}")
+        database.execute(f"PRAGMA user_version = {version}")
+    history = SqliteHistory(folder)
+    history.start(asyncio.get_running_loop())
+    return history
+
+
+STEPS = [step(1), step(2, outcomes=(FALSE, HELD), violated=[0]), step(3, kind="tick")]
+
+
+def test_there_is_a_history_of_each_format_since_steps_are_revised() -> None:
+    assert [*NEWER] == [*range(6, VERSION)]
+
+
+@pytest.mark.parametrize("version", NEWER)
+async def test_it_tells_what_it_told(tmp_path: Path, version: int) -> None:
+    history = await written(tmp_path, version)
+    assert await collected(history.steps(1, 0)) == STEPS
+    for view in get_args(View):
+        assert await told(history, Query(view=view)) == [r for kept in STEPS for r in records(kept, PROPERTIES)]
+    await asyncio.to_thread(history.close)
+
+
+@pytest.mark.parametrize("version", NEWER)
+async def test_its_steps_can_be_revised(tmp_path: Path, version: int) -> None:
+    history = await written(tmp_path, version)
+    late = revision(4, change(7, 3, 3, HELD, retracted=True), None, standing={2: stands(HELD, HELD)})
+    history.append(1, [stored_revision(4, late)], lambda: None, [late])
+    await history.flush()
+    assert await told(history, Query(violations=True)) == []
+    await asyncio.to_thread(history.close)
+
+
+@pytest.mark.parametrize("version", NEWER)
+async def test_its_steps_have_no_open_obligations_and_later_ones_may(tmp_path: Path, version: int) -> None:
+    history = await written(tmp_path, version)
+    later = msgspec.structs.replace(step(4), pending={1: 3})
+    await add(history, later)
+    assert await history.step(1, 4) == later
+    found, _ = await find(history, opened(), Query())
+    assert [r.get("pending") for r in found] == [None] * 7 + [3]
+    await asyncio.to_thread(history.close)

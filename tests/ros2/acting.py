@@ -1,0 +1,128 @@
+"""An action server, an adapter that proxies it, and a judge by whose word it does; and clients of this process."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.adapters.judge import Judge, judge
+from tests.adapters.standin import described
+from tests.processes import Data, Process
+from tests.ros2.harness import Peer, Scene
+
+action = pytest.importorskip("rclpy.action")
+qos = pytest.importorskip("rclpy.qos")
+test_msgs = pytest.importorskip("test_msgs.action")
+action_msgs = pytest.importorskip("action_msgs.msg")
+action_srvs = pytest.importorskip("action_msgs.srv")
+
+KINDS = ("goal", "reply", "feedback", "cancel", "result", "status")
+FIELDS = {"goal": ["order"], "reply": ["accepted"], "feedback": ["sequence"], "result": ["sequence"]}
+SUCCEEDED, CANCELED, ABORTED, UNKNOWN = 4, 5, 6, 0
+DENIED = {"sequence": [9, 9]}
+
+
+def streams(*asked: str, via: str = "proxy", kinds: tuple[str, ...] = KINDS, **more: Any) -> list[Data]:
+    """Those of /fib, of which some are asked about."""
+    return [
+        described(
+            "/fib", kind, "test_msgs/action/Fibonacci", action="filter" if kind in asked else "log", via=via,
+            proxy="/fib_mon" if via == "proxy" else "", denied_result=DENIED, fields=FIELDS.get(kind, []), **more,
+        )
+        for kind in kinds
+    ]  # fmt: skip
+
+
+class Acting:
+    """All of it."""
+
+    def __init__(self, scene: Scene, judge: Judge) -> None:
+        self.scene, self.judge = scene, judge
+        self.adapter = self.monitor()
+
+    def monitor(self, name: str = "uav1") -> Process:
+        """An adapter that has begun to observe."""
+        words = ("--oracle", self.judge.url, "--spec", "s", "--monitor", name)
+        adapter = self.scene.run("adapter", sys.executable, "-m", "oracle_ros2", *words)
+        adapter.said("observing")
+        return adapter
+
+    def server(self, period: float = 0.01, *more: object) -> Process:
+        """The action's server."""
+        server = self.scene.run("fibonacci", sys.executable, "-m", "tests.ros2.fibonacci", period, *more)
+        server.said("ready")
+        return server
+
+    def observed(self, *more: str) -> Client:
+        """A client of the action itself, whose server the adapter has found."""
+        self.scene.run("fibonacci", sys.executable, "-m", "tests.ros2.fibonacci", 0.01, 10, *more)
+        client = self.client("/fib")
+        wanted = {"goal", "reply", "result", "status"} if more else {"status"}
+
+        def heard() -> bool:
+            client.result(client.goal(0))
+            return wanted <= {event["kind"] for event in list(self.judge.seen)}
+
+        client.peer.until(heard, "the server is not observed")
+        return client
+
+    def client(self, name: str = "/fib_mon", depth: int = 1000) -> Client:
+        """A client, on a node of its own."""
+        return Client(self.scene.peer(), name, depth)
+
+
+class Client:
+    """A client of the action, and what it is told."""
+
+    def __init__(self, peer: Peer, name: str, depth: int) -> None:
+        self.peer, self.name = peer, name
+        profile = qos.QoSProfile(depth=depth)
+        self.client = action.ActionClient(peer.node, test_msgs.Fibonacci, name, feedback_sub_qos_profile=profile)
+        peer.until(self.client.server_is_ready, f"nobody serves {name}")
+        self.heard: dict[str, list[int]] = {}
+
+    def send(self, order: int) -> Any:
+        """A goal that is on its way."""
+
+        def hear(message: Any) -> None:
+            self.heard.setdefault(bytes(message.goal_id.uuid).hex(), []).append(message.feedback.sequence[0])
+
+        return self.client.send_goal_async(test_msgs.Fibonacci.Goal(order=order), hear)
+
+    def done(self, future: Any, what: str = "there is no answer") -> Any:
+        """What came of something."""
+        self.peer.until(future.done, what)
+        return future.result()
+
+    def goal(self, order: int) -> Any:
+        """A goal that has its reply."""
+        return self.done(self.send(order), "there is no reply")
+
+    def result(self, goal: Any) -> tuple[int, list[int]]:
+        """How a goal ended, and with what."""
+        found = self.done(goal.get_result_async(), "there is no result")
+        return found.status, list(found.result.sequence)
+
+    def cancel(self, goal_id: bytes = bytes(16)) -> Any:
+        """The answer to a cancel, of all goals unless one is named."""
+        client = self.peer.node.create_client(action_srvs.CancelGoal, f"{self.name}/_action/cancel_goal")
+        self.peer.until(client.service_is_ready)
+        request = action_srvs.CancelGoal.Request()
+        request.goal_info.goal_id.uuid = list(goal_id)
+        return self.done(client.call_async(request))
+
+
+def hex_of(goal: Any) -> str:
+    return bytes(goal.goal_id.uuid).hex()
+
+
+@contextmanager
+def acting(folder: Path, described: list[Data]) -> Iterator[Acting]:
+    """An adapter that observes these streams."""
+    with judge(described) as judging, Scene(folder) as scene:
+        yield Acting(scene, judging)
