@@ -248,6 +248,16 @@ def test_a_cancel_passes_while_the_oracle_is_away(tmp_path: Path) -> None:
         scene.adapter.ends_well()
 
 
+@pytest.mark.parametrize("policy", ["deny", "pass"])
+def test_without_an_oracle_a_goal_is_treated_as_the_spec_says(policy: str, tmp_path: Path) -> None:
+    with acting(tmp_path, streams("goal", decide_within=400_000_000, on_unavailable=policy)) as scene:
+        scene.server()
+        client = scene.client()
+        scene.judge.answers = False
+        assert client.goal(1).accepted == (policy == "pass")
+        scene.adapter.ends_well()
+
+
 def test_without_a_server_a_goal_is_rejected_and_with_one_that_comes_it_is_not(tmp_path: Path) -> None:
     with acting(tmp_path, streams()) as scene:
         client = scene.client()

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from tests.processes import ROS_ONLY, SERVER, environment
 from tests.robot import spec_folder
 from tests.ros2.acting import ABORTED, DENIED, SUCCEEDED, Client, hex_of
 from tests.ros2.harness import Scene, eventually
@@ -83,3 +86,27 @@ def test_two_monitors_on_one_action_guard_it_one_after_the_other(tmp_path: Path)
             passed = [e["passed"] for e in scene.server.events(session) if e["kind"] == "goal"]
             assert passed.count(False) == denied, "what the outer one denies the inner one never sees"
             assert passed.count(True) >= 2
+
+
+def test_without_an_oracle_all_passes_into_a_log_that_is_replayed(tmp_path: Path) -> None:
+    folder, log, listed = spec_folder(tmp_path, FIB), tmp_path / "log.jsonl", tmp_path / "streams.json"
+    command = [SERVER, "streams", folder / "spec.yaml"]
+    described = subprocess.run(command, env=environment(ROS_ONLY), stdout=subprocess.PIPE, text=True, check=True)
+    listed.write_text(described.stdout)
+    with Scene(tmp_path / "scene", folder) as scene:
+        adapter = scene.run(
+            "adapter", sys.executable, "-m", "oracle_ros2", "--log", log, "--streams", listed, "--monitor", "uav1"
+        )
+        adapter.said("observing 5 streams")
+        scene.run("fibonacci", sys.executable, "-m", "tests.ros2.fibonacci", 0.01).said("ready")
+        client = Client(scene.peer(), "/fib_mon", 1000)
+        client.meet()
+        goal = client.goal(60)
+        assert client.result(goal) == (SUCCEEDED, list(range(60)))
+        adapter.ends_well()
+        lines = [json.loads(line) for line in log.read_text().splitlines()]
+        mine = [line for line in lines if line["goal_id"] == hex_of(goal)]
+        assert {line["kind"] for line in mine} == {"goal", "reply", "feedback", "result", "status"}
+        assert [line["status"] for line in mine if line["kind"] == "reply"] == ["accepted"]
+        replayed = scene.run("replay", SERVER, "replay", folder / "spec.yaml", log)
+        replayed.said("1 violation")
