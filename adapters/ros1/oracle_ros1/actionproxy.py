@@ -198,6 +198,7 @@ class ProxiedAction:
         if queue is None:
             with self._reporting:
                 self._pass_unread("feedback", message)
+                time.sleep(0)  # rospy writes in a thread, which would wait until all this is done
                 if self._events.reads("feedback"):
                     self._events.answer("feedback", self._events.decoded("feedback", message))
             return
