@@ -228,7 +228,7 @@ class Run:
         with ExitStack() as stack:
             self._part(stack, "perform", kept).until("ready")
             client = self._part(stack, "act", "/fib" if path == "direct" else "/fib_mon", kept)
-            found = json.loads(client.until(r"^\{.*\}$", PATIENCE)[0])
+            found = json.loads(client.until(r"^\{.*\}$", 3 * PATIENCE)[0])
         for case, latencies in found.items():
             self._add(f"{case}, {kept} kept", path, CALLS, latencies)
 
