@@ -180,7 +180,7 @@ ACTION = """
     ask: [goal]
     goal: {signals: {order: msg.goal}}
     reply: {signals: {accepted: msg.accepted}}
-    feedback: {signals: {number: msg.feedback}}
+    feedback: {signals: {number: msg.feedback}, ordered: false}
     result: {signals: {number: msg.result}}"""
 
 
