@@ -1,4 +1,4 @@
-"""What the oracle costs on ROS 1: a filtered topic and proxied services, beside the direct ones and a bare chain.
+"""What the oracle costs on ROS 1: topics, services and an action, beside the direct ones and a bare chain.
 
     source .build/ros1/setup.sh && python benchmarks/ros1.py [--rounds 2] [--seconds 2] [--json]
 
@@ -14,9 +14,12 @@ import threading
 import time
 from typing import Any
 
+import actionlib
 import rospy
-from chains.parts import DEPTH, PATIENCE, BareLink, echo, hear_times, say, send_times, time_calls
-from chains.run import Ros, free_port, main
+from actionlib.msg import TestAction, TestActionFeedback, TestActionGoal, TestActionResult, TestFeedback, TestGoal
+from actionlib_msgs.msg import GoalID, GoalStatusArray
+from chains.parts import CALLS, DEPTH, PATIENCE, BareLink, echo, hear_times, say, send_times, time_calls, wait
+from chains.run import FEW, Ros, free_port, main
 from std_msgs.msg import Int64
 from std_srvs.srv import SetBool, SetBoolResponse
 
@@ -57,8 +60,92 @@ def call(service: str) -> None:
     time_calls(lambda: proxy(True))
 
 
+def microseconds() -> int:
+    """The time as feedback can tell it."""
+    return time.monotonic_ns() // 1000 % 2**31
+
+
+def perform(kept: int) -> None:
+    """The action's server: its goals end at once, or tell the time as feedback, at 100 Hz."""
+    start("performer")
+    rospy.set_param("/fib/status_list_timeout", 1.0 if kept == FEW else 900.0)
+
+    def execute(handle: Any) -> None:
+        handle.set_accepted()
+        for _ in range(handle.get_goal().goal):
+            handle.publish_feedback(TestFeedback(microseconds()))
+            time.sleep(0.01)
+        handle.set_succeeded()
+
+    def take(handle: Any) -> None:
+        if handle.get_goal().goal:
+            threading.Thread(target=execute, args=[handle]).start()
+        else:
+            execute(handle)
+
+    actionlib.ActionServer("/fib", TestAction, take, auto_start=False).start()
+    say("ready")
+    rospy.spin()
+
+
+def act(name: str, kept: int) -> None:
+    """The action's client: it tells the latencies (ms) of replies, of results, and of feedback."""
+    start("actor")
+    client = actionlib.ActionClient(name, TestAction)
+    feedback: list[float] = []
+
+    def hear(_handle: Any, message: Any) -> None:
+        feedback.append((microseconds() - message.feedback) % 2**31 / 1000)
+
+    def run(goal: int) -> tuple[float, float]:
+        time.sleep(1 / FEW if kept == FEW else 0)
+        replied: list[int] = []
+        ended = threading.Event()
+
+        def changed(handle: Any) -> None:
+            replied.append(time.monotonic_ns())
+            if handle.get_comm_state() == actionlib.CommState.DONE:
+                ended.set()
+
+        began = time.monotonic_ns()
+        sent = client.send_goal(TestGoal(goal), changed, hear)
+        assert ended.wait(PATIENCE), sent.get_comm_state()
+        return (replied[0] - began) / 1e6, (replied[-1] - began) / 1e6
+
+    assert client.wait_for_server(rospy.Duration(PATIENCE))
+    time.sleep(1)  # a connection counts here before its other end has it
+    for _ in range(max(20, kept)):
+        run(0)
+    times = [run(0) for _ in range(CALLS)]
+    run(CALLS)
+    wait(lambda: len(feedback) == CALLS)
+    say(json.dumps({"goal to reply": [t for t, _ in times], "goal to result": [t for _, t in times],
+                    "feedback at 100 Hz": feedback}))  # fmt: skip
+
+
+def bare_action(link: BareLink) -> None:
+    """The chain without logic, for the action: goals go through the echo, of the rest it is told."""
+
+    def repeat(kind: Any, name: str, asked: bool = False, to_server: bool = False) -> None:
+        taken, given = ("/fib_mon", "/fib") if to_server else ("/fib", "/fib_mon")
+        topic = rospy.Publisher(f"{given}/{name}", kind, latch=name == "status", queue_size=DEPTH, tcp_nodelay=True)
+
+        def take(message: Any) -> None:
+            if not asked:
+                topic.publish(message)
+            link.ask("{}", (lambda: topic.publish(message)) if asked else lambda: None)
+
+        rospy.Subscriber(f"{taken}/{name}", rospy.AnyMsg, take, tcp_nodelay=True)
+
+    repeat(TestActionGoal, "goal", asked=True, to_server=True)
+    repeat(GoalID, "cancel", to_server=True)
+    repeat(TestActionFeedback, "feedback")
+    repeat(TestActionResult, "result")
+    repeat(GoalStatusArray, "status")
+
+
 def bare(port: int) -> None:
-    """The chain without logic, for the topic and the service."""
+    """The chain without logic, for the topic, the service and the action."""
     start("bare")
     link = BareLink(port)
     numbers = publisher("/number_mon")
@@ -81,8 +168,20 @@ def bare(port: int) -> None:
         return response
 
     rospy.Service("/switch_mon", SetBool, pass_on)
+    bare_action(link)
     say("ready")
     rospy.spin()
+
+
+ACTION = """
+  - ros_action: /fib
+    type: actionlib/action/Test
+    action: filter
+    ask: [goal]
+    goal: {signals: {order: msg.goal}}
+    reply: {signals: {accepted: msg.accepted}}
+    feedback: {signals: {number: msg.feedback}}
+    result: {signals: {number: msg.result}}"""
 
 
 def described() -> Ros:
@@ -95,9 +194,12 @@ def described() -> Ros:
             "receive": lambda topic, wanted: receive(topic, int(wanted)),
             "serve": serve,
             "call": call,
+            "perform": lambda kept: perform(int(kept)),
+            "act": lambda name, kept: act(name, int(kept)),
             "echo": echo,
             "bare": lambda port: bare(int(port)),
         },
+        action=ACTION,
         settings={"ROS_MASTER_URI": f"http://127.0.0.1:{port}", "ROS_IP": "127.0.0.1"},
         core=("roscore", "-p", str(port)),
     )

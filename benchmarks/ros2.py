@@ -15,7 +15,7 @@ import os
 import time
 from typing import Any
 
-from chains.parts import CALLS, DEPTH, PATIENCE, BareLink, echo, hear_times, say, send_times, time_calls, wait
+from chains.parts import DEPTH, GOALS, PATIENCE, BareLink, echo, hear_times, say, send_times, time_calls, wait
 from chains.run import FEW, Ros, main
 
 
@@ -129,9 +129,9 @@ def act(name: str, kept: int) -> None:
     time.sleep(2)  # until a proxy has found the server
     for _ in range(max(20, kept)):
         run(0)
-    times = [run(0) for _ in range(CALLS)]
-    run(CALLS)
-    wait(lambda: len(feedback) == CALLS or executor.spin_once(timeout_sec=0.1))
+    times = [run(0) for _ in range(GOALS)]
+    run(GOALS)
+    wait(lambda: len(feedback) == GOALS or executor.spin_once(timeout_sec=0.1))
     say(json.dumps({"goal to reply": [t for t, _ in times], "goal to result": [t for _, t in times],
                     "feedback at 100 Hz": feedback}))  # fmt: skip
 
@@ -159,6 +159,8 @@ def bare_action(node: Any, executor: Any, link: BareLink, group: Any) -> None:
 
         async def pass_on(request: Any, _response: Any) -> Any:
             if asked:
+                await passes()
+            while not called.service_is_ready():  # at first
                 await passes()
             response = await called.call_async(request)
             if asked:
@@ -226,6 +228,16 @@ def spin(executor: Any) -> None:
         executor.spin_once(timeout_sec=0.1)
 
 
+FIBONACCI = """
+  - ros_action: /fib
+    type: test_msgs/action/Fibonacci
+    action: filter
+    ask: [goal, reply]
+    goal: {signals: {order: msg.order}}
+    reply: {signals: {accepted: msg.accepted}}
+    feedback: {signals: {length: size(msg.sequence)}}
+    result: {signals: {length: size(msg.sequence)}}"""
+
 ROS2 = Ros(
     script=__file__,
     adapter="oracle_ros2",
@@ -239,6 +251,7 @@ ROS2 = Ros(
         "echo": echo,
         "bare": lambda port: bare(int(port)),
     },
+    action=FIBONACCI,
     settings={"ROS_DOMAIN_ID": str(os.getpid() % 80 + 20), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"},
 )
 

@@ -52,7 +52,7 @@ _UNSENT = 2**14
 """Bytes that the operating system buffers for a client that does not read."""
 _OTHER_FILES = STRANGERS + LEAVING + 200
 """Files that the server has open beyond its connections: those that come and go, and its history's."""
-_SWITCH_INTERVAL = 0.0002
+_SWITCH_INTERVAL = 0.001
 """Seconds after which a computing thread yields the interpreter to the event loop, which must decide quickly."""
 
 log = structlog.get_logger()

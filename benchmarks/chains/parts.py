@@ -17,6 +17,7 @@ from typing import Any
 PATIENCE = 30.0
 DEPTH = 2000
 CALLS = 200
+GOALS = 100
 WARM_UP = -1
 
 

@@ -386,9 +386,13 @@ class Judge(Telling):
         if not stream.spec.hold and not self._held:
             return signals, step.failed
         if stream.spec.hold:
-            held = self._held[event.monitor] = self._held.pop(event.monitor, Held())  # its event is the latest
-            held.take(stream.spec.hold, step)
+            self._holding(event.monitor).take(stream.spec.hold, step)
         known = self._held.get(event.monitor)
         if known is None:
             return signals, step.failed
         return {**known.values, **signals}, step.failed | (known.failed - signals.keys())
+
+    def _holding(self, monitor: str) -> Held:
+        """What a monitor's streams hold, to be changed; its event is the latest."""
+        held = self._held[monitor] = self._held.pop(monitor, Held())
+        return held

@@ -39,6 +39,8 @@ class Past:
     seen: Callable[[int], Seen] | None = None
     spent: Callable[[int], None] | None = None
     """Is told what the explanation has cost, a formula's parts included."""
+    noun: str = "step"
+    """What the present number of a step is called: its `place`, where some have got another one than their number."""
 
 
 NO_PAST = Past((), lambda _: ())

@@ -24,8 +24,9 @@ EFFORT_TOGETHER = 50_000
 """What the explanations of all properties may have cost at one step before another one begins."""
 """What one explanation may cost: some milliseconds."""
 
-Kept = tuple[int, int, StreamKey, int, str, int, Signals, Collection[str]]
-"""A step's number and time, its event's stream, stamp, monitor and number there, its signals, and those that failed."""
+Kept = tuple[int, int, StreamKey, int, str, int, Signals, Collection[str], int]
+"""A step's place and time, its event's stream, stamp, monitor and number there, its signals, those that failed, and the
+step's number, which is its place but where late events were put in theirs."""
 Tick = tuple[int, View, Signals, Collection[str]]
 """The time of a deadline that is being judged, how a property observes it, its signals, and those that failed."""
 _NONE: frozenset[str] = frozenset()
@@ -40,13 +41,16 @@ class Recent:
         self._upto: deque[int] = deque(maxlen=size + spare)
         """How many characters there were up to each of them, itself included."""
         self._size, self._effort, self._spare, self._length = size, effort, spare, LENGTH * size // SIZE
+        self.number: int | None = None
+        """The number of the step that is added next; None where that is its place."""
         self._unnumbered = False
         """Whether the last step is an attempt that is about to be taken back, so that its number will be another's."""
 
-    def add(self, number: int, time: int, step: Step, signals: Signals, failed: Collection[str] = _NONE) -> None:
+    def add(self, place: int, time: int, step: Step, signals: Signals, failed: Collection[str] = _NONE) -> None:
         """Add the next step, of which formulas see `signals`; those in `failed` could not be computed."""
         event, self._unnumbered = step.event, False
-        self._append((number, time, event.stream, step.stamp, event.monitor, event.seq, signals, failed))
+        number = place if self.number is None else self.number
+        self._append((place, time, event.stream, step.stamp, event.monitor, event.seq, signals, failed, number))
 
     def unnumber(self) -> None:
         """Let explanations not give the number of the last step: it is an attempt that is about to be taken back."""
@@ -61,17 +65,17 @@ class Recent:
 
     def last(self) -> EventRecord:
         """The event of the last step; there is one."""
-        return {"step": self._steps[-1][0], **_record(self._steps[-1])}
+        return {"step": self._steps[-1][-1], **_record(self._steps[-1])}
 
     def snapshot(self) -> list[Any]:
         """The steps as plain data."""
-        return [(*rest, sorted(failed)) for *rest, failed in self._last]
+        return [(*rest, sorted(failed), number) for *rest, failed, number in self._last]
 
     def restore(self, data: Any) -> None:
-        """Take over a snapshot; older ones lack the signals that failed."""
-        for number, time, stream, stamp, monitor, seq, signals, *failed in data:
-            failures = failed[0] if failed else _NONE
-            self._append((number, time, StreamKey(*stream), stamp, monitor, seq, signals, failures))
+        """Take over a snapshot; older ones lack the signals that failed, and numbers other than places."""
+        for place, time, stream, stamp, monitor, seq, signals, *more in data:
+            failed, number = (more[0] if more else _NONE), (more[1] if len(more) > 1 else place)
+            self._append((place, time, StreamKey(*stream), stamp, monitor, seq, signals, failed, number))
 
     def past(
         self, views: Callable[[StreamKey], View], tick: Tick | None = None, spent: Callable[[int], None] | None = None
@@ -96,7 +100,8 @@ class Recent:
             assert tick is not None  # noqa: S101 -- else there is no such step
             return Seen(None, tick[0], "", tick[2], tick[3])
 
-        return Past(times, matches, self._effort, seen, spent)
+        noun = "step" if all(place == number for place, *_, number in steps) else "place"
+        return Past(times, matches, self._effort, seen, spent, noun)
 
     def _append(self, kept: Kept) -> None:
         upto = self._upto
@@ -115,24 +120,24 @@ class Recent:
         return list(itertools.islice(self._steps, max(long, len(self._steps) - self._size), None))
 
     def recall(self, at: int, step: int | None, *, timed: bool) -> EventRecord | None:
-        """The event of a reason: of step number `step`, where that is known, else the only one at a time or number."""
+        """The event of a reason: of a step at a place, if that is known, else the only one at a time or place."""
         place, wanted = (1, at) if timed and step is None else (0, at if step is None else step)
         found = [seen for seen in self._steps if seen[place] == wanted]
         if len(found) != 1:
             return None
         record = _record(found[0])
         if not (self._unnumbered and found[0] is self._steps[-1]):
-            record["step"] = found[0][0]
+            record["step"] = found[0][-1]
         return record
 
 
 def _seen(kept: Kept) -> Seen:
-    number, _, stream, stamp, monitor, seq, signals, failed = kept
+    _, _, stream, stamp, monitor, seq, signals, failed, number = kept
     return Seen(number, stamp, event_name(stream.name, stream.kind, seq, monitor), signals, failed)
 
 
 def _record(kept: Kept) -> EventRecord:
-    _, _, stream, stamp, monitor, seq, signals, _ = kept
+    _, _, stream, stamp, monitor, seq, signals, *_ = kept
     return {
         "stream": stream.name,
         "kind": stream.kind,

@@ -50,11 +50,19 @@ class Resumable:
             self.counts[step.event.monitor, step.event.stream].late += step.late
         return self.judges[order].judge(step, judged)
 
-    def rejudge_row(self, recorded: Judged, position: int) -> Judged | None:
-        """The same, where the spec revises: a recorded row at its position; see `SavableJudge.rejudge`."""
+    def rejudge_row(self, recorded: Judged, position: int) -> None:
+        """The same, where the spec revises: a recorded row at its position; see `SavableJudge.rejudge`.
+
+        `finish_again` is called behind the last one.
+        """
         assert self.lateness is not None  # noqa: S101 -- only called where it does
         self.note_again(recorded.step, recorded.judged)
-        return self.lateness.judge.rejudge(recorded, position)
+        self.lateness.judge.rejudge(recorded, position)
+
+    def finish_again(self) -> None:
+        """Where the spec revises: judge what of the recorded rows waits for others."""
+        if self.lateness is not None:
+            self.lateness.judge.finish_again()
 
     def note_again(self, step: Step, judged: int) -> None:
         """Note of a recorded row that is judged again, where the spec revises, what does not concern its judge."""

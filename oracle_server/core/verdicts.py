@@ -34,6 +34,9 @@ class Outcome(StrEnum):
         return _CURRENT.get(self, self)
 
 
+for _outcome in Outcome:  # Python 3.11 finds `Outcome.TRUE` by a function call, and a step names many
+    type.__setattr__(Outcome, _outcome.name, _outcome)
+
 _CURRENT = {Outcome.TRUE: Outcome.CURRENTLY_TRUE, Outcome.FALSE: Outcome.CURRENTLY_FALSE}
 
 NEGATIVE = frozenset({Outcome.FALSE, Outcome.CURRENTLY_FALSE})

@@ -71,7 +71,9 @@ export function at(session, n) {
   return `#/sessions/${encodeURIComponent(session)}${n ? `?n=${n}` : ""}`;
 }
 
-/** A stream's name, with its kind for the streams of a service. */
+const MANY = { reply: "replies", feedback: "feedback", status: "status" };
+
+/** A stream's name, with its kind for the streams of a service or an action. */
 export function stream(name, kind) {
-  return kind === "topic" ? name : `${name} ${kind}s`;
+  return kind === "topic" ? name : `${name} ${MANY[kind] ?? `${kind}s`}`;
 }

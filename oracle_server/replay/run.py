@@ -293,6 +293,7 @@ def changeable(session: Session) -> Set[int] | None:
         if isinstance(judge, RevisingJudge):
             if judge.is_going:
                 return None
+            judge.forget()
             kept.update(row.position for row in judge.keeping)
     return kept
 

@@ -245,12 +245,18 @@ class _ExplainingRevised(_Explaining):
         assert self._core.lateness is not None  # noqa: S101 -- as the spec revises
         return self._core.lateness.judge
 
-    def _judge(self, stored: StoredStep) -> None:
-        self._core.rejudge_row(recorded(stored, self._names), stored.position)
-        self._judged = self._judged or stored.position == self.target
+    def judge(self, steps: Sequence[StoredStep], position: int) -> None:
+        """Judge the steps after a position again, and look how the one that was asked of stands then."""
+        super().judge(steps, position)
+        self._core.finish_again()
+        self._revising.forget()
+        self._judged = self._judged or any(stored.position == self.target for stored in steps)
         answer = self._revising.answer
         stands = answer is not None and answer.verdicts[self._index].outcome is self._outcome
         self.explanation = explain(answer, answer.verdicts[self._index]) if answer is not None and stands else None
+
+    def _judge(self, stored: StoredStep) -> None:
+        self._core.rejudge_row(recorded(stored, self._names), stored.position)
 
 
 class _Recorded:

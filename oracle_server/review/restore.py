@@ -76,6 +76,7 @@ async def restore(history: Reading, session: int, plan: Plan) -> Restored:
     async for page in history.steps(session, position):
         await asyncio.to_thread(again.judge, page)
         position = page[-1].position
+    await asyncio.to_thread(core.finish_again)
     for judge in core.judges.values():
         judge.bypass(())  # what is bypassed now is known of the monitors
     if again.differing:

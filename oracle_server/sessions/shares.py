@@ -21,11 +21,11 @@ LONGEST = 10.0
 """Seconds after which it is read on in any case."""
 _MOST = 3
 """It rests this many times what it took where at least as many others are active: a quarter of the time is its own."""
-_EACH, _RARE = 3, 300
+_EACH, _RARE = 2, 200
 """What a piece takes beyond `FREE` keeps each of the others waiting: it rests so many times that for each of them, so
-many times at most. Beside a hundred it is a third of a percent of the time, and 99 % of their events do not meet it.
+many times at most. Beside a hundred it is half a percent of the time, and 99 % of their events do not meet it.
 """
-_SAVED = 3.0
+_SAVED = 6.0
 """Seconds of such rest that count as made up for in advance: a dear piece now and then is no reason to rest."""
 
 Args = TypeVarTuple("Args")

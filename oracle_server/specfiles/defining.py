@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from oracle_server.core.errors import Finding, SpecProblem
 from oracle_server.core.formula.definitions import Mistake, defined
-from oracle_server.core.kinds import RESERVED
+from oracle_server.core.kinds import OWN, RESERVED
 from oracle_server.core.spec import Spec
 from oracle_server.specfiles.document import Document, KeyPath, Position
 from oracle_server.specfiles.mending import at
@@ -49,6 +49,8 @@ class Definitions:
         """Names that are those of signals, too, so that `{name}` would not be what `name` is."""
         signals: dict[str, tuple[str, KeyPath | None]] = dict.fromkeys(RESERVED, ("a signal of all events", None))
         for i, stream in enumerate(spec.streams):
+            for name in OWN[stream.traits.group]:
+                signals.setdefault(name, (f"a signal of {stream.key}", None))
             for name in stream.signals or ():
                 signals.setdefault(name, (f"a signal of {stream.key}", ("streams", i, "signals", name)))
             for name in stream.hold:

@@ -16,7 +16,7 @@ from oracle_server.edge.tokens import Grant
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.registry import Registry
-from oracle_server.sessions.shares import Shares
+from oracle_server.sessions.shares import FREE, Shares
 from tests.processes import PATIENCE
 from tests.sessions.making import GUARD, registry
 
@@ -149,7 +149,7 @@ async def test_what_is_left_of_a_batch_when_it_rests_is_taken_afterwards(talk: T
     talk.session.share.run(lambda: None)
     await talk.tire()
     talk.machine.now += 10
-    talk.machine.dear = 0.001
+    talk.machine.dear = FREE / 2
     talk.socket.says({"type": "events", "events": [talk.asks(seq) for seq in range(2, 500)]})
     found: list[dict[str, Any]] = []
     while len(found) < 498:

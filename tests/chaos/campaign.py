@@ -12,12 +12,26 @@ from collections import Counter
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
 
 from tests.chaos.disk import Disk, small_disk
 from tests.chaos.link import Frame
 from tests.chaos.robots import Robot
-from tests.chaos.runs import LIMIT, PASSING, SESSION, TRIO, attach_frame, own, specs, stream_through, told, void
+from tests.chaos.runs import (
+    LATE,
+    LIMIT,
+    PASSING,
+    SESSION,
+    TRIO,
+    Layout,
+    attach_frame,
+    own,
+    specs,
+    stream_through,
+    told,
+    void,
+)
 from tests.chaos.served import Ended, Served, reviving
 
 _DIES_WHILE_RESTORING = """
@@ -41,6 +55,20 @@ def slowly(self, batch):
     return result
 Writer._write = slowly
 """
+_SAVES_AND_DIES_OFTEN = """
+import os, random, signal
+from oracle_server.core.session import Session
+from oracle_server.sessions import snapshots
+snapshots._SAVE_AFTER, snapshots._REST = 400, 0
+rejudge = Session.rejudge_row
+def perhaps(*arguments):
+    if random.random() < 0.0002:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return rejudge(*arguments)
+Session.rejudge_row = perhaps
+"""
+_STANDING = ("stream", "kind", "stamp", "violation", "degraded", "skewed")
+"""What stands of a record whatever came late; beside its outcome, which is final or not."""
 _NOT_WRITTEN, _WRITTEN = "the history can't be written", "the history can be written again"
 
 
@@ -52,6 +80,8 @@ class Kind:
     prelude: str = ""
     robots: bool = False
     full: bool = False
+    revises: bool = False
+    """Whether events come late, and what is compared is what stands."""
 
 
 KINDS = (
@@ -60,16 +90,19 @@ KINDS = (
     Kind("killed while it restores", prelude=_DIES_WHILE_RESTORING),
     Kind("on a slow disk", prelude=_COMMITS_SLOWLY),
     Kind("on a disk that is full for a while", full=True),
+    Kind("with late events that revise", prelude=_SAVES_AND_DIES_OFTEN, revises=True),
 )
 
 
 @dataclass
 class Count:
-    """What became of the events of some rounds; all but the first two are to be 0."""
+    """What became of the events of some rounds; all but the first three are to be 0."""
 
     kills: int = 0
     acked: int = 0
     """Events; each makes a record a property."""
+    late: int = 0
+    """Records of events that were put in their places."""
     lost: int = 0
     """Records that are not there though their events were acked."""
     twice: int = 0
@@ -104,33 +137,45 @@ async def run_round(
     """One round with at least so many kills, in an empty folder; raises `Unmountable` where it needs a disk."""
     with small_disk(folder / "disk") if kind.full else nullcontext() as disk:
         data = disk.folder / "data" if disk else folder / "data"
-        async with Mortal(specs(TRIO, folder), data, prelude=kind.prelude, resume_within="600") as served:
+        layout = LATE if kind.revises else TRIO
+        async with Mortal(specs(layout, folder), data, prelude=kind.prelude, resume_within="600") as served:
             async with reviving(served):
                 async with asyncio.TaskGroup() as tasks:
                     strike = _strike(served, disk, tasks, chance)
                     run = _with_robots if kind.robots else _by_wire
-                    decisions, again = await run(served, trace, chance, kills, strike)
+                    decisions, again = await run(served, layout, trace, chance, kills, strike)
                 await served.up.wait()
             count = Count(served.starts - 1, len(trace), twice=again)
             records = await served.records(SESSION)
+            count.late = sum("place" in record for record in records)
             await served.stop()
             await served.start()
             count.different += records != await served.records(SESSION)
-    return count + judged(records, expected, decisions, spoilt=kind.full)
+    return count + judged(records, expected, decisions, spoilt=kind.full, revised=kind.revises)
 
 
 def judged(
-    records: list[Frame], expected: list[Frame], decisions: dict[tuple[str, int], str], *, spoilt: bool
+    records: list[Frame],
+    expected: list[Frame],
+    decisions: dict[tuple[str, int], str],
+    *,
+    spoilt: bool,
+    revised: bool = False,
 ) -> Count:
-    """What became of a round's events, by its records; `spoilt`: what was skipped for want of space is said to be."""
+    """What became of a round's events, by its records; `spoilt`: what was skipped for want of space is said to be.
+
+    `revised`: revisions have numbers of their own, and what stands is compared.
+    """
     found = Counter(map(_key, records))
     wanted = {_key(record): record for record in expected}
     count = Count(lost=len(wanted.keys() - found.keys()), twice=sum(n - 1 for n in found.values()))
-    count.twice += [record["n"] for record in records] != list(range(1, len(records) + 1))
+    numbers = [record["n"] for record in records]
+    count.twice += numbers != (sorted(set(numbers)) if revised else list(range(1, len(records) + 1)))
+    said = _standing if revised else partial(_said, spoilt=spoilt)
     for record in records:
         other = wanted.get(_key(record))
         excused = spoilt and (record["outcome"] == "unknown" or record["degraded"])
-        count.different += other is None or not (excused or _said(record, spoilt) == _said(other, spoilt))
+        count.different += other is None or not (excused or said(record) == said(other))
         told_as = decisions.get(_key(record)[:2])
         count.different += told_as is not None and told_as != record["decision"]
     return count
@@ -143,6 +188,11 @@ def _key(record: Frame) -> tuple[str, int, str]:
 def _said(record: Frame, spoilt: bool) -> Frame:
     passing = PASSING | {"n", "step", "explanation"} if spoilt else PASSING
     return {name: value for name, value in record.items() if name not in passing}
+
+
+def _standing(record: Frame) -> Frame:
+    outcome = record["outcome"].removeprefix("currently_")
+    return {name: record[name] for name in _STANDING} | {"outcome": outcome}
 
 
 def _strike(served: Served, disk: Disk | None, tasks: asyncio.TaskGroup, chance: random.Random) -> Callable[[], None]:
@@ -169,15 +219,15 @@ def _strike(served: Served, disk: Disk | None, tasks: asyncio.TaskGroup, chance:
 
 
 async def _by_wire(
-    served: Served, trace: list[Frame], chance: random.Random, kills: int, strike: Callable[[], None]
+    served: Served, layout: Layout, trace: list[Frame], chance: random.Random, kills: int, strike: Callable[[], None]
 ) -> tuple[dict[tuple[str, int], str], int]:
     points = _points(told(trace), chance, kills)
-    links = await stream_through(served, TRIO, trace, chance, points, lambda _: strike())
+    links = await stream_through(served, layout, trace, chance, points, lambda _: strike())
     return {(link.attach["monitor"], s): f["decision"] for link in links for s, f in link.decisions.items()}, 0
 
 
 async def _with_robots(
-    served: Served, trace: list[Frame], chance: random.Random, kills: int, strike: Callable[[], None]
+    served: Served, layout: Layout, trace: list[Frame], chance: random.Random, kills: int, strike: Callable[[], None]
 ) -> tuple[dict[tuple[str, int], str], int]:
     left, seen = _points(len(trace), chance, kills), 0
 
@@ -189,8 +239,8 @@ async def _with_robots(
             strike()
 
     robots = [
-        Robot(served, attach_frame(TRIO, monitor), own(trace, names), trace[-1]["stamp"] + 1, moved)
-        for monitor, names in TRIO.monitors.items()
+        Robot(served, attach_frame(layout, monitor), own(trace, names), trace[-1]["stamp"] + 1, moved)
+        for monitor, names in layout.monitors.items()
     ]
     async with asyncio.timeout(LIMIT):
         await asyncio.gather(*(robot.run() for robot in robots))

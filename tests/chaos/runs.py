@@ -31,6 +31,8 @@ class Layout(NamedTuple):
     name: str
     monitors: dict[str, frozenset[str]]
     changes: tuple[tuple[str, str], ...] = ()
+    waits: bool = True
+    """Whether events wait for each other, however slow all is."""
 
 
 SENSORS = frozenset({"/battery_percentage", "/input_accepted", "/battery_status"})
@@ -46,6 +48,12 @@ TRIO = Layout(
     "three monitors",
     {"sensors": SENSORS, "lights": PANEL - {"/SetLED"}, "service": frozenset({"/SetLED"})},
     PAIR.changes,
+)
+LATE = Layout(
+    "three monitors, none of which is waited for",
+    TRIO.monitors,
+    (("max_delay: 200ms", "max_delay: 50ms"), ("late: judge", "late: revise\n  horizon: 600s"), PAIR.changes[1]),
+    waits=False,
 )
 each_layout = pytest.mark.parametrize("layout", [ALONE, PAIR], ids=lambda layout: layout.name)
 
@@ -100,7 +108,10 @@ async def stream_through(
             strike(links)
 
     links = [
-        Link(served, attach_frame(layout, monitor), own(trace, names), trace[-1]["stamp"] + 1, chance, gate, moved)
+        Link(
+            *(served, attach_frame(layout, monitor), own(trace, names), trace[-1]["stamp"] + 1, chance, gate, moved),
+            waited_for=layout.waits,
+        )
         for monitor, names in layout.monitors.items()
     ]
     async with asyncio.timeout(LIMIT), asyncio.TaskGroup() as tasks:

@@ -27,18 +27,19 @@ async def test_nothing_acked_is_lost_or_judged_twice_or_otherwise(
     assert count.kills >= 1
     assert count.acked == len(trace)
     assert (count.lost, count.twice, count.different) == (0, 0, 0)
+    assert count.late or not kind.revises
 
 
 def test_the_campaign_sees_what_is_lost_twice_and_different() -> None:
-    records = [
+    records: list[Frame] = [
         {"n": n, "monitor": "m", "seq": n, "property": "p", "outcome": "true", "decision": "allow", "degraded": False}
         for n in (1, 2, 3)
     ]
     first, second, third = records
     decided = {("m", 1): "allow"}
 
-    def counted(found: list[Frame]) -> tuple[int, int, int]:
-        count = judged(found, records, decided, spoilt=False)
+    def counted(found: list[Frame], *, revised: bool = False) -> tuple[int, int, int]:
+        count = judged(found, records, decided, spoilt=False, revised=revised)
         return count.lost, count.twice, count.different
 
     assert counted(records) == (0, 0, 0)
@@ -46,3 +47,9 @@ def test_the_campaign_sees_what_is_lost_twice_and_different() -> None:
     assert counted([*records, third | {"n": 4}])[:2] == (0, 1)
     assert counted([first, second | {"outcome": "false"}, third]) == (0, 0, 1)
     assert counted([first | {"decision": "deny"}, second, third])[2] == 1
+    stands: Frame = dict.fromkeys(("stream", "kind", "stamp", "violation", "skewed"))
+    records = [record | stands for record in records]
+    first, second, third = records
+    assert counted([first, third | {"n": 7, "outcome": "currently_true"}], revised=True) == (1, 0, 0)
+    assert counted([first, second | {"outcome": "currently_false"}, third], revised=True) == (0, 0, 1)
+    assert counted([first, second, third | {"n": 2}], revised=True)[1] == 1

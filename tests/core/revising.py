@@ -181,8 +181,11 @@ class Run:
         if self.saved is not None:
             position, data = self.saved
             self.session.restore(json.loads(data), position * self.book.width + 1)
+        assert self.session.lateness is not None
+        self.session.lateness.judge.together = 1 + len(self.book.rows) % 5
         for at in range(position + 1, len(self.book.rows) + 1):
             self.session.rejudge_row(self.book.rows[at], at)
+        self.session.finish_again()
         self.attach(now)
         known = {(row.step.event.monitor, row.step.event.seq) for row in self.book.first.values()}
         for event in sent:

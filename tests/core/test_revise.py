@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from oracle_server.core.atoms import Matches
 from oracle_server.core.events import Event
 from oracle_server.core.formula.parse import Time, parse_formula
 from oracle_server.core.plan import plan
@@ -18,7 +19,7 @@ from oracle_server.core.revisions import Revision
 from oracle_server.core.session import Session
 from oracle_server.core.simulated import ClockReading
 from oracle_server.core.spec import Ordering, Property, Spec, StreamSpec
-from oracle_server.core.verdicts import Judged
+from oracle_server.core.verdicts import Judged, Outcome, explain
 from oracle_server.engines.native import NativeEngine
 from tests.core.revising import A, B, Run, case, compared, reference
 from tests.engines.test_against_brute import SEED
@@ -200,3 +201,76 @@ def test_specs_that_do_not_revise_have_no_part_in_it() -> None:
     plain = replace(session.plan.spec, ordering=replace(session.plan.spec.ordering, late="judge"))
     (prop,) = plain.properties
     assert Session(plan(plain), [[NativeEngine(prop.formula)]]).lateness is None
+
+
+class Counting(NativeEngine):
+    """Counts its steps."""
+
+    count = 0
+
+    def step(self, time: int, matches: Matches) -> Outcome:
+        self.count += 1
+        return super().step(time, matches)
+
+
+def test_to_restore_what_came_late_judges_each_step_about_once_and_not_as_often_as_it_was() -> None:
+    session, rows = session_of(PAIRED), list[Judged]()
+    for seq in range(1, 401):
+        rows += session.ingest(event(B, seq, 2_000 + 2 * seq, 2_000 + 2 * seq))
+        rows += session.ingest(event(A, seq, 1_850 + 2 * seq, 2_001 + 2 * seq))
+        rows += session.advance((2_001 + 2 * seq) * MS)
+    rows += session.finish(5_000 * MS)
+    assert session.lateness is not None
+    assert session.lateness.passes > 50
+    (prop,) = session.plan.spec.properties
+    engine = Counting(prop.formula)
+    again = Session(session.plan, [[engine]], begun=SECOND)
+    for position, row in enumerate(rows, 1):
+        again.rejudge_row(row, position)
+    again.finish_again()
+    assert engine.count < 2 * len(rows)
+    assert again.lateness is not None
+    one, other = session.lateness.judge.keeping, again.lateness.judge.keeping
+    assert {r.position: r.judged.verdicts[0].outcome for r in other} == {
+        r.position: r.judged.verdicts[0].outcome for r in one
+    }
+
+
+def test_an_explanation_names_steps_by_their_numbers_and_windows_by_places() -> None:
+    session = session_of('not {topic: "/b"} or not once[1:] {topic: "/a", bad: true}')
+    for seq in range(1, 4):
+        session.ingest(event(B, seq, 2_000 + 10 * seq, 2_000 + 10 * seq))
+    session.advance(2_200 * MS)
+    session.ingest(event(A, 1, 1_990, 2_210, bad=False))
+    session.ingest(event(A, 2, 2_015, 2_210, bad=True))
+    revision = session.advance(2_300 * MS)[-1]
+    assert isinstance(revision, Revision)
+    (change,) = revision.changes
+    assert change is not None
+    assert change.explanation is not None
+    assert "at step 2 (2.020 s)" in change.explanation["text"]
+    assert "held at step 5 (2.015 s)" in change.explanation["text"], "the number of its record"
+    (_, why) = change.explanation["reasons"]
+    assert why["event"] is not None
+    assert (why["at"], why["event"]["step"]) == (3, 5)
+
+
+def test_an_explanation_counts_a_window_in_places_where_late_events_were_put_in_theirs() -> None:
+    def revised(formula: str) -> tuple[list[Judged], Session]:
+        session = session_of(formula)
+        for seq in range(1, 6):
+            session.ingest(event(B, seq, 2_000 + 10 * seq, 2_000 + 10 * seq, n=seq))
+        return session.advance(2_200 * MS), session
+
+    judged, _ = revised('not {n: 4} or once[1:2] {topic: "/a"}')
+    assert "none in steps 2–3" in str([explain(row, row.verdicts[0]) for row in judged])  # noqa: RUF001
+    judged, session = revised("not {n: 4} or once[2:3] {n: 1}")
+    assert not any(row.verdicts[0].explanation for row in judged)
+    session.ingest(event(A, 1, 2_035, 2_210))
+    (_, revision) = session.advance(2_300 * MS)
+    assert isinstance(revision, Revision)
+    (change,) = revision.changes
+    assert change is not None
+    assert change.explanation is not None
+    assert "at step 4 (2.040 s)" in change.explanation["text"]
+    assert "none in places 2–3" in change.explanation["text"]  # noqa: RUF001

@@ -83,6 +83,7 @@ class Client:
         self.peer, self.name = peer, name
         profile = qos.QoSProfile(depth=depth)
         self.client = action.ActionClient(peer.node, test_msgs.Fibonacci, name, feedback_sub_qos_profile=profile)
+        peer.made.append(self.client)
         peer.until(self.client.server_is_ready, f"nobody serves {name}")
         self.heard: dict[str, list[int]] = {}
 
@@ -107,6 +108,21 @@ class Client:
         """How a goal ended, and with what."""
         found = self.done(goal.get_result_async(), "there is no result")
         return found.status, list(found.result.sequence)
+
+    def meet(self) -> None:
+        """Wait until feedback comes all the way: at first what is not discovered yet hears nothing."""
+
+        def heard() -> bool:
+            goal = self.goal(1)
+            self.result(goal)
+            return hex_of(goal) in self.heard
+
+        self.peer.until(heard, "no feedback comes")
+
+    def leave(self) -> None:
+        """Be there no more."""
+        self.peer.made.remove(self.client)
+        self.client.destroy()
 
     def cancel(self, goal_id: bytes = bytes(16)) -> Any:
         """The answer to a cancel, of all goals unless one is named."""

@@ -43,6 +43,8 @@ class Peer:
         self.node = rclpy.create_node("peer", context=self.context)
         self._executor = executors.SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)
+        self.made: list[Any] = []
+        """What must be destroyed before the node, or its context would live on."""
 
     def record(self, kind: Any, topic: str, qos: Any = 5000) -> list[Any]:
         """A list that grows by what is heard."""
@@ -73,6 +75,8 @@ class Peer:
 
     def close(self) -> None:
         self._executor.shutdown()
+        for one in self.made:
+            one.destroy()
         self.node.destroy_node()
         rclpy.shutdown(context=self.context)
 

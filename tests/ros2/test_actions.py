@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.adapters.standin import described
+from tests.processes import Data
 from tests.ros2.acting import (
     ABORTED,
     CANCELED,
@@ -50,16 +51,23 @@ def test_what_may_pass_is_as_it_is_without_a_proxy(asked: tuple[str, ...], tmp_p
     with acting(tmp_path, streams(*asked)) as scene:
         server, client = scene.server(), scene.client()
         told = shown(client)
+        client.meet()
+        before = server.log.count("goal ")
         goal = client.goal(5)
         assert goal.accepted
         assert client.result(goal) == (SUCCEEDED, [0, 1, 2, 3, 4])
         client.peer.until(lambda: len(client.heard.get(hex_of(goal), [])) == 5)
         client.peer.until(lambda: told[hex_of(goal)][-1] == SUCCEEDED)
-        assert client.heard == {hex_of(goal): [0, 1, 2, 3, 4]}
-        assert not client.goal(1000).accepted
-        aborted = client.goal(13)
+        assert client.heard[hex_of(goal)] == [0, 1, 2, 3, 4]
+        rejected, aborted = client.goal(1000), client.goal(13)
+        assert not rejected.accepted
         assert client.result(aborted) == (ABORTED, list(range(13)))
-        eventually(lambda: scene.judge.of("result"), lambda found: len(found) == 2)
+        mine = [hex_of(one) for one in (goal, rejected, aborted)]
+
+        def told_of(kind: str) -> list[Data]:
+            return [event for event in scene.judge.of(kind) if event["goal_id"] in mine]
+
+        eventually(lambda: told_of("result"), lambda found: len(found) == 2)
         events = [e for e in scene.judge.seen if e.get("goal_id") == hex_of(goal)]
         assert {event["kind"] for event in events} == {*KINDS} - {"cancel"}
         [asking] = [e for e in events if e["kind"] == "goal"]
@@ -68,14 +76,10 @@ def test_what_may_pass_is_as_it_is_without_a_proxy(asked: tuple[str, ...], tmp_p
         assert asking["call"] == reply["call"]
         assert [e["status"] for e in events if e["kind"] == "status"] == ["accepted", "executing", "succeeded"]
         assert [e["data"] for e in events if e["kind"] == "feedback"] == [{"sequence": [n]} for n in range(5)]
-        rejected = [e["status"] for e in scene.judge.of("reply")]
-        assert rejected == ["accepted", "rejected", "accepted"]
-        assert [(e["status"], "call" in e) for e in scene.judge.of("result")] == [
-            ("succeeded", False),
-            ("aborted", False),
-        ]
+        assert [e["status"] for e in told_of("reply")] == ["accepted", "rejected", "accepted"]
+        assert [(e["status"], "call" in e) for e in told_of("result")] == [("succeeded", False), ("aborted", False)]
         assert {e["kind"] for e in scene.judge.seen if e["ask"]} == {*asked} - {"cancel"}
-        assert server.log.count("goal ") == 3
+        assert server.log.count("goal ") - before == 3
         scene.adapter.ends_well()
 
 
@@ -126,6 +130,7 @@ def test_denied_feedback_does_not_come(tmp_path: Path) -> None:
     with acting(tmp_path, streams("feedback")) as scene:
         scene.server()
         client = scene.client()
+        client.meet()
         scene.judge.denies = lambda event: bool(event["data"]["sequence"][0] % 2)
         goal = client.goal(20)
         assert client.result(goal) == (SUCCEEDED, list(range(20)))
@@ -181,6 +186,8 @@ def test_goals_of_three_clients_at_once_keep_what_is_theirs(tmp_path: Path) -> N
         scene.server(0.05)
         peer = scene.scene.peer()
         clients = [Client(peer, "/fib_mon", 1000) for _ in range(3)]
+        for client in clients:
+            client.meet()
         scene.judge.denies = lambda event: event["kind"] == "goal" and event["data"]["order"] == 25
         sent = [(clients[order % 3], order, clients[order % 3].send(order)) for order in range(20, 40)]
         goals = [(client, order, client.done(future)) for client, order, future in sent]
@@ -241,6 +248,16 @@ def test_a_cancel_passes_while_the_oracle_is_away(tmp_path: Path) -> None:
         scene.adapter.ends_well()
 
 
+@pytest.mark.parametrize("policy", ["deny", "pass"])
+def test_without_an_oracle_a_goal_is_treated_as_the_spec_says(policy: str, tmp_path: Path) -> None:
+    with acting(tmp_path, streams("goal", decide_within=400_000_000, on_unavailable=policy)) as scene:
+        scene.server()
+        client = scene.client()
+        scene.judge.answers = False
+        assert client.goal(1).accepted == (policy == "pass")
+        scene.adapter.ends_well()
+
+
 def test_without_a_server_a_goal_is_rejected_and_with_one_that_comes_it_is_not(tmp_path: Path) -> None:
     with acting(tmp_path, streams()) as scene:
         client = scene.client()
@@ -298,11 +315,16 @@ def test_feedback_at_500_hz_comes_whole_where_it_is_only_logged(tmp_path: Path) 
     with acting(tmp_path, streams("goal")) as scene:
         scene.server(0.002)
         client = scene.client()
+        client.meet()
         goal = client.goal(499)
         assert client.result(goal)[0] == SUCCEEDED
         client.peer.until(lambda: len(client.heard[hex_of(goal)]) == 499, "not all has come")
         assert client.heard[hex_of(goal)] == list(range(499))
-        eventually(lambda: scene.judge.of("feedback"), lambda found: len(found) == 499)
+        feedback = eventually(
+            lambda: [e for e in scene.judge.of("feedback") if e["goal_id"] == hex_of(goal)],
+            lambda found: len(found) == 499,
+        )
+        assert not any(event.get("lost") for event in feedback)
         scene.adapter.ends_well()
 
 
@@ -312,7 +334,7 @@ def test_who_can_act_past_the_monitor_is_told(tmp_path: Path) -> None:
         past = scene.client("/fib")
         text = "/peer can call /fib/_action/send_goal past the monitor"
         eventually(lambda: scene.judge.reports.get("/fib goal", ""), lambda found: text in found)
-        past.client.destroy()
+        past.leave()
         eventually(lambda: scene.judge.reports["/fib goal"], lambda found: not found)
         scene.adapter.ends_well()
 

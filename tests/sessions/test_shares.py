@@ -71,7 +71,7 @@ def spend_savings(share: Share, machine: Machine) -> None:
     machine.now += LONGEST
 
 
-@pytest.mark.parametrize(("number", "times"), [(5, 5), (99, 99), (500, 100)])
+@pytest.mark.parametrize(("number", "times"), [(5, 10), (99, 198), (500, 200)])
 def test_what_takes_long_at_once_is_the_rarer_the_more_wait_for_it(
     shares: Shares, machine: Machine, number: int, times: int
 ) -> None:
@@ -86,7 +86,7 @@ def test_what_takes_long_at_once_is_the_rarer_the_more_wait_for_it(
     assert share.rest == pytest.approx(LONGEST, abs=0.01)
 
 
-def test_a_hundredth_of_the_time_at_most_is_beyond_what_is_free_beside_a_hundred_others(
+def test_half_a_percent_of_the_time_at_most_is_beyond_what_is_free_beside_a_hundred_others(
     shares: Shares, machine: Machine
 ) -> None:
     share, beyond = shares.share(), 0.0
@@ -95,7 +95,7 @@ def test_a_hundredth_of_the_time_at_most_is_beyond_what_is_free_beside_a_hundred
         run(share, machine, 0.028)
         beyond += 0.028 - FREE
         machine.now += share.rest
-    assert beyond / machine.now < 0.011
+    assert beyond / machine.now < 0.0052
 
 
 def test_what_takes_long_now_and_then_is_no_reason_to_rest_longer(shares: Shares, machine: Machine) -> None:
@@ -104,7 +104,7 @@ def test_what_takes_long_now_and_then_is_no_reason_to_rest_longer(shares: Shares
         others(shares, machine, 100)
         run(share, machine, 0.028)
         assert share.rest == pytest.approx(3 * 0.028, rel=0.01)
-        machine.now += 3
+        machine.now += 6
 
 
 def test_it_is_read_on_once_it_has_rested(shares: Shares, machine: Machine) -> None:

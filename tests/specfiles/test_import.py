@@ -313,7 +313,7 @@ def test_stubs_make_what_reads_them_unknown(tmp_path: Path) -> None:
     [
         ("a: b", "the list `monitors` is missing"),
         ("monitors: [5]", "monitors[0] is not a mapping"),
-        ("monitors: [{monitor: {id: x}}]", "has no topics and no services"),
+        ("monitors: [{monitor: {id: x}}]", "has no topics, services or actions"),
         ("monitors: [{monitor: {topics: [{type: x}]}}]", "has no name"),
         ("a: [", "not YAML"),
     ],

@@ -95,7 +95,7 @@ async def test_a_session_goes_on_within_a_goal_where_the_server_dies(start: Star
 async def test_the_records_and_the_trace_of_a_restored_session_are_the_same(
     start: Starts, number: signal.Signals, tmp_path: Path
 ) -> None:
-    server = start(ORACLE_SNAPSHOT_EVENTS="1") if number == signal.SIGTERM else start()
+    server = start()
     async with attached(server, **observing("s")) as monitor:
         await drive(monitor)
         before, lines = server.records("s"), trace(server, "s")

@@ -27,7 +27,7 @@ PLAIN = {"type": "event", "seq": 1, "stream": "/a", "data": {}}
 FIELDS: dict[str, list[Any]] = {
     "seq": [1, 0, -1, 2**53 - 1, 2**53, 1.0, "1", True, None, []],
     "stream": ["/a", "", "x" * 255, "x" * 256, 1, None, True],
-    "kind": ["topic", "request", "response", "tick", "goal", "", None, 1],
+    "kind": ["topic", "request", "response", "tick", "goals", "", None, 1],
     "stamp": [0, 1, 2**63 - 1, 2**63, -1, 1.5, 1.0, "1", True, None],
     "data": [{}, {"a": None}, {"a": [1, {"b": "c"}]}, [], None, "x", 1],
     "ask": [True, False, None, 0, 1, "true"],
@@ -37,6 +37,15 @@ FIELDS: dict[str, list[Any]] = {
     "type": ["event", "events", None, 1],
     "more": [1, {"x": "y"}],
 }
+
+GOAL = PLAIN | {"kind": "goal", "goal_id": "g"}
+STATUS = PLAIN | {"kind": "status", "goal_id": "g", "status": "executing"}
+MARKS: list[tuple[dict[str, Any], str, list[Any]]] = [
+    (GOAL, "goal_id", ["", "x" * 255, "x" * 256, 1, True, []]),
+    (STATUS, "goal_id", ["", "x" * 256, 1]),
+    (STATUS, "status", ["accepted", "unknown", "done", "", 1, True]),
+]
+"""What events of actions have besides."""
 
 frames = st.fixed_dictionaries(
     {"type": st.just("event"), "seq": st.just(7), "stream": st.just("/a"), "data": st.just({"v": 1})},
@@ -78,6 +87,11 @@ def test_each_field(name: str, value: object) -> None:
 @pytest.mark.parametrize("name", [*PLAIN, "none"])
 def test_a_missing_field(name: str) -> None:
     both({key: value for key, value in PLAIN.items() if key != name})
+
+
+@pytest.mark.parametrize(("frame", "name", "value"), [(f, n, v) for f, n, values in MARKS for v in values])
+def test_each_mark_of_a_goal(frame: dict[str, Any], name: str, value: object) -> None:
+    both(frame | {name: value})
 
 
 @settings(deadline=None)

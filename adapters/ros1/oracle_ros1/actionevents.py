@@ -51,6 +51,11 @@ class ActionEvents:
         """Whether messages of a topic tell anything that the spec wants to know."""
         return kind in self.streams or ("reply" in self.streams and kind in ("status", "feedback", "result"))
 
+    @property
+    def wants_statuses(self) -> bool:
+        """Whether the next array of statuses tells anything that the spec wants to know."""
+        return "status" in self.streams or bool(self._unanswered)
+
     def decoded(self, kind: str, message: rospy.AnyMsg) -> Any:
         """What came on one of the topics; None, and told, where it can't be read."""
         try:
@@ -86,6 +91,17 @@ class ActionEvents:
     def send(self, kind: str, event: Event) -> None:
         """Report an event that nobody is asked about."""
         self._link.send(self.name, kind, event.stamp, event.data, **event.more)
+
+    def answer(self, kind: str, found: Any) -> None:
+        """Report feedback or a result, and the reply that it tells; nothing where it could not be read."""
+        if found is None:
+            return
+        said = found.status
+        self.answered(said.goal_id.id, said.status, found.header)
+        code = said.status if kind == "result" else None
+        event = self.event(kind, found, getattr(found, kind), said.goal_id.id, code=code)
+        if event is not None:
+            self.send(kind, event)
 
     def expect_reply(self, goal_id: str, call: int) -> None:
         """A goal is on its way to the server."""

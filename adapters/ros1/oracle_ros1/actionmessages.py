@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import dataclass
 from typing import Any, Callable, Dict, Mapping, Optional
 
 import rospy
@@ -108,3 +109,31 @@ def text_of(goal_id: str) -> str:
         return goal_id
     digest = hashlib.sha256(goal_id.encode()).hexdigest()
     return goal_id[: LONGEST - len(digest)] + digest
+
+
+@dataclass(eq=False)
+class Goal:
+    """A goal that the server has not got yet."""
+
+    number: int
+    goal_id: GoalID
+    message: rospy.AnyMsg
+    allowed: Optional[float] = None
+    """Since when it may go to the server (s)."""
+
+
+@dataclass(eq=False)
+class Said:
+    """A cancel, feedback or a result on its way."""
+
+    number: int
+    message: rospy.AnyMsg
+    found: Any
+    since: float = 0.0
+
+
+def covers(cancel: GoalID, goal: GoalID) -> bool:
+    """Whether a cancel is about a goal, as servers read it."""
+    if not cancel.id and not cancel.stamp:
+        return True
+    return bool(cancel.id and cancel.id == goal.id) or bool(cancel.stamp and goal.stamp <= cancel.stamp)

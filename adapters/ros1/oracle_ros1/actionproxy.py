@@ -1,7 +1,7 @@
 """Actions whose five topics pass through a proxy.
 
-What is not asked about is reported, and passed on at once, byte for byte. What is asked about waits for the decision;
-what must not pass is answered as a server would, so that no client waits for ever.
+What is not asked about passes at once, byte for byte. What is asked about waits for the decision; what must not pass is
+answered as a server would, so that no client waits for ever.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter, OrderedDict
-from dataclasses import dataclass
 from typing import Any, Callable, Dict, List, Mapping, Optional
 
 import rospy
@@ -18,6 +17,7 @@ from oracle_adapter.forwarding import ForwardQueue
 from oracle_adapter.interfaces import Interface
 
 from oracle_ros1.actionevents import KEPT, ActionEvents, Event
+from oracle_ros1.actionmessages import Goal, Said, covers
 from oracle_ros1.actions import Take, subscribed
 from oracle_ros1.actionstatus import Statuses, status
 from oracle_ros1.codec import CodecError, write
@@ -36,27 +36,6 @@ BEHIND = 1.0
 """Seconds that a result waits at most for feedback that is decided on."""
 
 
-@dataclass(eq=False)
-class _Goal:
-    """A goal that the server has not got yet."""
-
-    number: int
-    goal_id: GoalID
-    message: rospy.AnyMsg
-    allowed: Optional[float] = None
-    """Since when it may go to the server (s)."""
-
-
-@dataclass(eq=False)
-class _Said:
-    """A cancel, feedback or a result on its way."""
-
-    number: int
-    message: rospy.AnyMsg
-    found: Any
-    since: float = 0.0
-
-
 class ProxiedAction:
     """Serves an action under the proxy's name, and is a client of its server."""
 
@@ -72,15 +51,16 @@ class ProxiedAction:
         self._denied: Mapping[str, Any] = first.get("denied_result") or {}
         write(self._types.inner["result"](), self._denied, lookup_installed)
         self._lock = threading.RLock()  # guards what follows: decisions come in the link's thread
-        self._waiting: "OrderedDict[int, _Goal]" = OrderedDict()  # goals that the server has not got
+        self._waiting: "OrderedDict[int, Goal]" = OrderedDict()  # goals that the server has not got
         self._underway: "OrderedDict[str, GoalID]" = OrderedDict()  # goals that it has got, and no result is passed on
         self._feedback: Counter[str] = Counter()  # messages that are decided on, by their goals
-        self._behind: List[_Said] = []  # results behind these
+        self._behind: List[Said] = []  # results behind these
         self._status: Optional[rospy.AnyMsg] = None  # the server's last
         self._server: List[Any] = []  # the connections of the server's status
         self._gone: Optional[float] = None  # since when there is none (s)
         self._lost_goals = 0
         self._stopped = False
+        self._reporting = threading.Lock()  # held while feedback that has passed is not reported yet
         give: Dict[str, Callable[[Any], bool]] = {
             "goal": self._give_goal,
             "cancel": self._give_cancel,
@@ -154,15 +134,16 @@ class ProxiedAction:
         found = self._events.decoded("goal", message)
         if found is None:
             return
-        goal = _Goal(next(self._events.numbers), found.goal_id, message)
+        goal = Goal(next(self._events.numbers), found.goal_id, message)
         with self._lock:
             if self._stopped:
                 return
             self._waiting[goal.number] = goal
+        self._catch_up()
         event = self._events.event("goal", found, found.goal, found.goal_id.id, call=goal.number)
         self._pass_on("goal", goal, event)
 
-    def _give_goal(self, goal: _Goal) -> bool:
+    def _give_goal(self, goal: Goal) -> bool:
         """Let the server have a goal, as soon as it is there."""
         with self._lock:
             if self._stopped or goal.number not in self._waiting:
@@ -173,7 +154,7 @@ class ProxiedAction:
                 return True
             return self._send_goal(goal)
 
-    def _send_goal(self, goal: _Goal) -> bool:
+    def _send_goal(self, goal: Goal) -> bool:
         del self._waiting[goal.number]
         goal_id = goal.goal_id.id
         self._underway[goal_id] = goal.goal_id
@@ -184,11 +165,11 @@ class ProxiedAction:
         self._events.expect_reply(goal_id, goal.number)
         return self._publish("goal", goal.message)
 
-    def _deny_goal(self, goal: _Goal, reason: str) -> None:
+    def _deny_goal(self, goal: Goal, reason: str) -> None:
         with self._lock:
             self._answer(goal, GoalStatus.REJECTED, f"denied: {reason}")
 
-    def _answer(self, goal: _Goal, code: int, text: str) -> None:
+    def _answer(self, goal: Goal, code: int, text: str) -> None:
         """Let a client have the end of a goal that the server has not got, unless it has it."""
         if self._waiting.pop(goal.number, None) is not None:
             self._end(status(goal.goal_id, code, text), self._types.inner["result"]())
@@ -197,42 +178,46 @@ class ProxiedAction:
         found = self._events.decoded("cancel", message)
         if found is None:
             return
-        said = _Said(next(self._events.numbers), message, found)
+        said = Said(next(self._events.numbers), message, found)
+        self._catch_up()
         self._pass_on("cancel", said, self._events.event("cancel", found, found, found.id, call=said.number))
 
-    def _give_cancel(self, said: _Said) -> bool:
+    def _give_cancel(self, said: Said) -> bool:
         """Let the server have a cancel; the goals that it has not got, and came before, are over here."""
         with self._lock:
             passed = self._publish("cancel", said.message)
             for goal in list(self._waiting.values()):
-                if goal.number < said.number and _covers(said.found, goal.goal_id):
+                if goal.number < said.number and covers(said.found, goal.goal_id):
                     self._answer(goal, GoalStatus.RECALLED, "cancelled before the server got it")
         return passed
 
     # From the server
 
     def _take_feedback(self, message: rospy.AnyMsg) -> None:
-        if not self._events.reads("feedback"):
-            self._pass_unread("feedback", message)
+        queue = self._queues.get("feedback")
+        if queue is None:
+            with self._reporting:
+                self._pass_unread("feedback", message)
+                if self._events.reads("feedback"):
+                    self._events.answer("feedback", self._events.decoded("feedback", message))
             return
         found = self._events.decoded("feedback", message)
         if found is None:
             return
         said = found.status
         self._events.answered(said.goal_id.id, said.status, found.header)
-        if "feedback" in self._queues:
-            with self._lock:
-                self._feedback[said.goal_id.id] += 1
+        with self._lock:
+            self._feedback[said.goal_id.id] += 1
         event = self._events.event("feedback", found, found.feedback, said.goal_id.id)
-        self._pass_on("feedback", _Said(0, message, found), event)
+        self._pass_on("feedback", Said(0, message, found), event)
 
-    def _give_feedback(self, said: _Said) -> bool:
+    def _give_feedback(self, said: Said) -> bool:
         passed = self._publish("feedback", said.message)
-        if "feedback" in self._queues and passed:
+        if passed:
             self._decided(said)
         return passed
 
-    def _decided(self, said: _Said) -> None:
+    def _decided(self, said: Said) -> None:
         """Feedback was passed on, or not: a result may go on behind it."""
         with self._lock:
             goal_id = said.found.status.goal_id.id
@@ -251,9 +236,9 @@ class ProxiedAction:
             with self._lock:
                 self._statuses.deciding(said.goal_id.id)
         event = self._events.event("result", found, found.result, said.goal_id.id, code=said.status)
-        self._pass_on("result", _Said(0, message, found), event)
+        self._pass_on("result", Said(0, message, found), event)
 
-    def _give_result(self, said: _Said) -> bool:
+    def _give_result(self, said: Said) -> bool:
         with self._lock:
             if self._stopped:
                 return False
@@ -273,7 +258,7 @@ class ProxiedAction:
             self._publish("result", said.message)
             self._over(goal_id)
 
-    def _deny_result(self, said: _Said, reason: str) -> None:
+    def _deny_result(self, said: Said, reason: str) -> None:
         own = status(said.found.status.goal_id, GoalStatus.ABORTED, f"denied: {reason}")
         denied = write(self._types.inner["result"](), self._denied, lookup_installed)
         with self._lock:
@@ -295,16 +280,20 @@ class ProxiedAction:
 
     def _take_status(self, message: rospy.AnyMsg) -> None:
         with self._lock:
-            if not (self._events.reads("status") or self._statuses.rewriting):
-                if self._pass_unread("status", message):
-                    self._status, self._statuses.last = message, None
-                return
+            as_it_is = not self._statuses.rewriting
+            if as_it_is:
+                if not self._pass_unread("status", message):
+                    return
+                self._status, self._statuses.last = message, None
+                if not self._events.wants_statuses:
+                    return
             array = self._events.decoded("status", message)
             if array is None:
                 return
             self._status = message
             self._events.changed(array, self._statuses.changes(array))
-            self._show()
+            if not as_it_is:
+                self._show()
 
     def _show(self) -> None:
         """Publish how goals stand, as clients are to see it: the server's last array, byte for byte where it can be."""
@@ -364,6 +353,12 @@ class ProxiedAction:
 
     # All kinds
 
+    def _catch_up(self) -> None:
+        """Wait until all that has passed is reported: what a client does then comes behind what it has heard."""
+        for busy in (self._reporting, self._lock):
+            with busy:
+                pass
+
     def _pass_on(self, kind: str, what: Any, event: Optional[Event]) -> None:
         queue = self._queues.get(kind)
         if queue is not None and event is not None:
@@ -389,10 +384,3 @@ class ProxiedAction:
             except rospy.ROSException:  # ROS is shut down, as by `rosnode kill`
                 return False
             return True
-
-
-def _covers(cancel: GoalID, goal: GoalID) -> bool:
-    """Whether a cancel is about a goal, as servers read it."""
-    if not cancel.id and not cancel.stamp:
-        return True
-    return bool(cancel.id and cancel.id == goal.id) or bool(cancel.stamp and goal.stamp <= cancel.stamp)

@@ -67,12 +67,7 @@ class LoggedAction:
             self._report("cancel", self._events.event("cancel", found, found, found.id, call=call))
 
     def _take_answer(self, kind: str, message: rospy.AnyMsg) -> None:
-        found = self._events.decoded(kind, message)
-        if found is not None:
-            said = found.status
-            self._events.answered(said.goal_id.id, said.status, found.header)
-            code = said.status if kind == "result" else None
-            self._report(kind, self._events.event(kind, found, getattr(found, kind), said.goal_id.id, code=code))
+        self._events.answer(kind, self._events.decoded(kind, message))
 
     def _take_status(self, message: rospy.AnyMsg) -> None:
         array = self._events.decoded("status", message)

@@ -107,7 +107,8 @@ class ProxiedAction:
 
     def stop(self) -> None:
         """Serve no more. Goals under way go on, and whoever waits for a result is told that it is unknown here."""
-        goals, results, under_way = self._sending.open, self._results.open, self._status.under_way
+        goals, results = self._sending.open, self._results.open
+        under_way = self._status.under_way if self._sending.is_there else 0
         for call in goals:
             if call.forwarded and self._cancelling.is_there:  # its client will believe it rejected
                 self._cancelling.send(cancel_request(_goal_of(call)), lambda _: None)

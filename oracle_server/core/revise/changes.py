@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from operator import is_
 from typing import NamedTuple
 
 import msgspec
@@ -161,8 +162,12 @@ def _stands(row: Again) -> Standing:
 
 
 def merged(old: tuple[Verdict, ...], new: tuple[Verdict, ...]) -> tuple[Verdict, ...]:
-    """Verdicts that stand: degraded where they were, and where they are by more than what is bypassed at present."""
-    return tuple([_merge(was, verdict) for was, verdict in zip(old, new, strict=True)])
+    """Verdicts that stand: degraded where they were, and where they are by more than what is bypassed at present.
+
+    They are `old` itself where nothing has changed.
+    """
+    found = [_merge(was, verdict) for was, verdict in zip(old, new, strict=True)]
+    return old if all(map(is_, old, found)) else tuple(found)
 
 
 def _merge(old: Verdict, new: Verdict) -> Verdict:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+
+import msgspec
 
 from oracle_server.core.engine import MAX_WORK
 from oracle_server.core.formula.tree import Scalar
@@ -12,8 +13,10 @@ from oracle_server.core.plan import View
 from oracle_server.core.property_state import Mark, Names, PropertyState
 from oracle_server.core.verdicts import FINAL, Outcome
 
+_UNKNOWN = Outcome.UNKNOWN
 
-class Stand(NamedTuple):
+
+class Stand(msgspec.Struct, frozen=True, gc=False):
     """What a property's state had after a step, and gets back where the judge goes back to that step."""
 
     outcome: Outcome
@@ -38,6 +41,8 @@ class RevisableState(PropertyState):
     """Whether the final outcome was said: no late event can change it any more."""
     repeated: Outcome | None = None
     """The outcome at a step that its engine can't judge again since it has failed."""
+    changed: list[RevisableState] = field(default_factory=list)
+    """Where it adds itself, whenever it may have come to stand otherwise; the judge's, who has one for all."""
     _marked: list[tuple[Outcome | None, int, bool]] = field(default_factory=list)
 
     def step(
@@ -50,14 +55,15 @@ class RevisableState(PropertyState):
         allowed: int = MAX_WORK,
     ) -> Outcome:
         """The outcome at the next step; see `PropertyState.step`."""
-        if self.repeated is not None:
+        if self.said or self.repeated is not None:
             self.work = 0
-            return self.repeated
-        if self.said:
-            self.work = 0
-            return self._final(time)
+            self.changed.append(self)
+            return self.repeated or self._final(time)
         failures = self.failures
         outcome = PropertyState.step(self, view, time, signals, failed, latest, allowed)
+        if outcome is self.outcome and outcome is not _UNKNOWN and self.final is None:
+            return outcome  # as nearly always: nothing changes with such a step
+        self.changed.append(self)
         if self.final is None:
             if outcome not in FINAL:
                 return outcome
@@ -69,6 +75,7 @@ class RevisableState(PropertyState):
         self, view: View, time: int, signals: Mapping[str, Scalar], failed: Names, allowed: int = MAX_WORK
     ) -> Outcome:
         """The outcome at a step that is then taken back."""
+        self.changed.append(self)
         if self.final is not None:
             return self.outcome
         outcome = PropertyState.tick(self, view, time, signals, failed, allowed)
@@ -86,6 +93,7 @@ class RevisableState(PropertyState):
 
     def mark(self) -> Mark:
         """Remember how the property stands, and begin a step that may be taken back."""
+        self.changed.append(self)
         self._marked.append((self.final, self.final_since, self.said))
         return PropertyState.mark(self)
 
@@ -99,15 +107,6 @@ class RevisableState(PropertyState):
         PropertyState.keep(self)
         self._marked.pop()
 
-    def stands_as(self, stand: Stand) -> bool:
-        """Whether it stands so: nothing else changes while its outcome, its counts and what is final do not."""
-        return (
-            self.outcome is stand.outcome
-            and self.violations == stand.violations  # those of attempts that were taken back stay counted
-            and self.failures == stand.failures
-            and self.final is stand.final
-        )
-
     def stand(self) -> Stand:
         """How it stands."""
         return Stand(
@@ -117,10 +116,10 @@ class RevisableState(PropertyState):
 
     def put(self, stand: Stand) -> None:
         """Stand as it did, but for an engine that failed since: it stays failed."""
-        (
-            self.outcome, self.negative, self.failures, self.violations, self.first_violation,
-            self.first_violation_step, self.first_violation_at, self.final, self.final_since,
-        ) = stand  # fmt: skip
+        self.outcome, self.negative, self.failures = stand.outcome, stand.negative, stand.failures
+        self.violations, self.first_violation = stand.violations, stand.first_violation
+        self.first_violation_step, self.first_violation_at = stand.first_violation_step, stand.first_violation_at
+        self.final, self.final_since = stand.final, stand.final_since
 
     def _final(self, time: int) -> Outcome:
         assert self.final is not None  # noqa: S101 -- only called where it is

@@ -12,10 +12,9 @@ import msgspec
 from oracle_server.core.counting import Told
 from oracle_server.core.engine import Engine, Rewindable
 from oracle_server.core.events import Order, Signals, Step
-from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.holding import Held
 from oracle_server.core.judge import Judge
 from oracle_server.core.plan import Plan, StreamPlan
-from oracle_server.core.property_state import Names
 from oracle_server.core.recent import SIZE, Recent
 from oracle_server.core.revise.changes import Again, merged, revisions
 from oracle_server.core.revise.finality import RevisableState
@@ -25,7 +24,7 @@ from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import Decision, Judged
 
 _FORGET_AFTER = 64
-"""Rows that are no longer kept, after which the engines forget them: many at once cost less."""
+"""Rows after which those that need not be kept any more are forgotten: many at once cost less."""
 
 
 class Late(NamedTuple):
@@ -61,8 +60,11 @@ class RevisingJudge(Judge):
     def __init__(self, plan: Plan, engines: Sequence[Engine], order: Order, numbers: Iterator[int]) -> None:
         """Judge with one fresh engine a property, each of which can go back; verdicts are numbered from `numbers`."""
         self.horizon = plan.spec.ordering.horizon
+        self._changed: list[RevisableState] = []
+        """The properties that may stand otherwise than after the last row that is kept."""
         super().__init__(plan, engines, order, numbers)
         self._states = [state for state in self.properties if isinstance(state, RevisableState)]
+        self._engines = [rewindable(engine) for engine in engines]
         self._recent = Recent(SIZE, spare=MOST)
         self.keeping = Keeping(self.horizon, self._point(None))
         self.newest = 0
@@ -88,16 +90,21 @@ class RevisingJudge(Judge):
         self._old_ticks: defaultdict[int, list[Kept]] = defaultdict(list)
         self._not_before = 0
         """What is judged again without being in order is judged at no earlier time (ns) than it was."""
-        self._unforgotten = 0
+        self._added = 0
+        """Rows that were added since others were forgotten."""
         self._told: Told | None = None
         self.asked: Asked | None = None
         self.answer: Judged | None = None
         """The row that is `asked` of as it stands, with the explanation; None where it does not stand."""
-        for state in self.properties:
-            rewindable(state.engine).record()
+        for engine in self._engines:
+            engine.record()
+
+    def remember(self, steps: int, effort: int) -> None:
+        """See `Telling.remember`."""
+        self._recent = Recent(steps, effort, MOST)
 
     def _state(self, prop: Property, engine: Engine, grace: int) -> RevisableState:
-        return RevisableState(prop, engine, grace=grace, horizon=self.horizon)
+        return RevisableState(prop, engine, grace=grace, horizon=self.horizon, changed=self._changed)
 
     @property
     def told(self) -> Told:
@@ -193,8 +200,10 @@ class RevisingJudge(Judge):
     def _end(self, now: int) -> list[Judged]:
         """End the pass: what was judged in it, and the revisions of what stood before."""
         again = [
-            Again(position, row.preceding, row.judged, *self._stands.get(position, (None, None)))
+            Again(position, row.preceding, row.judged, stands, would)
             for position, row in sorted(self._stood.items())
+            for stands, would in [self._stands.get(position, (None, None))]
+            if stands is not row.judged or would is not None  # as most are judged as they were
         ]
         outputs, self._outputs = self._outputs, []
         if self._causes:
@@ -253,7 +262,7 @@ class RevisingJudge(Judge):
             del known[0]
             tick = msgspec.structs.replace(tick, step=old.step, verdicts=merged(old.judged.verdicts, tick.verdicts))
             self._stands[old.position] = tick, None
-            self._keep(tick, old.key, time, old)
+            self._keep_again(tick, old, time)
         return None
 
     def tick(self, time: int, now: int, recorded: Signals | None = None) -> Judged | None:
@@ -275,6 +284,7 @@ class RevisingJudge(Judge):
     def _judge_first(self, step: Step, now: int, *, placed: bool = False) -> Judged:
         """Judge a step for the first time: in its place, or behind all others."""
         in_order, steps = placed or (not step.late and self._is_ordered(step)), self.counters.steps
+        self._recent.number = self._numbered + 1
         judged = self.judge(step, now)
         undone = self.counters.steps == steps
         self._numbered += not undone
@@ -299,7 +309,7 @@ class RevisingJudge(Judge):
         ]
         for state, verdict in broken:
             state.repeated = verdict.outcome
-        self._not_before = row.point.present
+        self._not_before, self._recent.number = row.point.present, row.judged.number
         asked = None if self.asked is None or self.asked.position != row.position else self._states[self.asked.prop]
         if asked is not None:
             asked.asked = True
@@ -311,14 +321,16 @@ class RevisingJudge(Judge):
         self._not_before, self._numbers, self._degraded, self.counters.denied = 0, numbers, degraded, denied
         for state, _ in broken:
             state.repeated = None
-        stands = msgspec.structs.replace(row.judged, verdicts=merged(row.judged.verdicts, judged.verdicts))
+        stands, verdicts = row.judged, merged(row.judged.verdicts, judged.verdicts)
+        if verdicts is not stands.verdicts:
+            stands = msgspec.structs.replace(stands, verdicts=verdicts)
         if asked is not None:
             self.answer, asked.asked = stands, False
         self._renumber(stands)
         decided, would = row.judged.decision, judged.decision
         other = would if decided is not None and would is not None and would.choice != decided.choice else None
         self._stands[row.position] = stands, other
-        self._keep(stands, row.key, row.level, row, undone=row.undone)
+        self._keep_again(stands, row, row.level)
 
     def _renumber(self, judged: Judged) -> None:
         """Name a first violation by the number that its step was judged with, which is not its place."""
@@ -334,40 +346,51 @@ class RevisingJudge(Judge):
                 self._old_ticks[row.step.stamp].insert(0, row)
         point = self.keeping.last
         self._recent.remove(self.counters.steps - point.steps)
-        for state, stand in zip(self._states, point.properties, strict=True):
+        for state, engine, stand in zip(self._states, self._engines, point.properties, strict=True):
             if state.broken is None and not state.said:
-                rewindable(state.engine).rewind(point.steps, point.present, point.before)
+                engine.rewind(point.steps, point.present, point.before)
             state.put(stand)
         self.present, self._ticked, self._outdated = point.present, point.ticked, point.outdated
         self.counters.steps, self._held = point.steps, dict(point.held)
 
-    def _keep(self, judged: Judged, key: int, level: int, old: Kept | None = None, *, undone: bool = False) -> None:
-        keeping = self.keeping
-        if old is None:
-            key, preceding, position = max(key, keeping.key), self._position, self._position_of(judged)
-            self._position = position
-        else:
-            key, preceding, position = old.key, old.preceding, old.position
+    def _keep(self, judged: Judged, key: int, level: int, *, undone: bool = False) -> None:
+        """Keep a row that was judged for the first time."""
+        key, position = max(key, self.keeping.key), self._position_of(judged)
+        self._add(Kept(judged, key, level, position, self._position, self._point(self.keeping.last), undone))
+        self._position = position
+
+    def _keep_again(self, judged: Judged, old: Kept, level: int) -> None:
+        """Keep a row that was judged again, in the place that it has."""
+        point = self._point(self.keeping.last)
+        self._add(Kept(judged, old.key, level, old.position, old.preceding, point, old.undone))
+
+    def _add(self, row: Kept) -> None:
         self.newest = max(self.newest, self.present)
-        row = Kept(judged, key, level, position, preceding, self._point(keeping.last), undone)
-        self._unforgotten += keeping.add(row, self.newest)
-        if self._unforgotten >= _FORGET_AFTER:
-            self._unforgotten, base = 0, keeping.base
-            for state in self.properties:
-                if state.broken is None:
-                    rewindable(state.engine).forget(base.steps, base.present)
+        self.keeping.add(row, self.newest)
+        self._added += 1
+        if self._added >= _FORGET_AFTER:
+            self.forget()
+
+    def forget(self) -> None:
+        """Keep no rows, and nothing in the engines, for events that are older than the horizon."""
+        self._added = 0
+        self.keeping.forget(self.newest)
+        base = self.keeping.base
+        for state, engine in zip(self._states, self._engines, strict=True):
+            if state.broken is None:
+                engine.forget(base.steps, base.present)
 
     def _point(self, last: Point | None) -> Point:
         """How the judge stands, where it stood so after the row before."""
-        steps, before, stands = self.counters.steps, 0, None
-        if last is not None:
-            before, stands = last.present if steps > last.steps else last.before, last.properties
-            for state, stand in zip(self._states, stands, strict=True):
-                if not state.stands_as(stand):
-                    stands = None
-                    break
+        steps = self.counters.steps
+        if last is None:
+            before, stands = 0, None
+        else:
+            before = last.present if steps > last.steps else last.before
+            stands = None if self._changed else last.properties
         if stands is None:
             stands = tuple([state.stand() for state in self._states])
+            self._changed.clear()
         return Point(self.present, before, self._ticked, self._outdated, steps, self._held, stands)
 
     def _position_of(self, judged: Judged) -> int:
@@ -375,12 +398,12 @@ class RevisingJudge(Judge):
 
     def _move_on(self, step: Step, stream: StreamPlan) -> None:
         super()._move_on(step, stream)
-        self.present = max(self.present, self._not_before)
+        if self._not_before:
+            self.present = max(self.present, self._not_before)
 
-    def _signals(self, step: Step, stream: StreamPlan) -> tuple[dict[str, Scalar], Names]:
-        if stream.spec.hold:  # what the points refer to must not change
-            self._held = {m: h.copy() if m == step.event.monitor else h for m, h in self._held.items()}
-        return super()._signals(step, stream)
+    def _holding(self, monitor: str) -> Held:
+        self._held = {m: h.copy() if m == monitor else h for m, h in self._held.items()}  # points refer to the other
+        return super()._holding(monitor)
 
 
 def rewindable(engine: Engine) -> Rewindable:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Mapping
-from typing import NamedTuple
 
 import msgspec
 
@@ -23,7 +22,7 @@ def key_of(time: int, *, tick: bool = False) -> int:
     return 2 * time + tick
 
 
-class Point(NamedTuple):
+class Point(msgspec.Struct, frozen=True, gc=False):
     """How a judge stood after a row; times in nanoseconds. `before` is the time of the step before the last one."""
 
     present: int
@@ -95,22 +94,25 @@ class Keeping:
         """The key of the last row."""
         return self.rows[-1].key if self.rows else self.floor
 
-    def add(self, row: Kept, newest: int) -> bool:
-        """Keep a row, and let go of those that are more than a horizon older than the newest; whether any was."""
-        rows, limit = self.rows, key_of(newest - self._horizon)
+    def add(self, row: Kept, newest: int) -> None:
+        """Keep a row, and let go of the first where they are too many; `newest` is the time of the newest step (ns)."""
+        rows = self.rows
         rows.append(row)
-        kept = len(rows)
-        if rows[0].key >= limit and kept <= self._most:
-            return False
-        while rows[0].key < limit or len(rows) > self._most:
-            self.crowded = self.crowded or rows[0].key >= limit
-            gone = rows.popleft()
-            self.base, self.floor = gone.point, gone.key
-            if gone.judged.place is not None:
-                self.placed.append(gone.position)
-            if not rows:
-                break
-        return len(rows) < kept
+        if len(rows) > self._most:
+            self.crowded = self.crowded or rows[0].key >= key_of(newest - self._horizon)
+            self._let_go()
+
+    def forget(self, newest: int) -> None:
+        """Let go of the rows that are more than a horizon older than the newest step (ns)."""
+        rows, limit = self.rows, key_of(newest - self._horizon)
+        while rows and rows[0].key < limit:
+            self._let_go()
+
+    def _let_go(self) -> None:
+        gone = self.rows.popleft()
+        self.base, self.floor = gone.point, gone.key
+        if gone.judged.place is not None:
+            self.placed.append(gone.position)
 
     def after(self, time: int) -> list[Kept]:
         """Take away the rows behind a step at a time (ns); the last one first."""

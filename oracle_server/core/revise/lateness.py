@@ -39,15 +39,17 @@ class Lateness:
     def take(self, step: Step, now: int, enough: Callable[[], bool]) -> list[Judged]:
         """Take a step as it comes: of a stream without order at once, of others as the order releases it."""
         judge = self.judge
-        if step.skipped or not judge.plan.streams[step.event.stream].spec.ordered:
-            return judge.take(step, now)
         if not step.late and not judge.is_late(step):
+            return judge.take(step, now)
+        if step.skipped or not judge.plan.streams[step.event.stream].spec.ordered:
             return judge.take(step, now)
         self._wait(step, now)
         return self.go_on(now, enough)
 
     def go_on(self, now: int, enough: Callable[[], bool]) -> list[Judged]:
         """Go on with what is put in place, and begin with what has waited for it."""
+        if self._due is None and self.judge.is_done:
+            return []
         outputs = self.judge.say_unsaid(now)
         outputs += self._pass(now, enough)
         while self._due is not None and self._due <= now and not self.judge.is_going:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import msgspec
 
@@ -12,7 +12,7 @@ from oracle_server.core.engine import Engine
 from oracle_server.core.events import Order, Step
 from oracle_server.core.kinds import TICK
 from oracle_server.core.plan import Plan
-from oracle_server.core.revise.judge import RevisingJudge, Until, rewindable
+from oracle_server.core.revise.judge import RevisingJudge, Until
 from oracle_server.core.revise.kept import Keeping, Kept, key_of
 from oracle_server.core.revisions import Revision
 from oracle_server.core.snapshot import RevisingSnapshot
@@ -20,6 +20,8 @@ from oracle_server.core.verdicts import Judged, Outcome
 
 _BEGINNING = -1
 """A time (ns) before all others."""
+_TOGETHER = 1_000
+"""Recorded rows that are judged again together: what stands behind several late ones is judged once for all."""
 
 
 class SavableJudge(RevisingJudge):
@@ -29,16 +31,26 @@ class SavableJudge(RevisingJudge):
         """As every `RevisingJudge`."""
         super().__init__(plan, engines, order, numbers)
         self._restoring = False
+        self.together = _TOGETHER
+        """How many recorded rows are judged again together at most."""
+        self._gathered: list[Kept] = []
+        """Recorded steps in order, and late ones with a place, that are to be judged again together."""
         self._unknown = 0
         """Deadlines that were judged again before their rows came, which then tell their positions; counted down."""
         self._early: dict[int, tuple[Step, int]] = {}
         """Rows of deadlines, by time (ns), that are judged only with a late event whose row comes next in the pass."""
+
+    @property
+    def is_done(self) -> bool:
+        """Whether no pass goes on, and all that was judged was said."""
+        return not self._ahead and not self._unknown
 
     def save(self) -> RevisingSnapshot | None:
         """All that later verdicts depend on, as of before the first row that is kept; None where it can't be saved.
 
         It goes back for that, and begins a pass that judges the kept rows again. No pass may go on.
         """
+        self.forget()
         rows = list(self.keeping)
         self._begin_pass()
         self._go_back(self.keeping.after(_BEGINNING))
@@ -64,42 +76,73 @@ class SavableJudge(RevisingJudge):
     def load(self, data: RevisingSnapshot, numbers: Iterator[int]) -> None:
         """Take over what `save` gave; verdicts are numbered from `numbers`. Raises `EngineError`."""
         self.restore(data["judge"], numbers)
-        for state, (final, since, said) in zip(self._states, data["finals"], strict=True):
+        for state, engine, (final, since, said) in zip(self._states, self._engines, data["finals"], strict=True):
             state.final, state.final_since, state.said = None if final is None else Outcome(final), since, said
             if state.broken is None and not state.said:
-                rewindable(state.engine).record()
-        self.keeping = Keeping(self.horizon, self._point(None)._replace(before=data["before"]))
+                engine.record()
+        self.keeping = Keeping(self.horizon, msgspec.structs.replace(self._point(None), before=data["before"]))
         self.keeping.floor, self.keeping.placed = data["floor"], list(data["included"])
         self._numbered, self.newest, self._position = data["numbered"], self.present, data["position"]
 
-    def rejudge(self, recorded: Judged, position: int) -> Judged | None:
+    def rejudge(self, recorded: Judged, position: int) -> None:
         """Judge a recorded row again, at its position, in the sequence in which the rows were said.
 
-        It is decided as it was. Returns how it stands then; None for a revision, for a deadline that is not judged any
-        more, for a step that was skipped, and for one that was loaded.
+        It is decided as it was. Steps in order, and late ones that have a place, wait for others: what stands does not
+        depend on when they come. `finish_again` judges what waits.
         """
         step, kind = recorded.step, recorded.step.event.stream.kind
-        self._restoring = True
-        if kind != TICK and recorded.place is None:
+        if self.ticking and kind != TICK and recorded.place is None:  # a pass has ended, and the deadlines of it
+            if any(row.judged.place is not None for row in self._gathered):
+                self.finish_again()
             self._early = {}
         if isinstance(recorded, Revision):
             self._count_changes([recorded])
         elif kind == TICK:
+            self.finish_again()
+            self._restoring = True
             self._tick_again(step, recorded.judged, position)
         elif step.skipped:
             self.counters.skipped += 1
             self.degrade()
         elif position not in self.keeping.placed:
+            if step.event.lost or step.forced:
+                self.degrade()
             self._count(step)
             self.counters.denied += is_denied(recorded.decision)
             self._step_again(recorded, position)
         self._restoring = False
         self._numbered = max(self._numbered, recorded.number or 0)
         self._numbers = itertools.count(position * len(self.properties) + 1)
-        if isinstance(recorded, Revision):
-            return None
-        self._position = position
-        return next((row.judged for row in reversed(self.keeping.rows) if row.position == position), None)
+        if not isinstance(recorded, Revision):
+            self._position = position
+
+    def finish_again(self) -> None:
+        """Judge the recorded steps that wait for others."""
+        rows, self._gathered = sorted(self._gathered, key=lambda row: row.key), []
+        if not rows:
+            return
+        numbers, self._restoring = self._numbers, True
+        taken = self.keeping.after(rows[0].step.time)
+        self._begin_pass()
+        self._go_back(taken)
+        known = [row for row in reversed(taken) if not row.is_tick]
+        merged: list[Kept] = sorted([*known, *rows], key=lambda row: row.key)  # of one key, those of before first
+        self._ahead.extend(merged)
+        self._ahead.append(Until(max(self._level, rows[-1].level)))
+        self.go_on(max(row.judged.judged for row in rows), _never)
+        self._numbers, self._restoring = numbers, False
+
+    def degrade(self) -> None:
+        """See `Judge.degrade`; what was judged before is not degraded."""
+        if not self._degraded:
+            self.finish_again()
+        super().degrade()
+
+    def bypass(self, properties: Collection[int]) -> None:
+        """See `Judge.bypass`; what was judged before is not degraded."""
+        if any(state.bypassed is not (i in properties) for i, state in enumerate(self.properties)):
+            self.finish_again()
+        super().bypass(properties)
 
     def say_unsaid(self, now: int) -> list[Judged]:
         """After a restore: the deadlines that were judged again, and are in no row; they are said now."""
@@ -116,35 +159,24 @@ class SavableJudge(RevisingJudge):
 
     def _step_again(self, recorded: Judged, position: int) -> None:
         """A recorded step, in its place where it was put there."""
-        step, placed = recorded.step, recorded.place is not None
-        in_order = placed or (self._is_ordered(step) and not step.late)
-        if not in_order:  # up to when its deadlines had waited long enough
-            waited = step.event.arrived - max(1, self.plan.spec.ordering.max_delay or 0)
-            self._judge_deadlines(max(self._level, waited), recorded.judged)
-        present = self.present or min(step.time, step.event.arrived)  # as where it was judged first
-        undoes = self.plan.streams[step.event.stream].undoes
-        row = Kept(
-            recorded,
-            key_of(step.time) if in_order else max(self.keeping.key, key_of(present), self._key_behind(self._deadline)),
-            step.time - 1 if in_order else self._deadline,
-            position,
-            self._position,
-            self.keeping.last._replace(present=0),
-            undone=undoes and is_denied(recorded.decision),
-        )
-        taken = self.keeping.after(step.time) if placed else []
-        if not taken:
-            self._judge_deadlines(row.level, recorded.judged)
-            self._judge_again(row)
-            self._judge_deadlines(self._level if placed else row.level, recorded.judged)
-            self._stands.clear()
+        step = recorded.step
+        undone = self.plan.streams[step.event.stream].undoes and is_denied(recorded.decision)
+        point = msgspec.structs.replace(self.keeping.last, present=0)
+        row = Kept(recorded, key_of(step.time), step.time - 1, position, self._position, point, undone)
+        if recorded.place is not None or (self._is_ordered(step) and not step.late):
+            self._gathered.append(row)
+            if len(self._gathered) >= self.together:
+                self.finish_again()
             return
-        self._begin_pass()
-        self._go_back(taken)
-        self._ahead.append(row)
-        self._ahead.extend(again for again in reversed(taken) if not again.is_tick)
-        self._ahead.append(Until(self._level))
-        self.go_on(recorded.judged, _never)
+        self.finish_again()
+        self._restoring = True
+        waited = step.event.arrived - max(1, self.plan.spec.ordering.max_delay or 0)
+        self._judge_deadlines(max(self._level, waited), recorded.judged)  # up to when they had waited long enough
+        present = self.present or min(step.time, step.event.arrived)  # as where it was judged first
+        row.key = max(self.keeping.key, key_of(present), self._key_behind(self._deadline))
+        row.level = self._deadline
+        self._judge_again(row)
+        self._stands.clear()
 
     def _tick_again(self, step: Step, now: int, position: int) -> None:
         """A recorded deadline: it may have been judged already, with what came late before it was said."""

@@ -29,7 +29,7 @@ FORMAT = 2
 """The number of the form that snapshots have."""
 
 
-class Frame(msgspec.Struct):
+class Frame(msgspec.Struct, gc=False):
     """How an engine stood after so many steps, and what takes back its nodes' changes since, the last change last.
 
     `now`, `before`, `first`, `work` and `debt` are the timeline's, `current` is where each atom held.
@@ -43,7 +43,7 @@ class Frame(msgspec.Struct):
     first: bool
     work: int
     debt: int
-    current: tuple[Key | Absent, ...]
+    current: list[Key | Absent]
     journal: Journal
 
 
@@ -57,6 +57,7 @@ class NativeEngine:
         self._timeline = Timeline(timed=self._timed, share=share)
         network = self._network = build(formula, self._timeline)
         self._atoms, self._operators = network.atoms, network.operators
+        self._plain = [atom for _, atom in self._atoms]
         self.owed = network.obligations
         """What it waits for; None where its formula only looks back."""
         (self._holds,), (self._settled,) = network.root.at, network.root.settled
@@ -153,7 +154,7 @@ class NativeEngine:
 
     def snapshot(self) -> dict[str, Any]:
         """All that later verdicts depend on, as plain data that JSON can represent."""
-        nodes = [*(atom for _, atom in self._atoms), *self._operators]
+        nodes = [*self._plain, *self._operators]
         return {
             "format": FORMAT,
             "clock": self._timeline.snapshot(),
@@ -171,7 +172,7 @@ class NativeEngine:
         if data.get("format") != FORMAT:
             raise EngineError(f"a snapshot of format {data.get('format')}, and this version reads {FORMAT}")
         self._timeline.restore(data["clock"])
-        nodes = [*(atom for _, atom in self._atoms), *self._operators]
+        nodes = [*self._plain, *self._operators]
         for node, state in zip(nodes, data["nodes"], strict=True):
             node.restore(state)
         self._steps, self._due, self._last = data["steps"], data["due"], Outcome(data["last"])
@@ -227,7 +228,7 @@ class NativeEngine:
 
     def _frame(self) -> Frame:
         """How it stands, with an empty journal."""
-        line, current = self._timeline, tuple([atom.current for _, atom in self._atoms])
+        line, current = self._timeline, [atom.current for atom in self._plain]
         return Frame(
             self._steps, self._due, self._last, line.now, line.before, line.first, line.work, line.debt, current, []
         )
@@ -236,7 +237,7 @@ class NativeEngine:
         """Stand as it did, where its nodes do and its timeline is at that step."""
         self._steps, self._due, self._last = frame.steps, frame.due, frame.last
         self._timeline.first, self._timeline.work, self._timeline.debt = frame.first, frame.work, frame.debt
-        for (_, atom), current in zip(self._atoms, frame.current, strict=True):
+        for atom, current in zip(self._plain, frame.current, strict=True):
             atom.current = current
 
     def _close(self) -> Frame:

@@ -34,6 +34,7 @@ class Recall:
     def __init__(self, formula: Formula, network: Network, time: Time, last: int, past: Past) -> None:
         self._network, self._past, self._effort = network, past, past.effort
         self._timed = time == "seconds"
+        self.noun = past.noun
         self.last = last
         self.first = last - max(len(past.times), 1) + 1
         self._times: Sequence[int] = past.times or (network.timeline.now,)

@@ -71,13 +71,13 @@ class Wording:
         shown = ", ".join(_range(*each) for each in ranges[:_MOST_RANGES])
         if len(ranges) > _MOST_RANGES:
             shown += f" and {len(ranges) - _MOST_RANGES} more times up to {times[-1]}"
-        return f"at each of steps {shown}"
+        return f"at each of {self._recall.noun}s {shown}"
 
     def step(self, step: int) -> str:
         """A remembered step by its number and time; at a deadline, by its event too: it is that one's deadline."""
         seen = self._recall.seen(step)
         if seen is None:
-            return f"step {step}"
+            return f"{self._recall.noun} {step}"
         at = step_name(seen.number, seen.stamp, self._stamp)
         if not seen.event:
             return f"the deadline ({at})"
@@ -90,7 +90,8 @@ class Wording:
         if self.is_unnumbered(last):
             return f"{self.during(first, last - 1)} and {_ATTEMPT}" if last > first else _ATTEMPT
         if self._time == "steps":
-            return f"in steps {_range(first, last)}" if last > first else f"in step {first}"
+            noun = self._recall.noun
+            return f"in {noun}s {_range(first, last)}" if last > first else f"in {noun} {first}"
         return f"between {self.ago(first)} and {self.ago(last)}" if last > first else f"at {self._at_time(first)}"
 
     def window(self, bound: Bound) -> str:

@@ -10,11 +10,15 @@ from typing import Any, Literal
 from oracle_server.core.errors import OracleError
 
 _KNOWN = {
-    "monitor": {"id", "oracle", "topics", "services", "actions", "ordered_topics", "ordered_services", "log", "silent",
-                "warning", "status"},
-    "interface": {"name", "type", "action", "publishers", "subscribers", "side", "ordered", "ordering", "warning"},
+    "monitor": {"id", "oracle", "topics", "services", "actions", "ordered_topics", "ordered_services",
+                "ordered_actions", "log", "silent", "warning", "status"},
+    "interface": {"name", "type", "action", "publishers", "subscribers", "side", "ordered", "ordering", "warning",
+                  "event_kind", "event_kinds"},
     "oracle": {"url", "port", "action", "timeout"},
 }  # fmt: skip
+
+
+_KINDS: tuple[Literal["topic", "service", "action"], ...] = ("topic", "service", "action")
 
 
 class ConfigError(OracleError):
@@ -23,13 +27,14 @@ class ConfigError(OracleError):
 
 @dataclass(slots=True)
 class Interface:
-    """A topic or service; `delay` is its `max_delay_ms`, `stamp` the field that it is ordered by.
+    """A topic, a service, or an action of which `events` are observed.
 
+    `delay` is its `max_delay_ms`, `stamp` the field that it is ordered by.
     `bare`: its name is written without the leading slash, and sent so to its oracle.
     """
 
     name: str
-    kind: Literal["topic", "service"]
+    kind: Literal["topic", "service", "action"]
     type: str
     filtered: bool
     subscribers: bool = False
@@ -37,6 +42,7 @@ class Interface:
     delay: int | None = None
     stamp: str | None = None
     bare: bool = False
+    events: tuple[str, ...] = ()
     lost: list[str] = field(default_factory=list)
     """Settings that have no counterpart, as text."""
 
@@ -73,7 +79,7 @@ def read_config(value: object, file: str) -> Config:
         config.name = name if number == 0 else config.name
         _add_monitor(config, monitor, name, file, first=number == 0)
     if not config.interfaces:
-        raise ConfigError(f"{file}: has no topics and no services")
+        raise ConfigError(f"{file}: has no topics, services or actions")
     return config
 
 
@@ -90,15 +96,14 @@ def _add_monitor(config: Config, monitor: Mapping[str, Any], name: str, file: st
         "silent": "the server has a log of its own",
         "warning": "every outcome is recorded; select those that you need",
         "status": "see the adapter's own diagnostics",
-        "actions": "actions are not observed in this version",
     }
     config.lost += [f"`{key}` of monitor '{name}': {reasons[key]}" for key in reasons if key in monitor]
     if oracle.get("action") not in (None, "nothing"):
         config.lost.append(f"`oracle.action: {oracle['action']}` of monitor '{name}': messages are never changed here")
     config.lost += [f"`{key}` of monitor '{name}'" for key in sorted(set(monitor) - _KNOWN["monitor"])]
     config.lost += [f"`oracle.{key}` of monitor '{name}'" for key in sorted(set(oracle) - _KNOWN["oracle"])]
-    ordered = {kind: _names(monitor.get(f"ordered_{kind}s")) for kind in ("topic", "service")}
-    for kind in ("topic", "service"):
+    ordered = {kind: _names(monitor.get(f"ordered_{kind}s")) for kind in _KINDS}
+    for kind in _KINDS:
         for item in _items(monitor, kind):
             interface = _interface(item, kind, name, file)
             interface.reordered = interface.reordered or interface.name in ordered[kind]
@@ -125,7 +130,9 @@ def _names(items: object) -> set[str]:
     return {_slashed(str(i.get("name") if isinstance(i, Mapping) else i)) for i in found}
 
 
-def _interface(item: Mapping[str, Any], kind: Literal["topic", "service"], monitor: str, file: str) -> Interface:
+def _interface(
+    item: Mapping[str, Any], kind: Literal["topic", "service", "action"], monitor: str, file: str
+) -> Interface:
     name = item.get("name")
     if not isinstance(name, str) or not re.fullmatch(r"[~/A-Za-z][\w/~]*", name):
         raise ConfigError(
@@ -144,6 +151,7 @@ def _interface(item: Mapping[str, Any], kind: Literal["topic", "service"], monit
         delay=ordering.get("max_delay_ms") if isinstance(ordering.get("max_delay_ms"), int) else None,
         stamp=by if isinstance(by, str) and re.fullmatch(r"\w+(\.\w+)+", by) else None,
         bare=_slashed(name) != name,
+        events=_words(item.get("event_kinds", item.get("event_kind"))),
     )
     if item.get("ordered") and not found.reordered:
         found.lost.append("`ordered: true` alone put nothing in order there")
@@ -157,6 +165,11 @@ def _interface(item: Mapping[str, Any], kind: Literal["topic", "service"], monit
             "`warning`: every outcome is recorded; with 2, `currently_false` passed a filter in version 1"
         )
     return found
+
+
+def _words(value: object) -> tuple[str, ...]:
+    found = value if isinstance(value, list) else [value]
+    return tuple(word for word in found if isinstance(word, str))
 
 
 def _slashed(name: str) -> str:

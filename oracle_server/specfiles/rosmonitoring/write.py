@@ -14,6 +14,7 @@ from oracle_server.core.errors import Finding, SpecError, one_line
 from oracle_server.core.formula.tree import Historically, Once, Since, walk
 from oracle_server.rostypes.known import Types
 from oracle_server.specfiles.load import parse_spec
+from oracle_server.specfiles.rosmonitoring.actions import action_lines, action_of, lost_of
 from oracle_server.specfiles.rosmonitoring.cel import FAILS
 from oracle_server.specfiles.rosmonitoring.cel import TODO as UNWRITTEN
 from oracle_server.specfiles.rosmonitoring.config import Config, ConfigError, Interface, read_config
@@ -66,12 +67,18 @@ def _findings(text: str, file: str, types: Types) -> tuple[Finding, ...]:
 def spec_text(config: Config, draft: Draft, source: str) -> str:
     """The text of the spec for a configuration and what its modules became."""
     lines = [f"# Imported from {source} by `oracle-server import`. Check the lines marked TODO."]
-    lines += [f"# no counterpart: {one_line(text)}" for text in config.lost]
+    actions = _actions(config)
+    lost = [*config.lost, *(text for parts in actions.values() for text in lost_of(parts, draft))]
+    lines += [f"# no counterpart: {one_line(text)}" for text in lost]
     lines += [f"id: {re.sub(r'[^A-Za-z0-9_.-]', '_', config.name)[:64]}", *_ordering(config), "streams:"]
     external = not draft.properties or any(found is None for _, found in draft.properties)
     wait = _milliseconds(config.timeout) if external else 0
     for interface in config.interfaces:
-        lines += _interface(config, interface, draft, wait)
+        parts = actions.get(action_of(interface))
+        if parts is None:
+            lines += _interface(config, interface, draft, wait)
+        elif interface is parts[0]:
+            lines += action_lines(parts, draft, _action_keys(config, parts, wait))
     lines += ["properties:", *_properties(config, draft)]
     return "\n".join(lines) + "\n"
 
@@ -101,10 +108,7 @@ def _interface(config: Config, interface: Interface, draft: Draft, wait: int) ->
     if config.reordered and not interface.reordered:
         lines.append("    ordered: false")
     if interface.filtered:
-        least = max([i.delay or 200 for i in config.interfaces if i.reordered], default=0)
-        within = max(_milliseconds(config.timeout), least + wait + 100)
-        lines += ["    action: filter", f"    decide_within: {within}ms"]
-        lines.append("    on_unavailable: deny   # ROSMonitoring's filters pass all while the oracle is unreachable")
+        lines += ["    action: filter", *_deciding(config, wait)]
         if interface.kind == "topic":
             lines.append(f"    intercept: {'subscriber' if interface.subscribers else 'publisher'}")
     for stream in streams_of(interface):
@@ -114,6 +118,30 @@ def _interface(config: Config, interface: Interface, draft: Draft, wait: int) ->
             inside = _channel(interface, stream, draft, "      ")
             lines += [f"    {stream.kind}:", *inside] if inside else []
     return lines
+
+
+def _actions(config: Config) -> dict[str, list[Interface]]:
+    """The interfaces of each action."""
+    found: dict[str, list[Interface]] = {}
+    for interface in config.interfaces:
+        if action_of(interface):
+            found.setdefault(action_of(interface), []).append(interface)
+    return found
+
+
+def _action_keys(config: Config, parts: Sequence[Interface], wait: int) -> list[str]:
+    lines = [f"    # no counterpart: {one_line(text)}" for part in parts for text in part.lost]
+    if config.reordered and not any(part.reordered for part in parts):
+        lines.append("    ordered: false")
+    return lines + (_deciding(config, wait) if any(part.filtered for part in parts) else [])
+
+
+def _deciding(config: Config, wait: int) -> list[str]:
+    """How long is waited for decisions, and what becomes of events without."""
+    least = max([i.delay or 200 for i in config.interfaces if i.reordered], default=0)
+    within = max(_milliseconds(config.timeout), least + wait + 100)
+    unavailable = "    on_unavailable: deny   # ROSMonitoring's filters pass all while the oracle is unreachable"
+    return [f"    decide_within: {within}ms", unavailable]
 
 
 def _milliseconds(seconds: float) -> int:
@@ -185,7 +213,7 @@ def _oracle(config: Config, name: str) -> list[str]:
 
 
 def _guards(config: Config) -> list[str]:
-    names = [i.name for i in config.interfaces if i.filtered]
+    names = list(dict.fromkeys(action_of(i) or i.name for i in config.interfaces if i.filtered))
     return [f"    guards: [{', '.join(names)}]"] if names else []
 
 

@@ -53,8 +53,11 @@ class Robot:
         self.board = Board("uav1", self.screen)
         self.failing: List[str] = []
         self.forwarded: List[str] = []
+        self.withheld: List[Any] = []
         self.queue = ForwardQueue(
-            Passing(link, self.board, STREAM, Clocks(lambda: 1)), self._forward
+            Passing(link, self.board, STREAM, Clocks(lambda: 1)),
+            self._forward,
+            lambda message, why: self.withheld.append((message, why)),
         )
 
     def take(self, *messages: str) -> None:
@@ -106,6 +109,20 @@ def test_a_forward_that_fails_holds_up_nothing_behind_it(peer: Peer, robot: Robo
     decide(peer, 3, 2, 1)  # nothing comes after the answer to the first
     assert handlings(peer, 3) == {1: False, 2: True, 3: True}
     assert robot.forwarded == ["second", "third"]
+
+
+def test_what_does_not_pass_is_told_with_a_reason(peer: Peer, robot: Robot) -> None:
+    robot.failing = ["second"]
+    robot.take("first", "second", "third")
+    peer.events(3)
+    peer.send("decision", seq=1, decision="deny", denied_by=["slow", "near"])
+    decide(peer, 2, 3)
+    handlings(peer, 3)
+    assert robot.forwarded == ["third"]
+    assert robot.withheld == [
+        ("first", "slow, near"),
+        ("second", "it could not be passed on: ZeroDivisionError('no way for second')"),
+    ]
 
 
 def test_failures_are_shown_once_a_stream_and_counted(peer: Peer, robot: Robot) -> None:
