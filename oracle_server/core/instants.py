@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 from oracle_server.core.formula.tree import (
     Always,
@@ -34,16 +35,17 @@ from oracle_server.core.worlds import Effort, Truth, Worlds
 
 Row = tuple[Truth, ...]
 """The truth of a part, place by place."""
+_Part_co = TypeVar("_Part_co", bound=Formula, covariant=True)
 TEMPORAL = (Pre, Once, Historically, Since, Next, Eventually, Always, Until)
 _MOST_UNSEEN = 3
 """Most variables that have values which were not seen at a time."""
 
 
 @dataclass(frozen=True, slots=True)
-class Occurrence:
-    """An atom where it stands: in which instant, and at which places it can decide what that comes to."""
+class Occurrence(Generic[_Part_co]):
+    """A part where it stands: in which instant, and at which places it can decide what that comes to."""
 
-    atom: Atom
+    part: _Part_co
     instant: Formula
     counts: tuple[bool, ...]
 
@@ -71,33 +73,46 @@ class Instants:
                 yield from children(node)
         yield self._formula
 
-    def occurrences(self) -> Iterator[Occurrence]:
+    def occurrences(self) -> Iterator[Occurrence[Atom]]:
         """The atoms of all instants."""
+        for instant, node, counts in self._leaves():
+            if isinstance(node, Atom):
+                yield Occurrence(node, instant, counts)
+
+    def keeping(self) -> Iterator[Occurrence[Since | Historically]]:
+        """The operators of all instants that ask for something at every step."""
+        for instant, node, counts in self._leaves():
+            if isinstance(node, Since | Historically):
+                yield Occurrence(node, instant, counts)
+
+    def _leaves(self) -> Iterator[tuple[Formula, Formula, tuple[bool, ...]]]:
+        """Each instant with its atoms and temporal operators, and the places at which they count."""
         everywhere = (True,) * len(self._places)
         for instant in self.operands():
-            yield from self._below(instant, instant, everywhere)
+            for node, counts in self._below(instant, everywhere):
+                yield instant, node, counts
 
-    def _below(self, node: Formula, instant: Formula, counts: tuple[bool, ...]) -> Iterator[Occurrence]:
-        """The atoms below a part that counts at some places, within its instant."""
+    def _below(self, node: Formula, counts: tuple[bool, ...]) -> Iterator[tuple[Formula, tuple[bool, ...]]]:
+        """The atoms and temporal operators below a part that counts at some places, within its instant."""
         match node:
-            case Atom():
-                yield Occurrence(node, instant, counts)
             case Not(operand) | Exists(_, operand) | Forall(_, operand):
-                yield from self._below(operand, instant, counts)
+                yield from self._below(operand, counts)
             case And(left, right):
-                yield from self._both(left, right, instant, counts, (False, False))
+                yield from self._both(left, right, counts, (False, False))
             case Or(left, right):
-                yield from self._both(left, right, instant, counts, (True, True))
+                yield from self._both(left, right, counts, (True, True))
             case Implies(left, right):
-                yield from self._both(left, right, instant, counts, (False, True))
+                yield from self._both(left, right, counts, (False, True))
+            case _:
+                yield node, counts
 
     def _both(
-        self, left: Formula, right: Formula, instant: Formula, counts: tuple[bool, ...], decisive: tuple[bool, bool]
-    ) -> Iterator[Occurrence]:
-        """The atoms of two operands; a side counts where the other does not have the value that decides alone."""
+        self, left: Formula, right: Formula, counts: tuple[bool, ...], decisive: tuple[bool, bool]
+    ) -> Iterator[tuple[Formula, tuple[bool, ...]]]:
+        """Those of two operands; a side counts where the other does not have the value that decides alone."""
         by_left, by_right = decisive
-        yield from self._below(left, instant, _where_not(counts, self.row(right), by_right))
-        yield from self._below(right, instant, _where_not(counts, self.row(left), by_left))
+        yield from self._below(left, _where_not(counts, self.row(right), by_right))
+        yield from self._below(right, _where_not(counts, self.row(left), by_left))
 
     def _fill(self, formula: Formula) -> None:
         instants = {id(node) for node in self.operands()}

@@ -5,6 +5,7 @@ The most common one: a step is one event of one stream, so that a signal of anot
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -26,6 +27,8 @@ from oracle_server.core.formula.tree import (
     Formula,
     Historically,
     Implies,
+    Once,
+    Or,
     Position,
     Since,
     atoms,
@@ -86,12 +89,12 @@ class _Seen:
         """Atoms that ask for another stream: the last one of each instant, where nothing else is wrong there."""
         for occurrence in self.known.occurrences():
             instant = id(occurrence.instant)
-            found = [*misfits(occurrence.atom, self.places)] or [*self._lacking(occurrence)]
+            found = [*misfits(occurrence.part, self.places)] or [*self._lacking(occurrence)]
             (told if any(doubt.claim != "met" for doubt in found) else fitting).update([instant] if found else [])
             yield from found
-            if id(occurrence.atom) not in within:
+            if id(occurrence.part) not in within:
                 for doubt in self._foreign(occurrence):
-                    always = followed(occurrence.instant, occurrence.atom, self.known, self.places, self.prop.time)
+                    always = followed(occurrence.instant, occurrence.part, self.known, self.places, self.prop.time)
                     foreign[instant] = always or doubt
         yield from (doubt for instant, doubt in foreign.items() if instant not in told)
         lacking = frozenset(told)
@@ -101,31 +104,37 @@ class _Seen:
                 ended = list(self._ended(node))
                 told |= {id(doubt.part) for doubt in ended}
                 yield from ended
+        for keeping in self.known.keeping():
+            parts = {id(part) for part in walk(keeping.part)}
+            if id(keeping.instant) not in told | within and not parts & told:
+                elsewhere = list(self._elsewhere(keeping))
+                told |= {id(part) for doubt in elsewhere for part in (doubt.part, keeping.instant)}
+                yield from elsewhere
         if not told | fitting:
             yield from self._partial()
         yield from unjoined(self.prop.formula, self.places)
         yield from self._settled(told)
         yield from self._unused_guards()
 
-    def _idle(self, occurrence: Occurrence) -> list[Place]:
-        """The streams at whose events an atom could decide something, and never holds; none where it holds at some."""
-        row = self.known.row(occurrence.atom)
+    def _idle(self, occurrence: Occurrence[Formula]) -> list[Place]:
+        """The streams at whose events a part could decide something, and never holds; none where it holds at some."""
+        row = self.known.row(occurrence.part)
         if any(counts and value is not False for counts, value in zip(occurrence.counts, row, strict=True)):
             return []
         return [p for p, counts in zip(self.places, occurrence.counts, strict=True) if counts and p.stream]
 
-    def _lacking(self, occurrence: Occurrence) -> Iterator[Doubt]:
+    def _lacking(self, occurrence: Occurrence[Atom]) -> Iterator[Doubt]:
         """An atom that holds nowhere where it could decide anything, for want of signals."""
-        atom = occurrence.atom
+        atom = occurrence.part
         lacking = [p for p in self._idle(occurrence) if p.allows(atom) and p.lacks(atom)]
         if lacking:
             keys = sorted({key for p in lacking for key in p.lacks(atom)})
             message = f"`{render_atom(atom)}` never holds at an event of {names_of(lacking, 'or')}: {self._whose(keys)}"
             yield Doubt("idle", atom, message, atom.at)
 
-    def _foreign(self, occurrence: Occurrence) -> Iterator[Doubt]:
+    def _foreign(self, occurrence: Occurrence[Atom]) -> Iterator[Doubt]:
         """An atom that holds nowhere where it could decide anything, since it asks for another stream."""
-        atom = occurrence.atom
+        atom = occurrence.part
         foreign = [p for p in self._idle(occurrence) if not p.allows(atom)]
         if foreign:
             text = render_atom(atom)
@@ -134,6 +143,28 @@ class _Seen:
                 f"is one event of one stream; write `once {text}` if it may have held before"
             )
             yield Doubt("idle", atom, message, atom.at)
+
+    def _elsewhere(self, occurrence: Occurrence[Since | Historically]) -> Iterator[Doubt]:
+        """What must have held at every step, and fails at each event at which it is asked, since that is another's."""
+        node, kept = occurrence.part, _kept(occurrence.part)
+        foreign = self._idle(occurrence)
+        row = [(p, value) for p, value in zip(self.places, self.known.row(kept), strict=True) if p.stream]
+        if not foreign or all(v is False for _, v in row) or any(v is not False for p, v in row if p in foreign):
+            return
+        lasts = lasted(node)
+        if isinstance(node, Since) and lasts is None:
+            others = [Atom((Constraint(p.stream.traits.group, "==", p.stream.name),)) for p in foreign if p.stream]
+            wider = functools.reduce(Or, dict.fromkeys(others), kept)
+            mend = f"`{render(wider, self.prop.time)}` for its left side if such an event may have come since"
+        else:
+            bound = Bound(0, lasts[1]) if lasts else node.bound
+            mend = f"`{render(Once(kept, bound), self.prop.time)}` if it may have held before"
+        whole, part = render(node, self.prop.time), render(kept, self.prop.time)
+        message = (
+            f"`{whole}` never holds at an event of {names_of(foreign, 'or')}, where alone it would matter: `{part}` "
+            f"must hold at that event too, and is false there; write {mend}"
+        )
+        yield Doubt("idle", node, message, _place(node))
 
     def _whose(self, keys: Sequence[str]) -> str:
         """Who has signals that an atom lacks, and how to make them last."""

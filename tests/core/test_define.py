@@ -188,10 +188,10 @@ def test_a_bound_of_a_name_counts_what_its_property_counts() -> None:
             "found a mapping of docked, since YAML reads `{` itself; put the formula in quotes",
         ),
         ("  at: true", "at", "s.yaml:3:7: `at` must be a text in quotes"),
-        (MOVING, "{docked}", "s.yaml:3:3: warning: `moving` is defined here, and no formula uses it"),
+        (MOVING, "not {docked}", "s.yaml:3:3: warning: `moving` is defined here, and no formula uses it"),
         (
             MOVING + "\n  still: 'not moving'",
-            "{docked}",
+            "not {docked}",
             "s.yaml:4:3: warning: `still` is defined here, and no formula uses it",
         ),
         (DOUBLED, "d", "s.yaml:6:7: definition of 'd': the formula has 17,919 parts"),
@@ -240,6 +240,12 @@ def test_names_can_not_be_used_to_write_without_end() -> None:
         ("not once[:5] moving", "once[:5] moving: holds at step 1"),
         ("forall[i]. not at(i)", 'for i = "r1": at("r1"): {robot: "r1", docked}: holds at step 1'),
         ("not busy", "busy: moving and {docked}: holds; moving: {speed > 0.05}: holds at step 1"),
+        ("still", "still: not moving: does not hold; moving: {speed > 0.05}: holds at step 1 (0.000 s), with speed"),
+        ("not (away and {docked})", 'away: not {robot: "r2"}: holds; {robot: "r2"}: robot = "r1", wanted "r2", at'),
+        ("{docked} -> eventually[:0] still", "eventually[:0] still: asked for at step 1"),
+        ("{docked} -> next_to", "next_to: eventually[:0] (still or away and pre moving): asked for at step 1"),
+        ("forall[i]. at(i) -> done(i)", 'for i = "r1": done("r1"): eventually[:0] {done: "r1"}: asked for at step 1'),
+        ("{docked} -> always still", "always still: asked for at step 1 (0.000 s), /a (topic 1 of m); it fails at"),
         ("pre busy", "pre busy: there is no step before"),
         ("not (moving since moving)", "moving since moving: moving holds at step 1"),
         (
@@ -251,7 +257,8 @@ def test_names_can_not_be_used_to_write_without_end() -> None:
 def test_explanations_say_the_name(formula: str, says: str) -> None:
     names = names_of(
         moving="{speed > 0.05}", at__r_X="{robot: *r, docked}", busy="moving and {docked}",
-        both__r_X="at(r) and moving",
+        both__r_X="at(r) and moving", still="not moving", away='not {robot: "r2"}',
+        done__r_X="eventually[:0] {done: *r}", next_to="eventually[:0] (still or (away and pre moving))",
     )  # fmt: skip
     session = open_session(
         [Property("p", parse_formula(formula, names=names), formula)],

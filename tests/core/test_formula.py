@@ -258,9 +258,14 @@ def test_the_deepest_and_the_widest_that_are_read() -> None:
     [
         ("{x} => {y}", "there is no operator `=>`: write `->`"),
         ("{x} <-> {y}", "write `({a} -> {b}) and ({b} -> {a})`"),
-        ("finally {x}", "`{cause} -> eventually[:100] {effect}`"),
+        ("finally {x}", "`{cause} -> eventually[:60s] {effect}` for an effect that comes within that bound"),
+        ("F[:10s] {x}", "`{cause} -> eventually[:10s] {effect}`"),
+        ("{x} -> F_[0,10] {y}", "`{cause} -> eventually[0:10] {effect}`"),
+        ("{x} -> F[0,10parsecs] {y}", "`{cause} -> eventually[:60s] {effect}`"),
+        ("G[:2.5 sec] {x}", "`{cause} -> always[:2.5s] {effect}`"),
+        ("{x} U[<=5] {y}", "write `{start} -> {held} until[:5] {stop}`"),
         ("G {x}", "leave it out, or write `historically`"),
-        ("{x} U {y}", "write `{start} -> {held} until[:100] {stop}`"),
+        ("{x} U {y}", "write `{start} -> {held} until[:60s] {stop}`"),
         ("X {x}", "write `next` for the step after"),
         ("{a} -> next[3] {x}", "`next` has no bound"),
         ("{a} -> eventually[2s] {x}", "write `[:2s]` for within 2s"),
@@ -305,8 +310,8 @@ def test_the_deepest_and_the_widest_that_are_read() -> None:
         ("{v > 0 < 5}", "a range is two constraints"),
         ("[]{x}", "leave it out, or write `historically`"),
         ("AG {x}", "leave it out, or write `historically`"),
-        ("<>{x}", "`{cause} -> eventually[:100] {effect}`"),
-        ("{x} ~> {y}", "`{cause} -> eventually[:100] {effect}`"),
+        ("<>{x}", "`{cause} -> eventually[:60s] {effect}`"),
+        ("{x} ~> {y}", "`{cause} -> eventually[:60s] {effect}`"),
         ("once_[0,5] {x}", "there is no operator `once_`: write `once[2:5] {…}`"),
         ("prev {x}", "write `pre`"),
         ("rise({x})", "write `{a} and not pre {a}`"),
@@ -354,6 +359,22 @@ def test_the_deepest_and_the_widest_that_are_read() -> None:
 def test_a_mistake_is_told_with_its_mend(text: str, says: str) -> None:
     with pytest.raises(FormulaError) as refusal:
         parse_formula(text, "seconds")
+    assert says in refusal.value.message
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("F {x}", "`{cause} -> eventually[:100] {effect}`"),
+        ("F[2,10] {x}", "`{cause} -> eventually[2:10] {effect}`"),
+        ("F[:60s] {x}", "`{cause} -> eventually[:100] {effect}`"),
+        ("G[:2.5] {x}", "`{cause} -> always[:100] {effect}`"),
+        ("{x} U {y}", "write `{start} -> {held} until[:100] {stop}`"),
+    ],
+)
+def test_an_operator_of_another_language_is_told_with_a_bound_in_steps(text: str, says: str) -> None:
+    with pytest.raises(FormulaError) as refusal:
+        parse_formula(text, "steps")
     assert says in refusal.value.message
 
 

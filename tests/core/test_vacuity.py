@@ -170,10 +170,15 @@ def holds(doubt: Doubt, prop: Property, steps: list[TimedSignals], names: list[s
         case "apart":
             return apart(doubt.part, prop.formula, steps)
         case "idle":
-            return of(rewritten(prop.formula, lambda a: NEVER if a is doubt.part else a)) == of(prop.formula)
+            return of(without(prop.formula, doubt.part)) == of(prop.formula)
         case _:
             part = of(opened(doubt.part))
             return all(part[i] is (doubt.claim == "true") for i, name in enumerate(names) if name in doubt.where)
+
+
+def without(node: Formula, part: Formula) -> Formula:
+    """A formula with `false` for one of its parts."""
+    return NEVER if node is part else tree.rebuilt(node, lambda inner: without(inner, part))
 
 
 def opened(part: Formula) -> Formula:

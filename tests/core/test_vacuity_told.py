@@ -96,6 +96,24 @@ def warnings(*formulas: str, **more: Any) -> tuple[Finding, ...]:
             '`{topic: "/estop"}` never holds at an event of /cmd_vel, where alone it would matter: a step is one event '
             'of one stream; write `once {topic: "/estop"}` if it may have held before',
         ),
+        (
+            '{topic: "/cmd_vel", cmd > 0} -> lasting[2] {topic: "/battery"}',
+            '`lasting[2] {topic: "/battery"}` never holds at an event of /cmd_vel, where alone it would matter: '
+            '`{topic: "/battery"}` must hold at that event too, and is false there; write '
+            '`once[:2] {topic: "/battery"}` if it may have held before',
+        ),
+        (
+            '{cmd > 0} -> historically[:3] {topic: "/battery"}',
+            '`historically[:3] {topic: "/battery"}` never holds at an event of /cmd_vel, where alone it would matter: '
+            '`{topic: "/battery"}` must hold at that event too, and is false there; write '
+            '`once[:3] {topic: "/battery"}` if it may have held before',
+        ),
+        (
+            '{topic: "/estop"} -> ({topic: "/battery"} since {topic: "/cmd_vel"})',
+            '`{topic: "/battery"} since {topic: "/cmd_vel"}` never holds at an event of /estop, where alone it would '
+            'matter: `{topic: "/battery"}` must hold at that event too, and is false there; write '
+            '`{topic: "/battery"} or {topic: "/estop"}` for its left side if such an event may have come since',
+        ),
         ("{cmd > 1} or {kind: topic}", "it holds at every event, whatever the messages say; it can never be violated"),
         (
             "{mode: idle}",
@@ -139,6 +157,13 @@ def test_common_mistakes_are_told_with_their_mend(formula: str, message: str) ->
         'historically({topic: "/battery"} -> {percent > 5})',
         "historically({percent: *} -> {percent >= 20})",
         'historically not {topic: "/estop", stopped}',
+        '{topic: "/battery", percent < 5} -> lasting[2] {topic: "/battery"}',
+        '{percent < 5} -> ({topic: "/battery"} since {topic: "/estop"})',
+        'not ({topic: "/battery"} since[2:] {topic: "/estop"})',
+        '{topic: "/estop"} -> pre ({topic: "/battery"} since {topic: "/cmd_vel"})',
+        '{topic: "/estop"} -> pre lasting[2] {topic: "/battery"}',
+        '{topic: "/cmd_vel", cmd > 0} -> lasting[2] not {topic: "/battery"}',
+        '{topic: "/cmd_vel"} -> historically[1:3] {topic: "/battery"}',
         'not {topic: "/estop"} since[:10] {topic: "/cmd_vel"}',
         '{topic: "/battery"} or {topic: "/estop"} -> {percent > 5} or {stopped}',
         '{topic: "/cmd_vel", cmd > 1} -> once {mode: AUTO}',

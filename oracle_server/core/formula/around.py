@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 
 from oracle_server.core.formula.names import Names
+from oracle_server.core.formula.tree import Time
 
 CLOSING = {"{": "}", "(": ")", "[": "]"}
 """What closes each bracket."""
@@ -47,8 +48,8 @@ class Token:
 class Around:
     """The text around one place of it."""
 
-    def __init__(self, text: str, at: int, names: Names | None = None) -> None:
-        self.text, self.at, self.names = text, at, names or Names()
+    def __init__(self, text: str, at: int, names: Names | None = None, time: Time = "steps") -> None:
+        self.text, self.at, self.names, self.time = text, at, names or Names(), time
         tokens = [t for t in _tokens(text) if t.kind != "space"]
         self.before = [t for t in tokens if t.at + len(t.text) <= at]
         self.after = tokens[len(self.before) :]

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from oracle_server.core.formula.tree import Time
+
 SYMBOLS = {
     **dict.fromkeys("→⇒⟶⟹", "->"),
     **dict.fromkeys("“”„«»", '"'),
@@ -27,16 +29,16 @@ SYMBOLS = {
 """What to write for a sign."""
 _LEAVE_OUT = (
     "a formula is judged at every step; leave it out, or write `historically` for now and ever before, and "
-    "`{cause} -> always[:100] {effect}` for what lasts from a cause on"
+    "`{cause} -> always[…] {effect}` for what lasts from a cause on"
 )
-_RESPONSE = "write `{cause} -> eventually[:100] {effect}` for an effect that comes within 100 steps"
+_RESPONSE = "write `{cause} -> eventually[…] {effect}` for an effect that comes within that bound"
 WORDS = {
     **dict.fromkeys(("globally", "G", "AG", "alw", "[]"), _LEAVE_OUT),
     **dict.fromkeys(("finally", "F", "AF", "ev", "<>", "~>", "|->", "leads_to", "leadsto"), _RESPONSE),
     **dict.fromkeys(
         ("EF", "EG", "EX", "AU", "EU"), "a formula is about the one run that is there, and not about several"
     ),
-    "U": "write `{start} -> {held} until[:100] {stop}`",
+    "U": "write `{start} -> {held} until[…] {stop}`",
     **dict.fromkeys(
         ("W", "R", "unless", "release"),
         "write it with `until`, as in `{start} -> {held} until {stop}`, or with `since`, as in "
@@ -66,7 +68,8 @@ WORDS = {
     "?": "write `({a} -> {b}) and (not {a} -> {c})`",
     **dict.fromkeys(("True", "False", "TRUE", "FALSE"), ""),
 }
-"""What to write for a word; empty where it is the same word in small letters."""
+"""What to write for a word, `[…]` for its bound; empty where it is the same word in small letters."""
+_BOUNDS: dict[Time, str] = {"steps": "[:100]", "seconds": "[:60s]"}
 UNITS = {
     **dict.fromkeys(("sec", "secs", "second", "seconds"), "s"),
     **dict.fromkeys(("msec", "msecs", "millis", "milliseconds"), "ms"),
@@ -76,3 +79,10 @@ UNITS = {
     **dict.fromkeys(("hr", "hour", "hours"), "h"),
 }
 """What to write for a unit of time."""
+
+
+def instead(word: str, time: Time, bound: str) -> str:
+    """What to write for a word; empty for one that is not known. An empty bound stands for any that `time` counts."""
+    if word not in WORDS:
+        return ""
+    return WORDS[word].replace("[…]", bound or _BOUNDS[time]) or f"write `{word.lower()}`"

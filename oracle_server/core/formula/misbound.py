@@ -49,6 +49,18 @@ def of_lasting(within: str) -> str:
     return f"`lasting` is followed by how long, in square brackets: write `lasting[{told[0] if told else 5}] {{…}}`"
 
 
+def behind(found: Around) -> str:
+    """The bound behind a word of another language, as what is awaited has it; empty where it has none of its clock."""
+    if found.next(1) != "[":
+        return ""
+    ends = _ends(found.text[found.after[1].at + 1 :].partition("]")[0])
+    if isinstance(ends, str) or not ends or any(end.signed or end.order == ">" for end in ends):
+        return ""
+    counted = all(end.text is None or end.text.isdecimal() for end in ends)
+    bound = _bound(ends) if any(end.text for end in ends) else None
+    return bound or "" if counted or found.time == "seconds" else ""
+
+
 def of_displaced(found: Around) -> str:
     """Of a bound that does not stand in square brackets; empty for anything else."""
     if found.last() in BOUNDED and found.kind() == "number":

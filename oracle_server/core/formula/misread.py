@@ -6,10 +6,11 @@ import re
 
 from oracle_server.core.errors import FormulaError
 from oracle_server.core.formula.around import BOUNDED, CLOSING, CONSTANTS, OPERATORS, QUANTIFIERS, Around, first_unknown
-from oracle_server.core.formula.foreign import SYMBOLS, WORDS
+from oracle_server.core.formula.foreign import SYMBOLS, instead
 from oracle_server.core.formula.misatom import of_atom, of_value
-from oracle_server.core.formula.misbound import of_bound, of_displaced, of_lasting, of_variables, unbounded
+from oracle_server.core.formula.misbound import behind, of_bound, of_displaced, of_lasting, of_variables, unbounded
 from oracle_server.core.formula.names import Names
+from oracle_server.core.formula.tree import Time
 from oracle_server.core.nearest import nearest
 
 _BETWEEN = "between two parts stands `and`, `or`, `since` or `->`"
@@ -24,7 +25,7 @@ _BEGINNING = (
 )
 
 
-def misread(text: str, at: int | None, names: Names | None = None) -> FormulaError:
+def misread(text: str, at: int | None, names: Names | None = None, time: Time = "steps") -> FormulaError:
     """The error for a formula that can't be read from the character `at` on, None or the length for its end.
 
     A word before, which could be a name and is none of these `names`, is told in its place.
@@ -35,7 +36,7 @@ def misread(text: str, at: int | None, names: Names | None = None) -> FormulaErr
     end = len(text.rstrip())
     at = end if at is None or at < 0 or at >= end else at
     unknown = first_unknown(text, names)
-    found = Around(text, at if unknown is None else min(at, unknown), names)
+    found = Around(text, at if unknown is None else min(at, unknown), names, time)
     if found.after:
         message = _reason(found)
     elif found.open:
@@ -111,8 +112,9 @@ def _of_foreign(found: Around) -> str:
     plain = word.rstrip("_")
     if found.inside == "{" or word in OPERATORS:
         return ""
-    if plain in WORDS:
-        return f"there is no operator `{word}`: {WORDS[plain] or f'write `{plain.lower()}`'}"
+    told = instead(plain, found.time, behind(found))
+    if told:
+        return f"there is no operator `{word}`: {told}"
     if plain != word and plain in (*OPERATORS, *BOUNDED, *QUANTIFIERS):
         bound = "[2:5]" if plain in BOUNDED else ""
         return f"there is no operator `{word}`: write `{plain}{bound} {{…}}`"

@@ -52,7 +52,7 @@ def read_part(text: str, time: Time, names: Names) -> Formula:
     try:
         parsed = cast("Formula", _parser(time).parse(text))
     except UnexpectedInput as error:
-        raise misread(text, _where(error), names) from None
+        raise misread(text, _where(error), names, time) from None
     except VisitError as error:
         if isinstance(error.orig_exc, FormulaError):
             raise error.orig_exc from None
@@ -60,7 +60,7 @@ def read_part(text: str, time: Time, names: Names) -> Formula:
     used = sorted(uses(parsed), key=lambda use: use.at)
     for use in used:
         if use.call.name not in names.known:
-            raise misread(text, _offset(text, use.at), names)
+            raise misread(text, _offset(text, use.at), names, time)
     return written_out(parsed, used, names, time)
 
 

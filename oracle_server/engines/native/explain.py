@@ -79,7 +79,7 @@ class Explainer:
         if len(steps) > _MOST_STEPS or part.formula in (tree.FIRST, tree.FALSE):
             return [self._plain(part, steps, holds)]
         found = self._deciding_parts(part, steps, holds)
-        if part.formula.written is None or is_simple(part.formula):
+        if part.formula.written is None or isinstance(part.formula, tree.Atom):
             return found
         if isinstance(part.formula, tree.Not | tree.And | tree.Or | tree.Implies):
             return [self._named(part, steps, holds, found)]

@@ -9,7 +9,6 @@ from oracle_server.core.explanation import Reason, Why
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.ahead import looks_ahead, obligation
 from oracle_server.core.formula.parse import Time
-from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import Formula
 from oracle_server.core.naming import event_name, moment, step_name
 from oracle_server.core.past import Past
@@ -19,7 +18,7 @@ from oracle_server.engines.native.keys import texts_of
 from oracle_server.engines.native.obligations import Decided, Obligations
 from oracle_server.engines.native.parts import Part
 from oracle_server.engines.native.recall import Recall
-from oracle_server.engines.native.wording import Wording, given
+from oracle_server.engines.native.wording import Wording, given, named
 
 _MOST_TOLD = 3
 Reasons = Callable[[Part], list[Reason]]
@@ -46,7 +45,7 @@ def _explain(formula: Formula, owed: Obligations, time: Time, reasons: Reasons |
     failed = owed.failed
     if not failed:
         text = f"none of its obligations failed here; {owed.pending} of them are open"
-        return Why(True, {}, 0, (Reason(render(formula, time), True, text),))
+        return Why(True, {}, 0, (Reason(named(formula, time), True, text),))
     told = _Telling(formula, owed, time, reasons)
     return Why(False, owed.values(failed[0].key), len(failed) - 1, tuple(map(told.reason, failed[:_MOST_TOLD])))
 
@@ -64,7 +63,7 @@ class _Telling:
         at = step_name(event.get("step"), event["stamp"])
         name = event_name(event["stream"], event["kind"], event["seq"], event["monitor"])
         text = f"asked for at {at}, {name}; {self._outcome(failed)}"
-        return Reason(render(goal, self._time), False, text, parts=self._parts(failed), told=True)
+        return Reason(named(goal, self._time), False, text, parts=self._parts(failed), told=True)
 
     def _outcome(self, failed: Decided) -> str:  # noqa: PLR0911 -- a case an operator
         goal = self._found.goal

@@ -35,9 +35,7 @@ class Wording:
 
     def formula(self, part: Part) -> str:
         """A part, with values in place of its variables; where it has a name, behind that."""
-        formula = self._valued(part)
-        text = render(formula, self._time, named=True)
-        return text if formula.written is None else f"{formula.written}: {text}"
+        return named(self._valued(part), self._time)
 
     def name(self, part: Part) -> str:
         """The same within a sentence, where a name is enough."""
@@ -138,6 +136,12 @@ class Wording:
 
     def _at_time(self, time: int) -> str:
         return "this step" if time == self._now else f"a step {duration(self._now - time)} ago"
+
+
+def named(formula: Formula, time: Time) -> str:
+    """A formula with the names of its parts; where it has a name itself, behind that."""
+    text = render(formula, time, named=True)
+    return text if formula.written is None else f"{formula.written}: {text}"
 
 
 def scalar(text: Text) -> Scalar | None:
