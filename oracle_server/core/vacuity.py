@@ -202,8 +202,9 @@ class _Seen:
         """The whole formula, where it fails at every event of some streams for want of a signal."""
         formula = self.prop.formula
         failing = self._lacking_at(formula)
-        if failing:
-            mended = render(Implies(_guard(formula, failing), formula), self.prop.time)
+        guard = _guard(formula, failing) if failing else TRUE
+        if guard != TRUE:
+            mended = render(Implies(guard, formula), self.prop.time)
             message = (
                 f"it is false at every event of {names_of(failing)}{_lack(formula, failing)}, and so is violated "
                 f"there, whatever the messages say; write `{mended}`"
