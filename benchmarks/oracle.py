@@ -157,18 +157,20 @@ async def measure(folder: Path, *, quick: bool) -> list[Line]:
             if size == 256 and Path("/proc/self/stat").exists():
                 least, bare_least = min(speed.cpu for speed in served), min(speed.cpu for speed in bare)
                 lines.append(Line("  CPU an event", "µs", 1e6 * least, 1e6 * bare_least))
-        lines += await by_revising(server, whole, Load("the same", "revising", revising, whole.events), turns)
+        same = Load("the same", "revising", revising, whole.events)
+        for size in (1, 256):
+            lines += await by_revising(server, whole, same, size, turns)
     return lines
 
 
-async def by_revising(server: Server, plain: Load, revising: Load, turns: int) -> list[Line]:
+async def by_revising(server: Server, plain: Load, revising: Load, size: int, turns: int) -> list[Line]:
     """What the server spends on an event with a spec that revises, beside one that does not; none where none tells."""
     spent: dict[str, list[float]] = {plain.spec: [], revising.spec: []}
     for turn in range(turns):
         for load in (plain, revising):
-            spent[load.spec].append((await throughput(server, load, 256, f"{load.spec}-beside-{turn}")).cpu)
-    least, without = min(spent[revising.spec]), min(spent[plain.spec])
-    return [Line("  CPU an event, late: revise", "µs", 1e6 * least, 1e6 * without, 1.05)] if without else []
+            spent[load.spec].append((await throughput(server, load, size, f"{load.spec}-{size}-beside-{turn}")).cpu)
+    least, without, goal = min(spent[revising.spec]), min(spent[plain.spec]), 1.05 if size == 1 else None
+    return [Line(f"late: revise, batches of {size}: CPU", "µs", 1e6 * least, 1e6 * without, goal)] if without else []
 
 
 async def round_trips(oracle_url: str, echo_url: str, events: list[Frame]) -> list[Line]:

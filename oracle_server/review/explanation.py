@@ -14,7 +14,7 @@ from oracle_server.core.events import ENDED, Order
 from oracle_server.core.plan import Plan, judged_by, plan
 from oracle_server.core.presence import grace
 from oracle_server.core.records import ExplanationRecord, VerdictRecord
-from oracle_server.core.revise.judge import Asked
+from oracle_server.core.revise.queued import Asked
 from oracle_server.core.revise.saving import SavableJudge
 from oracle_server.core.session import Session
 from oracle_server.core.spec import SECOND, Property, Spec, orders

@@ -55,11 +55,9 @@ def slowly(self, batch):
     return result
 Writer._write = slowly
 """
-_SAVES_AND_DIES_OFTEN = """
+_DIES_WHILE_RESTORING_WHAT_REVISES = """
 import os, random, signal
 from oracle_server.core.session import Session
-from oracle_server.sessions import snapshots
-snapshots._SAVE_AFTER, snapshots._REST = 400, 0
 rejudge = Session.rejudge_row
 def perhaps(*arguments):
     if random.random() < 0.0002:
@@ -90,7 +88,7 @@ KINDS = (
     Kind("killed while it restores", prelude=_DIES_WHILE_RESTORING),
     Kind("on a slow disk", prelude=_COMMITS_SLOWLY),
     Kind("on a disk that is full for a while", full=True),
-    Kind("with late events that revise", prelude=_SAVES_AND_DIES_OFTEN, revises=True),
+    Kind("with late events that revise", prelude=_DIES_WHILE_RESTORING_WHAT_REVISES, revises=True),
 )
 
 

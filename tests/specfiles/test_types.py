@@ -43,7 +43,8 @@ def test_a_field_of_ros_1_alone_is_warned_of_unless_the_version_is_told() -> Non
 def test_an_unknown_package_is_told_of_once_and_made_known_by_its_folder(tmp_path: Path) -> None:
     text = spec(
         "  - {topic: /a, type: arm_msgs/msg/State, signals: {d: msg.x}}\n"
-        "  - {topic: /b, type: arm_msgs/msg/Joint, signals: {e: msg.x}}"
+        "  - {topic: /b, type: arm_msgs/msg/Joint, signals: {e: msg.x}}",
+        "not {d}",
     )
     (warning,) = warnings(text)
     assert warning.startswith("3:23: warning: the package arm_msgs is not known here")
@@ -67,14 +68,14 @@ def test_an_unknown_package_is_told_of_once_and_made_known_by_its_folder(tmp_pat
     ],
 )
 def test_a_signal_that_only_an_unknown_message_could_have_is_warned_of(streams: str, told: str) -> None:
-    assert warnings(spec(streams)) == [
-        f"{spec(streams).count(chr(10), 0, spec(streams).index('{d}')) + 1}:15: warning: formula of 'p': {told}"
-    ]
+    text = spec(streams, "not {d}")
+    line = text.count("\n", 0, text.index("{d}")) + 1
+    assert warnings(text) == [f"{line}:19: warning: formula of 'p': {told}"]
 
 
 def test_a_signal_of_one_half_is_no_error_where_the_other_has_it() -> None:
     half = "  - service: /a\n    type: std_srvs/srv/SetBool\n    request: {signals: {e: msg.data}}"
-    assert warnings(spec(half, "{success}")) == []
+    assert warnings(spec(half, "not {success}")) == []
     with pytest.raises(SpecError, match=r"unknown signal 'sucess'.*did you mean `success`"):
         read(spec(half, "{sucess}"))
 

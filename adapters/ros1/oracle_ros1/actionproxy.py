@@ -60,7 +60,7 @@ class ProxiedAction:
         self._gone: Optional[float] = None  # since when there is none (s)
         self._lost_goals = 0
         self._stopped = False
-        self._reporting = threading.Lock()  # held while feedback that has passed is not reported yet
+        self._reporting = threading.Lock()  # held while something that has passed is not reported yet
         give: Dict[str, Callable[[Any], bool]] = {
             "goal": self._give_goal,
             "cancel": self._give_cancel,
@@ -196,10 +196,7 @@ class ProxiedAction:
     def _take_feedback(self, message: rospy.AnyMsg) -> None:
         queue = self._queues.get("feedback")
         if queue is None:
-            with self._reporting:
-                self._pass_unread("feedback", message)
-                if self._events.reads("feedback"):
-                    self._events.answer("feedback", self._events.decoded("feedback", message))
+            self._pass_and_report("feedback", message)
             return
         found = self._events.decoded("feedback", message)
         if found is None:
@@ -227,6 +224,12 @@ class ProxiedAction:
                 self._release(time.monotonic())
 
     def _take_result(self, message: rospy.AnyMsg) -> None:
+        if not {"feedback", "result"} & self._queues.keys():
+            found = self._pass_and_report("result", message)
+            if found is not None:
+                with self._lock:
+                    self._over(found.status.goal_id.id)
+            return
         found = self._events.decoded("result", message)
         if found is None:
             return
@@ -326,7 +329,9 @@ class ProxiedAction:
         if self._gone is None:
             return
         if self._server:  # of goals that it does not know its statuses tell
-            self._forget_underway()
+            for goal_id in self._underway:
+                self._statuses.settled(goal_id)
+            self._underway.clear()
             self._gone, self._lost_goals = None, 0
         elif self._underway and now - self._gone > AWAY:
             left = list(self._underway.values())
@@ -334,11 +339,6 @@ class ProxiedAction:
             for goal in left:
                 own = status(goal, GoalStatus.ABORTED, f"the server of {self._name} has gone")
                 self._end(own, self._types.inner["result"]())
-
-    def _forget_underway(self) -> None:
-        for goal_id in self._underway:
-            self._statuses.settled(goal_id)
-        self._underway.clear()
 
     def _pass_early(self, now: float) -> None:
         """Pass on what waits for the server, or reject it where that takes too long."""
@@ -367,6 +367,18 @@ class ProxiedAction:
         if event is not None:  # before it can have consequences
             self._events.send(kind, event)
         self._give[kind](what)
+
+    def _pass_and_report(self, kind: str, message: rospy.AnyMsg) -> Any:
+        """Pass on what nobody is asked about, and then read and report it; None where it is not read."""
+        with self._reporting:
+            if not self._pass_unread(kind, message):
+                return None
+            time.sleep(0)  # rospy writes in a thread, which would wait until all this is done
+            if kind == "feedback" and not self._events.reads(kind):
+                return None
+            found = self._events.decoded(kind, message)
+            self._events.answer(kind, found)
+            return found
 
     def _pass_unread(self, kind: str, message: rospy.AnyMsg) -> bool:
         try:

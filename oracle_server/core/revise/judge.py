@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
-from typing import NamedTuple
 
 import msgspec
 
@@ -19,35 +18,13 @@ from oracle_server.core.recent import SIZE, Recent
 from oracle_server.core.revise.changes import Again, merged, revisions
 from oracle_server.core.revise.finality import RevisableState
 from oracle_server.core.revise.kept import MOST, Keeping, Kept, Point, key_of
+from oracle_server.core.revise.queued import Asked, Late, Until
 from oracle_server.core.revisions import Revision
 from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import Decision, Judged
 
 _FORGET_AFTER = 64
 """Rows after which those that need not be kept any more are forgotten: many at once cost less."""
-
-
-class Late(NamedTuple):
-    """A late step that is put in its place."""
-
-    step: Step
-
-
-class Until(NamedTuple):
-    """Deadlines up to a time (ns) are to be judged."""
-
-    time: int
-
-
-class Asked(NamedTuple):
-    """The row, by its position, at which the outcome of a property (by its index) is to be explained.
-
-    `tick` is its time (ns) where it is a deadline, else None.
-    """
-
-    position: int
-    prop: int
-    tick: int | None
 
 
 class RevisingJudge(Judge):

@@ -12,8 +12,9 @@ from oracle_server.core.engine import Engine
 from oracle_server.core.events import Order, Step
 from oracle_server.core.kinds import TICK
 from oracle_server.core.plan import Plan
-from oracle_server.core.revise.judge import RevisingJudge, Until
+from oracle_server.core.revise.judge import RevisingJudge
 from oracle_server.core.revise.kept import Keeping, Kept, key_of
+from oracle_server.core.revise.queued import Until
 from oracle_server.core.revisions import Revision
 from oracle_server.core.snapshot import RevisingSnapshot
 from oracle_server.core.verdicts import Judged, Outcome
