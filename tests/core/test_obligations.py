@@ -283,7 +283,24 @@ WITHIN = "forall[g]. {goal: *g} -> eventually[:10s] {done: *g}"
         ),
         (
             "{a} -> eventually[:2s] ({b} and eventually[:3s] {c})", "seconds", [{"a": True}, {"b": True}, *[{}] * 4],
-            "asked for at step 1 (1.000 s), /a (topic 1 of m); at none of the steps until 3.000 s",
+            "asked for at step 1 (1.000 s), /a (topic 1 of m); at none of the steps until 3.000 s; "
+            "{b}: held at step 2 (2.000 s), /a (topic 2 of m), 3.000000001s ago; eventually[:3s] {c}: asked for at "
+            "step 2 (2.000 s), /a (topic 2 of m), 3.000000001s ago; at none of 4 steps within 3s",
+        ),
+        (
+            "{a} -> eventually[:2s] ({b} and eventually[:3s] {c})", "seconds", [{"a": True}, *[{}] * 4],
+            "at none of the steps until 3.000 s; {b}: held at none of 3 steps between",
+        ),
+        (
+            "{a} -> eventually[:2] (eventually[:1] {c} and {b: *})", "steps",
+            [{"a": True}, {"b": 2}, {"b": 3}, {}, {"c": True}],
+            "at none of steps 1\u20133; {b: *}: held at each of steps 2\u20133; "
+            "eventually[:1] {c}: asked for at step 3 (3.000 s); none in steps 3\u20134",
+        ),
+        (
+            "{a} -> eventually[:1] ({b} and eventually[:1] ({c} and eventually[:1] {d}))", "steps",
+            [{"a": True}, {"b": True}, {"c": True}, {}, {}],
+            "{c}: held at step 3 (3.000 s); eventually[:1] {d}: asked for at step 3 (3.000 s); none in steps 3\u20134",
         ),
         (
             "{a} -> next next (next {b} and {c})", "steps", [{"a": True}, {}, {}], "it can't hold any more",

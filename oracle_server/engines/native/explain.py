@@ -85,6 +85,10 @@ class Explainer:
             return [self._named(part, steps, holds, found)]
         return [structs.replace(reason, told=True) for reason in found]
 
+    def stood(self, part: Part, steps: Steps, *, holds: bool) -> Reason:
+        """That a part held at all of some steps, or at none of them, without its reasons."""
+        return self._plain(part, steps, holds)
+
     def _named(self, part: Part, steps: Steps, holds: bool, found: list[Reason]) -> Reason:
         """That a part with a name held, or did not, and why."""
         now = "holds" if holds else "does not hold"

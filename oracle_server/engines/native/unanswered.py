@@ -18,6 +18,7 @@ from oracle_server.engines.native.keys import texts_of
 from oracle_server.engines.native.obligations import Decided, Obligations
 from oracle_server.engines.native.parts import Part
 from oracle_server.engines.native.recall import Recall
+from oracle_server.engines.native.unmet import Unmet
 from oracle_server.engines.native.wording import Wording, given, named
 
 _MOST_TOLD = 3
@@ -29,32 +30,41 @@ def explain_obligations(
     formula: Formula, network: Network, owed: Obligations, time: Time, last: int, past: Past
 ) -> Why:
     """Why obligations were decided false with the last step, number `last`, or that none was."""
-    if not owed.at_step:
-        return _explain(formula, owed, time, None)
-    recall = Recall(formula, network, time, last, past)
-    explainer = Explainer(network, recall, Wording(time, network.timeline.now, recall))
+    if not owed.at_step and not _is_tick(past):
+        return _explain(formula, owed, time, None, None)
+    recall = Recall(formula, network, time, last if owed.at_step else last + 1, past)
+    wording = Wording(time, network.timeline.now if owed.at_step else recall.time(recall.last), recall)
+    explainer = Explainer(network, recall, wording)
+    reasons = partial(explainer.reasons, holds=False, steps=[last]) if owed.at_step else None
     try:
-        return _explain(formula, owed, time, partial(explainer.reasons, holds=False, steps=[last]))
+        return _explain(formula, owed, time, reasons, Unmet(recall, wording, explainer, last))
     finally:
         if past.spent is not None:
             past.spent(recall.spent + A_PART * (len(network.atoms) + len(network.operators)))
 
 
-def _explain(formula: Formula, owed: Obligations, time: Time, reasons: Reasons | None) -> Why:
+def _is_tick(past: Past) -> bool:
+    """Whether the present is known, and no step."""
+    return past.seen is not None and bool(past.times) and not past.seen(len(past.times) - 1).event
+
+
+def _explain(formula: Formula, owed: Obligations, time: Time, reasons: Reasons | None, unmet: Unmet | None) -> Why:
     """Without `reasons` time alone has decided."""
     failed = owed.failed
     if not failed:
         text = f"none of its obligations failed here; {owed.pending} of them are open"
         return Why(True, {}, 0, (Reason(named(formula, time), True, text),))
-    told = _Telling(formula, owed, time, reasons)
+    told = _Telling(formula, owed, time, reasons, unmet)
     return Why(False, owed.values(failed[0].key), len(failed) - 1, tuple(map(told.reason, failed[:_MOST_TOLD])))
 
 
 class _Telling:
-    def __init__(self, formula: Formula, owed: Obligations, time: Time, reasons: Reasons | None) -> None:
+    def __init__(
+        self, formula: Formula, owed: Obligations, time: Time, reasons: Reasons | None, unmet: Unmet | None
+    ) -> None:
         found = obligation(formula)
         assert found is not None  # noqa: S101 -- it has obligations
-        self._found, self._owed, self._time, self._reasons = found, owed, time, reasons
+        self._found, self._owed, self._time, self._reasons, self._unmet = found, owed, time, reasons, unmet
 
     def reason(self, failed: Decided) -> Reason:
         """Why one obligation was not answered."""
@@ -104,12 +114,16 @@ class _Telling:
         return f"{count} step{'s' if count != 1 else ''} until {until}"
 
     def _parts(self, failed: Decided) -> tuple[Reason, ...]:
-        """Why the operand does not hold at the present step, where that decides."""
-        if self._reasons is None:
-            return ()
+        """What was met and what was not; or why the operand does not hold at the present step, where that decides."""
         scope = {name: number for number, name in enumerate(self._found.variables, 1)}
         values = dict(enumerate(texts_of(failed.key), 1)) if scope else {}
         part = Part(self._found.goal, self._found.goal_path, scope, values)
+        if self._unmet is not None and not self._owed.ended and self._unmet.knows(failed.start, failed.event):
+            unmet = self._unmet.within(part, failed.start[1])
+            if unmet:
+                return unmet
+        if self._reasons is None:
+            return ()
         match self._found.goal:
             case tree.Always(operand) | tree.Next(operand) if not looks_ahead(operand):
                 return tuple(self._reasons(part.child(operand)))

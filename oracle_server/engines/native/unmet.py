@@ -1,0 +1,84 @@
+"""What was met of an obligation that was not answered, and what was not: `eventually (φ and eventually ψ)`."""
+
+from __future__ import annotations
+
+from oracle_server.core.explanation import Reason
+from oracle_server.core.formula import tree
+from oracle_server.core.formula.ahead import looks_ahead
+from oracle_server.core.formula.tree import Bound
+from oracle_server.core.records import EventRecord
+from oracle_server.engines.native.explain import Explainer
+from oracle_server.engines.native.parts import Part
+from oracle_server.engines.native.recall import Recall
+from oracle_server.engines.native.waiting import Moment
+from oracle_server.engines.native.wording import Wording, duration
+
+
+class Unmet:
+    """Looks at the remembered steps for the parts of what was awaited; tells nothing where these are not all known."""
+
+    def __init__(self, recall: Recall, wording: Wording, explainer: Explainer, upto: int) -> None:
+        """`upto` is the number of the last step."""
+        self._recall, self._wording, self._explainer, self._upto = recall, wording, explainer, upto
+
+    def knows(self, start: Moment, event: EventRecord) -> bool:
+        """Whether the step that asked, of this event, is remembered."""
+        seen = self._recall.seen(start[1])
+        return seen is not None and seen.number == event.get("step") and seen.stamp == event["stamp"]
+
+    def within(self, part: Part, step: int) -> tuple[Reason, ...]:
+        """What was met, and what was not, of an `eventually` that is false about a step."""
+        found = _sides(part.child(part.formula.operand)) if isinstance(part.formula, tree.Eventually) else None
+        if found is None or not isinstance(part.formula, tree.Eventually):
+            return ()
+        now, later = found
+        window = self._window(step, part.formula.bound)
+        held = self._held(now, window)
+        if not window or held is None:
+            return ()
+        if not held:
+            return (self._explainer.stood(now, window, holds=False),)
+        return self._explainer.stood(now, held, holds=True), self._awaited(later, held[-1])
+
+    def _awaited(self, part: Part, step: int) -> Reason:
+        """That what was awaited from a step on, and is false about it, has not come."""
+        text = f"asked for {self._wording.at([self._recall.time(step)], [step])}; "
+        if not isinstance(part.formula, tree.Eventually):
+            return Reason(self._wording.formula(part), False, f"{text}it can't hold any more")
+        window, bound = self._window(step, part.formula.bound), part.formula.bound
+        if not self._wording.is_timed:
+            where = self._wording.during(window[0], window[-1]) if window else "in any step"
+            text += f"none {where}"
+        else:
+            within = "" if bound.upper is None else f" within {duration(bound.upper)}"
+            text += f"at none of {len(window)} step{'s' if len(window) != 1 else ''}{within}"
+        parts = self.within(part, step)
+        return Reason(self._wording.formula(part), False, text, parts=parts, told=bool(parts))
+
+    def _window(self, step: int, bound: Bound) -> list[int]:
+        """The steps from this one on within a bound of it."""
+        since = self._recall.time(step)
+        last = self._recall.time(self._upto) if bound.upper is None else since + bound.upper
+        steps = range(step, self._upto + 1)
+        return [j for j in steps if since + bound.lower <= self._recall.time(j) <= last]
+
+    def _held(self, part: Part, steps: list[int]) -> list[int] | None:
+        """At which of some steps a part held; None where that is not known of all, or something failed at one."""
+        found = []
+        for step in steps:
+            seen, value = self._recall.seen(step), self._recall.at(part, step)
+            if seen is None or seen.failed or value is None:
+                return None
+            if value:
+                found.append(step)
+        return found
+
+
+def _sides(part: Part) -> tuple[Part, Part] | None:
+    """What must hold at a step itself, and what is awaited from there on; None where there are not these two."""
+    if not isinstance(part.formula, tree.And):
+        return None
+    left, right = part.child(part.formula.left), part.child(part.formula.right, 1)
+    if looks_ahead(left.formula) is looks_ahead(right.formula):
+        return None
+    return (right, left) if looks_ahead(left.formula) else (left, right)
