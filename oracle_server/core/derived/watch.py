@@ -86,15 +86,13 @@ class Watch:
     def _look_at_keys(self, time: int) -> list[Carried]:
         found: list[Carried] = []
         for watched, keyed, by in self._keyed:
-            own = (key_of(self._held[by]),) if by in self._held else ()
-            for key in {
-                *keyed.keys_at(time, self._wanted(watched, self._at)),
-                *self._beside(watched, keyed, time),
-                *own,
-            }:
+            own = {*keyed.keys_at(time, self._wanted(watched, self._at))}
+            if by in self._held:
+                own.add(key_of(self._held[by]))
+            for key in {*own, *self._beside(watched, keyed, time)}:
                 carried = {by: value_of(key)}
                 before, now = (self._answers_of(watched, keyed, t, carried) for t in (time - 1, time))
-                turned = self._turns(watched, before, now)
+                turned = self._turns(watched, before, now, compared=key not in own)
                 if turned:
                     self.keys.setdefault((by, key), set()).update(turned)
                     found.append((by, key))
@@ -122,12 +120,19 @@ class Watch:
         signals, _ = self._see(after, {})
         return [_against(watched, constraint, signals) for constraint in watched.asked]
 
-    def _turns(self, watched: Watched, before: Sequence[Answer], now: Sequence[Answer]) -> frozenset[int]:
-        """The properties for which answers differ. What is absent is not met, but before the first step not known."""
+    def _turns(
+        self, watched: Watched, before: Sequence[Answer], now: Sequence[Answer], *, compared: bool = False
+    ) -> frozenset[int]:
+        """The properties for which answers differ. What is absent is not met, but before the first step not known.
+
+        `compared`: only where another signal is asked for, for a key that is known of that one alone.
+        """
         turns = (
             properties
-            for was, is_now, properties in zip(before, now, watched.properties, strict=True)
-            if was != is_now and (not self._steps or (was or False) != (is_now or False))
+            for asked, was, is_now, properties in zip(watched.asked, before, now, watched.properties, strict=True)
+            if was != is_now
+            and (not self._steps or (was or False) != (is_now or False))
+            and (not compared or isinstance(asked.value, Signal))
         )
         return _NONE.union(*turns)
 

@@ -122,3 +122,25 @@ def test_what_would_need_a_tick_that_does_not_come_is_refused(formula: str, says
     assert first.startswith("22:23 formula of 'p': ")
     assert says in first
     assert "`time: steps`" in first
+
+
+@pytest.mark.parametrize("asked", ["not {near != 2}", "not {near: *}"])
+def test_for_a_key_that_is_known_of_the_other_signal_alone_no_other_property_is_judged(asked: str) -> None:
+    derive = "  near: {age: '{topic: /a, x > 5}', by: k, forget: 2s}\n"
+    derive += "  far: {age: '{topic: /a, x < 5}', by: k, forget: 1h}\n"
+    alone = SPEC.replace("derive:\n", f"derive:\n{derive}").replace("FORMULA", asked)
+    both = alone + "  - {id: q, formula: '{far < near}', time: seconds}\n"
+    rows = []
+    for text in (alone, both):
+        ready = plan(parse_spec(text, "test").spec)
+        session = Session(ready, make_engines(ready), begun=0)
+        lost: dict[str, object] = {"x": 9, "k": {}}
+        judged = []
+        for seq, (at, data) in enumerate(((1, {"x": 1, "k": "u"}), (2, lost)), start=1):
+            time = at * SECOND
+            judged += session.ingest(Event(StreamKey("/a", "topic"), "m", seq, time, time, data))
+        judged += session.advance(100 * SECOND)
+        rows.append([(j.step.stamp, j.verdicts[0].outcome) for j in judged])
+    assert any(stamp == 4 * SECOND for stamp, _ in rows[1]), "the comparison turns there"
+    changes = [[r for r, before in zip(found[1:], found, strict=False) if r[1] != before[1]] for found in rows]
+    assert changes[0] == changes[1]
