@@ -52,7 +52,7 @@ TRIO = Layout(
 LATE = Layout(
     "three monitors, none of which is waited for",
     TRIO.monitors,
-    (("late: judge", "late: revise\n  horizon: 600s"), PAIR.changes[1]),
+    (("max_delay: 200ms", "max_delay: 100ms"), ("late: judge", "late: revise\n  horizon: 600s"), PAIR.changes[1]),
     waits=False,
 )
 each_layout = pytest.mark.parametrize("layout", [ALONE, PAIR], ids=lambda layout: layout.name)

@@ -12,7 +12,7 @@ from tests.chaos.disk import Unmountable
 from tests.chaos.link import Frame
 from tests.chaos.runs import TRIO, uninterrupted
 
-_ROUNDS = 4
+_ROUNDS = 8
 """Rounds at the most: whether events come late in one depends on which monitor is the faster."""
 
 
