@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from actionlib import msg
-from actionlib_msgs.msg import GoalStatus, GoalStatusArray
+from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 
 from tests.ros1.actionscene import adapter, client, count, ids, last, server, streams, until_asked, watched
 from tests.ros1.judge import judge
@@ -34,6 +34,29 @@ def test_without_an_oracle_goals_go_by_the_spec_and_cancels_always_pass(unavaila
             ended = peer.ended(goal)
             assert ended is not None
             assert (ended.status, ended.text) == (GoalStatus.REJECTED, "denied: no decision in time")
+        process.ends_well()
+
+
+def test_a_server_is_told_of_once_it_hears_what_is_passed_on(tmp_path: Path) -> None:
+    def standing(goal: str) -> GoalStatusArray:
+        return GoalStatusArray(status_list=[GoalStatus(GoalID(id=goal), GoalStatus.ACTIVE, "")])
+
+    def told() -> list[str]:
+        return [entry.goal_id.id for array in ear.heard("/count_mon/status") for entry in array.status_list]
+
+    with watched(tmp_path, streams("goal", "status", ask="goal")) as (scene, oracle, process):
+        starting, ear = scene.peer(), scene.peer()
+        ear.record(GoalStatusArray, "/count_mon/status", speakers=1)
+        starting.advertise(GoalStatusArray, "/count/status", latch=True)
+        for count, goal in enumerate(("first", "second"), 1):
+            starting.publish("/count/status", standing(goal))
+            oracle.heard("status", count)
+        starting.advertise(msg.TestActionFeedback, "/count/feedback")
+        starting.advertise(msg.TestActionResult, "/count/result")
+        starting.record(msg.TestActionGoal, "/count/goal", speakers=1)
+        starting.record(GoalID, "/count/cancel", speakers=1)
+        ear.until(told, lambda: "no status comes")
+        assert set(told()) == {"second"}
         process.ends_well()
 
 
