@@ -17,7 +17,7 @@ from typing import Any
 import actionlib
 import rospy
 from actionlib.msg import TestAction, TestActionFeedback, TestActionGoal, TestActionResult, TestFeedback, TestGoal
-from actionlib_msgs.msg import GoalID, GoalStatusArray
+from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 from chains.parts import CALLS, DEPTH, PATIENCE, BareLink, echo, hear_times, say, send_times, time_calls
 from chains.run import FEW, Ros, free_port, main
 from std_msgs.msg import Int64
@@ -109,10 +109,11 @@ def act(name: str, kept: int) -> None:
 
         began = time.monotonic_ns()
         sent = client.send_goal(TestGoal(goal), changed, hear)
-        assert ended.wait(PATIENCE), sent.get_comm_state()
+        assert ended.wait(PATIENCE), f"a goal has not ended in {PATIENCE} s, its state is {sent.get_comm_state()}"
+        assert sent.get_terminal_state() == GoalStatus.SUCCEEDED, sent.get_goal_status_text()
         return (replied[0] - began) / 1e6, (replied[-1] - began) / 1e6
 
-    assert client.wait_for_server(rospy.Duration(PATIENCE))
+    assert client.wait_for_server(rospy.Duration(PATIENCE)), f"{name} has no server"
     time.sleep(1)  # a connection counts here before its other end has it
     for _ in range(max(20, kept)):
         run(0)

@@ -6,6 +6,7 @@ import argparse
 import json
 import os
 import re
+import signal
 import socket
 import subprocess
 import sys
@@ -94,10 +95,13 @@ class Part:
         )  # fmt: skip
 
     def until(self, pattern: str, more: float = 0) -> re.Match[str]:
-        """Read up to a line that has the pattern; the process is ended where that takes `more` seconds too long."""
+        """Read up to a line that has the pattern.
+
+        Where that takes `more` seconds too long the process is ended, and a Python one tells where its threads are.
+        """
         assert self._process.stdout is not None
         seen = []
-        impatient = threading.Timer(PATIENCE + more, self._process.kill)
+        impatient = threading.Timer(PATIENCE + more, self._process.send_signal, [signal.SIGABRT])
         impatient.start()
         try:
             for line in self._process.stdout:
@@ -107,7 +111,7 @@ class Part:
                 seen.append(line)
         finally:
             impatient.cancel()
-        raise SystemExit(f"no {pattern!r} in {PATIENCE + more} s: {''.join(seen[-20:])}")
+        raise SystemExit(f"no {pattern!r} in {PATIENCE + more} s: {''.join(seen[-100:])}")
 
     def tell(self, word: str) -> None:
         assert self._process.stdin is not None
@@ -149,7 +153,7 @@ class Run:
     def __init__(self, folder: Path, ros: Ros, seconds: float) -> None:
         self.measured: dict[tuple[str, str], Measured] = {}
         self._folder, self._ros, self._seconds = folder, ros, seconds
-        self._setting = {**os.environ, **ros.settings, "ROS_LOG_DIR": str(folder / "ros")}
+        self._setting = {**os.environ, **ros.settings, "ROS_LOG_DIR": str(folder / "ros"), "PYTHONFAULTHANDLER": "1"}
         (folder / "specs").mkdir()
         for name, text in specs(ros):
             (folder / "specs" / f"{name}.yaml").write_text(text)

@@ -18,7 +18,7 @@ from oracle_adapter.interfaces import Interface
 
 from oracle_ros1.actionevents import KEPT, ActionEvents, Event
 from oracle_ros1.actionmessages import Goal, Said, covers
-from oracle_ros1.actions import Take, subscribed
+from oracle_ros1.actions import Take, connected, subscribed
 from oracle_ros1.actionstatus import Statuses, status
 from oracle_ros1.codec import CodecError, write
 from oracle_ros1.definitions import lookup_installed
@@ -57,6 +57,7 @@ class ProxiedAction:
         self._behind: List[Said] = []  # results behind these
         self._status: Optional[rospy.AnyMsg] = None  # the server's last
         self._server: List[Any] = []  # the connections of the server's status
+        self._told = False  # clients hear of it
         self._gone: Optional[float] = None  # since when there is none (s)
         self._lost_goals = 0
         self._stopped = False
@@ -93,13 +94,17 @@ class ProxiedAction:
             "result": self._take_result,
             "status": self._take_status,
         }
-        self._subscribers = subscribed(take, lambda kind: proxy if kind in TO_SERVER else served)
+        with self._lock:  # what comes meanwhile needs all of them
+            self._subscribers = subscribed(take, lambda kind: proxy if kind in TO_SERVER else served)
 
     def look(self) -> str:
         """What is wrong; goals that wait for the server, and results that wait for feedback, go on."""
         now = time.monotonic()
         with self._lock:
             self._look_for_server(now)
+            if not self._told and self._is_there():
+                self._told = True
+                self._show()
             self._pass_early(now)
             self._release(now)
         past = [
@@ -283,7 +288,8 @@ class ProxiedAction:
 
     def _take_status(self, message: rospy.AnyMsg) -> None:
         with self._lock:
-            as_it_is = not self._statuses.rewriting
+            self._told = self._told or self._is_there()
+            as_it_is = self._told and not self._statuses.rewriting
             if as_it_is:
                 if not self._pass_unread("status", message):
                     return
@@ -300,7 +306,7 @@ class ProxiedAction:
 
     def _show(self) -> None:
         """Publish how goals stand, as clients are to see it: the server's last array, byte for byte where it can be."""
-        if self._status is None:
+        if self._status is None or not self._told:  # clients send goals as soon as they hear of a server
             return
         if self._statuses.last is None:
             array = self._events.decoded("status", self._status)
@@ -311,17 +317,13 @@ class ProxiedAction:
     # Whether it is there
 
     def _is_there(self) -> bool:
-        """Whether a server hears what is passed on, and all that it says is heard."""
-        servers = {header.get("callerid") for header in headers(self._subscribers["status"])}
-        for kind in ("feedback", "result"):
-            servers &= {header.get("callerid") for header in headers(self._subscribers[kind])}
-        to_server = [self._publishers[kind].impl for kind in TO_SERVER]
-        return any(all(topic and topic.has_connection(server) for topic in to_server) for server in servers)
+        heard, hearing = (self._subscribers[kind] for kind in TO_CLIENT), [self._publishers[kind] for kind in TO_SERVER]
+        return connected(heard, hearing)
 
     def _look_for_server(self, now: float) -> None:
         before, self._server = self._server, headers(self._subscribers["status"])
         if any(all(header is not other for other in self._server) for header in before):
-            self._status = self._statuses.last = None  # late clients must not take it for a server's
+            self._told, self._status, self._statuses.last = False, None, None  # late clients must not hear it
             topic = self._publishers["status"].impl
             if topic is not None:
                 topic.latch = None

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Callable, Dict, Mapping, Optional
+from typing import Callable, Dict, Iterable, List, Mapping, Optional
 
 import rospy
 from oracle_adapter.interfaces import Interface
 
 from oracle_ros1.actionevents import ActionEvents, Event
 from oracle_ros1.actionstatus import Statuses
+from oracle_ros1.observed import headers
 from oracle_ros1.shared import Shared
 
 Take = Callable[[rospy.AnyMsg], None]
@@ -21,6 +22,12 @@ def subscribed(take: Mapping[str, Take], name: Callable[[str], str]) -> Dict[str
         kind: rospy.Subscriber(f"{name(kind)}/{kind}", rospy.AnyMsg, call, tcp_nodelay=True)
         for kind, call in take.items()
     }
+
+
+def connected(heard: Iterable[rospy.Subscriber], hearing: List[rospy.Publisher]) -> bool:
+    """Whether one node is heard by all these subscribers, and hears all these publishers."""
+    nodes = set.intersection(*({header.get("callerid") for header in headers(topic)} for topic in heard))
+    return any(all(topic.impl and topic.impl.has_connection(node) for topic in hearing) for node in nodes)
 
 
 class LoggedAction:
