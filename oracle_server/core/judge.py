@@ -228,7 +228,8 @@ class Judge(Telling):
 
     @property
     def _last(self) -> LastStep:
-        return LastStep(self.present, self.counters.steps, lambda: together(self._held.values()))
+        ticked = self.present if self._outdated else self._ticked
+        return LastStep(self.present, self.counters.steps, ticked, lambda: together(self._held.values()))
 
     def _due(self, state: PropertyState, time: int) -> bool:
         deadline = state.next_deadline(self.present) if self.counters.steps or state.grace else None

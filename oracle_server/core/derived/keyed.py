@@ -275,8 +275,9 @@ def _places(entry: _Entry, *, whole: bool) -> Collection[int]:
     series = entry.series
     if not whole or not isinstance(series, Window):
         return (entry.newest,)
-    failed = () if series.failed_at is None else (series.failed_at,)
-    return {*series.places[series.head :], *failed, entry.newest}
+    failed = series.failed_at
+    of_its_own = () if failed is None or failed > entry.newest else (failed,)
+    return {*series.places[series.head :], *of_its_own, entry.newest}
 
 
 def _position(pair: tuple[int, Key]) -> int:

@@ -42,10 +42,14 @@ _NONE: set[str] = set()
 
 
 class LastStep(NamedTuple):
-    """The last step: its time (ns), its number, or 0 before the first one, and what is held, or has failed, since."""
+    """The last step: its time (ns), its number, or 0 before the first one, and what is held, or has failed, since.
+
+    `ticked`: until when (ns) all ticks since then were judged.
+    """
 
     present: int
     steps: int
+    ticked: int
     held: Callable[[], tuple[Signals, Names]]
 
 
@@ -222,7 +226,7 @@ class Derived:
             series.restore(saved)
 
     def _watching(self, last: LastStep) -> Watch:
-        present, steps, held = last
+        present, steps, ticked, held = last
         if self._watch is None or self._watch[:2] != (present, steps):
             signals, failed = held() if self._sees else _NOTHING
 
@@ -230,6 +234,7 @@ class Derived:
                 return self.at(time, steps, {**signals, **carried}, failed - carried.keys())
 
             watch = Watch(self._layout.watched, self._series, self._bys, self._session, present, steps, signals, see)
+            watch.look(ticked)
             self._watch = present, steps, watch
             self._due = []
         return self._watch[2]

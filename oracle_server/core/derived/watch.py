@@ -66,7 +66,7 @@ class Watch:
     def look(self, until: int) -> tuple[bool, list[Carried]]:
         """Look on; whether something turned without a key, and for which keys, in the order of their texts."""
         plain, keys = False, dict[Carried, None]()
-        while (time := self.next_change(self._at)) is not None and time <= until:
+        while self._at < until and (time := self.next_change(self._at)) is not None and time <= until:
             plain = self._look_at(time) or plain
             keys |= dict.fromkeys(self._look_at_keys(time))
             self._at = time
