@@ -86,7 +86,9 @@ class Registry:
             try:
                 await self._restore(opened, await asyncio.to_thread(plans.of, opened))
             except Exception as error:  # whatever is wrong with it, the others go on
-                self.open.pop(opened.id, None)
+                failed = self.open.pop(opened.id, None)
+                if failed is not None:
+                    failed.ledger.snapshots.end()
                 known = isinstance(error, OracleError)
                 reason = str(error) if known else f"{type(error).__name__}: {error}"
                 self.unrestored[opened.id] = Unrestored(opened, reason)
