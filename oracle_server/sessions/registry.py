@@ -303,8 +303,9 @@ class Registry:
         self._last += 1
         properties = tuple(p.id for p in spec.properties)
         record = SessionRecord(
-            self._last, session_id, spec.id, entry.file.text, spec.digest, properties, private, self._clock.now(), by
-        )
+            self._last, session_id, spec.id, entry.file.text, spec.digest, properties, private, self._clock.now(), by,
+            decides=next(iter(core.judges)),
+        )  # fmt: skip
         live = self._live(record, core)
         self._history.open_session(record)
         log.info("session opened", session=session_id, spec=spec.id)

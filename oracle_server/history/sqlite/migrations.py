@@ -31,6 +31,10 @@ _STEPS = {
         )
     ),
     7: "ALTER TABLE steps ADD COLUMN pending TEXT;",
+    # what decides was told by the spec alone; one with both orders is decided by publication
+    8: "ALTER TABLE sessions ADD COLUMN decides TEXT NOT NULL DEFAULT 'publication';"
+    "UPDATE sessions SET decides = 'arrival' WHERE asked = 'arrival' OR (asked IS NULL AND text LIKE '%arrival%' "
+    "AND NOT EXISTS (SELECT 1 FROM steps WHERE session = number AND ord = 'publication'));",
 }
 """By the version that they start from: statements that lead to the next one."""
 
