@@ -31,6 +31,8 @@ _STEPS = {
         )
     ),
     7: "ALTER TABLE steps ADD COLUMN pending TEXT;",
+    8: "ALTER TABLE sessions ADD COLUMN kind TEXT NOT NULL DEFAULT 'robot';"
+    "ALTER TABLE monitors ADD COLUMN left_at INTEGER;",
 }
 """By the version that they start from: statements that lead to the next one."""
 

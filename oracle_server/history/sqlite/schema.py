@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-VERSION = 8
+VERSION = 9
 
 DDL = """
 CREATE TABLE IF NOT EXISTS sessions (
@@ -17,6 +17,7 @@ CREATE TABLE IF NOT EXISTS sessions (
     asked TEXT,                  -- the order that was asked for instead of the spec's
     begun INTEGER,               -- ns, in the session's own time: when its first monitor attached
     closed INTEGER,              -- ns
+    kind TEXT NOT NULL DEFAULT 'robot',  -- or recording: what it judges
     state TEXT                   -- JSON: how it stood when it was closed
 );
 CREATE TABLE IF NOT EXISTS steps (
@@ -70,6 +71,7 @@ CREATE TABLE IF NOT EXISTS monitors (
     attached INTEGER NOT NULL,
     clock TEXT NOT NULL,         -- wall or sim
     bypasses TEXT NOT NULL DEFAULT '[]',  -- JSON: [name, what is told of it, since (ns)] of streams that are bypassed
+    left_at INTEGER,             -- ns: when it was detached, NULL where it is not
     PRIMARY KEY (session, name)
 ) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS snapshots (
@@ -98,5 +100,7 @@ STEP_COLUMNS = (
     "standing_degraded", "standing_explanations", "revised", "revision", "pending",
 )  # fmt: skip
 REFUSED_COLUMNS = ("session", "monitor", "seq", "gap", "at", "code", "message")
-SESSION_COLUMNS = ("number", "id", "spec", "text", "digest", "properties", "private", "opened", "asked", "begun")
-MONITOR_COLUMNS = ("session", "name", "instance", "streams", "attached", "clock", "bypasses")
+SESSION_COLUMNS = (
+    "number", "id", "spec", "text", "digest", "properties", "private", "opened", "asked", "begun", "kind",
+)  # fmt: skip
+MONITOR_COLUMNS = ("session", "name", "instance", "streams", "attached", "clock", "bypasses", "left_at")
