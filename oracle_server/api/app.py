@@ -41,7 +41,7 @@ def build_app(
     )
     problems.install(app)
     app.include_router(health.router(history))
-    app.include_router(specs.router(library, registry))
+    app.include_router(specs.router(library, registry, history))
     app.include_router(sessions.router(registry, history))
     app.include_router(verdicts.router(registry, history))
     app.include_router(stream.router(registry, history))

@@ -16,6 +16,7 @@ from starlette.responses import StreamingResponse
 from oracle_server.api.explaining import Explainer
 from oracle_server.api.known import demand_session, doubts_of
 from oracle_server.api.leaving import unless_left
+from oracle_server.api.packing import json_answer, packed_answer
 from oracle_server.api.questions import As, Outcomes, paged
 from oracle_server.edge.scopes import needs
 from oracle_server.history.pages import find_as
@@ -47,8 +48,9 @@ def router(registry: Registry, history: History) -> APIRouter:
     async def page(request: Request, session_id: str, question: Question) -> Response:
         known, doubts = await demand_session(request, registry, session_id), doubts_of(registry, session_id)
         items, after = await unless_left(request, find_as(history, known, question, encode_bytes, doubts))
-        body = b'{"items":[%b],"next":%b}' % (b",".join(items), encode_bytes(after))
-        return Response(body, media_type="application/json")
+        return await packed_answer(
+            request, history, lambda: b'{"items":[%b],"next":%b}' % (b",".join(items), encode_bytes(after))
+        )
 
     @routes.get("/sessions/{session_id}/verdicts", response_model=RecordPage)
     @needs("read")
@@ -87,7 +89,7 @@ def router(registry: Registry, history: History) -> APIRouter:
             raise HTTPException(409, str(error)) from None
         if record is None:
             raise HTTPException(404, f"session '{session_id}' has no verdict {n} in its history yet")
-        return Response(encode_bytes(record), media_type="application/json")
+        return await json_answer(request, history, record)
 
     @routes.get(
         "/sessions/{session_id}/trace",

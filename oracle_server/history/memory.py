@@ -257,6 +257,10 @@ class MemoryHistory:
         """A session by its id or number."""
         return next((kept.record for kept in self._kept.values() if name in (kept.record.id, kept.record.number)), None)
 
+    async def names(self, beginning: str) -> list[str]:
+        """The ids of sessions that begin with a text."""
+        return [kept.record.id for kept in self._kept.values() if kept.record.id.startswith(beginning)]
+
     async def closed_state(self, name: str) -> Document | None:
         """How a closed session stood."""
         return next((kept.state for kept in self._kept.values() if kept.record.id == name), None)

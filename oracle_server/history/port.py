@@ -138,6 +138,10 @@ class Reading(Protocol):
         """A session by its id or number, open or closed."""
         ...
 
+    async def names(self, beginning: str) -> list[str]:
+        """The ids of all sessions, open or closed, that begin with a text."""
+        ...
+
     async def closed_state(self, name: str) -> Document | None:
         """How a closed session stood, None where none of that id is closed."""
         ...

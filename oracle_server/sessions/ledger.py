@@ -64,7 +64,7 @@ class Ledger:
         """How many events were refused."""
         self._session, self._monitors, self._share = opened.number, monitors, share
         self._core, self._history, self._clock, self._counters = core, history, clock, counters
-        self._width = len(core.plan.spec.properties)
+        self._spec, self._width = opened.spec, len(core.plan.spec.properties)
         self._deciding = next(iter(core.judges))
         self._standing = Standing(core)
         self._violations = ViolationLog(opened.id, clock)
@@ -90,6 +90,7 @@ class Ledger:
         used: list[_Used] = []
         steps = [self._stored(item, used) for item in judged]
         told = [frame for item in judged for frame in news(item)]
+        self._counters.violated.add(self._spec, told, self._deciding)
         self._counters.add_steps([step.outcomes for step in steps if step.revision is None])
         standing, position = self._standing.changed(self._last_verdict), self._position
         done = partial(self._share.run, self._committed, used, position, told, standing)

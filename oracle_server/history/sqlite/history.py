@@ -248,6 +248,11 @@ class SqliteHistory:
         key = "id" if isinstance(name, str) else "number"
         return await self._lookups.one(session_of, f"{_SESSIONS} WHERE {key} = ?", (name,))
 
+    async def names(self, beginning: str) -> list[str]:
+        """The ids of sessions that begin with a text."""
+        sql = "SELECT id FROM sessions WHERE id >= ? AND id < ?"  # an index has these; behind `~` no id goes on
+        return await self._lookups.all(lambda row: str(row[0]), sql, (beginning, f"{beginning}~"))
+
     async def closed_state(self, name: str) -> Document | None:
         """How a closed session stood."""
         sql = "SELECT state FROM sessions WHERE id = ? AND closed IS NOT NULL"
