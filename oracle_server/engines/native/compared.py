@@ -9,11 +9,10 @@ from typing import Any
 
 from oracle_server.core.atoms import Match, precedes
 from oracle_server.engines.native.keys import ALL, Key, Region, Text, Variables, fresh_key, key_of, texts_of
-from oracle_server.engines.native.nodes import Absent
+from oracle_server.engines.native.nodes import ABSENT, Absent
 
 Limit = tuple[int, str, Text]
 """The place of a variable in a key, how a signal compares with its value, and the signal's value as text."""
-_ABSENT = Absent()
 _KEPT = 4_096
 
 
@@ -38,7 +37,7 @@ class ComparedNode:
         self.variables = variables
         self.flat = True
         self.changes: list[Key] = []
-        self.current: Key | Absent = _ABSENT
+        self.current: Key | Absent = ABSENT
         """The texts that it binds, and behind them those that it compares."""
         self._equal = [variables.index(v) for v in refs]
         self._limits = [(variables.index(v), op) for op, v in limits]
@@ -47,16 +46,16 @@ class ComparedNode:
     @property
     def holds(self) -> bool:
         """Whether it may hold at some key."""
-        return self.current is not _ABSENT
+        return self.current is not ABSENT
 
     @property
     def idle(self) -> bool:
         """Whether it neither may hold nor has just changed."""
-        return self.current is _ABSENT and not self.changes
+        return self.current is ABSENT and not self.changes
 
     def take(self, match: Match) -> None:
         """Move on to the next step."""
-        current: Key | Absent = _ABSENT if match is None else tuple(match)
+        current: Key | Absent = ABSENT if match is None else tuple(match)
         self.changes = [] if current == self.current else [self._fresh]
         self.current = current
 
@@ -66,7 +65,7 @@ class ComparedNode:
 
     def restore(self, data: Any) -> None:
         """Take over a snapshot."""
-        self.current = tuple(data[0]) if data else _ABSENT
+        self.current = tuple(data[0]) if data else ABSENT
 
     def at(self, key: Key) -> bool:
         """Whether it holds at a key."""
