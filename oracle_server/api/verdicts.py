@@ -22,7 +22,7 @@ from oracle_server.edge.scopes import needs
 from oracle_server.history.pages import find_as
 from oracle_server.history.port import History
 from oracle_server.history.query import Query as Question
-from oracle_server.history.records import Document
+from oracle_server.review.changes import changed_records
 from oracle_server.review.explanation import NoExplanationError
 from oracle_server.review.trace import trace_lines
 from oracle_server.sessions.registry import Registry
@@ -104,10 +104,25 @@ def router(registry: Registry, history: History) -> APIRouter:
             _json_lines(history, trace_lines(history, known.number)), media_type="application/jsonl"
         )
 
+    @routes.get(
+        "/sessions/{session_id}/changes",
+        response_class=StreamingResponse,
+        responses={200: {"content": {"application/jsonl": {}}, "description": "Verdict records, one a line"}},
+    )
+    @needs("read")
+    async def get_changes(request: Request, session_id: str) -> StreamingResponse:
+        """Get the verdict records, as they stand, at which a property's outcome, `degraded` or robustness is new.
+
+        As JSON Lines, in the sequence in which they were judged, with each violation, the first record of each property
+        and its last: what there is to draw, without the many records between at which nothing changed.
+        """
+        known = await demand_session(request, registry, session_id)
+        return StreamingResponse(_json_lines(history, changed_records(history, known)), media_type="application/jsonl")
+
     return routes
 
 
-async def _json_lines(history: History, pages: AsyncGenerator[list[Document], None]) -> AsyncIterator[bytes]:
+async def _json_lines(history: History, pages: AsyncGenerator[Sequence[object], None]) -> AsyncIterator[bytes]:
     """The lines as text, in chunks of `_CHUNK`; the next one is made when the client has read the last one."""
     async with aclosing(pages):
         async for lines in pages:
@@ -115,5 +130,5 @@ async def _json_lines(history: History, pages: AsyncGenerator[list[Document], No
                 yield await history.in_thread(partial(_joined, lines[start : start + _CHUNK]))
 
 
-def _joined(lines: Sequence[Document]) -> bytes:
+def _joined(lines: Sequence[object]) -> bytes:
     return b"".join(encode_bytes(line) + b"\n" for line in lines)

@@ -69,7 +69,7 @@ def record(
     url: UrlOption = _DEFAULT_URL,
     token: TokenOption = None,
 ) -> None:
-    """Store what the monitors of a session sent, for `replay`."""
+    """Store a session for `replay`; a file named .mcap is for Foxglove, too."""
     from oracle_server.cli.client import Client
     from oracle_server.cli.record import record_session
 

@@ -27,8 +27,8 @@ class SessionRecord(NamedTuple):
 
     `text` is its spec's YAML, `properties` are their ids in the order of a step's outcomes; a `private` session is
     closed with its last monitor; `by` is the order that was asked for instead of the spec's. `begun` is when its first
-    monitor attached, in the session's own time, None where none has, or where an older version kept it. `kind` is what
-    it judges.
+    monitor attached, in the session's own time, None where none has, or where an older version kept it. `decides` is
+    the order whose steps are decided by, `kind` what it judges.
     """
 
     number: int
@@ -41,6 +41,7 @@ class SessionRecord(NamedTuple):
     opened: int
     by: By | None = None
     begun: int | None = None
+    decides: Order = "publication"
     kind: Kind = "robot"
 
 

@@ -10,6 +10,7 @@ from oracle_server.core.numbering import JUDGED
 from oracle_server.core.revisions import Revision
 from oracle_server.core.session import Session
 from oracle_server.core.verdicts import Judged
+from oracle_server.core.weakly import weakly
 from oracle_server.history.port import History
 from oracle_server.history.records import (
     MonitorRecord,
@@ -57,7 +58,7 @@ class Ledger:
         self._arm = arm
         self.commits = Commits()
         self.snapshots = Snapshots(
-            opened.id, opened.number, core, history, backlog, partial(share.run_for_server, self.save)
+            opened.id, opened.number, core, history, backlog, partial(share.run_for_server, weakly(self.save))
         )
         self.lookup = DecisionLookup(history, opened.number, [p.id for p in core.plan.spec.properties])
         self.alarms: SessionAlarms | None = None

@@ -14,6 +14,7 @@ from oracle_server.core.numbering import Numbering
 from oracle_server.core.session import Session
 from oracle_server.core.simulated import ClockReading, SimulatedTime
 from oracle_server.core.verdicts import Judged, decision_frame
+from oracle_server.core.weakly import weakly
 from oracle_server.history.port import History
 from oracle_server.history.records import SessionRecord
 from oracle_server.history.views import Doubts
@@ -53,16 +54,17 @@ class LiveSession:
         core.divide(share.is_over)
         self.share = share
         """What it takes of the event loop's time; while it rests, its monitors are not read."""
-        self.ledger = Ledger(record, core, history, clock, counters, backlog, share, self.monitors, self._arm)
+        self.ledger = Ledger(record, core, history, clock, counters, backlog, share, self.monitors, weakly(self._arm))
         self.closing = False
         self.clock_went_back = False
         """Whether its simulation was restarted, so that it ignores all further events."""
         self._history, self.clock, self._counters = history, clock, counters
         self._resume_within, self._request_close = resume_within, request_close
-        self.presence = Presence(record, self.monitors, clock, self.spec.close_after, self._close_for)
-        self.oracles = (
-            None if core.asking is None else Oracles(core, self._enter, lambda j: share.run(self._deliver, j))
-        )
+        self.presence = Presence(record, self.monitors, clock, self.spec.close_after, weakly(self._close_for))
+        self.oracles: Oracles | None = None
+        if core.asking is not None:
+            deliver = weakly(self._deliver)
+            self.oracles = Oracles(core, weakly(self._enter), lambda judged: share.run(deliver, judged))
         self._begun = core.begun is not None
         """Whether the history has when the session began."""
         self.decoder = Decoders(core.plan)
@@ -216,9 +218,8 @@ class LiveSession:
         if monitor.outbox is not outbox:
             return
         monitor.outbox = None
-        if monitor.attached:
-            loop = asyncio.get_running_loop()
-            monitor.expiry = loop.call_later(self._resume_within, self._expire, monitor)
+        if monitor.attached and not self.closing:
+            monitor.expiry = asyncio.get_running_loop().call_later(self._resume_within, self._expire, monitor)
 
     async def drain(self) -> None:
         """Before `close`: judge all held events in turns, between which other sessions are served; take no more."""

@@ -92,7 +92,9 @@ class Registry:
             try:
                 await self._restore(opened, await asyncio.to_thread(plans.of, opened))
             except Exception as error:  # whatever is wrong with it, the others go on
-                self.open.pop(opened.id, None)
+                failed = self.open.pop(opened.id, None)
+                if failed is not None:
+                    failed.ledger.snapshots.end()
                 known = isinstance(error, OracleError)
                 reason = str(error) if known else f"{type(error).__name__}: {error}"
                 self.unrestored[opened.id] = Unrestored(opened, reason)
@@ -317,6 +319,7 @@ class Registry:
         properties = tuple(p.id for p in spec.properties)
         record = SessionRecord(
             self._last, session_id, spec.id, entry.file.text, spec.digest, properties, private, self._clock.now(), by,
+            decides=next(iter(core.judges)),
             kind=kind,
         )  # fmt: skip
         live = self._live(record, core)

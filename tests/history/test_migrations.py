@@ -23,9 +23,9 @@ from tests.history.test_port import collected
 from tests.history.test_standing import change, stands, told
 
 HELD, FALSE = Outcome.CURRENTLY_TRUE, Outcome.CURRENTLY_FALSE
-NEWER = {6: "released", 7: "pending", 8: None}
-"""By their formats: the first column of steps that they had not; nor had they those behind it."""
-LATER = {"sessions": ("kind",), "monitors": ("left_at",)}
+NEWER: dict[int, str | None] = {6: "released", 7: "pending", 8: None}
+"""By their formats: the first column of steps that they had not, if any; nor had they those behind it."""
+LATER = {"sessions": ("decides", "kind"), "monitors": ("left_at",)}
 """Columns of other tables that none of them had."""
 
 
@@ -43,6 +43,7 @@ async def written(folder: Path, version: int) -> SqliteHistory:
         for table, columns in missing.items():
             for column in columns:
                 database.execute(f"ALTER TABLE {table} DROP COLUMN {column}")
+        database.execute("DROP TABLE blocks")
         database.execute(f"PRAGMA user_version = {version}")
     history = SqliteHistory(folder)
     history.start(asyncio.get_running_loop())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict, deque
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 
@@ -12,16 +12,17 @@ from oracle_server.core.counting import Told
 from oracle_server.core.engine import Engine, Rewindable
 from oracle_server.core.events import Order, Signals, Step
 from oracle_server.core.holding import Held
-from oracle_server.core.judge import Judge
+from oracle_server.core.judge import Judge, Seen
 from oracle_server.core.plan import Plan, StreamPlan
 from oracle_server.core.recent import SIZE, Recent
 from oracle_server.core.revise.changes import Again, merged, revisions
 from oracle_server.core.revise.finality import RevisableState
 from oracle_server.core.revise.kept import MOST, Keeping, Kept, Point, key_of
 from oracle_server.core.revise.queued import Asked, Late, Until
+from oracle_server.core.revise.ticks import OldTicks
 from oracle_server.core.revisions import Revision
 from oracle_server.core.spec import Property
-from oracle_server.core.verdicts import Decision, Judged
+from oracle_server.core.verdicts import Decision, Judged, Outcome
 
 _FORGET_AFTER = 64
 """Rows after which those that need not be kept any more are forgotten: many at once cost less."""
@@ -64,7 +65,7 @@ class RevisingJudge(Judge):
         self._stood: dict[int, Kept] = {}
         """The rows that are judged again in this pass, by position."""
         self._stands: dict[int, tuple[Judged, Decision | None]] = {}
-        self._old_ticks: defaultdict[int, list[Kept]] = defaultdict(list)
+        self._old_ticks = OldTicks(self._derived.seen)
         self._not_before = 0
         """What is judged again without being in order is judged at no earlier time (ns) than it was."""
         self._added = 0
@@ -75,6 +76,7 @@ class RevisingJudge(Judge):
         """The row that is `asked` of as it stands, with the explanation; None where it does not stand."""
         for engine in self._engines:
             engine.record()
+        self._derived.record()
 
     def remember(self, steps: int, effort: int) -> None:
         """See `Telling.remember`."""
@@ -227,36 +229,44 @@ class RevisingJudge(Judge):
 
     def _judge_deadline(self, time: int, now: int) -> Judged | None:
         """Judge a deadline; None where it changes nothing, and where it was told before."""
-        known = self._old_ticks.get(time)
-        if not known:
-            return self._judge_new_deadline(time, now)
-        old = known[0]
-        numbers, ticks, degraded = self._numbers, self.counters.ticks, self._degraded
-        self._numbers, self._degraded = _numbers(old), False
-        tick = self.tick(time, old.judged.judged)
-        self._numbers, self.counters.ticks, self._degraded = numbers, ticks, degraded
-        if tick is not None:
-            del known[0]
-            tick = msgspec.structs.replace(tick, step=old.step, verdicts=merged(old.judged.verdicts, tick.verdicts))
-            self._stands[old.position] = tick, None
-            self._keep_again(tick, old, time)
+        tick = self.tick(time, now)
+        if tick is None:
+            return None
+        old = self._stood.get(self._position_of(tick))
+        if old is None:
+            self._keep_tick(tick, time)
+            return tick
+        self._stands[old.position] = tick, None
+        self._keep_again(tick, old, time)
         return None
 
     def tick(self, time: int, now: int, recorded: Signals | None = None) -> Judged | None:
         """Judge a step at `time` with held signals only, and take it back; None where it changes no outcome."""
         if self.asked is None or self.asked.tick != time:
             return super().tick(time, now, recorded)
-        state = self.properties[self.asked.prop]
+        state, seen = self.properties[self.asked.prop], self._derived.seen
         state.asked = True
-        self.answer = super().tick(time, now, recorded)
+        tick = super().tick(time, now, recorded)
         state.asked = False
-        return self.answer
-
-    def _judge_new_deadline(self, time: int, now: int) -> Judged | None:
-        tick = self.tick(time, now)
-        if tick is not None:
-            self._keep(tick, key_of(time, tick=True), time)
+        if tick is not None and seen(tick.step.signals) == seen(self.asked.signals):
+            self.answer = tick
         return tick
+
+    def _ticked_with(
+        self, found: Sequence[Outcome], seen: Seen, stored: Seen, time: int, now: int, source: str = ""
+    ) -> Judged:
+        old = self._old_ticks.take(time, stored[0])
+        if old is None:
+            return super()._ticked_with(found, seen, stored, time, now, source)
+        numbers, ticks, degraded = self._numbers, self.counters.ticks, self._degraded
+        self._numbers, self._degraded = old.numbers, False
+        tick = super()._ticked_with(found, seen, stored, time, old.judged.judged, source)
+        self._numbers, self.counters.ticks, self._degraded = numbers, ticks, degraded
+        return msgspec.structs.replace(tick, step=old.step, verdicts=merged(old.judged.verdicts, tick.verdicts))
+
+    def _keep_tick(self, tick: Judged, time: int) -> None:
+        """Keep a deadline that was told for the first time."""
+        self._keep(tick, key_of(time, tick=True), time)
 
     def _judge_first(self, step: Step, now: int, *, placed: bool = False) -> Judged:
         """Judge a step for the first time: in its place, or behind all others."""
@@ -280,7 +290,7 @@ class RevisingJudge(Judge):
     def _judge_again(self, row: Kept) -> None:
         """Judge a kept step again, as it was decided."""
         numbers, degraded, denied = self._numbers, self._degraded, self.counters.denied
-        self._numbers, self._degraded = _numbers(row), False
+        self._numbers, self._degraded = row.numbers, False
         broken = [
             (state, v) for state, v in zip(self._states, row.judged.verdicts, strict=True) if state.broken is not None
         ]
@@ -320,7 +330,8 @@ class RevisingJudge(Judge):
         for row in taken:
             self._stood[row.position] = row
             if row.is_tick:
-                self._old_ticks[row.step.stamp].insert(0, row)
+                self._old_ticks.add(row)
+        self._derived.rewind(row.noted for row in taken)
         point = self.keeping.last
         self._recent.remove(self.counters.steps - point.steps)
         for state, engine, stand in zip(self._states, self._engines, point.properties, strict=True):
@@ -333,17 +344,17 @@ class RevisingJudge(Judge):
     def _keep(self, judged: Judged, key: int, level: int, *, undone: bool = False) -> None:
         """Keep a row that was judged for the first time."""
         key, position = max(key, self.keeping.key), self._position_of(judged)
-        self._add(Kept(judged, key, level, position, self._position, self._point(self.keeping.last), undone))
+        self._add(judged, key, level, position, self._position, undone=undone)
         self._position = position
 
     def _keep_again(self, judged: Judged, old: Kept, level: int) -> None:
         """Keep a row that was judged again, in the place that it has."""
-        point = self._point(self.keeping.last)
-        self._add(Kept(judged, old.key, level, old.position, old.preceding, point, old.undone))
+        self._add(judged, old.key, level, old.position, old.preceding, undone=old.undone)
 
-    def _add(self, row: Kept) -> None:
+    def _add(self, judged: Judged, key: int, level: int, position: int, preceding: int, *, undone: bool) -> None:
+        point, noted = self._point(self.keeping.last), self._derived.noted()
         self.newest = max(self.newest, self.present)
-        self.keeping.add(row, self.newest)
+        self.keeping.add(Kept(judged, key, level, position, preceding, point, undone, noted), self.newest)
         self._added += 1
         if self._added >= _FORGET_AFTER:
             self.forget()
@@ -387,7 +398,3 @@ def rewindable(engine: Engine) -> Rewindable:
     """An engine of a spec that revises."""
     assert isinstance(engine, Rewindable)  # noqa: S101 -- others are refused with the spec
     return engine
-
-
-def _numbers(row: Kept) -> Iterator[int]:
-    return iter([verdict.n for verdict in row.judged.verdicts])
