@@ -10,11 +10,14 @@ from pydantic import BaseModel, Field
 from starlette.requests import ClientDisconnect
 
 from oracle_server.api.known import unknown_spec, visible_specs
+from oracle_server.api.packing import packed_answer
 from oracle_server.core.derived.words import described
 from oracle_server.core.errors import SpecError
 from oracle_server.core.kinds import Kind
+from oracle_server.core.thresholds import thresholds
 from oracle_server.edge.access import demand
 from oracle_server.edge.scopes import needs
+from oracle_server.history.port import Reading
 from oracle_server.sessions.registry import Registry
 from oracle_server.specfiles.library import Entry, Library, UnknownSpecError, Unsound
 from oracle_server.wire.incoming import Identifier
@@ -44,6 +47,15 @@ class DerivedDocument(BaseModel):
     signal: str
 
 
+class ThresholdDocument(BaseModel):
+    """A property compares a signal with a number; `signal` is `STREAM:SIGNAL`, as a timeline is asked for it."""
+
+    signal: str
+    property: str
+    op: str
+    value: float
+
+
 class SpecDocument(BaseModel):
     """A spec; `source` is `file` where it was read from the specs folder, and `put` where it was uploaded."""
 
@@ -60,6 +72,9 @@ class SpecDocument(BaseModel):
         "one that never was sound has neither streams nor properties",
     )
     text: str | None = Field(None, description="For GET of one spec: its text")
+    thresholds: list[ThresholdDocument] | None = Field(
+        None, description="For GET of one spec: the numbers that its formulas compare signals with"
+    )
     warnings: list[str] | None = Field(None, description="For PUT: the warnings of `check`")
 
 
@@ -69,20 +84,21 @@ class SpecList(BaseModel):
     items: list[SpecDocument]
 
 
-def router(library: Library, registry: Registry) -> APIRouter:
+def router(library: Library, registry: Registry, history: Reading) -> APIRouter:
     """The routes of the specs."""
     routes = APIRouter(prefix="/api/v1", tags=["specs"])
 
-    @routes.get("/specs", response_model_exclude_unset=True)
+    @routes.get("/specs", response_model=SpecList)
     @needs("read")
-    async def list_specs(request: Request) -> SpecList:
+    async def list_specs(request: Request) -> Response:
         """List the specs that the token lets you see; `problem` is why a file can't be used."""
         seen = await visible_specs(request, registry)
-        return await library.in_thread(partial(_listed, library, seen))
+        listed = await library.in_thread(partial(_listed, library, seen))
+        return await packed_answer(request, history, partial(_encoded, listed))
 
-    @routes.get("/specs/{spec_id}", response_model_exclude_unset=True)
+    @routes.get("/specs/{spec_id}", response_model=SpecDocument)
     @needs("read")
-    async def get_spec(spec_id: str, request: Request) -> SpecDocument:
+    async def get_spec(spec_id: str, request: Request) -> Response:
         """Get a spec with its text."""
         seen = await visible_specs(request, registry)
         if seen is not None and spec_id not in seen:
@@ -91,7 +107,8 @@ def router(library: Library, registry: Registry) -> APIRouter:
             entry = await library.find(spec_id)
         except UnknownSpecError as error:
             unknown_spec(request, error)
-        return _document(entry, text=entry.file.text)
+        document = _document(entry, text=entry.file.text, thresholds=_thresholds(entry))
+        return await packed_answer(request, history, partial(_encoded, document))
 
     @routes.put(
         "/specs/{spec_id}",
@@ -129,6 +146,10 @@ def _listed(library: Library, seen: frozenset[str] | None) -> SpecList:
     return SpecList(items=found)
 
 
+def _encoded(document: BaseModel) -> bytes:
+    return document.model_dump_json(exclude_unset=True).encode()
+
+
 def _refused(entry: Unsound) -> SpecDocument:
     nothing: dict[str, Any] = {"description": "", "digest": "", "streams": [], "properties": []}
     return SpecDocument(id=entry.id, source=entry.source, problem=str(entry.error), **nothing)
@@ -147,6 +168,13 @@ def _document(entry: Entry, **more: Any) -> SpecDocument:
         properties=[PropertyDocument(id=p.id, description=p.description, formula=p.text) for p in spec.properties],
         **more,
     )
+
+
+def _thresholds(entry: Entry) -> list[ThresholdDocument]:
+    return [
+        ThresholdDocument(signal=f"{t.stream}:{t.signal}", property=t.property, op=t.op, value=t.value)
+        for t in thresholds(entry.plan.spec)
+    ]
 
 
 async def _text(request: Request) -> str:

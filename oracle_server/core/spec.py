@@ -155,6 +155,8 @@ class Spec:
     description: str = ""
     digest: str = ""
     retention: Retention = Retention()
+    close_after: int | None = None
+    """For how long (ns) an open session may be without a monitor before it is closed; None for any time."""
     derive: tuple[Definition, ...] = ()
 
     @cached_property
