@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import msgspec
@@ -24,7 +24,7 @@ def opened(formula: str) -> Session:
     return open_session([prop("p", formula)], attach={"m": [A]}, streams=[StreamSpec("/a")], maker=native, by="arrival")
 
 
-def judged(session: Session, messages: Iterable[dict[str, object]]) -> list[Judged]:
+def judged(session: Session, messages: Iterable[Mapping[str, object]]) -> list[Judged]:
     feed = Feed(session)
     return [item for n, message in enumerate(messages, 1) for item in feed(A, n, message)]
 
