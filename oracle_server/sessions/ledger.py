@@ -24,6 +24,7 @@ from oracle_server.history.records import (
 )
 from oracle_server.process.clock import Clock
 from oracle_server.review.restore import Restored
+from oracle_server.sessions.alarms import Alarm, SessionAlarms
 from oracle_server.sessions.backlog import Backlog
 from oracle_server.sessions.commits import Commits
 from oracle_server.sessions.counters import Counters
@@ -64,11 +65,13 @@ class Ledger:
             opened.id, opened.number, core, history, backlog, partial(share.run_for_server, weakly(self.save))
         )
         self.lookup = DecisionLookup(history, opened.number, [p.id for p in core.plan.spec.properties])
+        self.alarms: SessionAlarms | None = None
+        """Who is told of violations beside monitors; None where nobody is."""
         self.refused = 0
         """How many events were refused."""
         self._session, self._monitors, self._share = opened.number, monitors, share
         self._core, self._history, self._clock, self._counters = core, history, clock, counters
-        self._width = len(core.plan.spec.properties)
+        self._spec, self._width = opened.spec, len(core.plan.spec.properties)
         self._deciding = next(iter(core.judges))
         self._standing = Standing(core)
         self._violations = ViolationLog(opened.id, clock)
@@ -157,9 +160,11 @@ class Ledger:
         used: list[_Used] = []
         steps = [self._stored(item, used) for item in judged]
         told = [frame for item in judged for frame in news(item)]
+        self._counters.violated.add(self._spec, told, self._deciding)
         self._counters.add_steps([step.outcomes for step in steps if step.revision is None])
         standing, position = self._standing.changed(self._last_verdict), self._position
-        done = partial(self._share.run, self._committed, used, position, told, standing)
+        alarms = self.alarms.look(judged, told) if self.alarms else []
+        done = partial(self._share.run, self._committed, used, position, told, standing, alarms)
         revisions = [item for item in judged if isinstance(item, Revision)]
         self._history.append(self._session, steps, done, revisions)
 
@@ -182,12 +187,16 @@ class Ledger:
     def _last_verdict(self) -> int:
         return self._position * self._width
 
-    def _committed(self, used: list[_Used], position: int, told: list[News], standing: VerdictsFrame | None) -> None:
+    def _committed(
+        self, used: list[_Used], position: int, told: list[News], standing: VerdictsFrame | None, alarms: list[Alarm]
+    ) -> None:
         self.snapshots.committed(position)
         self.commits.notify()
         self._settle(used)
         self._violations.add(for_log(told))
         tell(self._monitors.values(), told)
+        if self.alarms:
+            self.alarms.send(alarms)
         self._announce(standing)
 
     def _announce(self, standing: VerdictsFrame | None) -> None:
