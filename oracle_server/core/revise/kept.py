@@ -56,6 +56,11 @@ class Kept(msgspec.Struct, gc=False):
         return self.judged.step.event.stream.kind == TICK
 
     @property
+    def numbers(self) -> Iterator[int]:
+        """Those of its verdicts."""
+        return iter([verdict.n for verdict in self.judged.verdicts])
+
+    @property
     def step(self) -> Step:
         """Its step."""
         return self.judged.step
@@ -99,13 +104,9 @@ class Keeping:
 
     def forget(self, newest: int) -> None:
         """Let go of the rows that are more than a horizon older than the newest step (ns)."""
-        rows, limit, gone = self.rows, key_of(newest - self._horizon), None
+        rows, limit = self.rows, key_of(newest - self._horizon)
         while rows and rows[0].key < limit:
-            gone = rows.popleft()
-            if gone.judged.place is not None:
-                self.placed.append(gone.position)
-        if gone is not None:
-            self.base, self.floor = gone.point, gone.key
+            self._let_go()
 
     def _let_go(self) -> None:
         gone = self.rows.popleft()
