@@ -30,8 +30,11 @@ from oracle_server.history.records import (
     StoredStep,
     restated,
 )
+from oracle_server.history.steps import StepsSource, arrival, is_undone
+from oracle_server.history.timeline import Question, answer
 
 T = TypeVar("T")
+_encode = msgspec.json.Encoder().encode
 
 _PAGE = 1_000
 _STEP = 1_000
@@ -99,6 +102,9 @@ class MemoryHistory:
         self._loop = loop
         loop.call_soon(self._commit)
 
+    async def catch_up(self) -> None:
+        """No older version has written to it."""
+
     def close(self) -> None:
         """End the threads; what is kept ends with the process."""
         self._readers.close()
@@ -160,6 +166,10 @@ class MemoryHistory:
                 of.restate(position, stands)
 
         self._do(_Command(session, extend, done))
+
+    def stop(self, session: int, reason: str) -> None:
+        """Keep nothing of a session from here on."""
+        self._do(_Command(session, lambda: self._failures.setdefault(session, reason)))
 
     def refuse(self, session: int, refusal: Refusal, done: Done) -> None:
         """Keep that an event was refused."""
@@ -251,6 +261,10 @@ class MemoryHistory:
         """A session by its id or number."""
         return next((kept.record for kept in self._kept.values() if name in (kept.record.id, kept.record.number)), None)
 
+    async def names(self, beginning: str) -> list[str]:
+        """The ids of sessions that begin with a text."""
+        return [kept.record.id for kept in self._kept.values() if kept.record.id.startswith(beginning)]
+
     async def closed_state(self, name: str) -> Document | None:
         """How a closed session stood."""
         return next((kept.state for kept in self._kept.values() if kept.record.id == name), None)
@@ -305,7 +319,7 @@ class MemoryHistory:
 
     async def by_arrival(self, session: int) -> AsyncGenerator[list[StoredStep], None]:
         """All steps by pages, by arrival."""
-        found = sorted((s for s in self._steps(session) if s.revision is None), key=_arrival)
+        found = sorted((s for s in self._steps(session) if s.revision is None), key=arrival)
         for start in range(0, len(found), _PAGE):
             yield found[start : start + _PAGE]
 
@@ -322,6 +336,13 @@ class MemoryHistory:
         await self.in_thread(lambda: all(map(take, page)))
         return page[-1].position + (1 if query.ascending else -1) if len(found) > _PAGE else None
 
+    async def timeline(self, session: SessionRecord, question: Question) -> bytes:
+        """What a session tells by time, as JSON."""
+        kept = self._of(session.number)
+        simulated = any(monitor.clock == "sim" for monitor in kept.monitors.values())
+        source = StepsSource(kept.steps.copy(), session.decides, simulated=simulated)
+        return await self.in_thread(lambda: _encode(answer(source, question, session.properties)))
+
     async def first_final(self, session: int, order: Order, index: int, upto: int) -> int | None:
         """The position of the first step at which a property is final."""
         steps = (s for s in self._steps(session) if s.order == order and s.position <= upto)
@@ -330,7 +351,7 @@ class MemoryHistory:
     async def last_counted(self, session: int, order: Order, upto: int, undoing: Sequence[StreamKey]) -> int | None:
         """The position of the last step that later ones build on."""
         steps = (s for s in reversed(self._steps(session)) if s.order == order and s.position <= upto)
-        return next((s.position for s in steps if s.number is not None and not _is_undone(s, undoing)), None)
+        return next((s.position for s in steps if s.number is not None and not is_undone(s, undoing)), None)
 
     async def extents(self) -> list[Extent]:
         """What is kept of each session."""
@@ -383,14 +404,3 @@ def _without_data(stored: StoredStep) -> StoredStep:
 
 def _plain_whys(explanations: Mapping[int, ExplanationRecord]) -> dict[int, ExplanationRecord]:
     return {i: _plain(why) for i, why in explanations.items()}
-
-
-def _arrival(stored: StoredStep) -> tuple[int, str, int, int]:
-    event = stored.step.event
-    return event.arrived, event.monitor, event.seq, stored.position
-
-
-def _is_undone(stored: StoredStep, undoing: Sequence[StreamKey]) -> bool:
-    stream = stored.step.event.stream
-    denied = stored.decision is not None and stored.decision.choice == "deny"
-    return denied and stream in undoing

@@ -29,6 +29,7 @@ from oracle_server.history.records import (
     SnapshotRecord,
     StoredStep,
 )
+from oracle_server.history.timeline import Question
 
 T = TypeVar("T")
 Done = Callable[[], object]
@@ -93,6 +94,10 @@ class Writing(Protocol):
         """
         ...
 
+    def stop(self, session: int, reason: str) -> None:
+        """Keep nothing of a session from here on but that it was closed, for a reason, since a step of it is lost."""
+        ...
+
     def refuse(self, session: int, refusal: Refusal, done: Done) -> None:
         """Keep that an event was refused."""
         ...
@@ -135,6 +140,10 @@ class Reading(Protocol):
 
     async def session(self, name: str | int) -> SessionRecord | None:
         """A session by its id or number, open or closed."""
+        ...
+
+    async def names(self, beginning: str) -> list[str]:
+        """The ids of all sessions, open or closed, that begin with a text."""
         ...
 
     async def closed_state(self, name: str) -> Document | None:
@@ -195,6 +204,10 @@ class Reading(Protocol):
         """
         ...
 
+    async def timeline(self, session: SessionRecord, question: Question) -> bytes:
+        """What a session tells by time, as JSON, made where it disturbs no decision. Raises `UnpreparedError`."""
+        ...
+
     async def first_final(self, session: int, order: Order, index: int, upto: int) -> int | None:
         """The position of the first step at which a property (by index) is `true` or `false` for good, None if none."""
         ...
@@ -224,6 +237,10 @@ class History(Writing, Reading, Protocol):
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Begin to write; `done` is called on `loop`."""
+        ...
+
+    async def catch_up(self) -> None:
+        """Make what this version keeps, and older ones that have written did not; return once all of it is there."""
         ...
 
     def close(self) -> None:

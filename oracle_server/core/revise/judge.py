@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-from collections import defaultdict, deque
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 
 import msgspec
 
 from oracle_server.core.counting import Told
-from oracle_server.core.engine import Engine, Rewindable
+from oracle_server.core.engine import Engine, rewindable
 from oracle_server.core.events import Order, Signals, Step
 from oracle_server.core.holding import Held
-from oracle_server.core.judge import Judge
+from oracle_server.core.judge import Judge, Seen
 from oracle_server.core.plan import Plan, StreamPlan
 from oracle_server.core.recent import SIZE, Recent
 from oracle_server.core.revise.changes import Again, merged, revisions
 from oracle_server.core.revise.finality import RevisableState, Stand
 from oracle_server.core.revise.kept import MOST, Keeping, Kept, Point, key_of
 from oracle_server.core.revise.queued import Asked, Late, Until
+from oracle_server.core.revise.ticks import OldTicks
 from oracle_server.core.revisions import Revision
 from oracle_server.core.spec import Property
-from oracle_server.core.verdicts import Decision, Judged
+from oracle_server.core.verdicts import Decision, Judged, Outcome
 
 _FORGET_AFTER = 64
 """Rows after which those that need not be kept any more are forgotten: many at once cost less."""
@@ -66,7 +67,7 @@ class RevisingJudge(Judge):
         self._stood: dict[int, Kept] = {}
         """The rows that are judged again in this pass, by position."""
         self._stands: dict[int, tuple[Judged, Decision | None]] = {}
-        self._old_ticks: defaultdict[int, list[Kept]] = defaultdict(list)
+        self._old_ticks = OldTicks(self._derived.seen)
         self._not_before = 0
         """What is judged again without being in order is judged at no earlier time (ns) than it was."""
         self._added = 0
@@ -77,6 +78,7 @@ class RevisingJudge(Judge):
         """The row that is `asked` of as it stands, with the explanation; None where it does not stand."""
         for engine in self._engines:
             engine.record()
+        self._derived.record()
 
     def remember(self, steps: int, effort: int) -> None:
         """See `Telling.remember`."""
@@ -230,36 +232,44 @@ class RevisingJudge(Judge):
 
     def _judge_deadline(self, time: int, now: int) -> Judged | None:
         """Judge a deadline; None where it changes nothing, and where it was told before."""
-        known = self._old_ticks.get(time)
-        if not known:
-            return self._judge_new_deadline(time, now)
-        old = known[0]
-        numbers, ticks, degraded = self._numbers, self.counters.ticks, self._degraded
-        self._numbers, self._degraded = old.numbers, False
-        tick = self.tick(time, old.judged.judged)
-        self._numbers, self.counters.ticks, self._degraded = numbers, ticks, degraded
-        if tick is not None:
-            del known[0]
-            tick = msgspec.structs.replace(tick, step=old.step, verdicts=merged(old.judged.verdicts, tick.verdicts))
-            self._stands[old.position] = tick, None
-            self._keep_again(tick, old, time)
+        tick = self.tick(time, now)
+        if tick is None:
+            return None
+        old = self._stood.get(self._position_of(tick))
+        if old is None:
+            self._keep_tick(tick, time)
+            return tick
+        self._stands[old.position] = tick, None
+        self._keep_again(tick, old, time)
         return None
 
     def tick(self, time: int, now: int, recorded: Signals | None = None) -> Judged | None:
         """Judge a step at `time` with held signals only, and take it back; None where it changes no outcome."""
         if self.asked is None or self.asked.tick != time:
             return super().tick(time, now, recorded)
-        state = self.properties[self.asked.prop]
+        state, seen = self.properties[self.asked.prop], self._derived.seen
         state.asked = True
-        self.answer = super().tick(time, now, recorded)
+        tick = super().tick(time, now, recorded)
         state.asked = False
-        return self.answer
-
-    def _judge_new_deadline(self, time: int, now: int) -> Judged | None:
-        tick = self.tick(time, now)
-        if tick is not None:
-            self._keep(tick, key_of(time, tick=True), time)
+        if tick is not None and seen(tick.step.signals) == seen(self.asked.signals):
+            self.answer = tick
         return tick
+
+    def _ticked_with(
+        self, found: Sequence[Outcome], seen: Seen, stored: Seen, time: int, now: int, source: str = ""
+    ) -> Judged:
+        old = self._old_ticks.take(time, stored[0])
+        if old is None:
+            return super()._ticked_with(found, seen, stored, time, now, source)
+        numbers, ticks, degraded = self._numbers, self.counters.ticks, self._degraded
+        self._numbers, self._degraded = old.numbers, False
+        tick = super()._ticked_with(found, seen, stored, time, old.judged.judged, source)
+        self._numbers, self.counters.ticks, self._degraded = numbers, ticks, degraded
+        return msgspec.structs.replace(tick, step=old.step, verdicts=merged(old.judged.verdicts, tick.verdicts))
+
+    def _keep_tick(self, tick: Judged, time: int) -> None:
+        """Keep a deadline that was told for the first time."""
+        self._keep(tick, key_of(time, tick=True), time)
 
     def _judge_first(self, step: Step, now: int, *, placed: bool = False) -> Judged:
         """Judge a step for the first time: in its place, or behind all others."""
@@ -324,7 +334,8 @@ class RevisingJudge(Judge):
         for row in taken:
             self._stood[row.position] = row
             if row.is_tick:
-                self._old_ticks[row.step.stamp].insert(0, row)
+                self._old_ticks.add(row)
+        self._derived.rewind(row.noted for row in taken)
         point = self.keeping.last
         self._recent.remove(self.counters.steps - point.steps)
         for state, engine, stand in zip(self._states, self._engines, point.properties, strict=True):
@@ -345,14 +356,13 @@ class RevisingJudge(Judge):
         self._add(judged, old.key, level, old.position, old.preceding, undone=old.undone)
 
     def _add(self, judged: Judged, key: int, level: int, position: int, preceding: int, *, undone: bool) -> None:
-        keeping, present, steps = self.keeping, self.present, self.counters.steps
-        last = keeping.last
+        keeping, last, present, steps = self.keeping, self.keeping.last, self.present, self.counters.steps
         before = last.present if steps > last.steps else last.before
         stands = self._stand() if self._changed else last.properties
         point = Point(present, before, self._ticked, self._outdated, steps, self._held, stands)
         if present > self.newest:  # noqa: PLR1730 -- `max` takes longer than all else here
             self.newest = present
-        keeping.add(Kept(judged, key, level, position, preceding, point, undone), self.newest)
+        keeping.add(Kept(judged, key, level, position, preceding, point, undone, self._derived.noted()), self.newest)
         self._added += 1
         if self._added >= _FORGET_AFTER:
             self.forget()
@@ -368,8 +378,7 @@ class RevisingJudge(Judge):
 
     def _point(self, before: int = 0) -> Point:
         """How the judge stands where no row is kept; `before` is the time of the step before the last one (ns)."""
-        steps, stands = self.counters.steps, self._stand()
-        return Point(self.present, before, self._ticked, self._outdated, steps, self._held, stands)
+        return Point(self.present, before, self._ticked, self._outdated, self.counters.steps, self._held, self._stand())
 
     def _stand(self) -> tuple[Stand, ...]:
         """How its properties stand, which have not changed since."""
@@ -389,9 +398,3 @@ class RevisingJudge(Judge):
     def _holding(self, monitor: str) -> Held:
         self._held = {m: h.copy() if m == monitor else h for m, h in self._held.items()}  # points refer to the other
         return super()._holding(monitor)
-
-
-def rewindable(engine: Engine) -> Rewindable:
-    """An engine of a spec that revises."""
-    assert isinstance(engine, Rewindable)  # noqa: S101 -- others are refused with the spec
-    return engine

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 
 import msgspec
 
+from oracle_server.core.derived.journal import Undo
 from oracle_server.core.events import Step
 from oracle_server.core.holding import Held
 from oracle_server.core.kinds import TICK
@@ -39,7 +40,7 @@ class Kept(msgspec.Struct, gc=False):
 
     `key` is where it stands, as by `key_of`, and never less than that of the row before; `level`: deadlines up to then
     (ns) were judged before it. `preceding` is the position of the row said before it. `undone`: it was denied, and
-    taken back.
+    taken back. `noted` takes back what it changed of derived signals.
     """
 
     judged: Judged
@@ -49,6 +50,7 @@ class Kept(msgspec.Struct, gc=False):
     preceding: int
     point: Point
     undone: bool = False
+    noted: tuple[Undo, ...] = ()
 
     @property
     def is_tick(self) -> bool:
@@ -101,6 +103,8 @@ class Keeping:
         if len(rows) > self._most:
             self.crowded = self.crowded or rows[0].key >= key_of(newest - self._horizon)
             self._let_go()
+            while rows[0].is_tick and rows[0].key == self.floor:  # deadlines of one time are judged again together
+                self._let_go()
 
     def forget(self, newest: int) -> None:
         """Let go of the rows that are more than a horizon older than the newest step (ns)."""

@@ -73,20 +73,13 @@ ABSENT = Absent()
 """The only one."""
 
 
-class AtomNode:
-    """An atom: holds at one key at most."""
+class Leaf:
+    """A node of the last step alone: where it holds now, and at which keys that has changed."""
 
-    __slots__ = ("_pick", "_repeated", "changes", "current", "flat", "variables")
+    __slots__ = ("changes", "current")
 
-    def __init__(self, variables: Variables, refs: tuple[int, ...]) -> None:
-        """`refs` are the variables at the atom's refs, in their order; one can stand at several."""
-        self.variables = variables
-        self.flat = True
-        self.changes: list[Key] = []
-        self.current: Key | Absent = ABSENT
-        places = [refs.index(v) for v in variables]
-        self._pick = places
-        self._repeated = [(i, refs.index(v)) for i, v in enumerate(refs) if refs.index(v) != i]
+    changes: list[Key]
+    current: Key | Absent
 
     @property
     def holds(self) -> bool:
@@ -97,6 +90,22 @@ class AtomNode:
     def idle(self) -> bool:
         """Whether it neither holds nor has just changed."""
         return self.current is ABSENT and not self.changes
+
+
+class AtomNode(Leaf):
+    """An atom: holds at one key at most."""
+
+    __slots__ = ("_pick", "_repeated", "flat", "variables")
+
+    def __init__(self, variables: Variables, refs: tuple[int, ...]) -> None:
+        """`refs` are the variables at the atom's refs, in their order; one can stand at several."""
+        self.variables = variables
+        self.flat = True
+        self.changes = []
+        self.current = ABSENT
+        places = [refs.index(v) for v in variables]
+        self._pick = places
+        self._repeated = [(i, refs.index(v)) for i, v in enumerate(refs) if refs.index(v) != i]
 
     def take(self, match: Match) -> None:
         """Move on to the next step."""

@@ -14,6 +14,7 @@ from typing import TypeVar
 from oracle_server.core.events import Order, StreamKey
 from oracle_server.core.revisions import Revision
 from oracle_server.core.verdicts import Outcome
+from oracle_server.history.letters import LETTERS
 from oracle_server.history.port import Done
 from oracle_server.history.query import Query
 from oracle_server.history.readers import Readers
@@ -25,9 +26,11 @@ from oracle_server.history.records import (
     SessionRecord,
     SnapshotRecord,
     StoredStep,
-    restated,
 )
-from oracle_server.history.sqlite.batch import REFUSED, Then, Work
+from oracle_server.history.sqlite.asking import Asking
+from oracle_server.history.sqlite.batch import REFUSED, Work, restating
+from oracle_server.history.sqlite.blocks import forgetting
+from oracle_server.history.sqlite.catching import catch_up
 from oracle_server.history.sqlite.reader import Reader
 from oracle_server.history.sqlite.rows import (
     Row,
@@ -44,8 +47,8 @@ from oracle_server.history.sqlite.rows import (
     text,
 )
 from oracle_server.history.sqlite.schema import MONITOR_COLUMNS, REFUSED_COLUMNS, SESSION_COLUMNS, STEP_COLUMNS
-from oracle_server.history.sqlite.standing import LETTERS, RESTATE, restate_text
 from oracle_server.history.sqlite.writer import Durability, Writer
+from oracle_server.history.timeline import Question
 
 T = TypeVar("T")
 
@@ -74,12 +77,10 @@ _LAST = 2**62
 """A position behind every step."""
 _FINAL = LETTERS[Outcome.TRUE], LETTERS[Outcome.FALSE]
 _OF_A_SESSION = (
-    ("steps", "session"), ("refused", "session"), ("monitors", "session"), ("snapshots", "session"),
-    ("sessions", "number"),
+    ("steps", "session"), ("blocks", "session"), ("refused", "session"), ("monitors", "session"),
+    ("snapshots", "session"), ("sessions", "number"),
 )  # fmt: skip
 """The tables that have rows of a session, and their columns with its number; itself at last."""
-_OF_ONE = 64
-"""Steps of which something else stands that count as one row."""
 _SIZE = (
     "SELECT (p.page_count - f.freelist_count) * s.page_size FROM pragma_page_count p, pragma_freelist_count f, "
     "pragma_page_size s"
@@ -95,6 +96,7 @@ class SqliteHistory:
         self._writer = Writer(self.path, durability)
         self._readers, self._sorters = Readers(), Readers(name="history sorting")
         self._reader = Reader(self.path, self._readers, self._sorters)
+        self._asking = Asking(self.path)
         self._lookup_threads = Readers(_LOOKUPS, _LOOKUPS, "history lookup")
         self._lookups = Reader(self.path, self._lookup_threads)
 
@@ -105,9 +107,14 @@ class SqliteHistory:
     def close(self) -> None:
         """Commit what waits and close the database. Call it off the event loop."""
         self._writer.close()
+        self._asking.close()
         self._lookup_threads.close()
         self._sorters.close()
         self._readers.close()
+
+    async def catch_up(self) -> None:
+        """Make the blocks of what older versions have written."""
+        await catch_up(self._reader, self._writer)
 
     # how the writing goes
 
@@ -167,11 +174,15 @@ class SqliteHistory:
         """Keep steps that were judged, and what stands of earlier ones."""
         try:
             rows = [step_row(session, step) for step in steps]
-            then = _restating(session, revisions) if revisions else None
+            then = restating(session, revisions) if revisions else None
         except REFUSED as error:
             self._writer.add(Work(session, error, ()))
         else:
             self._writer.append(session, "steps", rows, done, then)
+
+    def stop(self, session: int, reason: str) -> None:
+        """Keep nothing of a session from here on."""
+        self._writer.add(Work(session, ValueError(reason), ()))
 
     def refuse(self, session: int, refusal: Refusal, done: Done) -> None:
         """Keep that an event was refused."""
@@ -189,6 +200,8 @@ class SqliteHistory:
 
     async def forget_steps(self, session: int, before: int) -> None:
         """Delete a session's steps before a position."""
+        for sql, values in forgetting(session, before):
+            self._writer.add(Work(session, sql, values, always=True))
         await self._do(session, "DELETE FROM steps WHERE session = ? AND position < ?", (session, before))
 
     async def forget_session(self, session: int) -> None:
@@ -238,6 +251,11 @@ class SqliteHistory:
         """A session by its id or number."""
         key = "id" if isinstance(name, str) else "number"
         return await self._lookups.one(session_of, f"{_SESSIONS} WHERE {key} = ?", (name,))
+
+    async def names(self, beginning: str) -> list[str]:
+        """The ids of sessions that begin with a text."""
+        sql = "SELECT id FROM sessions WHERE id >= ? AND id < ?"  # an index has these; behind `~` no id goes on
+        return await self._lookups.all(lambda row: str(row[0]), sql, (beginning, f"{beginning}~"))
 
     async def closed_state(self, name: str) -> Document | None:
         """How a closed session stood."""
@@ -334,6 +352,10 @@ class SqliteHistory:
 
         return await self._reader.run(read)
 
+    async def timeline(self, session: SessionRecord, question: Question) -> bytes:
+        """What a session tells by time, as JSON."""
+        return await self._asking.ask(session, question)
+
     async def first_final(self, session: int, order: Order, index: int, upto: int) -> int | None:
         """The position of the first step at which a property is final."""
         sql = f"SELECT min(position) FROM steps WHERE {_UPTO} AND substr(outcomes, ?, 1) IN (?, ?)"  # noqa: S608
@@ -374,13 +396,6 @@ class SqliteHistory:
         """Bytes that the history takes."""
         (size,) = await self._reader.row(_SIZE)
         return int(size)
-
-
-def _restating(session: int, revisions: Sequence[Revision]) -> Then:
-    """What keeps what stands since revisions: 10,000 steps take 0.1 s to tell, while which others are served."""
-    standing = [stands for revision in revisions for stands in revision.standing.values()]
-    size = 1 + len(standing) // _OF_ONE + sum(bool(stands.explanations) for stands in standing)
-    return Then(RESTATE, lambda: (restate_text(session, restated(revisions)),), size)
 
 
 def _refusal_of(row: Row) -> Refusal:
