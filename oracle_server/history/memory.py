@@ -167,6 +167,10 @@ class MemoryHistory:
 
         self._do(_Command(session, extend, done))
 
+    def stop(self, session: int, reason: str) -> None:
+        """Keep nothing of a session from here on."""
+        self._do(_Command(session, lambda: self._failures.setdefault(session, reason)))
+
     def refuse(self, session: int, refusal: Refusal, done: Done) -> None:
         """Keep that an event was refused."""
         self._do(_Command(session, lambda: self._of(session).refusals.append(refusal), done))

@@ -35,6 +35,14 @@ class StepsSource:
         end = bisect_left(self._steps, last + 1, key=attrgetter("position"))
         return [_row(step) for step in self._steps[begin:end]]
 
+    def revised(self, after: int) -> int | None:
+        """The first position of which rows behind another one say that something else stands."""
+        begin = bisect_left(self._steps, after + 1, key=attrgetter("position"))
+        revisions = [step.revision for step in self._steps[begin:] if step.revision is not None]
+        return min(
+            [(c.first - 1) // len(r.changes) + 1 for r in revisions for c in r.changes if c is not None], default=None
+        )
+
 
 def arrival(stored: StoredStep) -> tuple[int, str, int, int]:
     """By what steps are put in the order of their arrival."""

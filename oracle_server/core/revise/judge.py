@@ -44,6 +44,7 @@ class RevisingJudge(Judge):
         self._states = [state for state in self.properties if isinstance(state, RevisableState)]
         self._engines = [rewindable(engine) for engine in engines]
         self._recent = Recent(SIZE, spare=MOST)
+        self._width = len(engines)
         self.keeping = Keeping(self.horizon, self._point(None))
         self.newest = 0
         """The time of the newest step (ns)."""
@@ -57,7 +58,8 @@ class RevisingJudge(Judge):
         """How many steps were judged."""
         self._position = 0
         """The position of the last row that is no revision."""
-        self._ahead: deque[Kept | Late | Step | Until] = deque()
+        self.ahead: deque[Kept | Late | Step | Until] = deque()
+        """What is to be judged in a pass; empty where none goes on."""
         self.overtaken: list[Step] = []
         """Steps that came while a pass went on, and are late since; whoever calls `go_on` takes them."""
         self._causes: list[Step] = []
@@ -93,11 +95,12 @@ class RevisingJudge(Judge):
     @property
     def is_going(self) -> bool:
         """Whether a pass goes on."""
-        return bool(self._ahead)
+        return bool(self.ahead)
 
     def is_late(self, step: Step) -> bool:
         """Whether a step is older than what was judged, where a deadline counts as younger than a step at its time."""
-        return step.time < self.newest or step.time <= self._deadline
+        time = step.time
+        return time < self.newest or time <= self._deadline
 
     def has_place(self, step: Step) -> bool:
         """Whether a late step can still be put in its place."""
@@ -105,8 +108,8 @@ class RevisingJudge(Judge):
 
     def take(self, step: Step, now: int) -> list[Judged]:
         """Judge a step behind all others, and the deadlines before it; while a pass goes on it waits for that."""
-        if self._ahead:
-            self._ahead.append(step)
+        if self.ahead:
+            self.ahead.append(step)
             return []
         if not self.ticking:
             return [self._judge_first(step, now)]
@@ -117,14 +120,14 @@ class RevisingJudge(Judge):
 
         While a pass goes on they wait for that.
         """
-        if not self._ahead:
+        if not self.ahead:
             judged = self._judge_deadlines(until, now, enough)
             return judged, (deadline := self.next_deadline) is None or deadline > until
-        last = self._ahead[-1]
+        last = self.ahead[-1]
         if isinstance(last, Until):
-            self._ahead[-1] = Until(max(until, last.time))
+            self.ahead[-1] = Until(max(until, last.time))
         else:
-            self._ahead.append(Until(until))
+            self.ahead.append(Until(until))
         return [], True
 
     def place(self, late: Sequence[Step], level: int = 0) -> None:
@@ -140,11 +143,11 @@ class RevisingJudge(Judge):
         self._go_back(taken)
         for row in reversed(taken):
             while steps and key_of(steps[0].time) < row.key:
-                self._ahead.append(Late(steps.popleft()))
+                self.ahead.append(Late(steps.popleft()))
             if not row.is_tick:
-                self._ahead.append(row)
-        self._ahead.extend(map(Late, steps))
-        self._ahead.append(Until(self._level))
+                self.ahead.append(row)
+        self.ahead.extend(map(Late, steps))
+        self.ahead.append(Until(self._level))
 
     def _begin_pass(self) -> None:
         self._told = Told([copy(state) for state in self.properties], copy(self.counters))
@@ -152,8 +155,8 @@ class RevisingJudge(Judge):
 
     def go_on(self, now: int, enough: Callable[[], bool]) -> list[Judged]:
         """Go on with the pass until enough was done; what was judged in it is returned at its end."""
-        while self._ahead:
-            item = self._ahead.popleft()
+        while self.ahead:
+            item = self.ahead.popleft()
             match item:
                 case Until(time):
                     self._outputs += self._judge_deadlines(time, now)
@@ -170,7 +173,7 @@ class RevisingJudge(Judge):
                     self._outputs.append(self._judge_first(item, now))
             if enough():
                 break
-        return [] if self._ahead else self._end(now)
+        return [] if self.ahead else self._end(now)
 
     def _is_overtaken(self, step: Step) -> bool:
         """Whether a deadline that waited before a step was no older, so that it is late."""
@@ -270,7 +273,7 @@ class RevisingJudge(Judge):
 
     def _judge_first(self, step: Step, now: int, *, placed: bool = False) -> Judged:
         """Judge a step for the first time: in its place, or behind all others."""
-        in_order, steps = placed or (not step.late and self._is_ordered(step)), self.counters.steps
+        steps = self.counters.steps
         self._recent.number = self._numbered + 1
         judged = self.judge(step, now)
         undone = self.counters.steps == steps
@@ -281,8 +284,9 @@ class RevisingJudge(Judge):
             self._renumber(judged)
         if step.skipped:
             self._position = self._position_of(judged)
-        elif in_order:
-            self._keep(judged, key_of(step.time), step.time - 1, undone=undone)
+        elif placed or (not step.late and self._is_ordered(step)):
+            time = step.time
+            self._keep(judged, key_of(time), time - 1, undone=undone)
         else:
             self._keep(judged, self._key_behind(self._deadline), self._deadline, undone=undone)
         return judged
@@ -343,8 +347,8 @@ class RevisingJudge(Judge):
 
     def _keep(self, judged: Judged, key: int, level: int, *, undone: bool = False) -> None:
         """Keep a row that was judged for the first time."""
-        key, position = max(key, self.keeping.key), self._position_of(judged)
-        self._add(judged, key, level, position, self._position, undone=undone)
+        position = self._position_of(judged)
+        self._add(judged, max(key, self.keeping.key), level, position, self._position, undone=undone)
         self._position = position
 
     def _keep_again(self, judged: Judged, old: Kept, level: int) -> None:
@@ -352,9 +356,10 @@ class RevisingJudge(Judge):
         self._add(judged, old.key, level, old.position, old.preceding, undone=old.undone)
 
     def _add(self, judged: Judged, key: int, level: int, position: int, preceding: int, *, undone: bool) -> None:
-        point, noted = self._point(self.keeping.last), self._derived.noted()
+        keeping = self.keeping
+        point, noted = self._point(keeping.last), self._derived.noted()
         self.newest = max(self.newest, self.present)
-        self.keeping.add(Kept(judged, key, level, position, preceding, point, undone, noted), self.newest)
+        keeping.add(Kept(judged, key, level, position, preceding, point, undone, noted), self.newest)
         self._added += 1
         if self._added >= _FORGET_AFTER:
             self.forget()
@@ -382,7 +387,7 @@ class RevisingJudge(Judge):
         return Point(self.present, before, self._ticked, self._outdated, steps, self._held, stands)
 
     def _position_of(self, judged: Judged) -> int:
-        return (judged.verdicts[0].n - 1) // len(self.properties) + 1
+        return (judged.verdicts[0].n - 1) // self._width + 1
 
     def _move_on(self, step: Step, stream: StreamPlan) -> None:
         super()._move_on(step, stream)

@@ -37,7 +37,7 @@ class SavableJudge(RevisingJudge):
         """How many recorded rows are judged again together at most."""
         self._gathered: list[Kept] = []
         """Recorded steps in order, and late ones with a place, that are to be judged again together."""
-        self._unknown = 0
+        self.unknown = 0
         """Deadlines that were judged again before their rows came, which then tell their positions; counted down."""
         self._early: dict[Identity, tuple[Step, int]] = {}
         """Rows of deadlines that are judged only with a late event whose row comes next in the pass."""
@@ -45,7 +45,7 @@ class SavableJudge(RevisingJudge):
     @property
     def is_done(self) -> bool:
         """Whether no pass goes on, and all that was judged was said."""
-        return not self._ahead and not self._unknown
+        return not (self.ahead or self.unknown)
 
     def save(self) -> RevisingSnapshot | None:
         """All that later verdicts depend on, as of before the first row that is kept; None where it can't be saved.
@@ -57,8 +57,8 @@ class SavableJudge(RevisingJudge):
         self._begin_pass()
         self._go_back(self.keeping.after(_BEGINNING))
         states = self.snapshot()
-        self._ahead.extend(row for row in rows if not row.is_tick)
-        self._ahead.append(Until(self._level))
+        self.ahead.extend(row for row in rows if not row.is_tick)
+        self.ahead.append(Until(self._level))
         if states is None:
             return None
         first = min((row.position for row in rows), default=self._position + 1)
@@ -82,8 +82,9 @@ class SavableJudge(RevisingJudge):
             state.final, state.final_since, state.said = None if final is None else Outcome(final), since, said
             if state.broken is None and not state.said:
                 engine.record()
-        self.keeping = Keeping(self.horizon, msgspec.structs.replace(self._point(None), before=data["before"]))
-        self.keeping.floor, self.keeping.placed = data["floor"], list(data["included"])
+        begin = msgspec.structs.replace(self._point(None), before=data["before"])
+        self.keeping = Keeping(self.horizon, begin, floor=data["floor"])
+        self.keeping.placed = list(data["included"])
         self._derived.noted()
         self._numbered, self.newest, self._position = data["numbered"], self.present, data["position"]
 
@@ -130,8 +131,8 @@ class SavableJudge(RevisingJudge):
         self._go_back(taken)
         known = [row for row in reversed(taken) if not row.is_tick]
         merged: list[Kept] = sorted([*known, *rows], key=lambda row: row.key)  # of one key, those of before first
-        self._ahead.extend(merged)
-        self._ahead.append(Until(max(self._level, rows[-1].level)))
+        self.ahead.extend(merged)
+        self.ahead.append(Until(max(self._level, rows[-1].level)))
         self.go_on(max(row.judged.judged for row in rows), _never)
         self._numbers, self._restoring = numbers, False
 
@@ -149,8 +150,8 @@ class SavableJudge(RevisingJudge):
 
     def say_unsaid(self, now: int) -> list[Judged]:
         """After a restore: the deadlines that were judged again, and are in no row; they are said now."""
-        unsaid = [row for row in self.keeping if row.position <= 0] if self._unknown else []
-        self._unknown = 0
+        unsaid = [row for row in self.keeping if row.position <= 0] if self.unknown else []
+        self.unknown = 0
         for row in unsaid:
             position = (next(self._numbers) - 1) // len(self.properties) + 1
             self._numbers = itertools.count(position * len(self.properties) + 1)
@@ -218,7 +219,7 @@ class SavableJudge(RevisingJudge):
     def _judge_deadline(self, time: int, now: int) -> Judged | None:
         if not self._restoring:
             return super()._judge_deadline(time, now)
-        numbers, self._numbers = self._numbers, itertools.count((self._unknown - 1) * len(self.properties) + 1)
+        numbers, self._numbers = self._numbers, itertools.count((self.unknown - 1) * len(self.properties) + 1)
         tick = super()._judge_deadline(time, now)
         self._numbers = numbers
         return tick
@@ -227,7 +228,7 @@ class SavableJudge(RevisingJudge):
         super()._keep_tick(tick, time)
         if not self._restoring:
             return
-        self._unknown -= 1
+        self.unknown -= 1
         known = self._early.pop(self._old_ticks.identity(tick.step), None)
         if known is not None:
             self._say(self.keeping.rows[-1], *known)

@@ -180,6 +180,10 @@ class SqliteHistory:
         else:
             self._writer.append(session, "steps", rows, done, then)
 
+    def stop(self, session: int, reason: str) -> None:
+        """Keep nothing of a session from here on."""
+        self._writer.add(Work(session, ValueError(reason), ()))
+
     def refuse(self, session: int, refusal: Refusal, done: Done) -> None:
         """Keep that an event was refused."""
         self._writer.append(session, "refused", [(session, *refusal)], done)
