@@ -15,6 +15,7 @@ from pydantic import BaseModel, Field, StringConstraints
 from oracle_server.api.following import followed, number_of
 from oracle_server.api.known import demand_session
 from oracle_server.api.leaving import unless_left
+from oracle_server.api.packing import packed_answer
 from oracle_server.api.questions import Nanoseconds
 from oracle_server.core.errors import UnpreparedError
 from oracle_server.edge.scopes import needs
@@ -136,7 +137,7 @@ def router(registry: Registry, history: Reading) -> APIRouter:
                 f"the answer has {len(body)} bytes, and may have {MOST_BYTES}: ask for fewer buckets, parts or signals"
             )
             raise HTTPException(422, detail)
-        return Response(body, media_type="application/json")
+        return await packed_answer(request, history, lambda: body)
 
     @routes.get(
         "/sessions/{session_id}/timeline/stream",

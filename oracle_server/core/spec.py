@@ -87,13 +87,8 @@ class StreamSpec:
 
     @property
     def proxied(self) -> bool:
-        """Whether its events pass through a proxy in the adapter."""
+        """Whether its events pass through a proxy in the adapter, which stamps them, so that its clocks are exact."""
         return self.traits.proxied and self.via == "proxy"
-
-    @property
-    def stamped(self) -> bool:
-        """Whether the adapter stamps its events itself, so that its clocks are exact."""
-        return self.traits.stamped and self.proxied
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,6 +155,8 @@ class Spec:
     description: str = ""
     digest: str = ""
     retention: Retention = Retention()
+    close_after: int | None = None
+    """For how long (ns) an open session may be without a monitor before it is closed; None for any time."""
     derive: tuple[Definition, ...] = ()
 
     @cached_property

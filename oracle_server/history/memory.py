@@ -167,6 +167,10 @@ class MemoryHistory:
 
         self._do(_Command(session, extend, done))
 
+    def stop(self, session: int, reason: str) -> None:
+        """Keep nothing of a session from here on."""
+        self._do(_Command(session, lambda: self._failures.setdefault(session, reason)))
+
     def refuse(self, session: int, refusal: Refusal, done: Done) -> None:
         """Keep that an event was refused."""
         self._do(_Command(session, lambda: self._of(session).refusals.append(refusal), done))
@@ -256,6 +260,10 @@ class MemoryHistory:
     async def session(self, name: str | int) -> SessionRecord | None:
         """A session by its id or number."""
         return next((kept.record for kept in self._kept.values() if name in (kept.record.id, kept.record.number)), None)
+
+    async def names(self, beginning: str) -> list[str]:
+        """The ids of sessions that begin with a text."""
+        return [kept.record.id for kept in self._kept.values() if kept.record.id.startswith(beginning)]
 
     async def closed_state(self, name: str) -> Document | None:
         """How a closed session stood."""

@@ -94,6 +94,10 @@ class Writing(Protocol):
         """
         ...
 
+    def stop(self, session: int, reason: str) -> None:
+        """Keep nothing of a session from here on but that it was closed, for a reason, since a step of it is lost."""
+        ...
+
     def refuse(self, session: int, refusal: Refusal, done: Done) -> None:
         """Keep that an event was refused."""
         ...
@@ -136,6 +140,10 @@ class Reading(Protocol):
 
     async def session(self, name: str | int) -> SessionRecord | None:
         """A session by its id or number, open or closed."""
+        ...
+
+    async def names(self, beginning: str) -> list[str]:
+        """The ids of all sessions, open or closed, that begin with a text."""
         ...
 
     async def closed_state(self, name: str) -> Document | None:

@@ -67,6 +67,7 @@ _TAKES: Mapping[str, str] = {
     "url": "an address such as ws://127.0.0.1:8080",
     "ordering": "keys of its own, such as {max_delay: 500ms}",
     "retention": "keys of its own, such as {age: 168h}",
+    "close": "a time without a monitor, such as after 1h",
     "properties": "a list of at least one property, each of which begins with `- id:`",
     "derive": "names, each with what it is, such as {scan_rate: {rate: '{topic: /scan}', over: 2s}}",
 }

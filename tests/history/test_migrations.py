@@ -14,7 +14,7 @@ import pytest
 from oracle_server.core.verdicts import Outcome
 from oracle_server.history.pages import find
 from oracle_server.history.query import Query
-from oracle_server.history.records import SessionRecord, stored_revision
+from oracle_server.history.records import MonitorRecord, SessionRecord, stored_revision
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.history.sqlite.schema import STEP_COLUMNS, VERSION
 from oracle_server.history.views import View, records
@@ -25,6 +25,8 @@ from tests.history.test_standing import change, stands, told
 HELD, FALSE = Outcome.CURRENTLY_TRUE, Outcome.CURRENTLY_FALSE
 NEWER: dict[int, str | None] = {6: "released", 7: "pending", 8: None}
 """By their formats: the first column of steps that they had not, if any; nor had they those behind it."""
+LATER = {"sessions": ("decides", "kind"), "monitors": ("left_at",)}
+"""Columns of other tables that none of them had."""
 
 
 async def written(folder: Path, version: int, *more: SessionRecord) -> SqliteHistory:
@@ -35,16 +37,18 @@ async def written(folder: Path, version: int, *more: SessionRecord) -> SqliteHis
     older = SqliteHistory(folder)
     older.start(asyncio.get_running_loop())
     older.open_session(opened())
+    older.set_monitor(1, MonitorRecord("m", "i", (), attached=False, clock="wall", left=7))
     await add(older, *STEPS)
     for session in more:
         older.open_session(session)
         await add(older, msgspec.structs.replace(step(1), order=session.decides), session=session.number)
     await asyncio.to_thread(older.close)
     with closing(sqlite3.connect(older.path)) as database:
-        newer = NEWER[version]
-        for column in () if newer is None else STEP_COLUMNS[STEP_COLUMNS.index(newer) :]:
-            database.execute(f"ALTER TABLE steps DROP COLUMN {column}")
-        database.execute("ALTER TABLE sessions DROP COLUMN decides")
+        first = NEWER[version]
+        missing = {"steps": STEP_COLUMNS[STEP_COLUMNS.index(first) :] if first else (), **LATER}
+        for table, columns in missing.items():
+            for column in columns:
+                database.execute(f"ALTER TABLE {table} DROP COLUMN {column}")
         database.execute("DROP TABLE blocks")
         database.execute(f"PRAGMA user_version = {version}")
     history = SqliteHistory(folder)
@@ -97,4 +101,15 @@ async def test_it_knows_which_order_decides(tmp_path: Path, version: int) -> Non
     named = opened(5, "d")._replace(text="description: the arrival")
     history = await written(tmp_path, version, arrival, asked, overruled, named)
     assert [await history.session(name) for name in "sabcd"] == [opened(), arrival, asked, overruled, named]
+    await asyncio.to_thread(history.close)
+
+
+@pytest.mark.parametrize("version", NEWER)
+async def test_its_sessions_are_of_robots_and_when_their_monitors_left_is_not_known(
+    tmp_path: Path, version: int
+) -> None:
+    history = await written(tmp_path, version)
+    (found,) = await history.open_sessions()
+    assert found.kind == "robot"
+    assert [(m.attached, m.left) for m in await history.monitors(1)] == [(False, None)]
     await asyncio.to_thread(history.close)

@@ -180,6 +180,10 @@ class SqliteHistory:
         else:
             self._writer.append(session, "steps", rows, done, then)
 
+    def stop(self, session: int, reason: str) -> None:
+        """Keep nothing of a session from here on."""
+        self._writer.add(Work(session, ValueError(reason), ()))
+
     def refuse(self, session: int, refusal: Refusal, done: Done) -> None:
         """Keep that an event was refused."""
         self._writer.append(session, "refused", [(session, *refusal)], done)
@@ -247,6 +251,11 @@ class SqliteHistory:
         """A session by its id or number."""
         key = "id" if isinstance(name, str) else "number"
         return await self._lookups.one(session_of, f"{_SESSIONS} WHERE {key} = ?", (name,))
+
+    async def names(self, beginning: str) -> list[str]:
+        """The ids of sessions that begin with a text."""
+        sql = "SELECT id FROM sessions WHERE id >= ? AND id < ?"  # an index has these; behind `~` no id goes on
+        return await self._lookups.all(lambda row: str(row[0]), sql, (beginning, f"{beginning}~"))
 
     async def closed_state(self, name: str) -> Document | None:
         """How a closed session stood."""

@@ -132,15 +132,15 @@ def monitor_row(session: int, monitor: MonitorRecord) -> Row:
     """A monitor as a row of its table, in the order of `MONITOR_COLUMNS`."""
     streams = text([list(key) for key in monitor.streams])
     bypasses = text([[*key, *bypass] for key, bypass in monitor.bypasses.items()])
-    return session, monitor.name, monitor.instance, streams, monitor.attached, monitor.clock, bypasses
+    return session, monitor.name, monitor.instance, streams, monitor.attached, monitor.clock, bypasses, monitor.left
 
 
 def monitor_of(row: Row) -> MonitorRecord:
     """The same, back."""
-    _, name, instance, streams, attached, clock, bypasses = row
+    _, name, instance, streams, attached, clock, bypasses, left = row
     keys = tuple([StreamKey(*key) for key in _decode(streams)])
     bypassed = {StreamKey(stream, kind): Bypass(told, since) for stream, kind, told, since in _decode(bypasses)}
-    return MonitorRecord(name, instance, keys, bool(attached), clock, bypassed)
+    return MonitorRecord(name, instance, keys, bool(attached), clock, bypassed, left)
 
 
 def snapshot_row(session: int, snapshot: SnapshotRecord) -> Row:

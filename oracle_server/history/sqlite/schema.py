@@ -18,6 +18,7 @@ CREATE TABLE IF NOT EXISTS sessions (
     begun INTEGER,               -- ns, in the session's own time: when its first monitor attached
     decides TEXT NOT NULL DEFAULT 'publication',  -- the order whose steps are decided by
     closed INTEGER,              -- ns
+    kind TEXT NOT NULL DEFAULT 'robot',  -- or recording: what it judges
     state TEXT                   -- JSON: how it stood when it was closed
 );
 CREATE TABLE IF NOT EXISTS steps (
@@ -82,6 +83,7 @@ CREATE TABLE IF NOT EXISTS monitors (
     attached INTEGER NOT NULL,
     clock TEXT NOT NULL,         -- wall or sim
     bypasses TEXT NOT NULL DEFAULT '[]',  -- JSON: [name, what is told of it, since (ns)] of streams that are bypassed
+    left_at INTEGER,             -- ns: when it was detached, NULL where it is not
     PRIMARY KEY (session, name)
 ) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS snapshots (
@@ -111,6 +113,6 @@ STEP_COLUMNS = (
 )  # fmt: skip
 REFUSED_COLUMNS = ("session", "monitor", "seq", "gap", "at", "code", "message")
 SESSION_COLUMNS = (
-    "number", "id", "spec", "text", "digest", "properties", "private", "opened", "asked", "begun", "decides",
+    "number", "id", "spec", "text", "digest", "properties", "private", "opened", "asked", "begun", "decides", "kind",
 )  # fmt: skip
-MONITOR_COLUMNS = ("session", "name", "instance", "streams", "attached", "clock", "bypasses")
+MONITOR_COLUMNS = ("session", "name", "instance", "streams", "attached", "clock", "bypasses", "left_at")

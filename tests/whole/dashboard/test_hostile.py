@@ -49,8 +49,8 @@ async def test_the_description_of_the_api_is_drawn_within_its_policy(server: Ser
         ("#/sessions/nowhere", "no session 'nowhere' is known"),
         ("#/sessions/nowhere?n=x", "no session 'nowhere' is known"),
         ("#/specs/nowhere", "no spec 'nowhere'"),
-        ("#/sessions/%ff", "live"),
-        ("#//", "live"),
+        ("#/sessions/%ff", "connected"),
+        ("#//", "connected"),
     ],
 )
 async def test_an_address_of_nothing_is_told(server: Server, page: Page, address: str, told: str) -> None:
@@ -90,9 +90,9 @@ async def test_a_token_is_asked_for_and_kept_to_oneself(start: Starts, tmp_path:
     await expect(page.get_by_role("status")).to_contain_text("the token lacks the scope `read`")
     await field.fill(secret)
     await page.get_by_role("button", name="Use").click()
-    await expect(page.get_by_role("status")).to_have_text("live")
+    await expect(page.get_by_role("status")).to_have_text("connected")
     await page.reload()
-    await expect(page.get_by_role("status")).to_have_text("live")
+    await expect(page.get_by_role("status")).to_have_text("connected")
     assert secret not in page.url
     assert secret not in server.log
 
@@ -111,4 +111,4 @@ async def test_a_server_that_is_away_is_told_and_found_again(start: Starts, page
         await expect(page.get_by_role("status")).to_contain_text("can't be reached")
         await expect(cell).to_be_visible()
         start(port=port)
-        await expect(page.get_by_role("status")).to_have_text("live")
+        await expect(page.get_by_role("status")).to_have_text("connected")
