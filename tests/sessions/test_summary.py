@@ -11,7 +11,9 @@ from oracle_server.api import summaries as summaries_module
 from oracle_server.api.summaries import summaries
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.sessions.status import session_state
-from oracle_server.sessions.summary import changed, summary
+from oracle_server.sessions.summary import brief, changed, summary
+from oracle_server.wire.json import encode
+from tests.processes import PATIENCE
 from tests.sessions.making import GUARD, Kept, attach, event, registry
 
 
@@ -52,3 +54,21 @@ async def test_who_was_told_much_is_told_the_next_later(tmp_path: Path, monkeypa
     assert [text async for text in told] == []
     assert waits == [sizes[0] / 100]
     assert waits[0] > 1, "and not every half second"
+
+
+async def test_a_list_has_the_worst_of_each_session_in_brief(tmp_path: Path) -> None:
+    sessions = registry(MemoryHistory(), tmp_path, GUARD)
+    live, monitor = await sessions.attach(attach("s", "guard"), Kept())
+    for seq, speed in enumerate((1, 9, 1), start=1):
+        live.ingest(monitor, event(seq, speed=speed))
+    await sessions.create("guard", "t")
+    first, second = (brief(state) for state in reversed(await sessions.states()))
+    assert (first["id"], first["live"], first["steps"], first["violations"]) == ("s", True, 3, 1)
+    assert (first["outcome"], first["connected"], first["monitors"]) == ("currently_true", 1, 1)
+    assert (second["id"], second["outcome"], second["connected"], second["monitors"]) == ("t", "unknown", 0, 0)
+    assert await sessions.end("s", PATIENCE)
+    old = await sessions.state("s") or {}
+    for key in ("kind", "run", "live", "idle", "without_monitor_since", "closed_because"):
+        del old[key]  # as an older version kept it
+    assert (brief(old)["status"], brief(old)["live"]) == ("closed", None)
+    assert len(encode(brief(old))) < len(encode(old)) / 2
