@@ -9,7 +9,7 @@ from copy import copy
 import msgspec
 
 from oracle_server.core.counting import Told
-from oracle_server.core.engine import Engine, Rewindable
+from oracle_server.core.engine import Engine, rewindable
 from oracle_server.core.events import Order, Signals, Step
 from oracle_server.core.holding import Held
 from oracle_server.core.judge import Judge, Seen
@@ -397,9 +397,3 @@ class RevisingJudge(Judge):
     def _holding(self, monitor: str) -> Held:
         self._held = {m: h.copy() if m == monitor else h for m, h in self._held.items()}  # points refer to the other
         return super()._holding(monitor)
-
-
-def rewindable(engine: Engine) -> Rewindable:
-    """An engine of a spec that revises."""
-    assert isinstance(engine, Rewindable)  # noqa: S101 -- others are refused with the spec
-    return engine
