@@ -94,17 +94,6 @@ async def test_its_steps_have_no_open_obligations_and_later_ones_may(tmp_path: P
 
 
 @pytest.mark.parametrize("version", NEWER)
-async def test_it_knows_which_order_decides(tmp_path: Path, version: int) -> None:
-    arrival = opened(2, "a")._replace(text="ordering: {by: arrival}", decides="arrival")
-    asked = opened(3, "b")._replace(by="arrival", decides="arrival")
-    overruled = opened(4, "c")._replace(text="ordering: {by: arrival}", by="both")
-    named = opened(5, "d")._replace(text="description: the arrival")
-    history = await written(tmp_path, version, arrival, asked, overruled, named)
-    assert [await history.session(name) for name in "sabcd"] == [opened(), arrival, asked, overruled, named]
-    await asyncio.to_thread(history.close)
-
-
-@pytest.mark.parametrize("version", NEWER)
 async def test_its_sessions_are_of_robots_and_when_their_monitors_left_is_not_known(
     tmp_path: Path, version: int
 ) -> None:
@@ -112,4 +101,15 @@ async def test_its_sessions_are_of_robots_and_when_their_monitors_left_is_not_kn
     (found,) = await history.open_sessions()
     assert found.kind == "robot"
     assert [(m.attached, m.left) for m in await history.monitors(1)] == [(False, None)]
+    await asyncio.to_thread(history.close)
+
+
+@pytest.mark.parametrize("version", NEWER)
+async def test_it_knows_which_order_decides(tmp_path: Path, version: int) -> None:
+    arrival = opened(2, "a")._replace(text="ordering: {by: arrival}", decides="arrival")
+    asked = opened(3, "b")._replace(by="arrival", decides="arrival")
+    overruled = opened(4, "c")._replace(text="ordering: {by: arrival}", by="both")
+    named = opened(5, "d")._replace(text="description: the arrival")
+    history = await written(tmp_path, version, arrival, asked, overruled, named)
+    assert [await history.session(name) for name in "sabcd"] == [opened(), arrival, asked, overruled, named]
     await asyncio.to_thread(history.close)

@@ -9,14 +9,14 @@ from copy import copy
 import msgspec
 
 from oracle_server.core.counting import Told
-from oracle_server.core.engine import Engine, Rewindable
+from oracle_server.core.engine import Engine, rewindable
 from oracle_server.core.events import Order, Signals, Step
 from oracle_server.core.holding import Held
 from oracle_server.core.judge import Judge, Seen
 from oracle_server.core.plan import Plan, StreamPlan
 from oracle_server.core.recent import SIZE, Recent
 from oracle_server.core.revise.changes import Again, merged, revisions
-from oracle_server.core.revise.finality import RevisableState
+from oracle_server.core.revise.finality import RevisableState, Stand
 from oracle_server.core.revise.kept import MOST, Keeping, Kept, Point, key_of
 from oracle_server.core.revise.queued import Asked, Late, Until
 from oracle_server.core.revise.ticks import OldTicks
@@ -45,7 +45,7 @@ class RevisingJudge(Judge):
         self._engines = [rewindable(engine) for engine in engines]
         self._recent = Recent(SIZE, spare=MOST)
         self._width = len(engines)
-        self.keeping = Keeping(self.horizon, self._point(None))
+        self.keeping = Keeping(self.horizon, self._point())
         self.newest = 0
         """The time of the newest step (ns)."""
         self.ticking = False
@@ -356,10 +356,13 @@ class RevisingJudge(Judge):
         self._add(judged, old.key, level, old.position, old.preceding, undone=old.undone)
 
     def _add(self, judged: Judged, key: int, level: int, position: int, preceding: int, *, undone: bool) -> None:
-        keeping = self.keeping
-        point, noted = self._point(keeping.last), self._derived.noted()
-        self.newest = max(self.newest, self.present)
-        keeping.add(Kept(judged, key, level, position, preceding, point, undone, noted), self.newest)
+        keeping, last, present, steps = self.keeping, self.keeping.last, self.present, self.counters.steps
+        before = last.present if steps > last.steps else last.before
+        stands = self._stand() if self._changed else last.properties
+        point = Point(present, before, self._ticked, self._outdated, steps, self._held, stands)
+        if present > self.newest:  # noqa: PLR1730 -- `max` takes longer than all else here
+            self.newest = present
+        keeping.add(Kept(judged, key, level, position, preceding, point, undone, self._derived.noted()), self.newest)
         self._added += 1
         if self._added >= _FORGET_AFTER:
             self.forget()
@@ -373,33 +376,25 @@ class RevisingJudge(Judge):
             if state.broken is None:
                 engine.forget(base.steps, base.present)
 
-    def _point(self, last: Point | None) -> Point:
-        """How the judge stands, where it stood so after the row before."""
-        steps = self.counters.steps
-        if last is None:
-            before, stands = 0, None
-        else:
-            before = last.present if steps > last.steps else last.before
-            stands = None if self._changed else last.properties
-        if stands is None:
-            stands = tuple([state.stand() for state in self._states])
-            self._changed.clear()
-        return Point(self.present, before, self._ticked, self._outdated, steps, self._held, stands)
+    def _point(self, before: int = 0) -> Point:
+        """How the judge stands where no row is kept; `before` is the time of the step before the last one (ns)."""
+        return Point(self.present, before, self._ticked, self._outdated, self.counters.steps, self._held, self._stand())
+
+    def _stand(self) -> tuple[Stand, ...]:
+        """How its properties stand, which have not changed since."""
+        self._changed.clear()
+        return tuple([state.stand() for state in self._states])
 
     def _position_of(self, judged: Judged) -> int:
         return (judged.verdicts[0].n - 1) // self._width + 1
 
     def _move_on(self, step: Step, stream: StreamPlan) -> None:
-        super()._move_on(step, stream)
-        if self._not_before:
+        if stream.spec.ordered and not self._not_before:
+            self.present = max(self.present, step.time)
+        else:
+            super()._move_on(step, stream)
             self.present = max(self.present, self._not_before)
 
     def _holding(self, monitor: str) -> Held:
         self._held = {m: h.copy() if m == monitor else h for m, h in self._held.items()}  # points refer to the other
         return super()._holding(monitor)
-
-
-def rewindable(engine: Engine) -> Rewindable:
-    """An engine of a spec that revises."""
-    assert isinstance(engine, Rewindable)  # noqa: S101 -- others are refused with the spec
-    return engine
