@@ -7,13 +7,12 @@ from bisect import bisect_left
 from collections.abc import AsyncGenerator, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import msgspec
 import structlog
 
 from oracle_server.core.events import Order, StreamKey
-from oracle_server.core.records import ExplanationRecord
 from oracle_server.core.revisions import Revision
 from oracle_server.core.verdicts import FINAL
 from oracle_server.history.port import Done
@@ -30,7 +29,7 @@ from oracle_server.history.records import (
     StoredStep,
     restated,
 )
-from oracle_server.history.steps import StepsSource, arrival, is_undone
+from oracle_server.history.steps import StepsSource, arrival, is_undone, plain, plain_whys, without_data
 from oracle_server.history.timeline import Question, answer
 
 T = TypeVar("T")
@@ -66,7 +65,7 @@ class _Kept:
         """Keep what stands of the step at a position, if it is not deleted."""
         index = self.index(position)
         if index < len(self.steps) and (step := self.steps[index]).position == position:
-            standing = msgspec.structs.replace(stands.standing, explanations=_plain_whys(stands.standing.explanations))
+            standing = msgspec.structs.replace(stands.standing, explanations=plain_whys(stands.standing.explanations))
             revised = {**step.revised, **stands.revised}
             self.steps[index] = msgspec.structs.replace(step, standing=standing, revised=revised)
 
@@ -142,7 +141,7 @@ class MemoryHistory:
 
     def close_session(self, session: int, at: int, state: Document, done: Done | None = None) -> None:
         """Keep that a session was closed."""
-        document = _made(lambda: _plain(state))
+        document = _made(lambda: plain(state))
 
         def close() -> None:
             kept = self._of(session)
@@ -156,7 +155,7 @@ class MemoryHistory:
 
     def append(self, session: int, steps: Sequence[StoredStep], done: Done, revisions: Sequence[Revision] = ()) -> None:
         """Keep steps that were judged, without their data, and what stands of earlier ones."""
-        kept = _made(lambda: [_without_data(step) for step in steps])
+        kept = _made(lambda: [without_data(step) for step in steps])
         standing = restated(revisions)
 
         def extend() -> None:
@@ -189,7 +188,7 @@ class MemoryHistory:
 
     def save_snapshot(self, session: int, snapshot: SnapshotRecord) -> None:
         """Keep a snapshot in place of the last one."""
-        kept = _made(lambda: snapshot._replace(data=_plain(snapshot.data), numbers=_plain(snapshot.numbers)))
+        kept = _made(lambda: snapshot._replace(data=plain(snapshot.data), numbers=plain(snapshot.numbers)))
 
         def save() -> None:
             self._of(session).snapshot = kept()
@@ -389,18 +388,3 @@ def _made(make: Callable[[], T]) -> Callable[[], T]:
 
         return fail
     return lambda: made
-
-
-def _plain(value: Any) -> Any:
-    """A copy of a plain value as JSON carries it, as any other backend would give it back."""
-    return msgspec.json.decode(msgspec.json.encode(value))
-
-
-def _without_data(stored: StoredStep) -> StoredStep:
-    event = msgspec.structs.replace(stored.step.event, data=None, stamp=stored.step.stamp, received=None)
-    step = msgspec.structs.replace(stored.step, event=event)
-    return msgspec.structs.replace(stored, step=step, explanations=_plain_whys(stored.explanations))
-
-
-def _plain_whys(explanations: Mapping[int, ExplanationRecord]) -> dict[int, ExplanationRecord]:
-    return {i: _plain(why) for i, why in explanations.items()}

@@ -1,14 +1,16 @@
-"""Steps in memory: their order by arrival, and as rows for questions by time, which read all of them."""
+"""Steps in memory: as they are kept, their order by arrival, and as rows for questions by time, which read all."""
 
 from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from operator import attrgetter
+from typing import Any
 
 import msgspec
 
 from oracle_server.core.events import Order, StreamKey
+from oracle_server.core.records import ExplanationRecord
 from oracle_server.history.blocks import Block, BlockRow
 from oracle_server.history.letters import letters
 from oracle_server.history.records import StoredStep
@@ -42,6 +44,23 @@ class StepsSource:
         return min(
             [(c.first - 1) // len(r.changes) + 1 for r in revisions for c in r.changes if c is not None], default=None
         )
+
+
+def plain(value: Any) -> Any:
+    """A copy of a plain value as JSON carries it, as any other backend would give it back."""
+    return msgspec.json.decode(_encode(value))
+
+
+def plain_whys(explanations: Mapping[int, ExplanationRecord]) -> dict[int, ExplanationRecord]:
+    """A copy of explanations."""
+    return {i: plain(why) for i, why in explanations.items()}
+
+
+def without_data(stored: StoredStep) -> StoredStep:
+    """A step as it is kept: without its event's data, with a copy of its explanations."""
+    event = msgspec.structs.replace(stored.step.event, data=None, stamp=stored.step.stamp, received=None)
+    step = msgspec.structs.replace(stored.step, event=event)
+    return msgspec.structs.replace(stored, step=step, explanations=plain_whys(stored.explanations))
 
 
 def arrival(stored: StoredStep) -> tuple[int, str, int, int]:

@@ -31,6 +31,7 @@ from oracle_server.history.sqlite.asking import Asking
 from oracle_server.history.sqlite.batch import REFUSED, Work, restating
 from oracle_server.history.sqlite.blocks import forgetting
 from oracle_server.history.sqlite.catching import catch_up
+from oracle_server.history.sqlite.extents import EXTENT, KEPT, LAST_TIME, SIZE
 from oracle_server.history.sqlite.reader import Reader
 from oracle_server.history.sqlite.rows import (
     Row,
@@ -60,19 +61,6 @@ _LOOKUPS = 4
 _STEPS = f"SELECT {','.join(STEP_COLUMNS)} FROM steps"  # noqa: S608 -- no value is written into a statement
 _SESSIONS = f"SELECT {','.join(SESSION_COLUMNS)} FROM sessions"  # noqa: S608
 _UPTO = "session = ? AND position <= ? AND ord = ?"
-_EXTENT = (  # each end by itself: one query for both would read all that is between
-    "SELECT coalesce((SELECT min(position) FROM steps WHERE session = ?1), 1), "
-    "coalesce((SELECT max(position) FROM steps WHERE session = ?1), 0)"
-)
-_LAST_TIME = (
-    "SELECT coalesce(max((SELECT judged FROM steps WHERE session = s.number ORDER BY position DESC LIMIT 1)), 0) "
-    "FROM sessions s"
-)
-"""A session's last step was judged last; all of them would be looked at otherwise."""
-_KEPT = (
-    "SELECT s.number, s.spec, s.closed, coalesce(saved.settled, 0) "
-    "FROM sessions s LEFT JOIN snapshots saved ON saved.session = s.number ORDER BY s.number"
-)
 _LAST = 2**62
 """A position behind every step."""
 _FINAL = LETTERS[Outcome.TRUE], LETTERS[Outcome.FALSE]
@@ -81,10 +69,6 @@ _OF_A_SESSION = (
     ("snapshots", "session"), ("sessions", "number"),
 )  # fmt: skip
 """The tables that have rows of a session, and their columns with its number; itself at last."""
-_SIZE = (
-    "SELECT (p.page_count - f.freelist_count) * s.page_size FROM pragma_page_count p, pragma_freelist_count f, "
-    "pragma_page_size s"
-)
 
 
 class SqliteHistory:
@@ -240,7 +224,7 @@ class SqliteHistory:
 
     async def last_time(self) -> int:
         """The latest time at which something was judged."""
-        (time,) = await self._reader.row(_LAST_TIME)
+        (time,) = await self._reader.row(LAST_TIME)
         return int(time)
 
     async def open_sessions(self) -> list[SessionRecord]:
@@ -293,7 +277,7 @@ class SqliteHistory:
 
     async def extent(self, session: int) -> tuple[int, int]:
         """The first and the last position of a session's steps."""
-        first, last = await self._reader.row(_EXTENT, (session,))
+        first, last = await self._reader.row(EXTENT, (session,))
         return first, last
 
     async def step(self, session: int, position: int) -> StoredStep | None:
@@ -332,7 +316,7 @@ class SqliteHistory:
         """Give `take` steps that may hold a record that a query asks for."""
 
         def read(reader: sqlite3.Connection) -> int | None:
-            first, last = reader.execute(_EXTENT, (session,)).fetchone()
+            first, last = reader.execute(EXTENT, (session,)).fetchone()
             ahead = _LAST if query.violations else _SCAN  # violations have an index
             if query.ascending:
                 lower = max(position, first)
@@ -377,8 +361,8 @@ class SqliteHistory:
         """What is kept of each session."""
         return await self._reader.run(
             lambda reader: [
-                Extent(number, *rest, *reader.execute(_EXTENT, (number,)).fetchone())
-                for number, *rest in reader.execute(_KEPT).fetchall()
+                Extent(number, *rest, *reader.execute(EXTENT, (number,)).fetchone())
+                for number, *rest in reader.execute(KEPT).fetchall()
             ]
         )
 
@@ -394,7 +378,7 @@ class SqliteHistory:
 
     async def size(self) -> int:
         """Bytes that the history takes."""
-        (size,) = await self._reader.row(_SIZE)
+        (size,) = await self._reader.row(SIZE)
         return int(size)
 
 
