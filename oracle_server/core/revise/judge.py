@@ -16,6 +16,7 @@ from oracle_server.core.judge import Judge
 from oracle_server.core.plan import Plan, StreamPlan
 from oracle_server.core.recent import SIZE, Recent
 from oracle_server.core.revise.changes import Again, merged, revisions
+from oracle_server.core.revise.episodes import Rewritten
 from oracle_server.core.revise.finality import RevisableState
 from oracle_server.core.revise.kept import MOST, Keeping, Kept, Point, key_of
 from oracle_server.core.revise.queued import Asked, Late, Until
@@ -70,6 +71,7 @@ class RevisingJudge(Judge):
         self._added = 0
         """Rows that were added since others were forgotten."""
         self._told: Told | None = None
+        self._rewritten: Rewritten | None = None  # of the pass that goes on
         self.asked: Asked | None = None
         self.answer: Judged | None = None
         """The row that is `asked` of as it stands, with the explanation; None where it does not stand."""
@@ -188,7 +190,8 @@ class RevisingJudge(Judge):
             made = revisions(again, names, [step.event for step in self._causes], now, self._numbers)
             self._count_changes(made)
             outputs += made
-        self._stood, self._stands, self._told = {}, {}, None
+        outputs = outputs if self._rewritten is None else self._rewritten.told(outputs, self.following)
+        self._stood, self._stands, self._told, self._rewritten = {}, {}, None, None
         self._old_ticks.clear()
         return outputs
 
@@ -328,7 +331,9 @@ class RevisingJudge(Judge):
                 engine.rewind(point.steps, point.present, point.before)
             state.put(stand)
         self.present, self._ticked, self._outdated = point.present, point.ticked, point.outdated
-        self.counters.steps, self._held = point.steps, dict(point.held)
+        self.counters.steps, self._held, self.following = point.steps, dict(point.held), point.following
+        self._rewritten = Rewritten(point.following)
+        self._rewritten.stood(reversed(taken))
 
     def _keep(self, judged: Judged, key: int, level: int, *, undone: bool = False) -> None:
         """Keep a row that was judged for the first time."""
@@ -344,6 +349,8 @@ class RevisingJudge(Judge):
     def _add(self, row: Kept) -> None:
         self.newest = max(self.newest, self.present)
         self.keeping.add(row, self.newest)
+        if self._rewritten is not None:
+            self._rewritten.stands(row)
         self._added += 1
         if self._added >= _FORGET_AFTER:
             self.forget()
@@ -368,7 +375,7 @@ class RevisingJudge(Judge):
         if stands is None:
             stands = tuple([state.stand() for state in self._states])
             self._changed.clear()
-        return Point(self.present, before, self._ticked, self._outdated, steps, self._held, stands)
+        return Point(self.present, before, self._ticked, self._outdated, steps, self._held, stands, self.following)
 
     def _position_of(self, judged: Judged) -> int:
         return (judged.verdicts[0].n - 1) // len(self.properties) + 1
