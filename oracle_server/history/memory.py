@@ -16,6 +16,7 @@ from oracle_server.core.events import Order, StreamKey
 from oracle_server.core.records import ExplanationRecord
 from oracle_server.core.revisions import Revision
 from oracle_server.core.verdicts import FINAL
+from oracle_server.history.episodes import EpisodeQuery, KeptEpisodes, Page, StoredEpisode, page_of
 from oracle_server.history.port import Done
 from oracle_server.history.query import Query
 from oracle_server.history.readers import Readers
@@ -30,6 +31,7 @@ from oracle_server.history.records import (
     StoredStep,
     restated,
 )
+from oracle_server.history.steps import arrival, is_undone
 
 T = TypeVar("T")
 
@@ -54,6 +56,7 @@ class _Kept:
     monitors: dict[str, MonitorRecord] = field(default_factory=dict)
     refusals: list[Refusal] = field(default_factory=list)
     snapshot: SnapshotRecord | None = None
+    episodes: KeptEpisodes = field(default_factory=KeptEpisodes)
 
     def index(self, position: int) -> int:
         """Where the step at a position, or the next one, stands in `steps`."""
@@ -140,6 +143,7 @@ class MemoryHistory:
 
         def close() -> None:
             kept = self._of(session)
+            kept.episodes.end()
             kept.state, kept.closed = document(), at
 
         self._do(_Command(session, close, done, needed=False, always=True))
@@ -148,8 +152,11 @@ class MemoryHistory:
         """Keep a monitor of a session."""
         self._do(_Command(session, lambda: self._of(session).monitors.update({monitor.name: monitor}), done))
 
-    def append(self, session: int, steps: Sequence[StoredStep], done: Done, revisions: Sequence[Revision] = ()) -> None:
-        """Keep steps that were judged, without their data, and what stands of earlier ones."""
+    def append(
+        self, session: int, steps: Sequence[StoredStep], done: Done, revisions: Sequence[Revision] = (),
+        episodes: Sequence[StoredEpisode] = (),
+    ) -> None:  # fmt: skip
+        """Keep steps that were judged, without their data, what stands of earlier ones, and episodes."""
         kept = _made(lambda: [_without_data(step) for step in steps])
         standing = restated(revisions)
 
@@ -158,6 +165,7 @@ class MemoryHistory:
             of.steps.extend(kept())
             for position, stands in standing.items():
                 of.restate(position, stands)
+            of.episodes.keep(episodes)
 
         self._do(_Command(session, extend, done))
 
@@ -192,6 +200,7 @@ class MemoryHistory:
         def forget() -> None:
             kept = self._of(session)
             del kept.steps[: kept.index(before)]
+            kept.episodes.forget((before - 1) * len(kept.record.properties))
 
         await self._done(session, forget)
 
@@ -305,7 +314,7 @@ class MemoryHistory:
 
     async def by_arrival(self, session: int) -> AsyncGenerator[list[StoredStep], None]:
         """All steps by pages, by arrival."""
-        found = sorted((s for s in self._steps(session) if s.revision is None), key=_arrival)
+        found = sorted((s for s in self._steps(session) if s.revision is None), key=arrival)
         for start in range(0, len(found), _PAGE):
             yield found[start : start + _PAGE]
 
@@ -322,6 +331,10 @@ class MemoryHistory:
         await self.in_thread(lambda: all(map(take, page)))
         return page[-1].position + (1 if query.ascending else -1) if len(found) > _PAGE else None
 
+    async def episodes(self, query: EpisodeQuery) -> Page:
+        """A page of the episodes that a query asks for."""
+        return page_of(((kept.record, kept.episodes) for kept in self._kept.values()), query)
+
     async def first_final(self, session: int, order: Order, index: int, upto: int) -> int | None:
         """The position of the first step at which a property is final."""
         steps = (s for s in self._steps(session) if s.order == order and s.position <= upto)
@@ -330,7 +343,7 @@ class MemoryHistory:
     async def last_counted(self, session: int, order: Order, upto: int, undoing: Sequence[StreamKey]) -> int | None:
         """The position of the last step that later ones build on."""
         steps = (s for s in reversed(self._steps(session)) if s.order == order and s.position <= upto)
-        return next((s.position for s in steps if s.number is not None and not _is_undone(s, undoing)), None)
+        return next((s.position for s in steps if s.number is not None and not is_undone(s, undoing)), None)
 
     async def extents(self) -> list[Extent]:
         """What is kept of each session."""
@@ -383,14 +396,3 @@ def _without_data(stored: StoredStep) -> StoredStep:
 
 def _plain_whys(explanations: Mapping[int, ExplanationRecord]) -> dict[int, ExplanationRecord]:
     return {i: _plain(why) for i, why in explanations.items()}
-
-
-def _arrival(stored: StoredStep) -> tuple[int, str, int, int]:
-    event = stored.step.event
-    return event.arrived, event.monitor, event.seq, stored.position
-
-
-def _is_undone(stored: StoredStep, undoing: Sequence[StreamKey]) -> bool:
-    stream = stored.step.event.stream
-    denied = stored.decision is not None and stored.decision.choice == "deny"
-    return denied and stream in undoing

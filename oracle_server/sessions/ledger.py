@@ -10,6 +10,7 @@ from oracle_server.core.numbering import JUDGED
 from oracle_server.core.revisions import Revision
 from oracle_server.core.session import Session
 from oracle_server.core.verdicts import Judged
+from oracle_server.history.episodes import going_on, stored_episodes
 from oracle_server.history.port import History
 from oracle_server.history.records import (
     MonitorRecord,
@@ -63,7 +64,8 @@ class Ledger:
         """How many events were refused."""
         self._session, self._monitors, self._share = opened.number, monitors, share
         self._core, self._history, self._clock, self._counters = core, history, clock, counters
-        self._width = len(core.plan.spec.properties)
+        self._names = tuple(p.id for p in core.plan.spec.properties)
+        self._width = len(self._names)
         self._deciding = next(iter(core.judges))
         self._standing = Standing(core)
         self._violations = ViolationLog(opened.id, clock)
@@ -74,6 +76,16 @@ class Ledger:
         """Continue a restored session where it was."""
         self._position, self.refused = restored.position, restored.refused
         self.snapshots.resume(restored.position, restored.saved)
+        known = going_on(self._core.judges, self._names)
+        if known:  # they are as they were, unless the server was stopped between two commits, or is a newer version
+            self._history.append(self._session, (), _nothing, (), known)
+
+    def end(self) -> None:
+        """Write what is left; the episodes that are open end with the session."""
+        self.write()
+        ended = going_on(self._core.judges, self._names, closed=True)
+        if ended:
+            self._history.append(self._session, (), _nothing, (), ended)
 
     def add(self, judged: list[Judged]) -> None:
         """Queue judged steps; many are written together, within `_WRITE_AFTER`, and all of one call are."""
@@ -93,7 +105,9 @@ class Ledger:
         standing, position = self._standing.changed(self._last_verdict), self._position
         done = partial(self._share.run, self._committed, used, position, told, standing)
         revisions = [item for item in judged if isinstance(item, Revision)]
-        self._history.append(self._session, steps, done, revisions)
+        pairs = zip(judged, steps, strict=True)
+        episodes = [e for item, step in pairs for e in stored_episodes(item, self._names, step.explanations)]
+        self._history.append(self._session, steps, done, revisions, episodes)
         if self.snapshots.is_due(self._position):
             self._share.run_for_server(self.save)
 
@@ -198,3 +212,7 @@ class Ledger:
     def _amended(self, monitor: Monitor) -> None:
         monitor.unsettled -= 1
         monitor.confirm_detach()
+
+
+def _nothing() -> None:
+    """There is nothing to do once it is committed."""

@@ -37,20 +37,19 @@ class Following(Run):
 def standing(run: Run) -> list[list[Line]]:
     """The lines of each property as they stand, in the order of publication."""
     width = len(run.case.spec.properties)
-    numbers: dict[tuple[str, int], int] = {}
+    numbers: dict[tuple[str, int], tuple[int, bool]] = {}
     ticks: defaultdict[int, list[int]] = defaultdict(list)
     for position, row in run.book.first.items():
         n = (position - 1) * width + 1
         if row.step.event.monitor:
-            numbers[row.step.event.monitor, row.step.event.seq] = n
+            numbers[row.step.event.monitor, row.step.event.seq] = n, row.number is None and not row.step.skipped
         elif run.book.stands(position).outcomes[0] is not None:
             ticks[row.step.stamp].append(n)
     lines: list[list[Line]] = [[] for _ in range(width)]
     latest = 0
     for row, present in in_order(run):
         event, latest = row.step.event, max(latest, present)
-        n = numbers[event.monitor, event.seq] if event.monitor else ticks[row.step.stamp].pop(0)
-        attempt = bool(event.monitor) and row.number is None and not row.step.skipped
+        n, attempt = numbers[event.monitor, event.seq] if event.monitor else (ticks[row.step.stamp].pop(0), False)
         for i, verdict in enumerate(row.verdicts):
             violations = int(verdict.explanation is not None)
             lines[i].append(Line(n + i, latest, verdict.outcome.current, violations, attempt))
@@ -69,7 +68,7 @@ def test_episodes_are_those_of_the_rows_as_they_stand(time: Time, restarts: floa
         run.judge(rng)
         name = f"case {number}, {time}: " + "; ".join(p.text for p in spec.properties)
         for i, lines in enumerate(standing(run)):
-            wanted = told(expected(lines, spec.gap))
+            wanted = sorted(told(expected(lines, spec.gap)), key=lambda episode: (episode.began, episode.first))
             have = [replace(episode, final=False) for episode in told(run.kept.of(i))]
             assert have == wanted, name
             found += len(wanted)

@@ -23,8 +23,8 @@ from tests.history.test_port import collected
 from tests.history.test_standing import change, stands, told
 
 HELD, FALSE = Outcome.CURRENTLY_TRUE, Outcome.CURRENTLY_FALSE
-NEWER = {6: "released", 7: "pending"}
-"""By their formats: the first column of steps that they had not; nor had they those behind it."""
+NEWER: dict[int, str | None] = {6: "released", 7: "pending", 8: None}
+"""By their formats: the first column of steps that they had not, if any; nor had they those behind it."""
 
 
 async def written(folder: Path, version: int) -> SqliteHistory:
@@ -35,8 +35,10 @@ async def written(folder: Path, version: int) -> SqliteHistory:
     await add(older, *STEPS)
     await asyncio.to_thread(older.close)
     with closing(sqlite3.connect(older.path)) as database:
-        for column in STEP_COLUMNS[STEP_COLUMNS.index(NEWER[version]) :]:
+        newer = NEWER[version]
+        for column in () if newer is None else STEP_COLUMNS[STEP_COLUMNS.index(newer) :]:
             database.execute(f"ALTER TABLE steps DROP COLUMN {column}")
+        database.execute("DROP TABLE episodes")
         database.execute(f"PRAGMA user_version = {version}")
     history = SqliteHistory(folder)
     history.start(asyncio.get_running_loop())

@@ -24,7 +24,7 @@ from oracle_server.history.pages import find, find_as
 from oracle_server.history.port import History
 from oracle_server.history.query import Query
 from oracle_server.history.records import Restated, StoredStep, restated, stored_revision
-from oracle_server.history.sqlite import history as sqlite_history
+from oracle_server.history.sqlite import batch
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.history.sqlite.standing import RESTATE
 from oracle_server.history.views import Doubts, View, records
@@ -201,7 +201,7 @@ async def test_what_stands_of_many_steps_is_told_while_others_are_served(
         threads.append(threading.current_thread().name)
         return restated(revisions)
 
-    monkeypatch.setattr(sqlite_history, "restated", noted)
+    monkeypatch.setattr(batch, "restated", noted)
     history = SqliteHistory(tmp_path)
     history.start(asyncio.get_running_loop())
     history.open_session(opened())

@@ -11,6 +11,7 @@ import msgspec
 import pytest
 
 from oracle_server.core.revisions import Revision
+from oracle_server.history.episodes import StoredEpisode
 from oracle_server.history.port import Done
 from oracle_server.history.records import SessionRecord, StoredStep
 from oracle_server.history.sqlite.history import SqliteHistory
@@ -31,9 +32,12 @@ BAD = 13
 class Choosy(SqliteHistory):
     """A history that gets some steps with an integer that SQLite refuses."""
 
-    def append(self, session: int, steps: Sequence[StoredStep], done: Done, revisions: Sequence[Revision] = ()) -> None:
+    def append(
+        self, session: int, steps: Sequence[StoredStep], done: Done, revisions: Sequence[Revision] = (),
+        episodes: Sequence[StoredEpisode] = (),
+    ) -> None:  # fmt: skip
         spoiled = [_spoiled(s) if s.step.signals.get("speed") == BAD else s for s in steps]
-        super().append(session, spoiled, done, revisions)
+        super().append(session, spoiled, done, revisions, episodes)
 
 
 def _spoiled(stored: StoredStep) -> StoredStep:

@@ -10,8 +10,11 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from oracle_server.core.revisions import Revision
+from oracle_server.history.records import restated
 from oracle_server.history.sqlite.rows import Row
 from oracle_server.history.sqlite.schema import REFUSED_COLUMNS, STEP_COLUMNS
+from oracle_server.history.sqlite.standing import RESTATE, restate_text
 
 COLUMNS = {"steps": STEP_COLUMNS, "refused": REFUSED_COLUMNS}
 """The tables into which rows are inserted many to a statement."""
@@ -24,6 +27,8 @@ _CHUNK = 64
 """The most rows of one statement: its values are bound while no other thread can run."""
 _LONG = 2**17
 """Characters of signals and explanations beyond which it has fewer: SQLite copies them."""
+OF_ONE = 64
+"""Steps of which something else stands, or episodes, that count as one row."""
 _TEXTS = [STEP_COLUMNS.index("signals"), STEP_COLUMNS.index("explanations")]
 
 
@@ -142,3 +147,10 @@ def _insert_at_once(database: sqlite3.Connection, table: str, rows: list[Row]) -
 
 def _length(rows: list[Row]) -> int:
     return sum(len(row[place] or "") for row in rows for place in _TEXTS)
+
+
+def restating(session: int, revisions: Sequence[Revision]) -> Then:
+    """What keeps what stands since revisions: 10,000 steps take 0.1 s to tell, while which others are served."""
+    standing = [stands for revision in revisions for stands in revision.standing.values()]
+    size = 1 + len(standing) // OF_ONE + sum(bool(stands.explanations) for stands in standing)
+    return Then(RESTATE, lambda: (restate_text(session, restated(revisions)),), size)

@@ -14,6 +14,7 @@ from typing import TypeVar
 from oracle_server.core.events import Order, StreamKey
 from oracle_server.core.revisions import Revision
 from oracle_server.core.verdicts import Outcome
+from oracle_server.history.episodes import EpisodeQuery, Page, StoredEpisode
 from oracle_server.history.port import Done
 from oracle_server.history.query import Query
 from oracle_server.history.readers import Readers
@@ -25,9 +26,9 @@ from oracle_server.history.records import (
     SessionRecord,
     SnapshotRecord,
     StoredStep,
-    restated,
 )
-from oracle_server.history.sqlite.batch import REFUSED, Then, Work
+from oracle_server.history.sqlite.batch import OF_ONE, REFUSED, Work, restating
+from oracle_server.history.sqlite.episodes import END, FORGET, keeping, read
 from oracle_server.history.sqlite.reader import Reader
 from oracle_server.history.sqlite.rows import (
     Row,
@@ -44,7 +45,7 @@ from oracle_server.history.sqlite.rows import (
     text,
 )
 from oracle_server.history.sqlite.schema import MONITOR_COLUMNS, REFUSED_COLUMNS, SESSION_COLUMNS, STEP_COLUMNS
-from oracle_server.history.sqlite.standing import LETTERS, RESTATE, restate_text
+from oracle_server.history.sqlite.standing import LETTERS
 from oracle_server.history.sqlite.writer import Durability, Writer
 
 T = TypeVar("T")
@@ -74,12 +75,10 @@ _LAST = 2**62
 """A position behind every step."""
 _FINAL = LETTERS[Outcome.TRUE], LETTERS[Outcome.FALSE]
 _OF_A_SESSION = (
-    ("steps", "session"), ("refused", "session"), ("monitors", "session"), ("snapshots", "session"),
-    ("sessions", "number"),
+    ("steps", "session"), ("episodes", "session"), ("refused", "session"), ("monitors", "session"),
+    ("snapshots", "session"), ("sessions", "number"),
 )  # fmt: skip
 """The tables that have rows of a session, and their columns with its number; itself at last."""
-_OF_ONE = 64
-"""Steps of which something else stands that count as one row."""
 _SIZE = (
     "SELECT (p.page_count - f.freelist_count) * s.page_size FROM pragma_page_count p, pragma_freelist_count f, "
     "pragma_page_size s"
@@ -155,6 +154,7 @@ class SqliteHistory:
 
     def close_session(self, session: int, at: int, state: Document, done: Done | None = None) -> None:
         """Keep that a session was closed."""
+        self._execute(session, END, lambda: (session,), needed=False, always=True)
         sql = "UPDATE sessions SET closed = ?, state = ? WHERE number = ?"
         self._execute(session, sql, lambda: (at, text(state), session), done, needed=False, always=True)
 
@@ -163,15 +163,21 @@ class SqliteHistory:
         sql = _insert("INSERT OR REPLACE INTO monitors", MONITOR_COLUMNS)
         self._execute(session, sql, lambda: monitor_row(session, monitor), done)
 
-    def append(self, session: int, steps: Sequence[StoredStep], done: Done, revisions: Sequence[Revision] = ()) -> None:
-        """Keep steps that were judged, and what stands of earlier ones."""
+    def append(
+        self, session: int, steps: Sequence[StoredStep], done: Done, revisions: Sequence[Revision] = (),
+        episodes: Sequence[StoredEpisode] = (),
+    ) -> None:  # fmt: skip
+        """Keep steps that were judged, what stands of earlier ones, and episodes."""
         try:
             rows = [step_row(session, step) for step in steps]
-            then = _restating(session, revisions) if revisions else None
+            kept = keeping(session, episodes) if episodes else ()
+            then = restating(session, revisions) if revisions else None
         except REFUSED as error:
             self._writer.add(Work(session, error, ()))
         else:
             self._writer.append(session, "steps", rows, done, then)
+            for sql, values in kept:  # in the same commit, as nothing is awaited
+                self._writer.add(Work(session, sql, values), 1 + len(episodes) // OF_ONE)
 
     def refuse(self, session: int, refusal: Refusal, done: Done) -> None:
         """Keep that an event was refused."""
@@ -189,6 +195,7 @@ class SqliteHistory:
 
     async def forget_steps(self, session: int, before: int) -> None:
         """Delete a session's steps before a position."""
+        self._execute(session, FORGET, lambda: (session, before), needed=False, always=True)
         await self._do(session, "DELETE FROM steps WHERE session = ? AND position < ?", (session, before))
 
     async def forget_session(self, session: int) -> None:
@@ -313,7 +320,7 @@ class SqliteHistory:
     ) -> int | None:
         """Give `take` steps that may hold a record that a query asks for."""
 
-        def read(reader: sqlite3.Connection) -> int | None:
+        def look(reader: sqlite3.Connection) -> int | None:
             first, last = reader.execute(_EXTENT, (session,)).fetchone()
             ahead = _LAST if query.violations else _SCAN  # violations have an index
             if query.ascending:
@@ -332,7 +339,11 @@ class SqliteHistory:
             at += 1 if query.ascending else -1
             return at if first <= at <= last else None
 
-        return await self._reader.run(read)
+        return await self._reader.run(look)
+
+    async def episodes(self, query: EpisodeQuery) -> Page:
+        """A page of the episodes that a query asks for."""
+        return await self._reader.run(lambda reader: read(reader, query))
 
     async def first_final(self, session: int, order: Order, index: int, upto: int) -> int | None:
         """The position of the first step at which a property is final."""
@@ -374,13 +385,6 @@ class SqliteHistory:
         """Bytes that the history takes."""
         (size,) = await self._reader.row(_SIZE)
         return int(size)
-
-
-def _restating(session: int, revisions: Sequence[Revision]) -> Then:
-    """What keeps what stands since revisions: 10,000 steps take 0.1 s to tell, while which others are served."""
-    standing = [stands for revision in revisions for stands in revision.standing.values()]
-    size = 1 + len(standing) // _OF_ONE + sum(bool(stands.explanations) for stands in standing)
-    return Then(RESTATE, lambda: (restate_text(session, restated(revisions)),), size)
 
 
 def _refusal_of(row: Row) -> Refusal:
