@@ -155,7 +155,8 @@ async def _serve(settings: Settings, library: Library, history: History, door: _
             timeout_graceful_shutdown=_STOP_WITHIN,
             ssl_context_factory=(lambda *_: tls) if tls else None,
         )
-        beside = [asyncio.create_task(work) for work in (pruner.run(settings.retain_check), access.watch())]
+        works = (pruner.run(settings.retain_check), access.watch(), history.catch_up())
+        beside = [asyncio.create_task(work) for work in works]
         try:
             await _Server(config, registry, settings, door.pid_file).serve(sockets=[door.listener])
         finally:

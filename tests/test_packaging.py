@@ -12,6 +12,7 @@ from pathlib import Path
 
 import httpx
 import pytest
+import yaml
 from prometheus_client.parser import text_string_to_metric_families
 
 from tests.chaos.served import Served
@@ -73,14 +74,68 @@ async def test_the_server_needs_no_memory_that_is_writable_and_executable(tmp_pa
         await served.close()
 
 
-def test_the_dashboard_asks_for_what_there_is(tmp_path: Path) -> None:
-    specs = tmp_path / "specs"
-    specs.mkdir()
-    with Server(specs, tmp_path / "data") as server:
+@pytest.fixture(scope="module")
+def metrics(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
+    """The names of the samples that a server gives."""
+    folder = tmp_path_factory.mktemp("server")
+    with Server(copy_specs(folder / "specs"), folder / "data") as server:
+        assert server.http.post("/api/v1/sessions", json={"spec": "single"}).status_code == 201
         text = server.http.get("/metrics").text
-    there = {sample.name for family in text_string_to_metric_families(text) for sample in family.samples}
-    board = json.loads((FOLDER / "grafana-dashboard.json").read_text())
-    asked = [target["expr"] for panel in board["panels"] for target in panel["targets"]]
-    names = set(re.findall(r"\b(?:oracle|process)_\w+", " ".join(asked)))
-    assert len(names) > 15
-    assert names <= there
+    return {sample.name for family in text_string_to_metric_families(text) for sample in family.samples}
+
+
+def names(expressions: list[str]) -> set[str]:
+    return set(re.findall(r"\b(?:oracle|process)_\w+", " ".join(expressions)))
+
+
+BOARD = json.loads((FOLDER / "grafana-dashboard.json").read_text())
+
+
+def test_the_dashboard_asks_for_what_there_is(metrics: set[str]) -> None:
+    asked = names([target["expr"] for panel in BOARD["panels"] for target in panel["targets"]])
+    assert len(asked) > 15
+    assert asked <= metrics
+
+
+def test_the_dashboard_is_as_grafana_takes_it() -> None:
+    """The parts of its schema that it uses (39): ids, places on a grid of 24 columns, sources and queries."""
+    assert BOARD["schemaVersion"] == 39
+    panels = BOARD["panels"]
+    assert len({panel["id"] for panel in panels}) == len(panels)
+    taken: set[tuple[int, int]] = set()
+    for panel in panels:
+        place = panel["gridPos"]
+        assert 0 <= place["x"] <= place["x"] + place["w"] <= 24
+        cells = {
+            (x, y)
+            for x in range(place["x"], place["x"] + place["w"])
+            for y in range(place["y"], place["y"] + place["h"])
+        }
+        assert not cells & taken, panel["title"]
+        taken |= cells
+        assert panel["type"] in ("timeseries", "table", "stat")
+        assert panel["datasource"] == {"type": "prometheus", "uid": "${datasource}"}
+        assert panel["fieldConfig"].keys() == {"defaults", "overrides"}
+        refs = [target["refId"] for target in panel["targets"]]
+        assert len(set(refs)) == len(refs)
+        assert all(target["expr"].count("(") == target["expr"].count(")") for target in panel["targets"])
+    variables = {variable["name"] for variable in BOARD["templating"]["list"]}
+    used = re.findall(r"\$\{?(\w+)", json.dumps(panels))
+    assert set(used) <= variables | {"__rate_interval"}
+
+
+def test_the_rules_are_as_prometheus_takes_them_and_ask_for_what_there_is(metrics: set[str]) -> None:
+    document = yaml.safe_load((FOLDER / "prometheus-rules.yml").read_text())
+    assert document.keys() == {"groups"}
+    rules = [rule for group in document["groups"] for rule in group["rules"]]
+    assert len({rule["alert"] for rule in rules}) == len(rules) > 5
+    for rule in rules:
+        assert rule.keys() <= {"alert", "expr", "for", "labels", "annotations"}
+        assert re.fullmatch(r"[A-Z]\w+", rule["alert"])
+        assert re.fullmatch(r"\d+[smh]", rule.get("for", "1m"))
+        assert rule["labels"]["severity"] in ("page", "warning", "info")
+        assert rule["annotations"].keys() <= {"summary", "description"}
+        assert rule["expr"].count("(") == rule["expr"].count(")")
+    asked = names([rule["expr"] for rule in rules])
+    assert len(asked) > 7
+    assert asked <= metrics

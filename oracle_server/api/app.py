@@ -5,7 +5,7 @@ from __future__ import annotations
 from fastapi import APIRouter, FastAPI, WebSocket
 
 from oracle_server import __version__
-from oracle_server.api import episodes, health, metrics, pages, sessions, specs, stream, verdicts
+from oracle_server.api import episodes, health, metrics, pages, sessions, specs, stream, timeline, verdicts
 from oracle_server.attach.connection import Connection
 from oracle_server.attach.rosmonitoring import legacy_routes
 from oracle_server.edge import problems
@@ -41,11 +41,12 @@ def build_app(
     )
     problems.install(app)
     app.include_router(health.router(history))
-    app.include_router(specs.router(library, registry))
+    app.include_router(specs.router(library, registry, history))
     app.include_router(sessions.router(registry, history))
     app.include_router(verdicts.router(registry, history))
     app.include_router(episodes.router(registry, history))
     app.include_router(stream.router(registry, history))
+    app.include_router(timeline.router(registry, history))
     app.include_router(metrics.router(registry, history, watchdog))
     app.include_router(pages.router(app))
     app.include_router(_attach_route(registry, max_rate))

@@ -1,18 +1,23 @@
-"""`/metrics` for Prometheus. No label has sessions or topics as values, so that the number of series is bounded."""
+"""`/metrics` for Prometheus. The number of series is bounded: no label has sessions or topics as values."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import asyncio
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 
 from fastapi import APIRouter, Request, Response
 from prometheus_client import CollectorRegistry, ProcessCollector, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
 from prometheus_client.registry import Collector
 
+from oracle_server.api.packing import packed_answer
 from oracle_server.core.tally import BOUNDS
+from oracle_server.core.verdicts import Outcome
 from oracle_server.edge.access import demand_all
 from oracle_server.edge.scopes import needs
-from oracle_server.history.port import Writing
+from oracle_server.history.port import History, Writing
 from oracle_server.process.watchdog import Watchdog
 from oracle_server.sessions.counters import DECISION_BOUNDS
 from oracle_server.sessions.registry import Registry
@@ -25,19 +30,19 @@ _SESSION_COUNTERS = {
     "duplicates": "Events that were received again",
     "denied": "Events that were denied",
     "refused": "Events that could not be read, or of an unknown stream",
-    "violations": "Verdicts at which a property became negative",
     "revised": "Revisions of verdicts, by events that came late",
     "retracted": "Violations that do not stand, by events that came late",
     "engine_failures": "Engines that failed and judge no further events",
 }
+_NEGATIVE = (Outcome.FALSE, Outcome.CURRENTLY_FALSE)
+Pairs = Mapping[tuple[str, str], int]
+"""Numbers by spec and property."""
 _CONTENT = "text/plain; version=0.0.4; charset=utf-8"
 
 
-def router(registry: Registry, history: Writing, watchdog: Watchdog) -> APIRouter:
+def router(registry: Registry, history: History, watchdog: Watchdog) -> APIRouter:
     """The route of the metrics."""
-    collectors = CollectorRegistry()
-    collectors.register(ServerCollector(registry, history, watchdog))
-    ProcessCollector(registry=collectors)
+    collector = ServerCollector(registry, history, watchdog)
     routes = APIRouter(tags=["health"])
 
     @routes.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
@@ -45,13 +50,54 @@ def router(registry: Registry, history: Writing, watchdog: Watchdog) -> APIRoute
     async def metrics(request: Request) -> Response:
         """The server's numbers, for Prometheus; not for a token that is bound to some specs or sessions."""
         demand_all(request)
-        return Response(generate_latest(collectors), headers={"Content-Type": _CONTENT})
+        families, counts = [*collector.collect()], dict(registry.counters.violated.counts)
+        violated = await _violated(registry)
+        answer = await packed_answer(request, history, partial(_rendered, families, counts, violated))
+        answer.headers["Content-Type"] = _CONTENT
+        return answer
 
     return routes
 
 
-class ServerCollector(Collector):
-    """Collects the metrics of one server."""
+async def _violated(registry: Registry) -> Counter[tuple[str, str]]:
+    """In how many open sessions each property does not hold at present, by spec and property."""
+    found: Counter[tuple[str, str]] = Counter()
+    for session in [*registry.open.values()]:
+        for state in next(iter(session.core.judges.values())).told.properties:
+            if state.outcome in _NEGATIVE:
+                found[registry.counters.violated.pair(session.spec.id, state.property.id)] += 1
+        await asyncio.sleep(0)  # so that decisions wait for one session, not for a thousand
+    return found
+
+
+def _rendered(families: list[Metric], counts: Pairs, violated: Pairs) -> bytes:
+    """All metrics as text; in a thread, since there may be thousands of lines."""
+    labels = ["spec", "property"]
+    total = CounterMetricFamily("oracle_violations", "Verdicts at which a property became negative", labels=labels)
+    now = "Open sessions in which a property does not hold at present"
+    present = GaugeMetricFamily("oracle_violated", now, labels=labels)
+    for pair, count in counts.items():
+        total.add_metric(pair, count)
+        present.add_metric(pair, violated.get(pair, 0))
+    collectors = CollectorRegistry()
+    collectors.register(_Made([*families, total, present]))
+    ProcessCollector(registry=collectors)
+    return generate_latest(collectors)
+
+
+class _Made(Collector):
+    """Metrics that were collected before."""
+
+    def __init__(self, families: list[Metric]) -> None:
+        self._families = families
+
+    def collect(self) -> Iterator[Metric]:
+        """These metrics."""
+        return iter(self._families)
+
+
+class ServerCollector:
+    """Collects the metrics of one server, those by property aside."""
 
     def __init__(self, registry: Registry, history: Writing, watchdog: Watchdog) -> None:
         self._registry, self._history, self._watchdog = registry, history, watchdog
@@ -91,6 +137,8 @@ class ServerCollector(Collector):
         depths.add_metric(["monitors"], sum(getattr(outbox, "queued", 0) for outbox in outboxes))
         yield depths
         yield GaugeMetricFamily("oracle_sessions", "Open sessions", len(sessions))
+        idle = sum(s.presence.is_idle(s.clock.now()) for s in sessions)
+        yield GaugeMetricFamily("oracle_sessions_idle", "Open sessions without a monitor for 10 minutes", idle)
         troubled = sum(s.trouble is not None for s in sessions) + len(self._registry.unrestored)
         what = "Sessions that are not judged: restoring them failed, or nothing more of them can be kept"
         yield GaugeMetricFamily("oracle_sessions_in_trouble", what, troubled)

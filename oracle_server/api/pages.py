@@ -13,10 +13,11 @@ from importlib.resources.abc import Traversable
 from pathlib import PurePath
 from typing import Any
 
-from fastapi import APIRouter, FastAPI
+from fastapi import APIRouter, FastAPI, Request
 from fastapi.openapi.docs import get_swagger_ui_html
 from fastapi.responses import Response
 
+from oracle_server.api.packing import File
 from oracle_server.edge.scopes import needs
 
 _TYPES = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
@@ -89,7 +90,9 @@ def _docs_policy(page: str) -> str:
 
 
 def _add_file(routes: APIRouter, path: str, content: bytes, kind: str, headers: dict[str, str]) -> None:
+    file = File(content, kind, headers)
+
     @routes.get(path)
     @needs(None)
-    async def serve() -> Response:
-        return Response(content, media_type=kind, headers=headers)
+    async def serve(request: Request) -> Response:
+        return file.answer(request)

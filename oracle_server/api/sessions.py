@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import asyncio
-from functools import partial
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Body, HTTPException, Request, Response
 from pydantic import BaseModel, ConfigDict
 
 from oracle_server.api.known import demand_name, demand_session, state_of, unknown_spec
+from oracle_server.api.packing import json_answer
 from oracle_server.edge.access import demand, grant_of
 from oracle_server.edge.scopes import needs
 from oracle_server.history.port import History
 from oracle_server.sessions.registry import Registry, SessionExistsError, SessionStaysOpenError
 from oracle_server.specfiles.library import UnknownSpecError
 from oracle_server.wire.incoming import Identifier
-from oracle_server.wire.json import encode_bytes
 
 _COMMIT_WITHIN = _CLOSE_WITHIN = 10.0
 """Seconds for a session to be committed, or closed, before a request is answered by 503."""
@@ -47,7 +46,7 @@ def router(registry: Registry, history: History) -> APIRouter:
         """List all sessions, open ones first."""
         grant, states = grant_of(request), await registry.states()
         document = {"items": [s for s in states if grant.covers(spec=s["spec"], session=s["id"])]}
-        return Response(await history.in_thread(partial(encode_bytes, document)), media_type="application/json")
+        return await json_answer(request, history, document)
 
     @routes.post("/sessions", status_code=201)
     @needs("submit")
@@ -69,12 +68,12 @@ def router(registry: Registry, history: History) -> APIRouter:
         session.check_kept()
         return await state_of(registry, session.id)
 
-    @routes.get("/sessions/{session_id}")
+    @routes.get("/sessions/{session_id}", response_model=dict[str, Any])
     @needs("read")
-    async def get_session(session_id: str, request: Request) -> dict[str, Any]:
+    async def get_session(session_id: str, request: Request) -> Response:
         """Get a session's state."""
         await demand_session(request, registry, session_id)
-        return await state_of(registry, session_id)
+        return await json_answer(request, history, await state_of(registry, session_id))
 
     @routes.delete("/sessions/{session_id}")
     @needs("admin")

@@ -10,11 +10,13 @@ from pydantic import BaseModel, Field
 from starlette.requests import ClientDisconnect
 
 from oracle_server.api.known import unknown_spec, visible_specs
+from oracle_server.api.packing import packed_answer
 from oracle_server.core.derived.words import described
 from oracle_server.core.errors import SpecError
 from oracle_server.core.kinds import Kind
 from oracle_server.edge.access import demand
 from oracle_server.edge.scopes import needs
+from oracle_server.history.port import Reading
 from oracle_server.sessions.registry import Registry
 from oracle_server.specfiles.library import Entry, Library, UnknownSpecError, Unsound
 from oracle_server.wire.incoming import Identifier
@@ -69,20 +71,21 @@ class SpecList(BaseModel):
     items: list[SpecDocument]
 
 
-def router(library: Library, registry: Registry) -> APIRouter:
+def router(library: Library, registry: Registry, history: Reading) -> APIRouter:
     """The routes of the specs."""
     routes = APIRouter(prefix="/api/v1", tags=["specs"])
 
-    @routes.get("/specs", response_model_exclude_unset=True)
+    @routes.get("/specs", response_model=SpecList)
     @needs("read")
-    async def list_specs(request: Request) -> SpecList:
+    async def list_specs(request: Request) -> Response:
         """List the specs that the token lets you see; `problem` is why a file can't be used."""
         seen = await visible_specs(request, registry)
-        return await library.in_thread(partial(_listed, library, seen))
+        listed = await library.in_thread(partial(_listed, library, seen))
+        return await packed_answer(request, history, partial(_encoded, listed))
 
-    @routes.get("/specs/{spec_id}", response_model_exclude_unset=True)
+    @routes.get("/specs/{spec_id}", response_model=SpecDocument)
     @needs("read")
-    async def get_spec(spec_id: str, request: Request) -> SpecDocument:
+    async def get_spec(spec_id: str, request: Request) -> Response:
         """Get a spec with its text."""
         seen = await visible_specs(request, registry)
         if seen is not None and spec_id not in seen:
@@ -91,7 +94,7 @@ def router(library: Library, registry: Registry) -> APIRouter:
             entry = await library.find(spec_id)
         except UnknownSpecError as error:
             unknown_spec(request, error)
-        return _document(entry, text=entry.file.text)
+        return await packed_answer(request, history, partial(_encoded, _document(entry, text=entry.file.text)))
 
     @routes.put(
         "/specs/{spec_id}",
@@ -127,6 +130,10 @@ def _listed(library: Library, seen: frozenset[str] | None) -> SpecList:
         except SpecError as error:
             found.append(_document(entry, problem=str(error)))
     return SpecList(items=found)
+
+
+def _encoded(document: BaseModel) -> bytes:
+    return document.model_dump_json(exclude_unset=True).encode()
 
 
 def _refused(entry: Unsound) -> SpecDocument:

@@ -18,6 +18,7 @@ from fastapi.sse import KEEPALIVE_COMMENT, EventSourceResponse, format_sse_event
 
 from oracle_server.api.known import demand_session, doubts_of
 from oracle_server.api.questions import Number, Outcomes, chosen
+from oracle_server.api.summaries import summaries
 from oracle_server.core.records import VerdictRecord
 from oracle_server.edge.scopes import needs
 from oracle_server.history.pages import find_as, latest
@@ -43,7 +44,12 @@ def router(registry: Registry, history: Reading) -> APIRouter:
     @routes.get(
         "/sessions/{session_id}/stream",
         response_class=StreamingResponse,
-        responses={200: {"content": {"text/event-stream": {}}, "description": "Verdict records; the id is their n"}},
+        responses={
+            200: {
+                "content": {"text/event-stream": {}},
+                "description": "Verdict records; the id is their n. With `summary`: events of that name",
+            }
+        },
     )
     @needs("read")
     async def stream_verdicts(
@@ -54,12 +60,18 @@ def router(registry: Registry, history: Reading) -> APIRouter:
         violations: Annotated[bool, Query(description="Violations only")] = False,
         after: Number = 0,
         last_event_id: Annotated[str | None, Header(description="The id of the last event that was read")] = None,
+        summary: Annotated[bool, Query(description="The session's state in place of verdicts")] = False,
     ) -> EventSourceResponse:
         """Stream the verdicts after `after` or Last-Event-ID, then new ones; the event `closed` is the last one.
 
-        Revisions are among them, unless what was said at first is asked for.
+        Revisions are among them, unless what was said at first is asked for. With `summary=true` there are no verdicts,
+        but events `summary`: the session's state, then what has changed of it, twice a second at most.
         """
         known = await demand_session(request, registry, session_id)
+        if summary:
+            if {*request.query_params} - {"summary"}:
+                raise HTTPException(422, "summary: stands alone, since it selects no verdicts")
+            return EventSourceResponse(summaries(registry, session_id), headers={"Cache-Control": "no-store"})
         begin = after if last_event_id is None else _number(last_event_id)
         asked = replace(question, outcomes=frozenset(outcome), violations=violations)
         wanted = replace(asked, after=begin, limit=_PAGE, follows=True)

@@ -16,12 +16,13 @@ from starlette.responses import StreamingResponse
 from oracle_server.api.explaining import Explainer
 from oracle_server.api.known import demand_session, doubts_of
 from oracle_server.api.leaving import unless_left
+from oracle_server.api.packing import json_answer, packed_answer
 from oracle_server.api.questions import As, Outcomes, paged
 from oracle_server.edge.scopes import needs
 from oracle_server.history.pages import find_as
 from oracle_server.history.port import History
 from oracle_server.history.query import Query as Question
-from oracle_server.history.records import Document
+from oracle_server.review.changes import changed_records
 from oracle_server.review.explanation import NoExplanationError
 from oracle_server.review.trace import trace_lines
 from oracle_server.sessions.registry import Registry
@@ -47,8 +48,9 @@ def router(registry: Registry, history: History) -> APIRouter:
     async def page(request: Request, session_id: str, question: Question) -> Response:
         known, doubts = await demand_session(request, registry, session_id), doubts_of(registry, session_id)
         items, after = await unless_left(request, find_as(history, known, question, encode_bytes, doubts))
-        body = b'{"items":[%b],"next":%b}' % (b",".join(items), encode_bytes(after))
-        return Response(body, media_type="application/json")
+        return await packed_answer(
+            request, history, lambda: b'{"items":[%b],"next":%b}' % (b",".join(items), encode_bytes(after))
+        )
 
     @routes.get("/sessions/{session_id}/verdicts", response_model=RecordPage)
     @needs("read")
@@ -87,7 +89,7 @@ def router(registry: Registry, history: History) -> APIRouter:
             raise HTTPException(409, str(error)) from None
         if record is None:
             raise HTTPException(404, f"session '{session_id}' has no verdict {n} in its history yet")
-        return Response(encode_bytes(record), media_type="application/json")
+        return await json_answer(request, history, record)
 
     @routes.get(
         "/sessions/{session_id}/trace",
@@ -102,10 +104,25 @@ def router(registry: Registry, history: History) -> APIRouter:
             _json_lines(history, trace_lines(history, known.number)), media_type="application/jsonl"
         )
 
+    @routes.get(
+        "/sessions/{session_id}/changes",
+        response_class=StreamingResponse,
+        responses={200: {"content": {"application/jsonl": {}}, "description": "Verdict records, one a line"}},
+    )
+    @needs("read")
+    async def get_changes(request: Request, session_id: str) -> StreamingResponse:
+        """Get the verdict records, as they stand, at which a property's outcome, `degraded` or robustness is new.
+
+        As JSON Lines, in the sequence in which they were judged, with each violation, the first record of each property
+        and its last: what there is to draw, without the many records between at which nothing changed.
+        """
+        known = await demand_session(request, registry, session_id)
+        return StreamingResponse(_json_lines(history, changed_records(history, known)), media_type="application/jsonl")
+
     return routes
 
 
-async def _json_lines(history: History, pages: AsyncGenerator[list[Document], None]) -> AsyncIterator[bytes]:
+async def _json_lines(history: History, pages: AsyncGenerator[Sequence[object], None]) -> AsyncIterator[bytes]:
     """The lines as text, in chunks of `_CHUNK`; the next one is made when the client has read the last one."""
     async with aclosing(pages):
         async for lines in pages:
@@ -113,5 +130,5 @@ async def _json_lines(history: History, pages: AsyncGenerator[list[Document], No
                 yield await history.in_thread(partial(_joined, lines[start : start + _CHUNK]))
 
 
-def _joined(lines: Sequence[Document]) -> bytes:
+def _joined(lines: Sequence[object]) -> bytes:
     return b"".join(encode_bytes(line) + b"\n" for line in lines)

@@ -14,6 +14,7 @@ from oracle_server.attach.conversation import MAX_QUEUE, Conversation, Received
 from oracle_server.attach.throttle import Throttle
 from oracle_server.attach.timeout import ReusableTimeout
 from oracle_server.core.errors import HistoryError
+from oracle_server.core.weakly import weakly
 from oracle_server.edge.access import grant_of
 from oracle_server.edge.transport import DIRECT, WebSocketTransport
 from oracle_server.sessions.greeting import attached_frame
@@ -68,7 +69,7 @@ class Connection:
         self._idle = False  # the reader waits for a frame
         self._due_pause = 0.0  # seconds to wait before the next frame is processed
         self._backlog: asyncio.TimerHandle | None = None
-        self._stalled = ReusableTimeout(_STALLED, self._give_up)
+        self._stalled = ReusableTimeout(_STALLED, weakly(self._give_up))
         self._tasks: list[asyncio.Task[None]] = []
 
     # For the session

@@ -41,8 +41,16 @@ class Client:
 
     def get(self, path: str, within: float = _WITHIN, **query: Any) -> dict[str, Any]:
         """Get a document within `within` seconds. Raises `ServerUnreachableError`."""
+        return self._document("GET", path, within, **query)
+
+    def delete(self, path: str, within: float) -> dict[str, Any]:
+        """Delete what a document is of, and get it as it is then. Raises `ServerUnreachableError`."""
+        return self._document("DELETE", path, within)
+
+    def _document(self, method: str, path: str, within: float, **query: Any) -> dict[str, Any]:
         with self._reaching():
-            response = self._http.get(path, params={k: v for k, v in query.items() if v is not None}, timeout=within)
+            params = {k: v for k, v in query.items() if v is not None}
+            response = self._http.request(method, path, params=params, timeout=within)
             document: dict[str, Any] = response.json()
         if response.is_error:
             raise ServerUnreachableError(f"{self._url}: {document.get('detail', response.reason_phrase)}")

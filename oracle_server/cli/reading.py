@@ -1,4 +1,4 @@
-"""The commands that read a running server: `specs`, `sessions`, `verdicts`, `episodes` and `record`."""
+"""The commands for a running server: `specs`, `sessions`, `verdicts`, `episodes`, `record` and `close`."""
 
 from __future__ import annotations
 
@@ -86,8 +86,21 @@ def record(
     url: UrlOption = _DEFAULT_URL,
     token: TokenOption = None,
 ) -> None:
-    """Store what the monitors of a session sent, for `replay`."""
+    """Store a session for `replay`; a file named .mcap is for Foxglove, too."""
     from oracle_server.cli.client import Client
     from oracle_server.cli.record import record_session
 
     record_session(Client(url, token), session, out)
+
+
+def close(
+    session: Annotated[str, typer.Argument(metavar="SESSION")],
+    url: UrlOption = _DEFAULT_URL,
+    token: TokenOption = None,
+    as_json: AsJson = False,
+) -> None:
+    """Judge what a session holds, and close it; its history stays, and can be read."""
+    from oracle_server.cli.client import Client
+    from oracle_server.cli.tables import show_closed
+
+    show_closed(Client(url, token), session, as_json=as_json)

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-
-import msgspec
 
 from oracle_server.cli.client import Client
 from oracle_server.core.errors import TraceError
 from oracle_server.core.units import counted
+from oracle_server.foxglove.file import write_mcap
 from oracle_server.process.progress import Show, progress
-from oracle_server.replay.mcap import write_mcap
 
 
 def record_session(client: Client, session: str, out: Path) -> None:
@@ -23,7 +21,8 @@ def record_session(client: Client, session: str, out: Path) -> None:
     if out.suffix not in (".mcap", ".jsonl"):
         raise TraceError(f"{out}: name it .mcap or .jsonl")
     with progress(f"{session} to {out.name}", "lines") as show:
-        count = _write(_told(client.lines(f"sessions/{session}/trace"), show), out)
+        lines = _told(client.lines(f"sessions/{session}/trace"), show)
+        count = _write(lines, lambda: client.lines(f"sessions/{session}/changes"), out)
     sys.stdout.write(f"{out}: {counted(count, 'line')} of {session}\n")
 
 
@@ -33,11 +32,11 @@ def _told(lines: Iterable[bytes], show: Show) -> Iterator[bytes]:
         yield line
 
 
-def _write(lines: Iterator[bytes], out: Path) -> int:
+def _write(lines: Iterator[bytes], changes: Callable[[], Iterator[bytes]], out: Path) -> int:
     part = out.with_name(out.name + ".part")
     try:
         if out.suffix == ".mcap":
-            count = write_mcap(part, (msgspec.json.decode(line) for line in lines))
+            count = write_mcap(part, lines, changes)
         else:
             with part.open("wb") as file:
                 count = sum(1 for line in lines if file.write(line + b"\n"))

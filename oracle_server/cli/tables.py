@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from typing import Any
+from urllib.parse import quote
 
 from rich.console import Console
 from rich.table import Table
@@ -20,6 +21,9 @@ from oracle_server.core.naming import first_name, moment
 from oracle_server.edge.tokens import Token
 from oracle_server.process.progress import progress
 
+_SESSIONS = ("session", "spec", "status", "monitors", "steps", "violations", "first at")
+_CLOSED_WITHIN = 30.0
+"""Seconds for a session to be closed: the server answers after ten."""
 _EXPLAINED_WITHIN = 600.0
 """Seconds for an explanation, for which all earlier steps are judged again."""
 
@@ -45,10 +49,16 @@ def show_sessions(client: Client, *, as_json: bool) -> None:
     """Print all sessions."""
     document = client.get("sessions")
     rows = [_session_row(state) for state in document["items"]]
-    show(document, ("session", "spec", "status", "monitors", "steps", "violations", "first at"), rows, as_json=as_json)
+    show(document, _SESSIONS, rows, as_json=as_json)
     if not as_json:
         for state in document["items"]:
             _show_caveats(state, f"{state['id']}: ")
+
+
+def show_closed(client: Client, session: str, *, as_json: bool) -> None:
+    """Close a session, and print how it ended."""
+    state = client.delete(f"sessions/{quote(session, safe='')}", _CLOSED_WITHIN)
+    show({"items": [state]}, _SESSIONS, [_session_row(state)], as_json=as_json)
 
 
 def show_verdicts(
@@ -146,12 +156,18 @@ def _session_row(state: dict[str, Any]) -> tuple[str, ...]:
     return (
         state["id"],
         state["spec"],
-        state["status"],
+        _status(state),
         str(attached),
         _cell(state["counters"]["steps"]),
         _cell(violations),
         _first(state["properties"]),
     )
+
+
+def _status(state: dict[str, Any]) -> str:
+    """How a session stands, in a word or two; what an older version closed has fewer keys."""
+    status = next((word for word in ("live", "idle") if state.get(word)), state["status"])
+    return f"{status}, recording" if state.get("kind") == "recording" else status
 
 
 def _first(properties: Sequence[dict[str, Any]]) -> str:

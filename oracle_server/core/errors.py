@@ -7,6 +7,7 @@
     - `TraceError`: a recording that can't be used
     - `EngineError`: an engine that can't judge any more
     - `HistoryError`: a history that can't be opened or read
+        - `UnpreparedError`: a session that an older version has written, and whose timeline is not made yet
 
 and, where they are raised:
 
@@ -128,3 +129,7 @@ class EngineError(OracleError):
 
 class HistoryError(OracleError):
     """A history that can't be opened or read."""
+
+
+class UnpreparedError(HistoryError):
+    """A session that an older version has written, and whose timeline is not made yet."""

@@ -23,6 +23,7 @@ from oracle_server.core.snapshot import JudgeSnapshot
 from oracle_server.core.spec import Property
 from oracle_server.core.telling import Telling
 from oracle_server.core.verdicts import NEGATIVE, Decision, Judged, Outcome, Verdict
+from oracle_server.core.weakly import weakly
 
 _NO_ONE = frozenset[int]()
 
@@ -72,8 +73,8 @@ class Judge(Telling):
         self._recent = Recent()
         self._tick: tuple[int, Mapping[str, Scalar], Names] | None = None
         for i, state in enumerate(self.properties):
-            state.past = partial(self._past, i)
-            state.hear(self._event)
+            state.past = partial(weakly(self._past), i)
+            state.hear(weakly(self._event))
             state.lacking = partial(self._derived.complaint, state.property.atoms)
 
     def _state(self, prop: Property, engine: Engine, grace: int) -> PropertyState:

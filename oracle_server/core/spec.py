@@ -161,6 +161,8 @@ class Spec:
     description: str = ""
     digest: str = ""
     retention: Retention = Retention()
+    close_after: int | None = None
+    """For how long (ns) an open session may be without a monitor before it is closed; None for any time."""
     derive: tuple[Definition, ...] = ()
     gap: int = GAP
     """Violations of a property less than so long (ns) after the last one are one episode."""

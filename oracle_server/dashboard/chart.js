@@ -33,10 +33,12 @@ export function chartView(id, n) {
   function draw(by) {
     const columns = columnsOf(records, by.properties.length, said).filter((each) => each.order === order);
     const scrolled = scrolledBack(picture.node.firstChild);
+    const focused = picture.node.contains(document.activeElement) && document.activeElement.getAttribute("href");
     const changed = picture.show({ ...by, order, witnesses, columns }, (shown) => drawn(shown, (other) => {
       order = other;
       draw(by);
     }));
+    if (changed && focused) focusOn([...picture.node.querySelectorAll("td > a")].find((each) => each.getAttribute("href") === focused));
     if (!by.n && changed && !scrolled) picture.node.firstChild.scrollLeft = Number.MAX_SAFE_INTEGER;
     const chosen = by.n && moved && picture.node.querySelector(".chosen");
     if (chosen) chosen.scrollIntoView({ block: "center", inline: "center" });
@@ -78,7 +80,10 @@ function columnsOf(records, width, said) {
 }
 
 function drawn({ id, n, order, orders, properties, witnesses, columns }, choose) {
-  if (!columns.length) return h("p", { class: "hint" }, "Nothing was judged yet.");
+  if (!columns.length) {
+    return n ? [h("p", { class: "hint" }, `There are no steps around verdict ${n}.`), h("p", { class: "tools" }, moves(id, n, columns))]
+      : h("p", { class: "hint" }, "Nothing was judged yet.");
+  }
   const explains = (each) => witnesses.includes(each.step) && "witness";
   const row = (name, cells) => h("tr", {}, h("th", { scope: "row", title: name }, name), cells);
   const head = columns.map((each) => h("th", { scope: "col", class: explains(each) }, number(each)));
@@ -86,13 +91,42 @@ function drawn({ id, n, order, orders, properties, witnesses, columns }, choose)
   const events = lanes.map((name) => row(name, columns.map((each) =>
     lane(each) === name ? h("td", { class: explains(each), title: title(each) }, sign(each)) : h("td"))));
   const outcomes = properties.map((name) => row(name, columns.map((each) => h("td", {}, cell(id, n, name, each)))));
+  const cells = outcomes.flatMap((each) => [...each.querySelectorAll("a")]);
+  const first = cells.find((each) => each.classList.contains("chosen")) ?? outcomes[0]?.querySelector("td:last-child > a") ?? cells[0];
+  for (const each of cells) each.tabIndex = each === first ? 0 : -1; // one stop; arrow keys go on from there
   return [
-    h("div", { class: "scroll", tabindex: 0 },
-      h("table", {}, h("thead", {}, h("tr", {}, h("th", {}, "step"), head)), h("tbody", {}, events, outcomes))),
+    h("div", { class: "scroll", onkeydown: moveFocus },
+      h("table", { "aria-label": "steps; arrow keys go from verdict to verdict" }, h("thead", {}, h("tr", {}, h("th", {}, "step"), head)), h("tbody", {}, events, outcomes))),
     h("p", { class: "tools" }, n ? moves(id, n, columns) : newest(),
       orders.length < 2 ? null : orders.map((each) =>
         h("button", { "aria-pressed": String(each === order), onclick: () => choose(each) }, `by ${each}`))),
   ];
+}
+
+const ARROWS = { ArrowLeft: [0, -1], ArrowRight: [0, 1], ArrowUp: [-1, 0], ArrowDown: [1, 0] };
+
+/** Go from a verdict to the next one in the direction of an arrow key. */
+function moveFocus(pressed) {
+  const [down, right] = ARROWS[pressed.key] ?? [];
+  const from = pressed.target.closest("td");
+  if (down === undefined || !from) return;
+  pressed.preventDefault();
+  const body = from.closest("tbody");
+  let [y, x] = [[...body.rows].indexOf(from.parentNode), from.cellIndex];
+  for (;;) {
+    [y, x] = [y + down, x + right];
+    const to = body.rows[y]?.cells[x];
+    if (!to) return;
+    if (to.firstChild instanceof HTMLAnchorElement) return focusOn(to.firstChild);
+  }
+}
+
+/** Move the focus to a verdict, and the one stop of the Tab key with it. */
+function focusOn(link) {
+  if (!link) return;
+  for (const each of link.closest("tbody").querySelectorAll("a[tabindex='0']")) each.tabIndex = -1;
+  link.tabIndex = 0;
+  link.focus();
 }
 
 function newest() {
@@ -102,7 +136,7 @@ function newest() {
 function moves(id, n, columns) {
   const outcomes = columns.flatMap((each) => Object.entries(each.outcomes));
   const property = outcomes.find(([, outcome]) => outcome.n === n)?.[0];
-  const [first, last] = [columns[0], columns.at(-1)].map((each) => each.outcomes[property]?.n ?? n);
+  const [first, last] = [columns[0], columns.at(-1)].map((each) => each?.outcomes[property]?.n ?? n);
   return [
     first < n && h("a", { href: at(id, first) }, "← Earlier"),
     last > n && h("a", { href: at(id, last) }, "Later →"),

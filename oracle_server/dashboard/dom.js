@@ -14,7 +14,7 @@ export function h(name, attributes = {}, ...children) {
 /** A table with a head; each row is a list of cells, or a row element. */
 export function table(name, head, rows) {
   const cells = (row) => h("tr", {}, row.map((cell) => h("td", {}, cell)));
-  return h("table", { class: name },
+  return h("table", { class: name, "aria-label": name },
     h("thead", {}, h("tr", {}, head.map((title) => h("th", { scope: "col" }, title)))),
     h("tbody", {}, rows.map((row) => (row instanceof Node ? row : cells(row)))));
 }

@@ -52,7 +52,7 @@ async function refresh() {
   try {
     if (document.hidden) return;
     await view.refresh();
-    if (mine === latest) showStatus(true, "live");
+    if (mine === latest) showStatus(true, "connected");
   } catch (problem) {
     if (mine === latest) failed(problem);
   } finally {
@@ -89,6 +89,10 @@ function tokenForm() {
   return h("form", { onsubmit: entered }, field, h("button", {}, "Use"));
 }
 
+document.querySelector(".skip").addEventListener("click", (click) => {
+  click.preventDefault(); // the address names what is shown
+  place.focus();
+});
 addEventListener("hashchange", open);
 document.addEventListener("visibilitychange", () => document.hidden || refresh());
 open();

@@ -5,7 +5,7 @@ import { chartView } from "./chart.js";
 import { h, Place, table } from "./dom.js";
 import { verdictView } from "./verdict.js";
 import { violationsView } from "./violations.js";
-import { at, badge, count, moment, place, span, stream } from "./words.js";
+import { at, badge, count, life, moment, place, span, stream } from "./words.js";
 
 /** The view of a session, and of its verdict number `n` if given; `again` refreshes the page at once. */
 export function sessionView(id, n, again) {
@@ -52,17 +52,17 @@ async function formulas(state) {
   return Object.fromEntries(found?.digest === state.spec_digest ? found.properties.map((each) => [each.id, each]) : []);
 }
 
-function headline({ spec, status, clock, opened, closed, trouble, waiting, counters, disagree, continued_by: next }) {
-  return { spec, status, clock, opened, closed, trouble, waiting, counters, disagree, next };
+function headline({ spec, kind, status, live, idle, without_monitor_since: since, closed_because: because, clock, opened, closed, trouble, waiting, counters, disagree, continued_by: next }) {
+  return { spec, kind, status, live, idle, since, because, clock, opened, closed, trouble, waiting, counters, disagree, next };
 }
 
 function headed(state) {
   const counted = Object.entries(state.counters).filter(([name, value]) => value || (name === "steps" && value !== null));
   return [
     h("p", {},
-      h("strong", { class: state.status }, state.status), ` since ${moment(state.closed ?? state.opened)}, judged by `,
+      h("strong", { class: state.status }, life(state)), `, ${state.status} since ${moment(state.closed ?? state.opened)}`,
+      state.because ? ` (${state.because})` : "", ", judged by ",
       h("a", { href: `#/specs/${encodeURIComponent(state.spec)}` }, state.spec),
-      state.clock === "sim" ? ", in simulated time" : "",
       state.next ? [", continued as ", h("a", { href: at(state.next) }, state.next)] : null),
     h("p", { class: "counters" }, counted.map(([name, value]) => h("span", {}, `${value} ${name}`))),
     state.trouble ? h("p", { class: "complaint" }, state.trouble) : null,

@@ -2,7 +2,7 @@
 
 import { items } from "./api.js";
 import { h, Place, table } from "./dom.js";
-import { at, badge, byGravity, count, moment } from "./words.js";
+import { at, badge, byGravity, count, life, moment } from "./words.js";
 
 const HEAD = ["session", "spec", "status", "worst outcome", "violations", "steps", "monitors", "opened"];
 
@@ -17,12 +17,12 @@ export function sessionsView() {
 
 /** The part of a session's state that the list shows. */
 function summary(state) {
-  const { id, spec, status, clock, opened, trouble, properties, counters, monitors, continued_by: next } = state;
+  const { id, spec, kind, status, live, idle, without_monitor_since: since, clock, opened, trouble, properties, counters, monitors, continued_by: next } = state;
   const connected = monitors.filter((each) => each.connected).length;
   const outcomes = properties.map((each) => each.outcome).sort(byGravity);
   const violations = properties.reduce((sum, each) => sum + each.violations, 0);
   const seen = { connected, of: monitors.length };
-  return { id, spec, status, clock, opened, trouble, next, outcomes, violations, steps: counters.steps, ...seen };
+  return { id, spec, kind, status, live, idle, since, clock, opened, trouble, next, outcomes, violations, steps: counters.steps, ...seen };
 }
 
 function listed(sessions) {
@@ -31,7 +31,7 @@ function listed(sessions) {
     h("a", { href: at(each.id) }, each.id),
     h("a", { href: `#/specs/${encodeURIComponent(each.spec)}` }, each.spec),
     [
-      each.clock === "sim" ? `${each.status}, simulated time` : each.status,
+      life(each),
       each.trouble ? h("p", { class: "complaint" }, each.trouble) : null,
     ],
     badge(each.outcomes[0] ?? "unknown"),

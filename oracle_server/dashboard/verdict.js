@@ -2,7 +2,7 @@
 
 import { DelayedHistory, get, items, of, Problem } from "./api.js";
 import { h, Place } from "./dom.js";
-import { badge, causes, event, moment, place, span } from "./words.js";
+import { at, badge, causes, event, moment, place, span } from "./words.js";
 
 const WITHIN = 600_000; // ms, as the command line waits: the session is judged again up to the verdict
 const PROMPT = 300; // ms within which most explanations arrive, so that they are shown at once
@@ -23,7 +23,7 @@ export function verdictView(id, n, onWitnesses, again) {
     }
     const shown = n && (request?.record ?? { n, computing: true });
     onWitnesses([...stepsOf(shown?.explanation?.reasons)]);
-    place.show({ clock, shown }, () => (shown ? described(shown, clock) : []));
+    place.show({ clock, shown }, () => (shown ? described(id, shown, clock) : []));
   }
 
   /** Whether the verdict that is shown was revised since; looked up where the number of passes has changed. */
@@ -67,7 +67,8 @@ async function explained(id, n, signal) {
     if (!(problem instanceof Problem) || [0, 200, 401, 403].includes(problem.status)) throw problem;
     const record = await recordOf(id, n, "standing");
     const early = LATER.includes(problem.status);
-    return { ...record, ...await revisionOf(id, record), n, refusal: problem.message, early };
+    const last = problem.status === 404 && !record ? await lastOf(id) : null;
+    return { ...record, ...await revisionOf(id, record), n, refusal: problem.message, early, last };
   }
 }
 
@@ -75,6 +76,12 @@ async function explained(id, n, signal) {
 async function recordOf(id, n, as) {
   const [record] = await items(of(id, "verdicts"), { as, after: n - 1, limit: 1 });
   return record?.n === n ? record : undefined;
+}
+
+/** The number of a session's last verdict, 0 where there is none. */
+async function lastOf(id) {
+  const [record] = await items(of(id, "verdicts"), { order: "desc", limit: 1 });
+  return record?.n ?? 0;
 }
 
 /** What was said at first of a record that was revised, and the revision; nothing of others. */
@@ -91,7 +98,7 @@ function* stepsOf(reasons) {
   }
 }
 
-function described(record, clock) {
+function described(id, record, clock) {
   const { explanation } = record;
   return [
     h("h3", {}, record.property ? [`${record.property} `, badge(record.outcome), ` at ${place(record.step, record.stamp, clock)} `] : "Verdict ",
@@ -99,10 +106,16 @@ function described(record, clock) {
     record.property ? facts(record, clock) : null,
     record.revised ? revised(record) : null,
     record.computing ? h("p", { class: "hint" }, "The explanation is being computed: the session is judged again up to this verdict.") : null,
-    record.refusal ? h("p", { class: "complaint" }, record.refusal) : null,
+    record.refusal ? h("p", { class: "complaint" }, record.refusal, beyond(id, record)) : null,
     explanation ? why(explanation) : null,
     record.about?.length ? unanswered(record, clock) : null,
   ];
+}
+
+/** Of a number behind the last one: which is the last. */
+function beyond(id, { n, last }) {
+  if (!last || n <= last) return null;
+  return [". The last one is ", h("a", { href: at(id, last) }, `verdict ${last}`), "."];
 }
 
 /** The events that asked for what did not come. */

@@ -48,6 +48,13 @@ export function span(nanoseconds) {
   return `${Math.round(s / size)} ${unit}`;
 }
 
+/** How a session stands, in a few words: `live` says that monitors are there. */
+export function life({ kind, status, live, idle, since, clock }) {
+  const alone = since ? ` since ${moment(since)}` : "";
+  const words = status !== "open" ? status : live ? "live" : idle ? `idle${alone}` : `open, no monitor${alone}`;
+  return [words, kind === "recording" && "recording", clock === "sim" && "simulated time"].filter(Boolean).join(", ");
+}
+
 /** The text of a count; "–" for zero. */
 export function count(value) {
   return value ? String(value) : "–";

@@ -201,6 +201,7 @@ class WebSocketTransport(SlicedWebSocket):
         try:
             await super().run_asgi()
         finally:
+            cast("dict[str, object]", self.scope["extensions"]).pop(DIRECT, None)  # each would keep the other
             self.loop.call_later(_CLOSE_WITHIN, self._abort_unsent)
 
     def _abort_unsent(self) -> None:

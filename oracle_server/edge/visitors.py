@@ -50,6 +50,7 @@ class Visitor:
         """Give the place back: the connection has ended."""
         self.spoke()
         self._visitors.remove(self)
+        self.end = _nothing  # what it would end holds this visitor
 
     def _too_slow(self) -> None:
         self._timer = None
@@ -119,6 +120,10 @@ class Visitors:
             self._unproven -= 1
             if not crowd:
                 del self._strangers[visitor.address]
+
+
+def _nothing() -> None:
+    pass
 
 
 def _site(address: str) -> str:

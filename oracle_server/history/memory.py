@@ -7,13 +7,12 @@ from bisect import bisect_left
 from collections.abc import AsyncGenerator, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import msgspec
 import structlog
 
 from oracle_server.core.events import Order, StreamKey
-from oracle_server.core.records import ExplanationRecord
 from oracle_server.core.revisions import Revision
 from oracle_server.core.verdicts import FINAL
 from oracle_server.history.episodes import EpisodeQuery, KeptEpisodes, Page, StoredEpisode, page_of
@@ -31,9 +30,11 @@ from oracle_server.history.records import (
     StoredStep,
     restated,
 )
-from oracle_server.history.steps import arrival, is_undone
+from oracle_server.history.steps import StepsSource, arrival, is_undone, plain, plain_whys, without_data
+from oracle_server.history.timeline import Question, answer
 
 T = TypeVar("T")
+_encode = msgspec.json.Encoder().encode
 
 _PAGE = 1_000
 _STEP = 1_000
@@ -66,7 +67,7 @@ class _Kept:
         """Keep what stands of the step at a position, if it is not deleted."""
         index = self.index(position)
         if index < len(self.steps) and (step := self.steps[index]).position == position:
-            standing = msgspec.structs.replace(stands.standing, explanations=_plain_whys(stands.standing.explanations))
+            standing = msgspec.structs.replace(stands.standing, explanations=plain_whys(stands.standing.explanations))
             revised = {**step.revised, **stands.revised}
             self.steps[index] = msgspec.structs.replace(step, standing=standing, revised=revised)
 
@@ -101,6 +102,9 @@ class MemoryHistory:
         """Begin to write; callbacks run on `loop`."""
         self._loop = loop
         loop.call_soon(self._commit)
+
+    async def catch_up(self) -> None:
+        """No older version has written to it."""
 
     def close(self) -> None:
         """End the threads; what is kept ends with the process."""
@@ -139,7 +143,7 @@ class MemoryHistory:
 
     def close_session(self, session: int, at: int, state: Document, done: Done | None = None) -> None:
         """Keep that a session was closed."""
-        document = _made(lambda: _plain(state))
+        document = _made(lambda: plain(state))
 
         def close() -> None:
             kept = self._of(session)
@@ -157,7 +161,7 @@ class MemoryHistory:
         episodes: Sequence[StoredEpisode] = (),
     ) -> None:  # fmt: skip
         """Keep steps that were judged, without their data, what stands of earlier ones, and episodes."""
-        kept = _made(lambda: [_without_data(step) for step in steps])
+        kept = _made(lambda: [without_data(step) for step in steps])
         standing = restated(revisions)
 
         def extend() -> None:
@@ -187,7 +191,7 @@ class MemoryHistory:
 
     def save_snapshot(self, session: int, snapshot: SnapshotRecord) -> None:
         """Keep a snapshot in place of the last one."""
-        kept = _made(lambda: snapshot._replace(data=_plain(snapshot.data), numbers=_plain(snapshot.numbers)))
+        kept = _made(lambda: snapshot._replace(data=plain(snapshot.data), numbers=plain(snapshot.numbers)))
 
         def save() -> None:
             self._of(session).snapshot = kept()
@@ -259,6 +263,10 @@ class MemoryHistory:
     async def session(self, name: str | int) -> SessionRecord | None:
         """A session by its id or number."""
         return next((kept.record for kept in self._kept.values() if name in (kept.record.id, kept.record.number)), None)
+
+    async def names(self, beginning: str) -> list[str]:
+        """The ids of sessions that begin with a text."""
+        return [kept.record.id for kept in self._kept.values() if kept.record.id.startswith(beginning)]
 
     async def closed_state(self, name: str) -> Document | None:
         """How a closed session stood."""
@@ -335,6 +343,13 @@ class MemoryHistory:
         """A page of the episodes that a query asks for."""
         return page_of(((kept.record, kept.episodes) for kept in self._kept.values()), query)
 
+    async def timeline(self, session: SessionRecord, question: Question) -> bytes:
+        """What a session tells by time, as JSON."""
+        kept = self._of(session.number)
+        simulated = any(monitor.clock == "sim" for monitor in kept.monitors.values())
+        source = StepsSource(kept.steps.copy(), session.decides, simulated=simulated)
+        return await self.in_thread(lambda: _encode(answer(source, question, session.properties)))
+
     async def first_final(self, session: int, order: Order, index: int, upto: int) -> int | None:
         """The position of the first step at which a property is final."""
         steps = (s for s in self._steps(session) if s.order == order and s.position <= upto)
@@ -381,18 +396,3 @@ def _made(make: Callable[[], T]) -> Callable[[], T]:
 
         return fail
     return lambda: made
-
-
-def _plain(value: Any) -> Any:
-    """A copy of a plain value as JSON carries it, as any other backend would give it back."""
-    return msgspec.json.decode(msgspec.json.encode(value))
-
-
-def _without_data(stored: StoredStep) -> StoredStep:
-    event = msgspec.structs.replace(stored.step.event, data=None, stamp=stored.step.stamp, received=None)
-    step = msgspec.structs.replace(stored.step, event=event)
-    return msgspec.structs.replace(stored, step=step, explanations=_plain_whys(stored.explanations))
-
-
-def _plain_whys(explanations: Mapping[int, ExplanationRecord]) -> dict[int, ExplanationRecord]:
-    return {i: _plain(why) for i, why in explanations.items()}

@@ -30,6 +30,7 @@ from oracle_server.history.records import (
     SnapshotRecord,
     StoredStep,
 )
+from oracle_server.history.timeline import Question
 
 T = TypeVar("T")
 Done = Callable[[], object]
@@ -145,6 +146,10 @@ class Reading(Protocol):
         """A session by its id or number, open or closed."""
         ...
 
+    async def names(self, beginning: str) -> list[str]:
+        """The ids of all sessions, open or closed, that begin with a text."""
+        ...
+
     async def closed_state(self, name: str) -> Document | None:
         """How a closed session stood, None where none of that id is closed."""
         ...
@@ -207,6 +212,10 @@ class Reading(Protocol):
         """A page of the episodes that a query asks for."""
         ...
 
+    async def timeline(self, session: SessionRecord, question: Question) -> bytes:
+        """What a session tells by time, as JSON, made where it disturbs no decision. Raises `UnpreparedError`."""
+        ...
+
     async def first_final(self, session: int, order: Order, index: int, upto: int) -> int | None:
         """The position of the first step at which a property (by index) is `true` or `false` for good, None if none."""
         ...
@@ -236,6 +245,10 @@ class History(Writing, Reading, Protocol):
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Begin to write; `done` is called on `loop`."""
+        ...
+
+    async def catch_up(self) -> None:
+        """Make what this version keeps, and older ones that have written did not; return once all of it is there."""
         ...
 
     def close(self) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import msgspec
 
@@ -18,6 +18,8 @@ from oracle_server.core.spec import By
 from oracle_server.core.verdicts import Decision, Judged, Outcome, Verdict, explain
 
 Document = dict[str, Any]
+Kind = Literal["robot", "recording"]
+"""What a session judges: a robot by its monitors, or a recording."""
 
 
 class SessionRecord(NamedTuple):
@@ -25,7 +27,8 @@ class SessionRecord(NamedTuple):
 
     `text` is its spec's YAML, `properties` are their ids in the order of a step's outcomes; a `private` session is
     closed with its last monitor; `by` is the order that was asked for instead of the spec's. `begun` is when its first
-    monitor attached, in the session's own time, None where none has, or where an older version kept it.
+    monitor attached, in the session's own time, None where none has, or where an older version kept it. `decides` is
+    the order whose steps are decided by, `kind` what it judges.
     """
 
     number: int
@@ -38,10 +41,15 @@ class SessionRecord(NamedTuple):
     opened: int
     by: By | None = None
     begun: int | None = None
+    decides: Order = "publication"
+    kind: Kind = "robot"
 
 
 class MonitorRecord(NamedTuple):
-    """A monitor of a session, the streams that it claimed, and those of them that are bypassed."""
+    """A monitor of a session, the streams that it claimed, and those of them that are bypassed.
+
+    `left` is when it was detached (ns); None where it is not, or where an older version kept it.
+    """
 
     name: str
     instance: str
@@ -49,6 +57,7 @@ class MonitorRecord(NamedTuple):
     attached: bool
     clock: TimeBase
     bypasses: Mapping[StreamKey, Bypass] = {}
+    left: int | None = None
 
 
 class Refusal(NamedTuple):

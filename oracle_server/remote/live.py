@@ -74,6 +74,7 @@ class Oracles:
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
+        self._tasks.clear()  # each holds its error, whose frames hold this
         self._deliver_all(self._core.abandon("had not answered when the session ended", self._now()))
         await asyncio.gather(*(line.oracle.close() for line in self._lines.values()))
 

@@ -44,6 +44,7 @@ class KnownMonitor:
     numbering: Numbering
     lost: int
     bypasses: Mapping[StreamKey, Bypass]
+    left: int | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,5 +205,6 @@ def _outcomes(stored: StoredStep) -> list[Outcome | None]:
 
 def _known(monitor: MonitorRecord, numbering: Numbering) -> KnownMonitor:
     return KnownMonitor(
-        monitor.instance, monitor.streams, monitor.attached, monitor.clock, numbering, numbering.lost, monitor.bypasses
-    )
+        monitor.instance, monitor.streams, monitor.attached, monitor.clock, numbering, numbering.lost,
+        monitor.bypasses, monitor.left,
+    )  # fmt: skip

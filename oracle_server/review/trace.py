@@ -1,7 +1,7 @@
 """A session's trace from its history: a line for each event or tick, in order of arrival, with its judged places.
 
-The history stores the signals of a message, and not the message: a line has `signals` instead of `data`, and the
-answers of external oracles.
+The history stores the signals of a message, and not the message: a line has `signals` instead of `data`, the answers of
+external oracles, and what was decided where a monitor asked.
 """
 
 from __future__ import annotations
@@ -48,6 +48,8 @@ class _Lines:
             self.last["places"].append(_place(stored, self._external, self._properties))
             if stored.order == "publication":
                 self.last |= {"passed": stored.passed, "why": stored.why}
+            if stored.decision is not None:
+                self.last |= {"decision": stored.decision.choice, "denied_by": stored.decision.denied_by}
         return complete
 
 

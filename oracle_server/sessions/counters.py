@@ -10,6 +10,7 @@ from itertools import chain
 from oracle_server.core.session import Session
 from oracle_server.core.tally import HoldTimes
 from oracle_server.core.verdicts import Outcome
+from oracle_server.sessions.violated import Violated
 
 _US = 1_000
 DECISION_BOUNDS = tuple(
@@ -43,6 +44,7 @@ class Counters:
         self.decisions = DecisionTimes()
         self.throttled = 0
         """Pauses of monitors that sent too fast."""
+        self.violated = Violated()
         self.attachments = 0
         """Connections on which a monitor attached."""
         self._past: Counter[str] = Counter()
@@ -83,15 +85,11 @@ def _add(times: HoldTimes, more: HoldTimes) -> None:
 
 
 def counted(core: Session, refused: int) -> Counter[str]:
-    """The session's counts so far, in the order that decides, by the names of the metrics.
-
-    None ever falls: violations are those that were told, also the `retracted` ones.
-    """
-    properties, counters = next(iter(core.judges.values())).told
+    """The session's counts so far, in the order that decides, by the names of the metrics. None ever falls."""
+    counters = next(iter(core.judges.values())).told.counters
     names = ("late", "skewed", "skipped", "lost", "denied", "revised", "retracted")
     found = Counter({name: getattr(counters, name) for name in names})
     found["duplicates"] = sum(count.duplicates for count in core.counts.values())
     found["refused"] = refused
-    found["violations"] = sum(p.violations for p in properties) + counters.retracted
     found["engine_failures"] = sum(p.broken is not None for j in core.judges.values() for p in j.properties)
     return found

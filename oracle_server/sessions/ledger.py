@@ -10,6 +10,7 @@ from oracle_server.core.numbering import JUDGED
 from oracle_server.core.revisions import Revision
 from oracle_server.core.session import Session
 from oracle_server.core.verdicts import Judged
+from oracle_server.core.weakly import weakly
 from oracle_server.history.episodes import going_on, stored_episodes
 from oracle_server.history.port import History
 from oracle_server.history.records import (
@@ -57,14 +58,14 @@ class Ledger:
         self._arm = arm
         self.commits = Commits()
         self.snapshots = Snapshots(
-            opened.id, opened.number, core, history, backlog, partial(share.run_for_server, self.save)
+            opened.id, opened.number, core, history, backlog, partial(share.run_for_server, weakly(self.save))
         )
         self.lookup = DecisionLookup(history, opened.number, [p.id for p in core.plan.spec.properties])
         self.refused = 0
         """How many events were refused."""
         self._session, self._monitors, self._share = opened.number, monitors, share
         self._core, self._history, self._clock, self._counters = core, history, clock, counters
-        self._names = tuple(p.id for p in core.plan.spec.properties)
+        self._spec, self._names = opened.spec, tuple(p.id for p in core.plan.spec.properties)
         self._width = len(self._names)
         self._deciding = next(iter(core.judges))
         self._standing = Standing(core)
@@ -101,6 +102,7 @@ class Ledger:
         used: list[_Used] = []
         steps = [self._stored(item, used) for item in judged]
         told = [frame for item in judged for frame in news(item)]
+        self._counters.violated.add(self._spec, told, self._deciding)
         self._counters.add_steps([step.outcomes for step in steps if step.revision is None])
         standing, position = self._standing.changed(self._last_verdict), self._position
         done = partial(self._share.run, self._committed, used, position, told, standing)

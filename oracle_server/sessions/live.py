@@ -14,6 +14,7 @@ from oracle_server.core.numbering import Numbering
 from oracle_server.core.session import Session
 from oracle_server.core.simulated import ClockReading, SimulatedTime
 from oracle_server.core.verdicts import Judged, decision_frame
+from oracle_server.core.weakly import weakly
 from oracle_server.history.port import History
 from oracle_server.history.records import SessionRecord
 from oracle_server.history.views import Doubts
@@ -23,8 +24,10 @@ from oracle_server.review.restore import Restored
 from oracle_server.sessions.backlog import Backlog
 from oracle_server.sessions.counters import Counters, counted
 from oracle_server.sessions.decoding import Decoders
+from oracle_server.sessions.endings import CLOCK_WENT_BACK
 from oracle_server.sessions.ledger import Ledger
 from oracle_server.sessions.monitor import Monitor, Outbox, check_time, claimed
+from oracle_server.sessions.presence import Presence
 from oracle_server.sessions.shares import Share
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import AnyClock, AnyEvent, Attach, Handling, QuickHandling, ReportMessage
@@ -40,9 +43,9 @@ class LiveSession:
 
     def __init__(
         self, record: SessionRecord, core: Session, history: History, clock: Clock, counters: Counters,
-        backlog: Backlog, share: Share, resume_within: float, request_close: Callable[[LiveSession], None],
+        backlog: Backlog, share: Share, resume_within: float, request_close: Callable[[LiveSession, str], None],
     ) -> None:  # fmt: skip
-        """Run a session; it calls `request_close` when its last monitor has left or its simulated time went back."""
+        """Run a session; it calls `request_close` with the reason why it is over."""
         self.record = record
         self.id, self.number, self.private, self.opened = record.id, record.number, record.private, record.opened
         self.core, self.spec = core, core.plan.spec
@@ -51,15 +54,17 @@ class LiveSession:
         core.divide(share.is_over)
         self.share = share
         """What it takes of the event loop's time; while it rests, its monitors are not read."""
-        self.ledger = Ledger(record, core, history, clock, counters, backlog, share, self.monitors, self._arm)
+        self.ledger = Ledger(record, core, history, clock, counters, backlog, share, self.monitors, weakly(self._arm))
         self.closing = False
         self.clock_went_back = False
         """Whether its simulation was restarted, so that it ignores all further events."""
         self._history, self.clock, self._counters = history, clock, counters
         self._resume_within, self._request_close = resume_within, request_close
-        self.oracles = (
-            None if core.asking is None else Oracles(core, self._enter, lambda j: share.run(self._deliver, j))
-        )
+        self.presence = Presence(record, self.monitors, clock, self.spec.close_after, weakly(self._close_for))
+        self.oracles: Oracles | None = None
+        if core.asking is not None:
+            deliver = weakly(self._deliver)
+            self.oracles = Oracles(core, weakly(self._enter), lambda judged: share.run(deliver, judged))
         self._begun = core.begun is not None
         """Whether the history has when the session began."""
         self.decoder = Decoders(core.plan)
@@ -175,7 +180,7 @@ class LiveSession:
         if self.core.simulated is not None and self.core.simulated.goes_back(monitor.name, claimed):
             log.info("simulated time went back", session=self.id, monitor=monitor.name)
             self.clock_went_back = True
-            self._request_close(self)
+            self._close_for(CLOCK_WENT_BACK)
             return
         self._deliver(self.core.clock(monitor.name, claimed, self._enter()))
         if len(claimed) < len(readings):
@@ -213,7 +218,7 @@ class LiveSession:
         if monitor.outbox is not outbox:
             return
         monitor.outbox = None
-        if monitor.attached:
+        if monitor.attached and not self.closing:
             loop = asyncio.get_running_loop()
             monitor.expiry = loop.call_later(self._resume_within, self._expire, monitor)
 
@@ -228,6 +233,7 @@ class LiveSession:
     def close(self) -> None:
         """Judge all held events, in order, and stop the timers."""
         self.closing = True
+        self.presence.stop()
         self._deliver(self.core.finish(self._enter()))
         self.ledger.write()
         if self._timer:
@@ -271,12 +277,14 @@ class LiveSession:
         if self.core.simulated is None and any(known.attached for known in restored.monitors.values()):
             self.core.ready_since = None
         for name, known in restored.monitors.items():
-            monitor = self.monitors[name] = Monitor(name, known.instance, known.numbering, lost=known.lost)
+            monitor = self.monitors[name] = Monitor(name, known.instance, known.numbering)
+            monitor.lost, monitor.left = known.lost, known.left
             if known.attached:
                 monitor.attached, monitor.streams, monitor.clock = True, known.streams, known.clock
                 monitor.bypasses = dict(known.bypasses)
                 self.core.bypass(name, monitor.bypasses)
                 self._deliver(self.core.attach(name, monitor.streams, self._enter()))
+        self.presence.note(max(self.opened, self.core.now))
         for step, gap in restored.held:
             monitor = self.monitors[step.event.monitor]
             monitor.numbering.hold(step.event.seq)
@@ -287,10 +295,8 @@ class LiveSession:
     @property
     def doubts(self) -> Doubts | None:
         """Which verdicts may still be revised, None where none ever is."""
-        lateness = self.core.lateness
-        if lateness is None:
-            return None
-        return Doubts(lateness.judge.newest - lateness.judge.horizon, self.core.plan.readers)
+        late = self.core.lateness
+        return None if late is None else Doubts(late.judge.newest - late.judge.horizon, self.core.plan.readers)
 
     def counts(self) -> Counter[str]:
         """The session's counts so far, by the names of the metrics."""
@@ -317,8 +323,13 @@ class LiveSession:
         return self.clock.now()
 
     def _set_attached(self, monitor: Monitor, *, attached: bool) -> None:
-        monitor.attached = attached
+        monitor.attached, monitor.left = attached, None if attached else self.clock.now()
+        self.presence.note()
         self._history.set_monitor(self.number, monitor.record())
+
+    def _close_for(self, reason: str) -> None:
+        if not self.closing:
+            self._request_close(self, reason)
 
     def _check_reconnected(self) -> None:
         """After a restart, begin to judge once each restored monitor has reconnected, or its time has expired."""
@@ -338,16 +349,13 @@ class LiveSession:
             self._check_reconnected()
             self.credit.close(monitor.name)
             self._deliver(self.core.detach(monitor.name, self._enter()))
-        self._leave_empty()
+        self.presence.leave_empty()
 
     def _end_if_over(self) -> None:
-        if self.clock_went_back and not self.closing:
-            self._request_close(self)
-        self._leave_empty()
-
-    def _leave_empty(self) -> None:
-        if self.private and not self.closing and not any(m.attached for m in self.monitors.values()):
-            self._request_close(self)
+        if self.clock_went_back:
+            self._close_for(CLOCK_WENT_BACK)
+        self.presence.leave_empty()
+        self.presence.watch()
 
     def _count_duplicate(self, monitor: Monitor, key: StreamKey) -> None:
         if key in self.spec.by_key:

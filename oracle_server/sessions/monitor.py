@@ -70,6 +70,8 @@ class Monitor:
     bypasses: dict[StreamKey, Bypass] = field(default_factory=dict)
     """The streams that it reports to be bypassed."""
     expiry: asyncio.TimerHandle | None = None
+    left: int | None = None
+    """When it was detached (ns), None where it is not."""
 
     def report(self, report: StreamReport, now: int) -> bool:
         """Take a report on one of its streams at a time (ns); whether it changes what is known to be bypassed."""
@@ -98,7 +100,9 @@ class Monitor:
 
     def record(self) -> MonitorRecord:
         """A copy of what the history keeps of it."""
-        return MonitorRecord(self.name, self.instance, self.streams, self.attached, self.clock, dict(self.bypasses))
+        return MonitorRecord(
+            self.name, self.instance, self.streams, self.attached, self.clock, dict(self.bypasses), self.left
+        )
 
     def acknowledge(self) -> None:
         """Send an ack of all numbers up to which everything is committed."""

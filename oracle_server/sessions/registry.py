@@ -14,25 +14,25 @@ from typing import Any
 import structlog
 
 from oracle_server.core.errors import HistoryError, OracleError, SpecError
-from oracle_server.core.plan import Plan, judged_by, plan
+from oracle_server.core.plan import Plan, judged_by
 from oracle_server.core.session import Session
 from oracle_server.core.spec import By
 from oracle_server.engines.table import make_engines
 from oracle_server.history.port import History
 from oracle_server.history.readers import reading_for
-from oracle_server.history.records import Document, SessionRecord
+from oracle_server.history.records import Document, Kind, SessionRecord
 from oracle_server.process.clock import Clock
 from oracle_server.review.restore import restore
 from oracle_server.sessions.backlog import Backlog
 from oracle_server.sessions.counters import Counters
+from oracle_server.sessions.endings import BY_REQUEST, Runs, end_of, ended, over
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.monitor import Monitor, Outbox, claimed
-from oracle_server.sessions.runs import successors
+from oracle_server.sessions.plans import Plans
 from oracle_server.sessions.shares import Shares
 from oracle_server.sessions.status import session_state
 from oracle_server.sessions.unrestored import Unrestored
-from oracle_server.specfiles.library import Entry, Library, UnknownSpecError, Unsound
-from oracle_server.specfiles.load import parse_spec
+from oracle_server.specfiles.library import Entry, Library, UnknownSpecError
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import Attach
 
@@ -69,6 +69,7 @@ class Registry:
         self.counters = Counters()
         self._history, self._library, self._clock, self._resume_within = history, library, clock, resume_within
         self.shares = shares or Shares()
+        self._runs = Runs(history, self.open, self.unrestored)
         self._opening = asyncio.Lock()
         self._builders = ThreadPoolExecutor(1, "session opening")
         self._closing: dict[int, asyncio.Task[None]] = {}
@@ -81,12 +82,14 @@ class Registry:
         The places of their monitors are kept until `accept_work`, however long this takes.
         """
         self._last = await self._history.last_number()
-        plans = _Plans(await self._library.in_thread(self._library.listed))
+        plans = Plans(await self._library.in_thread(self._library.listed))
         for opened in await self._history.open_sessions():
             try:
                 await self._restore(opened, await asyncio.to_thread(plans.of, opened))
             except Exception as error:  # whatever is wrong with it, the others go on
-                self.open.pop(opened.id, None)
+                failed = self.open.pop(opened.id, None)
+                if failed is not None:
+                    failed.ledger.snapshots.end()
                 known = isinstance(error, OracleError)
                 reason = str(error) if known else f"{type(error).__name__}: {error}"
                 self.unrestored[opened.id] = Unrestored(opened, reason)
@@ -109,9 +112,10 @@ class Registry:
         return session, session.attach(wanted, outbox)
 
     async def create(
-        self, spec_id: str, session_id: str | None, *, private: bool = False, by: By | None = None
-    ) -> LiveSession:
-        """Open a new session; `by` overrides the order that its spec asks for.
+        self, spec_id: str, session_id: str | None, *, private: bool = False, by: By | None = None,
+        kind: Kind = "robot",
+    ) -> LiveSession:  # fmt: skip
+        """Open a new session; `by` overrides the order that its spec asks for, `kind` is what it judges.
 
         Raises `UnknownSpecError`, `SpecError` or `SessionExistsError`, `HistoryError` where the history fails, and
         `WireError` where the server stops.
@@ -124,7 +128,7 @@ class Registry:
                     raise SessionExistsError(f"a session '{session_id}' exists already")
                 entry = await self._library.find(spec_id)
                 session_id = session_id or await self._new_name(spec_id)
-            return await self._open(entry, session_id, private=private, by=by)
+            return await self._open(entry, session_id, private, by, kind)
 
     async def flush(self) -> None:
         """Wait until everything that was written to the history is committed."""
@@ -153,7 +157,7 @@ class Registry:
         closed = await self._history.closed_states(_LISTED)
         return [*live, *(state for state in closed if state["id"] not in listed)]
 
-    async def _close(self, session: LiveSession) -> None:
+    async def _close(self, session: LiveSession, because: str) -> None:
         """Judge what a session holds, and close it, unless the server stops: the next server restores it then."""
         if session.closing:
             return
@@ -165,17 +169,17 @@ class Registry:
         session.end()
         now = session.clock.now()
         successor = await self._successor(session) if session.clock_went_back else None
-        state = session_state(session, now) | {"status": "closed", "closed": now, "continued_by": successor}
-        state["clock_went_back"] = session.clock_went_back
+        state = session_state(session, now) | end_of(now, because)
+        state |= {"continued_by": successor, "clock_went_back": session.clock_went_back}
         await self._record_closed(session.number, now, state)
         self.open.pop(session.id, None)
         session.ledger.snapshots.end()
         self.counters.add_closed(session.counts(), session.core.holds)
         session.ledger.commits.end()
         if session.clock_went_back:
-            reason = _ended(session.id, successor)
+            reason = ended(session.id, because, successor)
         else:
-            reason = WireError("session_closed", f"session '{session.id}' was closed", fatal=True)
+            reason = WireError("session_closed", f"session '{session.id}' was closed: {because}", fatal=True)
         for monitor in session.monitors.values():
             if monitor.outbox and not monitor.detaching:
                 monitor.outbox.drop(reason)
@@ -209,7 +213,7 @@ class Registry:
 
         Raises `SessionStaysOpenError` where it failed, and `WireError` where the server stops; it stays open then.
         """
-        _, waiting = await asyncio.wait((self._begin_to_close(session),), timeout=within)
+        _, waiting = await asyncio.wait((self._begin_to_close(session, BY_REQUEST),), timeout=within)
         if not waiting and self.open.get(session.id) is session:
             reason = f"session '{session.id}' could not be closed, and stays open; see the server's log"
             raise _stops() if self._stopping else SessionStaysOpenError(reason)
@@ -221,7 +225,7 @@ class Registry:
         Else it is closed as soon as the history can be written.
         """
         now, record = self._clock.now(), unrestored.record
-        state = unrestored.state | {"status": "closed", "closed": now, "continued_by": None, "clock_went_back": False}
+        state = unrestored.state | end_of(now, BY_REQUEST) | {"continued_by": None, "clock_went_back": False}
         self._history.close_session(record.number, now, state, lambda: self.unrestored.pop(record.id, None))
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(within):
@@ -253,7 +257,7 @@ class Registry:
     async def _session_for(self, wanted: Attach) -> LiveSession:
         """The session that a monitor names, or a new one; a fatal `WireError` where there is none to join."""
         if wanted.session is not None:
-            joined = await self._joined(wanted.session)
+            joined = await self._joined(wanted.session, wanted.instance)
             if joined is not None:
                 return joined
         if wanted.spec is None:
@@ -268,8 +272,11 @@ class Registry:
         except SpecError as error:
             raise WireError("bad_spec", str(error), fatal=True) from None
 
-    async def _joined(self, name: str) -> LiveSession | None:
-        """The open session of a name, None where it is a new name. Raises a fatal `WireError` where it is closed."""
+    async def _joined(self, name: str, instance: str) -> LiveSession | None:
+        """The open session of a name that a process wants to join, None where it is a new name.
+
+        Raises a fatal `WireError` where it is closed; it names the one to attach to where it begins anew.
+        """
         while (live := self.open.get(name)) is not None:
             if live.number not in self._closing:
                 return live
@@ -278,18 +285,21 @@ class Registry:
         if unrestored is not None:
             why = f"session '{name}' could not be restored, and can only be read or closed: {unrestored.brief}"
             raise WireError("session_closed", why, fatal=True)
-        if await self.known(name) is None:
+        record = await self.known(name)
+        if record is None and not await self._runs.goes_on(name):
             return None
         state = await self.state(name)
         if name in self.open:  # another monitor has opened it meanwhile
-            return await self._joined(name)
+            return await self._joined(name, instance)
+        if record is None:  # and later runs are known
+            raise ended(name, "its history was deleted", await self._runs.anew(name))
         if state is None:
             raise WireError("session_closed", f"session '{name}' was just forgotten; attach again", fatal=True)
-        if state.get("clock_went_back"):
-            raise _ended(name, state["continued_by"])
-        raise WireError("session_closed", f"session '{name}' is closed; it can only be read", fatal=True)
+        raise await over(record, state, instance, self._history, self._runs)
 
-    async def _open(self, entry: Entry, session_id: str, *, private: bool, by: By | None) -> LiveSession:
+    async def _open(
+        self, entry: Entry, session_id: str, private: bool, by: By | None, kind: Kind
+    ) -> LiveSession:  # fmt: skip
         spec = entry.plan.spec
         ready = judged_by(entry.plan, by)
         core = Session(ready, await asyncio.get_running_loop().run_in_executor(self._builders, make_engines, ready))
@@ -301,9 +311,12 @@ class Registry:
         self._last += 1
         properties = tuple(p.id for p in spec.properties)
         record = SessionRecord(
-            self._last, session_id, spec.id, entry.file.text, spec.digest, properties, private, self._clock.now(), by
-        )
+            self._last, session_id, spec.id, entry.file.text, spec.digest, properties, private, self._clock.now(), by,
+            decides=next(iter(core.judges)),
+            kind=kind,
+        )  # fmt: skip
         live = self._live(record, core)
+        live.presence.watch()
         self._history.open_session(record)
         log.info("session opened", session=session_id, spec=spec.id)
         return live
@@ -326,6 +339,7 @@ class Registry:
             self._request_close,
         )  # fmt: skip
         self.open[live.id] = live
+        self.counters.violated.expect(record.spec, record.properties)
         return live
 
     async def _new_name(self, spec_id: str) -> str:
@@ -337,7 +351,7 @@ class Registry:
         """The name of the session that continues one whose simulation was restarted; None for a private one."""
         if session.private:
             return None
-        return await self._first_free(successors(session.id))
+        return await self._runs.following(session.id)
 
     async def _first_free(self, names: Iterator[str]) -> str:
         for name in names:
@@ -345,13 +359,13 @@ class Registry:
                 return name
         raise AssertionError  # all callers give names without end
 
-    def _request_close(self, session: LiveSession) -> None:
-        self._begin_to_close(session)
+    def _request_close(self, session: LiveSession, because: str) -> None:
+        self._begin_to_close(session, because)
 
-    def _begin_to_close(self, session: LiveSession) -> asyncio.Task[None]:
+    def _begin_to_close(self, session: LiveSession, because: str) -> asyncio.Task[None]:
         task = self._closing.get(session.number)
         if task is None:
-            task = self._closing[session.number] = asyncio.get_running_loop().create_task(self._close(session))
+            task = self._closing[session.number] = asyncio.get_running_loop().create_task(self._close(session, because))
             task.add_done_callback(lambda ended: self._closing_ended(session, ended))
         return task
 
@@ -364,34 +378,5 @@ class Registry:
             log.error("a session can't be closed", session=session.id, exc_info=error)
 
 
-class _Plans:
-    """The plans of sessions that are restored: most have a spec of the library, or the same as another one."""
-
-    def __init__(self, listed: list[Entry | Unsound]) -> None:
-        known = [entry for entry in listed if isinstance(entry, Entry)]
-        self._made: dict[str, Plan | OracleError] = {entry.file.text: entry.plan for entry in known}
-
-    def of(self, opened: SessionRecord) -> Plan:
-        """The plan of a session's spec, as it was opened. Raises `OracleError` where this version refuses it."""
-        made = self._made.get(opened.text)
-        if made is None:
-            made = self._made[opened.text] = _planned(opened)
-        if isinstance(made, OracleError):
-            raise made
-        return judged_by(made, opened.by)
-
-
-def _planned(opened: SessionRecord) -> Plan | OracleError:
-    try:
-        return plan(parse_spec(opened.text, opened.id, bounded=False).spec)
-    except OracleError as error:
-        return error
-
-
 def _stops() -> WireError:
     return WireError("shutting_down", "the server stops; attach again later", fatal=True)
-
-
-def _ended(session: str, successor: str | None) -> WireError:
-    message = f"the simulated time of session '{session}' went back; attach to {successor or 'a new one'}"
-    return WireError("session_ended", message, fatal=True, session=successor)

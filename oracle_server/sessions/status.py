@@ -14,6 +14,7 @@ from oracle_server.core.session import Session
 from oracle_server.core.tally import BOUNDS, HoldTimes, StreamCounts
 from oracle_server.core.verdicts import json_number
 from oracle_server.sessions.live import LiveSession
+from oracle_server.sessions.runs import run_of
 from oracle_server.sessions.standing import caveats
 
 
@@ -24,11 +25,17 @@ def session_state(session: LiveSession, now: int) -> dict[str, Any]:
         "id": session.id,
         "spec": session.spec.id,
         "spec_digest": session.spec.digest,
+        "kind": session.record.kind,
+        "run": run_of(session.id)[1],
         "status": "open",
+        "live": session.presence.is_live,
+        "idle": session.presence.is_idle(session.clock.now()),
+        "without_monitor_since": session.presence.without_since,
         "clock": "wall" if core.simulated is None else "sim",
         "opened": session.opened,
         "begun": core.begun,
         "closed": None,
+        "closed_because": None,
         "trouble": None if session.trouble is None else f"nothing more of it can be kept: {session.trouble}",
         "monitors": list(_monitors(session)),
         "streams": list(_streams(core, now)),

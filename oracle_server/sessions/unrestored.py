@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from oracle_server.core.errors import one_line
 from oracle_server.history.records import Document, SessionRecord
+from oracle_server.sessions.runs import run_of
 
 _COUNTED = ("steps", "held", "refused", "late", "skewed", "skipped", "lost", "denied")
 
@@ -30,11 +31,17 @@ class Unrestored(NamedTuple):
             "id": record.id,
             "spec": record.spec,
             "spec_digest": record.digest,
+            "kind": record.kind,
+            "run": run_of(record.id)[1],
             "status": "unrestored",
+            "live": False,
+            "idle": False,
+            "without_monitor_since": None,
             "clock": None,
             "opened": record.opened,
             "begun": record.begun,
             "closed": None,
+            "closed_because": None,
             "trouble": f"it could not be restored: {self.reason}",
             "monitors": [],
             "streams": [],

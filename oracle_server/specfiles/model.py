@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import re
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -30,6 +32,24 @@ def _delay(value: object) -> int | None:
     return None if value == "none" else duration(value)
 
 
+def _close(value: object) -> int:
+    """The nanoseconds of `after 1h`."""
+    found = re.fullmatch(r"after +(\S+)", value) if isinstance(value, str) else None
+    if found is None:
+        raise ValueError(f"expected a time without a monitor such as `after 1h`, found {value!r}{_after(value)}")
+    time = duration(found[1])
+    if not time:
+        raise ValueError("a session is without a monitor when it is opened: write a time longer than 0s")
+    return time
+
+
+def _after(value: object) -> str:
+    """What to write for a duration alone."""
+    with contextlib.suppress(ValueError):
+        return f"; write after {value}" if duration(value) else ""
+    return ""
+
+
 def ros_type(value: str, kind: str) -> str:
     """Normalise `pkg/Type` and `pkg.msg.Type` to `pkg/msg/Type`; of services (`srv`) and actions likewise."""
     package, *rest = value.replace(".", "/").split("/")
@@ -48,6 +68,7 @@ else:
 Duration = Annotated[int, BeforeValidator(duration)]
 Size = Annotated[int, BeforeValidator(size)]
 Delay = Annotated[int | None, BeforeValidator(_delay)]
+Close = Annotated[int, BeforeValidator(_close)]
 Identifier = Annotated[str, Field(pattern=IDENTIFIER)]
 RosName = Annotated[str, Field(pattern=r"^[~/A-Za-z][A-Za-z0-9_/{}~]*$", max_length=255)]
 MessageType = Annotated[str, BeforeValidator(partial(_type_key, kind="msg")), Field(pattern=r"^(\w+/msg/\w+)?$")]
@@ -265,6 +286,7 @@ class SpecModel(_Model):
     ordering: OrderingModel = OrderingModel()
     retention: RetentionModel = RetentionModel()
     episodes: EpisodesModel = EpisodesModel()
+    close: Close | None = None
     streams: Annotated[list[StreamModel], Field(min_length=1)]
     define: dict[SignalName, StrictStr] = {}
     derive: dict[SignalName, Annotated[DeriveModel, BeforeValidator(_derived)]] = {}

@@ -70,6 +70,7 @@ _TAKES: Mapping[str, str] = {
     "retention": "keys of its own, such as {age: 168h}",
     "episodes": "keys of its own, such as {gap: 2s}",
     "gap": _DURATION,
+    "close": "a time without a monitor, such as after 1h",
     "properties": "a list of at least one property, each of which begins with `- id:`",
     "derive": "names, each with what it is, such as {scan_rate: {rate: '{topic: /scan}', over: 2s}}",
 }

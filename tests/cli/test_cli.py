@@ -280,7 +280,7 @@ async def test_reading_a_running_server(server: Server) -> None:
         await monitor.acked(3)
         listed = await asyncio.to_thread(run, "sessions", "--url", server.url)
         row = listed.stdout.splitlines()[1].split()
-        assert row == ["s1", "single", "open", "1", "3", "1", "step", "2,", *AT_2.split()]
+        assert row == ["s1", "single", "live", "1", "3", "1", "step", "2,", *AT_2.split()]
 
     for command, document in (("specs", server.get("specs")), ("sessions", server.get("sessions"))):
         told = run(command, "--json", "--url", server.url)

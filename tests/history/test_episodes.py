@@ -143,7 +143,7 @@ async def test_an_older_history_has_those_of_its_rows(tmp_path: Path) -> None:
     await asyncio.to_thread(older.close)
     with closing(sqlite3.connect(older.path)) as database:
         database.execute("DROP TABLE episodes")
-        database.execute("PRAGMA user_version = 8")
+        database.execute("PRAGMA user_version = 9")
     history = SqliteHistory(tmp_path)
     history.start(asyncio.get_running_loop())
     found, _ = await history.episodes(EpisodeQuery())

@@ -14,7 +14,7 @@ import pytest
 from oracle_server.core.verdicts import Outcome
 from oracle_server.history.pages import find
 from oracle_server.history.query import Query
-from oracle_server.history.records import stored_revision
+from oracle_server.history.records import MonitorRecord, stored_revision
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.history.sqlite.schema import STEP_COLUMNS, VERSION
 from oracle_server.history.views import View, records
@@ -23,8 +23,11 @@ from tests.history.test_port import collected
 from tests.history.test_standing import change, stands, told
 
 HELD, FALSE = Outcome.CURRENTLY_TRUE, Outcome.CURRENTLY_FALSE
-NEWER: dict[int, str | None] = {6: "released", 7: "pending", 8: None}
+NEWER: dict[int, str | None] = {6: "released", 7: "pending", 8: None, 9: None}
 """By their formats: the first column of steps that they had not, if any; nor had they those behind it."""
+LATER = {"sessions": ("decides", "kind"), "monitors": ("left_at",)}
+"""Columns of other tables that formats had from this one on."""
+WITH_LATER = 9
 
 
 async def written(folder: Path, version: int) -> SqliteHistory:
@@ -32,13 +35,21 @@ async def written(folder: Path, version: int) -> SqliteHistory:
     older = SqliteHistory(folder)
     older.start(asyncio.get_running_loop())
     older.open_session(opened())
+    older.set_monitor(1, MonitorRecord("m", "i", (), attached=False, clock="wall", left=7))
     await add(older, *STEPS)
     await asyncio.to_thread(older.close)
     with closing(sqlite3.connect(older.path)) as database:
-        newer = NEWER[version]
-        for column in () if newer is None else STEP_COLUMNS[STEP_COLUMNS.index(newer) :]:
-            database.execute(f"ALTER TABLE steps DROP COLUMN {column}")
+        first = NEWER[version]
+        missing = {
+            "steps": STEP_COLUMNS[STEP_COLUMNS.index(first) :] if first else (),
+            **(LATER if version < WITH_LATER else {}),
+        }
+        for table, columns in missing.items():
+            for column in columns:
+                database.execute(f"ALTER TABLE {table} DROP COLUMN {column}")
         database.execute("DROP TABLE episodes")
+        if version < WITH_LATER:
+            database.execute("DROP TABLE blocks")
         database.execute(f"PRAGMA user_version = {version}")
     history = SqliteHistory(folder)
     history.start(asyncio.get_running_loop())
@@ -79,4 +90,15 @@ async def test_its_steps_have_no_open_obligations_and_later_ones_may(tmp_path: P
     assert await history.step(1, 4) == later
     found, _ = await find(history, opened(), Query())
     assert [r.get("pending") for r in found] == [None] * 7 + [3]
+    await asyncio.to_thread(history.close)
+
+
+@pytest.mark.parametrize("version", [version for version in NEWER if version < WITH_LATER])
+async def test_its_sessions_are_of_robots_and_when_their_monitors_left_is_not_known(
+    tmp_path: Path, version: int
+) -> None:
+    history = await written(tmp_path, version)
+    (found,) = await history.open_sessions()
+    assert found.kind == "robot"
+    assert [(m.attached, m.left) for m in await history.monitors(1)] == [(False, None)]
     await asyncio.to_thread(history.close)

@@ -108,9 +108,21 @@ async def test_a_monitor_takes_the_place_of_the_one_of_its_name(history: History
     history.open_session(opened())
     streams = (StreamKey("/a", "topic"), StreamKey("/s", "request"))
     for instance, attached in (("i", True), ("j", False)):
-        history.set_monitor(1, MonitorRecord("m", instance, streams, attached, "sim"))
+        history.set_monitor(1, MonitorRecord("m", instance, streams, attached, "sim", left=None if attached else 2**62))
     await history.flush()
-    assert await history.monitors(1) == [MonitorRecord("m", "j", streams, attached=False, clock="sim")]
+    assert await history.monitors(1) == [MonitorRecord("m", "j", streams, attached=False, clock="sim", left=2**62)]
+
+
+async def test_sessions_are_found_by_how_their_names_begin(history: History) -> None:
+    names = ["s", "s.run2", "s.run10", "s.runs", "s_run2", "s.Run2", "t.run2", "s.run"]
+    for number, name in enumerate(names, start=1):
+        history.open_session(opened(number, name)._replace(kind="recording" if number == 2 else "robot"))
+    history.close_session(2, 1, {})
+    await history.flush()
+    assert sorted(await history.names("s.run")) == ["s.run", "s.run10", "s.run2", "s.runs"]
+    found = await history.session("s.run2")
+    assert found is not None
+    assert found.kind == "recording"
 
 
 async def test_the_bypassed_streams_of_a_monitor_and_the_begin_of_its_session_are_kept(history: History) -> None:

@@ -14,7 +14,7 @@ from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.records import SessionRecord
 from oracle_server.process.clock import Clock
 from oracle_server.review.restore import restore
-from oracle_server.sessions import registry as registry_module
+from oracle_server.sessions import plans as plans_module
 from oracle_server.sessions.registry import Registry
 from oracle_server.specfiles.library import Library
 from oracle_server.wire.errors import WireError
@@ -143,10 +143,12 @@ async def test_a_session_that_could_not_be_restored_is_closed_for_good(tmp_path:
     state = await second.state("one")
     assert state is not None
     assert state["trouble"] == before["trouble"], "why it was not judged to its end stays known"
-    assert state == before | {"status": "closed"} | {k: state[k] for k in ("closed", "continued_by", "clock_went_back")}
+    assert state == before | {"status": "closed"} | {
+        k: state[k] for k in ("closed", "closed_because", "continued_by", "clock_went_back")
+    }
     assert "one" not in [session.id for session in await history.open_sessions()]
     assert [s["id"] for s in await second.states()].count("one") == 1
-    with pytest.raises(WireError, match="'one' is closed; it can only be read"):
+    with pytest.raises(WireError, match=r"'one' is closed \(by request\); it can only be read"):
         await second.attach(attach("one", "guard"), Kept())
     third = impatient(history, tmp_path)
     await third.restore_all()
@@ -159,13 +161,13 @@ async def test_a_spec_is_read_once_for_all_its_sessions(tmp_path: Path, monkeypa
     for kept in history._kept.values():
         kept.record = kept.record._replace(text=kept.record.text + "\n# as of some time ago\n")
     read: list[str] = []
-    planned = registry_module._planned
+    planned = plans_module._planned
 
     def counted(opened: SessionRecord) -> Any:
         read.append(opened.text)
         return planned(opened)
 
-    monkeypatch.setattr(registry_module, "_planned", counted)
+    monkeypatch.setattr(plans_module, "_planned", counted)
     second = impatient(history, tmp_path)
     await second.restore_all()
     assert len(second.open) == 3

@@ -343,3 +343,33 @@ def test_a_denial_of_what_is_not_to_blame_is_warned_of_unless_it_is_meant(blame:
     found = parse_spec(text, "x").warnings
     assert len(found) == warnings, found
     assert all("`blame: caused` denies only what withholding mends, and `blame: any` says" in f.message for f in found)
+
+
+SHORT = "id: x\nstreams: [{topic: /a}]\nproperties: [{id: p, formula: '{v: 1}'}]\n"
+
+
+def test_a_session_is_closed_after_a_time_and_means_the_same() -> None:
+    spec = parse_spec(SHORT + "close: after 1.5h\n", "x.yaml").spec
+    assert spec.close_after == 5400 * 10**9
+    assert spec.digest == parse_spec(SHORT, "x.yaml").spec.digest
+    assert parse_spec(SHORT, "x.yaml").spec.close_after is None
+
+
+@pytest.mark.parametrize(
+    ("value", "reason"),
+    [
+        ("1h", "such as `after 1h`, found '1h'; write after 1h"),
+        ("after 1 h", "such as `after 1h`"),
+        ("after 1d", "write 24h"),
+        ("after 0s", "longer than 0s"),
+        ("3600", "a time without a monitor such as `after 1h`"),
+        ("{after: 1h}", "must be a time without a monitor, such as after 1h; found"),
+        ("true", "must be a time without a monitor, such as after 1h; found true"),
+    ],
+)
+def test_when_a_session_is_closed_is_written_in_one_way(value: str, reason: str) -> None:
+    with pytest.raises(SpecError) as refused:
+        parse_spec(f"{SHORT}close: {value}\n", "x.yaml")
+    (finding,) = refused.value.findings
+    assert (finding.line, finding.column) == (4, 8)
+    assert reason in finding.message

@@ -40,7 +40,8 @@ async def test_what_happens_is_counted(start: Starts) -> None:
         assert sum(v for (name, _), v in found.items() if name == "oracle_verdicts_total") == 4
         assert value(found, "denied_total") == 1
         assert value(found, "refused_total") == 1
-        assert value(found, "violations_total") == 1
+        assert value(found, "violations_total", spec="lamp", property="only_in_the_dark") == 1
+        assert value(found, "violated", spec="lamp", property="only_in_the_dark") in (0, 1)
         assert value(found, "decision_seconds_count") == 1
         assert value(found, "decision_seconds_bucket", le="+Inf") == 1
         assert value(found, "hold_seconds_count") == 2
@@ -70,10 +71,11 @@ async def test_a_restored_session_is_not_counted_again(start: Starts) -> None:
         await monitor.send(make_events(*(make_event(i, at=i, data={"v": 20 * (i % 2)}) for i in range(1, 21))))
         await monitor.acked(20)
         assert value(numbers(server), "events_total") == 20
-        assert value(numbers(server), "violations_total") > 0
+        assert value(numbers(server), "violations_total", spec="single", property="a_is_small") > 0
     assert server.stop() == 0
     found = numbers(start())
-    for name in ("events_total", "violations_total", "late_total", "lost_total", "engine_failures_total"):
+    assert value(found, "violations_total", spec="single", property="a_is_small") == 0
+    for name in ("events_total", "late_total", "lost_total", "engine_failures_total"):
         assert value(found, name) == 0, name
 
 
@@ -103,3 +105,26 @@ async def test_labels_are_bounded(server: Server, session: str) -> None:
         assert "a_monitor" not in text
         assert "/a" not in text
         await monitor.detach()
+
+
+async def test_violations_are_counted_by_property_and_those_of_now_are_told(start: Starts) -> None:
+    server = start()
+    pair = {"spec": "single", "property": "a_is_small"}
+    async with attached(server, session="s", spec="single") as monitor:
+        found = numbers(server)
+        assert (value(found, "violations_total", **pair), value(found, "violated", **pair)) == (0, 0), "from the start"
+        await monitor.send(*(make_event(i, at=i, data={"v": 20 * (i % 2)}) for i in range(1, 4)))
+        await monitor.acked(3)
+        async with attached(server, session="t", spec="single") as other:
+            await other.send(make_event(1, data={"v": 20}))
+            await other.acked(1)
+            found = numbers(server)
+            assert (value(found, "violations_total", **pair), value(found, "violated", **pair)) == (3, 2)
+            await monitor.send(make_event(4, at=4, data={"v": 1}))
+            await monitor.acked(4)
+            found = numbers(server)
+            assert (value(found, "violations_total", **pair), value(found, "violated", **pair)) == (3, 1)
+    server.http.delete("/api/v1/sessions/s")
+    server.http.delete("/api/v1/sessions/t")
+    found = numbers(server)
+    assert (value(found, "violations_total", **pair), value(found, "violated", **pair)) == (3, 0)

@@ -186,3 +186,43 @@ async def test_the_command_line_follows(server: Server, session: str, as_json: b
         assert [json.loads(line) for line in lines] == records
     else:
         assert [line.split()[0] for line in lines] == [str(r["n"]).encode() for r in records]
+
+
+async def summary_of(events: AsyncIterator[Event], state: dict[str, Any]) -> str:
+    """Take the next event of a stream of summaries into a state, as a page does; its name."""
+    keys = {"properties": ("id", "order"), "streams": ("monitor", "stream", "kind"), "monitors": ("name",)}
+    async with asyncio.timeout(PATIENCE):
+        event = await anext(events)
+    for key, value in json.loads(event["data"]).items():
+        if key in keys and key in state:
+            rows = {tuple(row[k] for k in keys[key]): row for row in (*state[key], *value)}
+            state[key] = [*rows.values()]
+        else:
+            state[key] = value
+    return event["event"]
+
+
+async def test_a_summary_is_the_state_and_then_what_has_changed(server: Server, session: str) -> None:
+    async with attached(server, session=session, spec="single") as monitor:
+        await monitor.send(make_events(*numbered(1, 5)))
+        await monitor.acked(5)
+        async with stream(server, session, summary="true") as events:
+            state: dict[str, Any] = {}
+            assert await summary_of(events, state) == "summary"
+            whole = server.get(f"sessions/{session}")
+            assert state.keys() == whole.keys() - {"hold"}
+            assert state["properties"] == whole["properties"]
+            await monitor.send(make_event(6, at=6, data={"v": 11}))
+            while state["properties"][0]["violations"] == 0:
+                assert await summary_of(events, state) == "summary"
+            await monitor.detach()
+            while state["live"]:
+                assert await summary_of(events, state) == "summary"
+            server.http.delete(f"/api/v1/sessions/{session}")
+            names = []
+            while "closed" not in names:
+                names.append(await summary_of(events, state))
+    assert {*names[:-1]} <= {"summary"}
+    assert (state["status"], state["closed_because"]) == ("closed", "by request")
+    problem(server.http.get(f"/api/v1/sessions/{session}/stream?summary=true&after=3"), 422)
+    problem(server.http.get("/api/v1/sessions/nowhere/stream?summary=true"), 404)

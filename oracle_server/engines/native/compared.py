@@ -9,11 +9,10 @@ from typing import Any
 
 from oracle_server.core.atoms import Match, precedes
 from oracle_server.engines.native.keys import ALL, Key, Region, Text, Variables, fresh_key, key_of, texts_of
-from oracle_server.engines.native.nodes import Absent
+from oracle_server.engines.native.nodes import ABSENT, Absent, Leaf
 
 Limit = tuple[int, str, Text]
 """The place of a variable in a key, how a signal compares with its value, and the signal's value as text."""
-_ABSENT = Absent()
 _KEPT = 4_096
 
 
@@ -28,35 +27,25 @@ def _number(text: Text) -> Any:
     return None if text is None else json.loads(text)
 
 
-class ComparedNode:
+class ComparedNode(Leaf):
     """Such an atom. It is asked about the values that something else has bound, and can't list those it holds for."""
 
-    __slots__ = ("_equal", "_fresh", "_limits", "changes", "current", "flat", "variables")
+    __slots__ = ("_equal", "_fresh", "_limits", "flat", "variables")
 
     def __init__(self, variables: Variables, refs: tuple[int, ...], limits: Sequence[tuple[str, int]]) -> None:
         """`refs` are the variables that it binds, in their order, `limits` those that it compares with, and how."""
         self.variables = variables
         self.flat = True
-        self.changes: list[Key] = []
-        self.current: Key | Absent = _ABSENT
+        self.changes = []
+        self.current = ABSENT
         """The texts that it binds, and behind them those that it compares."""
         self._equal = [variables.index(v) for v in refs]
         self._limits = [(variables.index(v), op) for op, v in limits]
         self._fresh = fresh_key(len(variables))
 
-    @property
-    def holds(self) -> bool:
-        """Whether it may hold at some key."""
-        return self.current is not _ABSENT
-
-    @property
-    def idle(self) -> bool:
-        """Whether it neither may hold nor has just changed."""
-        return self.current is _ABSENT and not self.changes
-
     def take(self, match: Match) -> None:
         """Move on to the next step."""
-        current: Key | Absent = _ABSENT if match is None else tuple(match)
+        current: Key | Absent = ABSENT if match is None else tuple(match)
         self.changes = [] if current == self.current else [self._fresh]
         self.current = current
 
@@ -66,7 +55,7 @@ class ComparedNode:
 
     def restore(self, data: Any) -> None:
         """Take over a snapshot."""
-        self.current = tuple(data[0]) if data else _ABSENT
+        self.current = tuple(data[0]) if data else ABSENT
 
     def at(self, key: Key) -> bool:
         """Whether it holds at a key."""

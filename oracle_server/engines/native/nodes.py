@@ -69,39 +69,48 @@ class Absent:
     """Stands where an atom has no key since it does not hold."""
 
 
-_ABSENT = Absent()
+ABSENT = Absent()
 
 
-class AtomNode:
+class Leaf:
+    """A node of the last step alone: where it holds now, and at which keys that has changed."""
+
+    __slots__ = ("changes", "current")
+
+    changes: list[Key]
+    current: Key | Absent
+
+    @property
+    def holds(self) -> bool:
+        """Whether it holds at some key."""
+        return self.current is not ABSENT
+
+    @property
+    def idle(self) -> bool:
+        """Whether it neither holds nor has just changed."""
+        return self.current is ABSENT and not self.changes
+
+
+class AtomNode(Leaf):
     """An atom: holds at one key at most."""
 
-    __slots__ = ("_pick", "_repeated", "changes", "current", "flat", "variables")
+    __slots__ = ("_pick", "_repeated", "flat", "variables")
 
     def __init__(self, variables: Variables, refs: tuple[int, ...]) -> None:
         """`refs` are the variables at the atom's refs, in their order; one can stand at several."""
         self.variables = variables
         self.flat = True
-        self.changes: list[Key] = []
-        self.current: Key | Absent = _ABSENT
+        self.changes = []
+        self.current = ABSENT
         places = [refs.index(v) for v in variables]
         self._pick = places
         self._repeated = [(i, refs.index(v)) for i, v in enumerate(refs) if refs.index(v) != i]
-
-    @property
-    def holds(self) -> bool:
-        """Whether it holds at some key."""
-        return self.current is not _ABSENT
-
-    @property
-    def idle(self) -> bool:
-        """Whether it neither holds nor has just changed."""
-        return self.current is _ABSENT and not self.changes
 
     def take(self, match: Match) -> None:
         """Move on to the next step."""
         key: Key | Absent
         if match is None or (self._repeated and any(match[i] != match[j] for i, j in self._repeated)):
-            key = _ABSENT
+            key = ABSENT
         elif len(self._pick) == 1:
             key = match[self._pick[0]]
         else:
@@ -109,7 +118,7 @@ class AtomNode:
         if key == self.current:
             self.changes = []
             return
-        self.changes = [k for k in (self.current, key) if k is not _ABSENT]
+        self.changes = [k for k in (self.current, key) if k is not ABSENT]
         self.current = key
 
     def snapshot(self) -> Any:
@@ -118,7 +127,7 @@ class AtomNode:
 
     def restore(self, data: Any) -> None:
         """Take over a snapshot."""
-        self.current = read_key(data[0]) if data else _ABSENT
+        self.current = read_key(data[0]) if data else ABSENT
 
     def at(self, key: Key) -> bool:
         """Whether it holds at a key."""

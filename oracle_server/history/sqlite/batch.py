@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import Any, NamedTuple
@@ -35,12 +35,13 @@ _TEXTS = [STEP_COLUMNS.index("signals"), STEP_COLUMNS.index("explanations")]
 class Then(NamedTuple):
     """A statement that is executed after a piece of work, together with it or not at all.
 
-    Its values are made in the writer's thread. It counts as `size` rows.
+    Its values are made in the writer's thread. It counts as `size` rows, and changes the steps at `positions`.
     """
 
     what: str
     make: Callable[[], Sequence[Any]]
     size: int
+    positions: Iterable[int] = ()
 
 
 @dataclass(slots=True)
@@ -153,4 +154,5 @@ def restating(session: int, revisions: Sequence[Revision]) -> Then:
     """What keeps what stands since revisions: 10,000 steps take 0.1 s to tell, while which others are served."""
     standing = [stands for revision in revisions for stands in revision.standing.values()]
     size = 1 + len(standing) // OF_ONE + sum(bool(stands.explanations) for stands in standing)
-    return Then(RESTATE, lambda: (restate_text(session, restated(revisions)),), size)
+    positions = {position for revision in revisions for position in revision.standing}
+    return Then(RESTATE, lambda: (restate_text(session, restated(revisions)),), size, positions)

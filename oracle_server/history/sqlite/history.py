@@ -15,6 +15,7 @@ from oracle_server.core.events import Order, StreamKey
 from oracle_server.core.revisions import Revision
 from oracle_server.core.verdicts import Outcome
 from oracle_server.history.episodes import EpisodeQuery, Page, StoredEpisode
+from oracle_server.history.letters import LETTERS
 from oracle_server.history.port import Done
 from oracle_server.history.query import Query
 from oracle_server.history.readers import Readers
@@ -27,7 +28,10 @@ from oracle_server.history.records import (
     SnapshotRecord,
     StoredStep,
 )
+from oracle_server.history.sqlite.asking import Asking
 from oracle_server.history.sqlite.batch import OF_ONE, REFUSED, Work, restating
+from oracle_server.history.sqlite.blocks import forgetting
+from oracle_server.history.sqlite.catching import catch_up
 from oracle_server.history.sqlite.episodes import END, FORGET, keeping, read
 from oracle_server.history.sqlite.reader import Reader
 from oracle_server.history.sqlite.rows import (
@@ -45,8 +49,9 @@ from oracle_server.history.sqlite.rows import (
     text,
 )
 from oracle_server.history.sqlite.schema import MONITOR_COLUMNS, REFUSED_COLUMNS, SESSION_COLUMNS, STEP_COLUMNS
-from oracle_server.history.sqlite.standing import LETTERS
+from oracle_server.history.sqlite.statements import EXTENT, KEPT, LAST_TIME, OF_A_SESSION, SESSIONS, SIZE, STEPS, UPTO
 from oracle_server.history.sqlite.writer import Durability, Writer
+from oracle_server.history.timeline import Question
 
 T = TypeVar("T")
 
@@ -55,34 +60,9 @@ _SCAN = 20_000
 """Positions that are looked at in one turn for steps that match: some 20 ms."""
 _LOOKUPS = 4
 """Threads for what decisions and monitors wait for, one row each: those that read pages are taken by long queries."""
-_STEPS = f"SELECT {','.join(STEP_COLUMNS)} FROM steps"  # noqa: S608 -- no value is written into a statement
-_SESSIONS = f"SELECT {','.join(SESSION_COLUMNS)} FROM sessions"  # noqa: S608
-_UPTO = "session = ? AND position <= ? AND ord = ?"
-_EXTENT = (  # each end by itself: one query for both would read all that is between
-    "SELECT coalesce((SELECT min(position) FROM steps WHERE session = ?1), 1), "
-    "coalesce((SELECT max(position) FROM steps WHERE session = ?1), 0)"
-)
-_LAST_TIME = (
-    "SELECT coalesce(max((SELECT judged FROM steps WHERE session = s.number ORDER BY position DESC LIMIT 1)), 0) "
-    "FROM sessions s"
-)
-"""A session's last step was judged last; all of them would be looked at otherwise."""
-_KEPT = (
-    "SELECT s.number, s.spec, s.closed, coalesce(saved.settled, 0) "
-    "FROM sessions s LEFT JOIN snapshots saved ON saved.session = s.number ORDER BY s.number"
-)
 _LAST = 2**62
 """A position behind every step."""
 _FINAL = LETTERS[Outcome.TRUE], LETTERS[Outcome.FALSE]
-_OF_A_SESSION = (
-    ("steps", "session"), ("episodes", "session"), ("refused", "session"), ("monitors", "session"),
-    ("snapshots", "session"), ("sessions", "number"),
-)  # fmt: skip
-"""The tables that have rows of a session, and their columns with its number; itself at last."""
-_SIZE = (
-    "SELECT (p.page_count - f.freelist_count) * s.page_size FROM pragma_page_count p, pragma_freelist_count f, "
-    "pragma_page_size s"
-)
 
 
 class SqliteHistory:
@@ -94,6 +74,7 @@ class SqliteHistory:
         self._writer = Writer(self.path, durability)
         self._readers, self._sorters = Readers(), Readers(name="history sorting")
         self._reader = Reader(self.path, self._readers, self._sorters)
+        self._asking = Asking(self.path)
         self._lookup_threads = Readers(_LOOKUPS, _LOOKUPS, "history lookup")
         self._lookups = Reader(self.path, self._lookup_threads)
 
@@ -104,9 +85,14 @@ class SqliteHistory:
     def close(self) -> None:
         """Commit what waits and close the database. Call it off the event loop."""
         self._writer.close()
+        self._asking.close()
         self._lookup_threads.close()
         self._sorters.close()
         self._readers.close()
+
+    async def catch_up(self) -> None:
+        """Make the blocks of what older versions have written."""
+        await catch_up(self._reader, self._writer)
 
     # how the writing goes
 
@@ -196,11 +182,13 @@ class SqliteHistory:
     async def forget_steps(self, session: int, before: int) -> None:
         """Delete a session's steps before a position."""
         self._execute(session, FORGET, lambda: (session, before), needed=False, always=True)
+        for sql, values in forgetting(session, before):
+            self._writer.add(Work(session, sql, values, always=True))
         await self._do(session, "DELETE FROM steps WHERE session = ? AND position < ?", (session, before))
 
     async def forget_session(self, session: int) -> None:
         """Delete all that is left of a session."""
-        for table, key in _OF_A_SESSION:
+        for table, key in OF_A_SESSION:
             await self._do(session, f"DELETE FROM {table} WHERE {key} = ?", (session,))  # noqa: S608
 
     async def _do(self, session: int, sql: str, values: tuple[int, ...]) -> None:
@@ -234,17 +222,22 @@ class SqliteHistory:
 
     async def last_time(self) -> int:
         """The latest time at which something was judged."""
-        (time,) = await self._reader.row(_LAST_TIME)
+        (time,) = await self._reader.row(LAST_TIME)
         return int(time)
 
     async def open_sessions(self) -> list[SessionRecord]:
         """The sessions that are not closed."""
-        return await self._reader.all(session_of, f"{_SESSIONS} WHERE closed IS NULL ORDER BY number")
+        return await self._reader.all(session_of, f"{SESSIONS} WHERE closed IS NULL ORDER BY number")
 
     async def session(self, name: str | int) -> SessionRecord | None:
         """A session by its id or number."""
         key = "id" if isinstance(name, str) else "number"
-        return await self._lookups.one(session_of, f"{_SESSIONS} WHERE {key} = ?", (name,))
+        return await self._lookups.one(session_of, f"{SESSIONS} WHERE {key} = ?", (name,))
+
+    async def names(self, beginning: str) -> list[str]:
+        """The ids of sessions that begin with a text."""
+        sql = "SELECT id FROM sessions WHERE id >= ? AND id < ?"  # an index has these; behind `~` no id goes on
+        return await self._lookups.all(lambda row: str(row[0]), sql, (beginning, f"{beginning}~"))
 
     async def closed_state(self, name: str) -> Document | None:
         """How a closed session stood."""
@@ -282,21 +275,21 @@ class SqliteHistory:
 
     async def extent(self, session: int) -> tuple[int, int]:
         """The first and the last position of a session's steps."""
-        first, last = await self._reader.row(_EXTENT, (session,))
+        first, last = await self._reader.row(EXTENT, (session,))
         return first, last
 
     async def step(self, session: int, position: int) -> StoredStep | None:
         """The step at a position."""
-        return await self._reader.one(step_of, f"{_STEPS} WHERE session = ? AND position = ?", (session, position))
+        return await self._reader.one(step_of, f"{STEPS} WHERE session = ? AND position = ?", (session, position))
 
     async def asked_step(self, session: int, monitor: str, seq: int) -> StoredStep | None:
         """The step of an event at which it was decided."""
         where = "WHERE session = ? AND monitor = ? AND seq = ? AND decision IS NOT NULL"
-        return await self._lookups.one(step_of, f"{_STEPS} {where}", (session, monitor, seq))
+        return await self._lookups.one(step_of, f"{STEPS} {where}", (session, monitor, seq))
 
     async def steps(self, session: int, after: int, upto: int | None = None) -> AsyncGenerator[list[StoredStep], None]:
         """The steps behind a position, up to another, by pages."""
-        sql = f"{_STEPS} WHERE session = ? AND position > ? AND position <= ? ORDER BY position LIMIT {_PAGE}"
+        sql = f"{STEPS} WHERE session = ? AND position > ? AND position <= ? ORDER BY position LIMIT {_PAGE}"
         last = _LAST if upto is None else upto
         while page := await self._reader.all(step_of, sql, (session, after, last)):
             yield page
@@ -321,7 +314,7 @@ class SqliteHistory:
         """Give `take` steps that may hold a record that a query asks for."""
 
         def look(reader: sqlite3.Connection) -> int | None:
-            first, last = reader.execute(_EXTENT, (session,)).fetchone()
+            first, last = reader.execute(EXTENT, (session,)).fetchone()
             ahead = _LAST if query.violations else _SCAN  # violations have an index
             if query.ascending:
                 lower = max(position, first)
@@ -330,7 +323,7 @@ class SqliteHistory:
                 upper = min(position, last)
                 lower = max(upper - ahead, first)
             where, values = conditions(session, query, lower, upper)
-            found = reader.execute(f"{_STEPS} WHERE {where} ORDER BY position {query.order.upper()}", values)
+            found = reader.execute(f"{STEPS} WHERE {where} ORDER BY position {query.order.upper()}", values)
             at = upper if query.ascending else lower
             for count, step in enumerate(map(step_of, found), 1):
                 if not take(step) or count == _PAGE:
@@ -345,9 +338,13 @@ class SqliteHistory:
         """A page of the episodes that a query asks for."""
         return await self._reader.run(lambda reader: read(reader, query))
 
+    async def timeline(self, session: SessionRecord, question: Question) -> bytes:
+        """What a session tells by time, as JSON."""
+        return await self._asking.ask(session, question)
+
     async def first_final(self, session: int, order: Order, index: int, upto: int) -> int | None:
         """The position of the first step at which a property is final."""
-        sql = f"SELECT min(position) FROM steps WHERE {_UPTO} AND substr(outcomes, ?, 1) IN (?, ?)"  # noqa: S608
+        sql = f"SELECT min(position) FROM steps WHERE {UPTO} AND substr(outcomes, ?, 1) IN (?, ?)"  # noqa: S608
         (position,) = await self._reader.row(sql, (session, upto, order, index + 1, *_FINAL))
         return None if position is None else int(position)
 
@@ -358,7 +355,7 @@ class SqliteHistory:
             if undoing
             else "0"
         )
-        sql = f"SELECT max(position) FROM steps WHERE {_UPTO} AND number > 0 AND NOT ({undone})"  # noqa: S608
+        sql = f"SELECT max(position) FROM steps WHERE {UPTO} AND number > 0 AND NOT ({undone})"  # noqa: S608
         (position,) = await self._reader.row(sql, (session, upto, order, *chain.from_iterable(undoing)))
         return None if position is None else int(position)
 
@@ -366,8 +363,8 @@ class SqliteHistory:
         """What is kept of each session."""
         return await self._reader.run(
             lambda reader: [
-                Extent(number, *rest, *reader.execute(_EXTENT, (number,)).fetchone())
-                for number, *rest in reader.execute(_KEPT).fetchall()
+                Extent(number, *rest, *reader.execute(EXTENT, (number,)).fetchone())
+                for number, *rest in reader.execute(KEPT).fetchall()
             ]
         )
 
@@ -383,7 +380,7 @@ class SqliteHistory:
 
     async def size(self) -> int:
         """Bytes that the history takes."""
-        (size,) = await self._reader.row(_SIZE)
+        (size,) = await self._reader.row(SIZE)
         return int(size)
 
 

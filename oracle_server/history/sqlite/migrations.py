@@ -32,10 +32,16 @@ _STEPS = {
         )
     ),
     7: "ALTER TABLE steps ADD COLUMN pending TEXT;",
-    8: "",  # the table of episodes is new, and is filled by `remake`
+    # what decides was told by the spec alone; one with both orders is decided by publication
+    8: "ALTER TABLE sessions ADD COLUMN decides TEXT NOT NULL DEFAULT 'publication';"
+    "UPDATE sessions SET decides = 'arrival' WHERE asked = 'arrival' OR (asked IS NULL AND text LIKE '%arrival%' "
+    "AND NOT EXISTS (SELECT 1 FROM steps WHERE session = number AND ord = 'publication'));"
+    "ALTER TABLE sessions ADD COLUMN kind TEXT NOT NULL DEFAULT 'robot';"
+    "ALTER TABLE monitors ADD COLUMN left_at INTEGER;",
+    9: "",  # the table of episodes is new, and is filled by `remake`
 }
 """By the version that they start from: statements that lead to the next one."""
-_EPISODES = 9
+_EPISODES = 10
 """The first format with episodes."""
 
 

@@ -12,13 +12,12 @@ from oracle_server.core.bypass import Bypass
 from oracle_server.core.events import Event, Step, StreamKey
 from oracle_server.core.kinds import GOAL_ID, KINDS, STATUS
 from oracle_server.core.verdicts import Decision, Outcome, json_number
+from oracle_server.history.letters import LETTERS, letters
 from oracle_server.history.query import Query
 from oracle_server.history.records import Document, MonitorRecord, SessionRecord, SnapshotRecord, StoredStep
 from oracle_server.history.sqlite.schema import STEP_COLUMNS
 from oracle_server.history.sqlite.standing import (
-    LETTERS,
     degraded_of,
-    letters,
     outcomes_of,
     revised_of,
     revision_of,
@@ -120,29 +119,28 @@ def _robustness(value: str | None) -> tuple[float | None, ...] | None:
 
 def session_row(session: SessionRecord) -> Row:
     """A session as a row of its table, in the order of `SESSION_COLUMNS`."""
-    number, name, spec, yaml, digest, properties, private, opened, by, begun = session
-    return number, name, spec, yaml, digest, text(properties), private, opened, by, begun
+    return (*session[:5], text(session.properties), *session[6:])
 
 
 def session_of(row: Row) -> SessionRecord:
     """The same, back."""
-    number, name, spec, yaml, digest, properties, private, opened, by, begun = row
-    return SessionRecord(number, name, spec, yaml, digest, tuple(_decode(properties)), bool(private), opened, by, begun)
+    number, name, spec, yaml, digest, properties, private, *rest = row
+    return SessionRecord(number, name, spec, yaml, digest, tuple(_decode(properties)), bool(private), *rest)
 
 
 def monitor_row(session: int, monitor: MonitorRecord) -> Row:
     """A monitor as a row of its table, in the order of `MONITOR_COLUMNS`."""
     streams = text([list(key) for key in monitor.streams])
     bypasses = text([[*key, *bypass] for key, bypass in monitor.bypasses.items()])
-    return session, monitor.name, monitor.instance, streams, monitor.attached, monitor.clock, bypasses
+    return session, monitor.name, monitor.instance, streams, monitor.attached, monitor.clock, bypasses, monitor.left
 
 
 def monitor_of(row: Row) -> MonitorRecord:
     """The same, back."""
-    _, name, instance, streams, attached, clock, bypasses = row
+    _, name, instance, streams, attached, clock, bypasses, left = row
     keys = tuple([StreamKey(*key) for key in _decode(streams)])
     bypassed = {StreamKey(stream, kind): Bypass(told, since) for stream, kind, told, since in _decode(bypasses)}
-    return MonitorRecord(name, instance, keys, bool(attached), clock, bypassed)
+    return MonitorRecord(name, instance, keys, bool(attached), clock, bypassed, left)
 
 
 def snapshot_row(session: int, snapshot: SnapshotRecord) -> Row:

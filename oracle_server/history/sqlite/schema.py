@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-VERSION = 9
+VERSION = 10
 
 DDL = """
 CREATE TABLE IF NOT EXISTS sessions (
@@ -16,7 +16,9 @@ CREATE TABLE IF NOT EXISTS sessions (
     opened INTEGER NOT NULL,     -- ns
     asked TEXT,                  -- the order that was asked for instead of the spec's
     begun INTEGER,               -- ns, in the session's own time: when its first monitor attached
+    decides TEXT NOT NULL DEFAULT 'publication',  -- the order whose steps are decided by
     closed INTEGER,              -- ns
+    kind TEXT NOT NULL DEFAULT 'robot',  -- or recording: what it judges
     state TEXT                   -- JSON: how it stood when it was closed
 );
 CREATE TABLE IF NOT EXISTS steps (
@@ -62,6 +64,17 @@ CREATE TABLE IF NOT EXISTS steps (
 ) WITHOUT ROWID;
 CREATE UNIQUE INDEX IF NOT EXISTS steps_by_seq ON steps (session, monitor, seq, ord);
 CREATE INDEX IF NOT EXISTS violations ON steps (session, position) WHERE explanations IS NOT NULL;
+CREATE TABLE IF NOT EXISTS blocks (
+    session INTEGER NOT NULL,
+    level INTEGER NOT NULL,      -- 0: of 32 positions; each further one: of 8 blocks of the level below
+    block INTEGER NOT NULL,      -- 0, 1, 2… in each level, from position 1 on
+    since INTEGER NOT NULL,      -- ns: the time of its first step
+    until INTEGER NOT NULL,      -- ns: that of its last step
+    worst TEXT NOT NULL,         -- a character a property, as `outcomes` of steps; empty where no row counts
+    degraded TEXT NOT NULL,      -- a character a property: 0 or 1
+    data TEXT NOT NULL,          -- JSON: what is counted, and sketches of signals
+    PRIMARY KEY (session, level, block)
+) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS episodes (
     session INTEGER NOT NULL,
     property TEXT NOT NULL,      -- its id
@@ -88,6 +101,7 @@ CREATE TABLE IF NOT EXISTS monitors (
     attached INTEGER NOT NULL,
     clock TEXT NOT NULL,         -- wall or sim
     bypasses TEXT NOT NULL DEFAULT '[]',  -- JSON: [name, what is told of it, since (ns)] of streams that are bypassed
+    left_at INTEGER,             -- ns: when it was detached, NULL where it is not
     PRIMARY KEY (session, name)
 ) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS snapshots (
@@ -116,5 +130,7 @@ STEP_COLUMNS = (
     "standing_degraded", "standing_explanations", "revised", "revision", "pending",
 )  # fmt: skip
 REFUSED_COLUMNS = ("session", "monitor", "seq", "gap", "at", "code", "message")
-SESSION_COLUMNS = ("number", "id", "spec", "text", "digest", "properties", "private", "opened", "asked", "begun")
-MONITOR_COLUMNS = ("session", "name", "instance", "streams", "attached", "clock", "bypasses")
+SESSION_COLUMNS = (
+    "number", "id", "spec", "text", "digest", "properties", "private", "opened", "asked", "begun", "decides", "kind",
+)  # fmt: skip
+MONITOR_COLUMNS = ("session", "name", "instance", "streams", "attached", "clock", "bypasses", "left_at")

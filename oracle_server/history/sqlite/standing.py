@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import msgspec
@@ -11,17 +11,9 @@ from oracle_server.core.events import Event, StreamKey
 from oracle_server.core.records import ExplanationRecord
 from oracle_server.core.revisions import Change, Standing
 from oracle_server.core.verdicts import Outcome
+from oracle_server.history.letters import LETTERS, letters
 from oracle_server.history.records import Restated, StoredRevision, StoredStep
 
-LETTERS: Mapping[Outcome | None, str] = {
-    Outcome.TRUE: "T",
-    Outcome.CURRENTLY_TRUE: "t",
-    Outcome.CURRENTLY_FALSE: "f",
-    Outcome.FALSE: "F",
-    Outcome.UNKNOWN: "u",
-    None: "-",
-}
-"""By the outcome; None where there is none: the deadline is retracted, or a revision does not change the property."""
 _OUTCOMES = {letter: outcome for outcome, letter in LETTERS.items()}
 
 RESTATE = """
@@ -82,11 +74,6 @@ def revision_of(text: str) -> StoredRevision:
         tuple([_event(*event) for event in kept["because"]]),
         kept["causes"],
     )
-
-
-def letters(outcomes: Sequence[Outcome | None]) -> str:
-    """Outcomes as a text, a character each."""
-    return "".join([LETTERS[outcome] for outcome in outcomes])
 
 
 def outcomes_of(text: str) -> tuple[Outcome | None, ...]:

@@ -17,17 +17,18 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Literal
 
 import structlog
 
 from oracle_server.core.errors import HistoryError
 from oracle_server.history.sqlite.batch import REFUSED, Refused, Then, Work, write, write_apart
+from oracle_server.history.sqlite.blocks import BlockWriter
 from oracle_server.history.sqlite.migrations import migrate
 from oracle_server.history.sqlite.rows import Row
 from oracle_server.history.sqlite.schema import STEP_COLUMNS, VERSION
 
-T = TypeVar("T")
+_Way = Callable[[sqlite3.Connection, list[Work]], tuple[list[Work], list[Refused]]]
 Durability = Literal["full", "normal"]
 MAX_PENDING = 20_000
 """Rows that may wait for their commit; beyond this limit, monitors are not read until there is room."""
@@ -78,6 +79,7 @@ class Writer:
         self._stopping = False
         self._pending = 0
         self._uncommitted: deque[float] = deque()
+        self._blocks = BlockWriter()
         self._thread = threading.Thread(target=self._run, name="history writer", daemon=True)
         self.failure: str | None = None
         """Why the history can't be written at present; None where it can."""
@@ -205,21 +207,22 @@ class Writer:
         """Write a batch, apart from what is refused; returns what is written, and what is refused."""
         work = [one for one in batch.work if one.always or one.session not in self.failures]
         try:
-            self._transact(write, work)
+            return self._transact(_write_together, work)
         except REFUSED:
             return self._transact(write_apart, work)
-        return work, []
 
-    def _transact(self, way: Callable[[sqlite3.Connection, list[Work]], T], work: list[Work]) -> T:
+    def _transact(self, way: _Way, work: list[Work]) -> tuple[list[Work], list[Refused]]:
         self._writer.execute("BEGIN IMMEDIATE")
         try:
-            result = way(self._writer, work)
+            written, refused = way(self._writer, work)
+            self._blocks.follow(self._writer, written)
             self._writer.execute("COMMIT")
         except BaseException:
+            self._blocks.forget()
             with contextlib.suppress(sqlite3.Error):
                 self._writer.execute("ROLLBACK")
             raise
-        return result
+        return written, refused
 
     def _report(self, refused: list[Refused]) -> None:
         """Note the sessions of which nothing more is written, and log what is refused."""
@@ -240,6 +243,11 @@ class Writer:
         for work in written:
             if work.done is not None:
                 self._loop.call_soon(work.done)  # where one fails, the others are called all the same
+
+
+def _write_together(database: sqlite3.Connection, work: list[Work]) -> tuple[list[Work], list[Refused]]:
+    write(database, work)
+    return work, []
 
 
 def _reason(error: Exception) -> str:

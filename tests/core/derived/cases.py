@@ -161,6 +161,30 @@ def judged(found: Case) -> list[Judged]:
     return rows + session.advance(found.end)
 
 
+def restarted(found: Case, rng: random.Random) -> tuple[list[Judged], int]:
+    """The same of a session that is saved and restored at some places, some of them between ticks.
+
+    At others it is judged again from its beginning, and must say the same. Returns how often it began anew, too.
+    """
+    ready, rows, count = plan(found.spec), list[Judged](), 0
+    session = opened(ready, found.begun)
+    for index, (time, _, _) in enumerate(found.events):
+        how = rng.choice(("", "", "saved", "again"))
+        if (due := session.next_deadline) is not None and due < time and rng.random() < 0.5:
+            rows += session.advance(due)
+        if how == "saved":
+            data = json.loads(json.dumps(session.snapshot()))
+            session = opened(ready, found.begun)
+            session.restore(data, len(rows) * len(found.spec.properties) + 1)
+        if how == "again":
+            session = opened(ready, found.begun)
+            again = [session.rejudge("arrival", j.step, j.judged) for j in rows]
+            assert [j.verdicts for j in again if j is not None] == [j.verdicts for j in rows]
+        count += how != ""
+        rows += session.ingest(event_of(found, index))
+    return rows + session.advance(found.end), count
+
+
 def rows_of(found: Sequence[Judged]) -> list[Row]:
     """What was judged, as data."""
     return [(j.step.event.stream.name, j.step.stamp, tuple(v.outcome.current.value for v in j.verdicts)) for j in found]

@@ -8,7 +8,6 @@ prints how many differ, and the first that does; `--seed` begins elsewhere, `--w
 from __future__ import annotations
 
 import argparse
-import json
 import random
 from collections.abc import Callable
 from dataclasses import replace
@@ -19,8 +18,18 @@ from hypothesis import strategies as st
 
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.plan import plan
-from oracle_server.core.verdicts import Judged
-from tests.core.derived.cases import Expected, Row, case, distinct, event_of, interleaved, judged, opened, rows_of
+from tests.core.derived.cases import (
+    Expected,
+    Row,
+    case,
+    distinct,
+    event_of,
+    interleaved,
+    judged,
+    opened,
+    restarted,
+    rows_of,
+)
 
 CASES = 3_000
 FEWER = 600
@@ -53,23 +62,7 @@ def check_permuted(rng: random.Random, time: Time) -> None:
 def check_restarted(rng: random.Random, time: Time) -> None:
     """The session is saved and restored at some places, and judged again from its beginning at others."""
     found = case(rng, time)
-    ready = plan(found.spec)
-    session, rows = opened(ready, found.begun), list[Judged]()
-    for index in range(len(found.events)):
-        how = rng.choice(("", "", "saved", "again"))
-        if (due := session.next_deadline) is not None and due < found.events[index][0] and rng.random() < 0.5:
-            rows += session.advance(due)
-        if how == "saved":
-            data = json.loads(json.dumps(session.snapshot()))
-            session = opened(ready, found.begun)
-            session.restore(data, len(rows) * len(found.spec.properties) + 1)
-        if how == "again":
-            session = opened(ready, found.begun)
-            again = [session.rejudge("arrival", j.step, j.judged) for j in rows]
-            assert rows_of([j for j in again if j is not None]) == rows_of(rows)
-        rows += session.ingest(event_of(found, index))
-    rows += session.advance(found.end)
-    assert rows_of(rows) == Expected(found).rows
+    assert rows_of(restarted(found, rng)[0]) == Expected(found).rows
 
 
 def check_both(rng: random.Random, time: Time) -> None:

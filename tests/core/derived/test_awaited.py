@@ -7,7 +7,6 @@ is the long run. A case is told by its number alone.
 
 from __future__ import annotations
 
-import json
 import os
 import random
 from collections import Counter
@@ -35,6 +34,7 @@ from tests.core.derived.cases import (
     interleaved,
     judged,
     opened,
+    restarted,
 )
 from tests.engines.test_against_brute import SEED
 from tests.obligations import Item, decisions
@@ -202,21 +202,9 @@ def check_permuted(rng: random.Random, time: Time, stats: Counter[str]) -> None:
 def check_restarted(rng: random.Random, time: Time, stats: Counter[str]) -> None:
     """The session is saved and restored at some places, and judged again from its beginning at others."""
     found = owing(rng, time)
-    ready, rows = plan(found.spec), list[Judged]()
-    session = opened(ready, found.begun)
-    for index in range(len(found.events)):
-        how = rng.choice(("", "", "saved", "again"))
-        if how == "saved":
-            data = json.loads(json.dumps(session.snapshot()))
-            session = opened(ready, found.begun)
-            session.restore(data, len(rows) * len(found.spec.properties) + 1)
-        if how == "again":
-            session = opened(ready, found.begun)
-            again = [session.rejudge("arrival", j.step, j.judged) for j in rows]
-            assert [j.verdicts for j in again if j is not None] == [j.verdicts for j in rows]
-        stats["restarts"] += how != ""
-        rows += session.ingest(event_of(found, index))
-    compare(found, rows + session.advance(found.end), stats, found.end - 1)
+    rows, restarts = restarted(found, rng)
+    stats["restarts"] += restarts
+    compare(found, rows, stats, found.end - 1)
 
 
 def check_both(rng: random.Random, time: Time, stats: Counter[str]) -> None:

@@ -14,7 +14,7 @@ SMALL, BIG = {"v": 1}, {"v": 11}
 
 async def test_a_session_is_seen_as_it_goes_on(server: Server, session: str, page: Page) -> None:
     await page.goto(f"{server.url}/")
-    await expect(page.get_by_role("status")).to_have_text("live")
+    await expect(page.get_by_role("status")).to_have_text("connected")
     async with attached(server, session=session, spec="single") as monitor:
         row = page.get_by_role("row").filter(has=page.get_by_role("link", name=session, exact=True))
         await expect(row).to_contain_text("1 of 1")
@@ -150,3 +150,58 @@ async def test_a_small_screen_shows_all_of_it(server: Server, session: str, page
     await page.goto(f"{server.url}/#/sessions/{session}")
     await expect(page.locator(".chart td > a").first).to_be_attached()
     assert await page.evaluate("document.documentElement.scrollWidth") <= 360
+
+
+async def test_a_number_beyond_the_end_is_told_with_the_last_one(server: Server, session: str, page: Page) -> None:
+    async with attached(server, session=session, spec="single") as monitor:
+        await monitor.send(make_event(1, at=1, data=SMALL), make_event(2, at=2, data=BIG))
+        await monitor.acked(2)
+        await monitor.detach()
+    await page.goto(f"{server.url}/#/sessions/{session}?n=4000")
+    verdict = page.locator(".verdict")
+    await expect(verdict).to_contain_text("has no verdict 4000 in its history yet. The last one is verdict 2.")
+    await expect(page.locator(".chart")).to_contain_text("no steps around verdict 4000")
+    await verdict.get_by_role("link", name="verdict 2").click()
+    await expect(verdict.get_by_role("heading")).to_contain_text("currently_false at step 2")
+
+
+async def test_the_page_is_walked_with_few_stops(server: Server, session: str, page: Page) -> None:
+    async with attached(server, session=session, spec="pair", streams=["/a"]) as monitor:
+        await monitor.send(*(make_event(i, "/a", at=i, data=SMALL) for i in range(1, 41)))
+        await monitor.detach()
+    await page.goto(f"{server.url}/#/sessions/{session}")
+    cells = page.locator(".chart td > a")
+    await expect(cells.first).to_be_visible()
+    await expect(page.locator(".chart td > a[tabindex='0']")).to_have_count(1)
+    await page.keyboard.press("Tab")
+    await expect(page.get_by_role("link", name="Skip to the content")).to_be_focused()
+    await page.keyboard.press("Enter")
+    await expect(page.locator("main")).to_be_focused()
+    assert page.url.endswith(f"#/sessions/{session}"), "what is shown stays"
+    last = page.locator(".chart td > a[tabindex='0']")
+    await last.focus()
+    label = await last.get_attribute("aria-label") or ""
+    assert " at step 40:" in label
+    await page.keyboard.press("ArrowLeft")
+    focused = page.locator("a:focus")
+    await expect(focused).to_have_attribute("aria-label", label.replace("step 40", "step 39"))
+    await page.keyboard.press("ArrowDown")
+    await expect(focused).to_have_attribute("aria-label", re.compile(" at step 39:"))
+    assert (await focused.get_attribute("aria-label") or "").split(" ")[0] != label.split(" ")[0]
+    await expect(page.locator(".chart td > a[tabindex='0']")).to_have_count(1)
+    await page.keyboard.press("Enter")
+    await expect(page.locator(".chosen")).to_have_attribute("aria-label", re.compile(" at step 39:"))
+
+
+async def test_who_watches_and_since_when_nobody_does_is_shown(server: Server, session: str, page: Page) -> None:
+    await page.goto(f"{server.url}/")
+    row = page.get_by_role("row").filter(has=page.get_by_role("link", name=session, exact=True))
+    async with attached(server, session=session, spec="single") as monitor:
+        await expect(row).to_contain_text("live")
+        await monitor.detach()
+    await expect(row).to_contain_text("open, no monitor since ")
+    server.http.delete(f"/api/v1/sessions/{session}")
+    await expect(row).to_contain_text("closed")
+    await row.get_by_role("link", name=session, exact=True).click()
+    await expect(page.locator("strong.closed")).to_be_visible()
+    await expect(page.get_by_text("(by request)")).to_be_visible()

@@ -90,9 +90,9 @@ async def test_a_token_is_asked_for_and_kept_to_oneself(start: Starts, tmp_path:
     await expect(page.get_by_role("status")).to_contain_text("the token lacks the scope `read`")
     await field.fill(secret)
     await page.get_by_role("button", name="Use").click()
-    await expect(page.get_by_role("status")).to_have_text("live")
+    await expect(page.get_by_role("status")).to_have_text("connected")
     await page.reload()
-    await expect(page.get_by_role("status")).to_have_text("live")
+    await expect(page.get_by_role("status")).to_have_text("connected")
     assert secret not in page.url
     assert secret not in server.log
 
@@ -111,4 +111,4 @@ async def test_a_server_that_is_away_is_told_and_found_again(start: Starts, page
         await expect(page.get_by_role("status")).to_contain_text("can't be reached")
         await expect(cell).to_be_visible()
         start(port=port)
-        await expect(page.get_by_role("status")).to_have_text("live")
+        await expect(page.get_by_role("status")).to_have_text("connected")

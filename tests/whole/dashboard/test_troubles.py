@@ -42,7 +42,7 @@ async def test_a_malformed_answer_is_reported_and_the_page_goes_on(
     await page.goto(f"{server.url}/{address.format(session)}")
     await expect(status).to_contain_text("not up to date")
     await page.unroute(path.format(session))
-    await expect(status).to_have_text("live")
+    await expect(status).to_have_text("connected")
 
 
 async def test_older_violations_that_can_not_be_had_are_asked_for_again(
@@ -59,7 +59,7 @@ async def test_older_violations_that_can_not_be_had_are_asked_for_again(
     await expect(page.get_by_role("status")).to_contain_text("can't be reached")
     await page.unroute(path)
     await expect(listed).to_have_count(25)
-    await expect(page.get_by_role("status")).to_have_text("live")
+    await expect(page.get_by_role("status")).to_have_text("connected")
 
 
 class Held:
@@ -95,7 +95,7 @@ async def test_an_explanation_is_asked_for_once_however_long_it_takes(server: Se
         await server.until(lambda: looks, lambda now: now >= seen + 4)
         await monitor.send(make_event(2, at=2, data=SMALL), make_event(3, at=3, data=BIG))
         await expect(page.locator(".violations li")).to_have_count(2)
-        await expect(page.get_by_role("status")).to_have_text("live")
+        await expect(page.get_by_role("status")).to_have_text("connected")
         assert len(held.asked) == 1
         held.open.set()
         await expect(verdict).to_contain_text("currently_false")
@@ -123,7 +123,7 @@ async def test_an_explanation_that_nobody_looks_at_is_not_waited_for(
         await expect(page.get_by_role("heading", level=1)).to_have_text("Sessions")
     async with asyncio.timeout(PATIENCE):
         await failed.wait()
-    await expect(page.get_by_role("status")).to_have_text("live")
+    await expect(page.get_by_role("status")).to_have_text("connected")
     held.open.set()
 
 

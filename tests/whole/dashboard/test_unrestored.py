@@ -17,4 +17,4 @@ async def test_why_a_session_could_not_be_restored_is_shown(page: Page, tmp_path
         await page.goto(f"{server.url}/#/sessions/s")
         await expect(page.get_by_text(REASON)).to_be_visible()
         await expect(page.get_by_text("unrestored", exact=True)).to_be_visible()
-        await expect(page.get_by_role("status")).to_have_text("live")
+        await expect(page.get_by_role("status")).to_have_text("connected")

@@ -1,0 +1,43 @@
+"""A session's state as Server-Sent Events, for pages: what has changed, a few times a second at most."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncIterator
+
+from fastapi.sse import KEEPALIVE_COMMENT, format_sse_event
+
+from oracle_server.history.records import Document
+from oracle_server.sessions.registry import Registry
+from oracle_server.sessions.summary import changed, summary
+from oracle_server.wire.json import encode
+
+_EVERY = 0.5
+"""Seconds between two looks at a session."""
+_RATE = 16_000
+"""Bytes a second that a client is sent on average."""
+_KEEPALIVE = 15.0
+
+
+async def summaries(registry: Registry, session_id: str) -> AsyncIterator[bytes]:
+    """The state of a session, then what has changed of it, until it is closed or the server stops."""
+    told: Document = {}
+    spoken = 0.0
+    while True:
+        live = registry.open.get(session_id)
+        state = summary(await registry.state(session_id) or {"streams": [], "status": "closed"})
+        text = b""
+        if news := changed(told, state):
+            text = format_sse_event(event="summary", data_str=encode(news))
+        elif time.monotonic() - spoken > _KEEPALIVE:
+            text = KEEPALIVE_COMMENT
+        if text:
+            told, spoken = state, time.monotonic()
+            yield text
+        if live is None:
+            yield format_sse_event(event="closed", data_str="{}")
+            return
+        if live.ledger.commits.ended and registry.open.get(session_id) is live:
+            return  # the server stops
+        await asyncio.sleep(max(_EVERY, len(text) / _RATE))

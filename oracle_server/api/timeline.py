@@ -1,0 +1,140 @@
+"""A session by time over HTTP: what went on in each bucket of a window."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, HTTPException, Query, Request, Response
+from pydantic import BaseModel, Field, StringConstraints
+
+from oracle_server.api.known import demand_session
+from oracle_server.api.leaving import unless_left
+from oracle_server.api.questions import Nanoseconds
+from oracle_server.core.errors import UnpreparedError
+from oracle_server.edge.scopes import needs
+from oracle_server.history.columns import PARTS, Part
+from oracle_server.history.port import Reading
+from oracle_server.history.timeline import Question
+from oracle_server.sessions.registry import Registry
+
+MOST_BYTES = 2**20
+"""Of an answer: a page shows no more of it than has room there."""
+_AGAIN = 60
+"""Seconds after which a client may ask again where a timeline is still made."""
+
+
+MOST_BUCKETS, MOST_SIGNALS = 2_000, 8
+SignalName = Annotated[str, StringConstraints(pattern=r"^[^:]+:[^:]+$", max_length=500)]
+
+
+def _all() -> list[Part]:
+    """All parts; and no signals: of `list` itself pydantic would parse a signature at each request."""
+    return list(PARTS)
+
+
+def _none() -> list[str]:
+    return []
+
+
+class StreamColumns(BaseModel):
+    """What came on a stream."""
+
+    count: list[int]
+    lost: list[int] = Field(description="Messages that are known to be lost")
+
+
+class Holds(BaseModel):
+    """How long events that were asked about waited to be judged (ns); 0 where none was."""
+
+    mean: list[int]
+    max: list[int]
+
+
+class SignalColumns(BaseModel):
+    """A signal's values: numbers, with `true` and `false` as 1 and 0, and texts."""
+
+    count: list[int] = Field(description="How many were numbers")
+    min: list[float | None]
+    max: list[float | None]
+    mean: list[float | None]
+    text: list[str | None] = Field(description="The text, where there was one alone")
+    several: list[bool] = Field(description="Whether there were several texts, or one of more than 100 characters")
+
+
+class Timeline(BaseModel):
+    """A window of a session in buckets, by columns with an entry a bucket; only the parts that were asked for.
+
+    A step's time is its publication time, or the latest of a step before it, where that is later: what came late is
+    where it was judged. What is counted in all buckets together is exact; in each it may be one bucket early.
+    """
+
+    since: int = Field(description="Where the first bucket begins (ns): a multiple of the width")
+    width: int = Field(description="Of a bucket (ns): 1, 2 or 5 times a power of ten")
+    buckets: int
+    position: int = Field(description="Of the session's last row that was looked at")
+    first: int | None = Field(description="The time of the session's first step (ns); null where there is none")
+    last: int | None = Field(description="The time of its last step (ns)")
+    lanes: dict[str, str] = Field(
+        {},
+        description="By property a character a bucket, the worst outcome: T true, t currently true, u unknown, "
+        "f currently false, F false, - a deadline that does not stand, a space where there is no step",
+    )
+    degraded: dict[str, str] = Field({}, description="By property a character a bucket: 1 degraded, 0 not")
+    violations: dict[str, list[int]] = Field({}, description="By property")
+    steps: list[int] = Field([], description="Events and deadlines that were judged")
+    late: list[int] = Field([], description="Of these, those that came late")
+    streams: dict[str, StreamColumns] = Field({}, description="By stream: its name, and its kind for one of several")
+    asked: list[int] = []
+    denied: list[int] = []
+    hold: Holds | None = Field(None, description="Null where it is not known: the session is in simulated time")
+    signals: dict[str, SignalColumns] = {}
+
+
+def router(registry: Registry, history: Reading) -> APIRouter:
+    """The route of timelines."""
+    routes = APIRouter(prefix="/api/v1", tags=["verdicts"])
+
+    @routes.get("/sessions/{session_id}/timeline", response_model=Timeline)
+    @needs("read")
+    async def get_timeline(
+        request: Request, session_id: str, question: Annotated[Question, Depends(asked)]
+    ) -> Response:
+        """Get what went on by time: each property's outcomes, violations, streams, decisions and signals in buckets.
+
+        The buckets are the narrowest ones of which so many cover the window; without `since` or `until` it is the
+        session's own. 422 where the answer would have more than 1 MiB; 503 while the timeline of a session that an
+        older version wrote is made.
+        """
+        known = await demand_session(request, registry, session_id)
+        try:
+            body = await unless_left(request, history.timeline(known, question))
+        except UnpreparedError as error:
+            raise HTTPException(503, str(error), {"Retry-After": str(_AGAIN)}) from None
+        if len(body) > MOST_BYTES:
+            detail = (
+                f"the answer has {len(body)} bytes, and may have {MOST_BYTES}: ask for fewer buckets, parts or signals"
+            )
+            raise HTTPException(422, detail)
+        return Response(body, media_type="application/json")
+
+    return routes
+
+
+def asked(
+    wanted: Annotated[list[Part], Query(alias="part", default_factory=_all, description="Only these; repeatable")],
+    signal: Annotated[
+        list[SignalName],
+        Query(
+            default_factory=_none,
+            max_length=MOST_SIGNALS,
+            description="Signals, as `STREAM:SIGNAL` with the stream as in `streams`; repeatable",
+        ),
+    ],
+    since: Nanoseconds = None,
+    until: Nanoseconds = None,
+    buckets: Annotated[int, Query(ge=1, le=MOST_BUCKETS, description="The most buckets")] = 1000,
+) -> Question:
+    """The question for a window."""
+    if since is not None and until is not None and since > until:
+        raise HTTPException(422, "query.since: it is after `until`")
+    return Question(since, until, buckets, frozenset(wanted), tuple(dict.fromkeys(signal)))

@@ -1,0 +1,97 @@
+"""A session as an MCAP file: its trace, which `replay` reads, and beside it the channels of properties and episodes."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import IO
+
+import msgspec
+from mcap.writer import Writer
+
+from oracle_server.foxglove.channels import Message, Streams, verdict_message
+from oracle_server.foxglove.episodes import Episodes
+from oracle_server.replay.mcap import PROFILE
+
+_Tell = Callable[[], list[Message]]
+
+
+class _Known(msgspec.Struct):
+    """What there is to learn of a line before any is written."""
+
+    stream: str
+    kind: str
+    signals: dict[str, str | bool | int | float] = {}
+
+
+def write_mcap(path: Path, lines: Iterable[bytes], changes: Callable[[], Iterable[bytes]]) -> int:
+    """Write the lines of a session's trace and the records of its changes; returns how many lines there are.
+
+    The changes are read once all lines are, which wait in a file without a name beside `path`: a channel says at first
+    which signals its messages have. Raises OSError.
+    """
+    streams, learn, count = Streams(), msgspec.json.Decoder(_Known), 0
+    with TemporaryFile(dir=path.parent) as kept, path.open("wb") as file:
+        for line in lines:
+            known = learn.decode(line)
+            streams.learn(known.stream, known.kind, known.signals)
+            kept.write(line + b"\n")
+            count += 1
+        kept.seek(0)
+        target = _Target(file)
+        for message in _messages(streams, kept, changes()):
+            target.write(message)
+        target.finish()
+    return count
+
+
+def _messages(streams: Streams, lines: Iterable[bytes], changes: Iterable[bytes]) -> Iterator[Message]:
+    """All messages; those of streams in the order of the lines, and what was judged meanwhile between them."""
+    episodes = Episodes()
+
+    def events() -> Iterator[tuple[Message, _Tell]]:
+        for line in map(msgspec.json.decode, lines):
+            judged = max((place["judged"] for place in line["places"]), default=line["arrived"])
+            yield streams.message(line), partial(episodes.passed, line["stamp"], judged)
+
+    def verdicts() -> Iterator[tuple[Message, _Tell]]:
+        for record in map(msgspec.json.decode, changes):
+            yield verdict_message(record), partial(episodes.take, record)
+
+    for message, tell in heapq.merge(events(), verdicts(), key=lambda found: found[0].time):
+        yield message
+        yield from tell()
+
+
+class _Target:
+    """A file that is written, and the channels that it has."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._writer = Writer(file)
+        self._writer.start(profile=PROFILE, library="oracle-server")
+        self._channels: dict[tuple[str, str], int] = {}
+        self._schemas: dict[str, int] = {}
+
+    def write(self, message: Message) -> None:
+        channel = self._channels.get((message.topic, message.schema.name))
+        if channel is None:
+            channel = self._channel(message)
+        data = msgspec.json.encode(message.data)
+        self._writer.add_message(channel, message.time, data, message.published, message.seq % 2**32)
+
+    def finish(self) -> None:
+        self._writer.finish()  # type: ignore[no-untyped-call]
+
+    def _channel(self, message: Message) -> int:
+        name, content = message.schema
+        schema = self._schemas.get(name)
+        if schema is None:
+            schema = self._schemas[name] = self._writer.register_schema(
+                name, "jsonschema", msgspec.json.encode(content)
+            )
+        channel = self._writer.register_channel(message.topic, "json", schema, dict(message.metadata))
+        self._channels[message.topic, name] = channel
+        return channel

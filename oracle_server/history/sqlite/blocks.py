@@ -1,0 +1,206 @@
+"""Blocks in the database: made in the transaction of the rows that complete them, and anew where rows are revised.
+
+Those of level 0 are made in their sequence, without gaps, those of further levels once all below are there. Rows that
+an older version has written are caught up with, some at a time.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from operator import itemgetter
+from typing import Any
+
+import structlog
+
+from oracle_server.core.events import Order
+from oracle_server.history.blocks import (
+    BEFORE,
+    FANOUT,
+    LEVELS,
+    SIZE,
+    Block,
+    BlockRow,
+    merged,
+    of_columns,
+    of_rows,
+    positions,
+)
+from oracle_server.history.sqlite.batch import REFUSED, Work
+from oracle_server.history.sqlite.rows import Row
+from oracle_server.history.sqlite.schema import STEP_COLUMNS
+
+CATCH_UP = 1_024
+"""Rows without blocks that are caught up with at once; with more a session waits for those who catch up."""
+COLUMNS = ["ord" if name == "order" else name for name in BlockRow._fields]
+"""Of a step, those that blocks are made of."""
+ROWS = f"SELECT {','.join(COLUMNS)} FROM steps WHERE session = ? AND position BETWEEN ? AND ? ORDER BY position"  # noqa: S608
+BLOCKS = (
+    "SELECT block, since, until, worst, degraded, data FROM blocks "
+    "WHERE session = ? AND level = ? AND block BETWEEN ? AND ? ORDER BY block"
+)
+EXTENT = (
+    "SELECT coalesce((SELECT min(position) FROM steps WHERE session = ?1), 1), "
+    "coalesce((SELECT max(position) FROM steps WHERE session = ?1), 0), "
+    "(SELECT min(block) FROM blocks WHERE session = ?1 AND level = 0), "
+    "(SELECT max(block) FROM blocks WHERE session = ?1 AND level = 0)"
+)
+"""The first and the last position of a session's steps, and the first and the last block of level 0, NULL without."""
+_INSERT = "INSERT OR REPLACE INTO blocks VALUES (?,?,?,?,?,?,?,?)"
+_FORGET = "DELETE FROM blocks WHERE session = ? AND level = ? AND block < ?"
+_DECIDES = "SELECT decides FROM sessions WHERE number = ?"
+
+_STEPS = f"SELECT {','.join(STEP_COLUMNS)} FROM steps WHERE session = ? AND position BETWEEN ? AND ? ORDER BY position"  # noqa: S608
+_POSITION = STEP_COLUMNS.index("position")
+_picked = itemgetter(*(STEP_COLUMNS.index(name) for name in COLUMNS))
+
+log = structlog.get_logger()
+
+
+def forgetting(session: int, before: int) -> list[tuple[str, tuple[int, int, int]]]:
+    """Statements that delete the blocks which have steps before a position, with their values."""
+    return [(_FORGET, (session, level, -(-(before - 1) // positions(level)))) for level in range(LEVELS)]
+
+
+@dataclass(slots=True)
+class _Tail:
+    """What is behind a session's last blocks: rows, and by level blocks that have none above them yet.
+
+    `next` is the number of the next block of level 0, and `since` the time before it.
+    """
+
+    decides: Order
+    next: int
+    since: int
+    rows: list[Row]
+    below: list[dict[int, Block]]
+
+
+class BlockWriter:
+    """Follows what is written. To be used in the writer's thread, within its transactions."""
+
+    def __init__(self) -> None:
+        self._tails: dict[int, _Tail] = {}
+        self._given_up: set[int] = set()
+
+    def forget(self) -> None:
+        """What was followed last is not committed: read what is there, the next time."""
+        self._tails.clear()
+
+    def follow(self, database: sqlite3.Connection, work: Sequence[Work]) -> None:
+        """Make the blocks that written work completes, or touches. Raises what SQLite raises of disks that fail."""
+        added: defaultdict[int, list[Row]] = defaultdict(list)
+        touched: defaultdict[int, set[int]] = defaultdict(set)
+        for one in work:
+            if one.what == "steps":
+                added[one.session] += one.values
+                if one.then is not None:
+                    touched[one.session].update(one.then.positions)
+            elif one.always:  # it is closed, or some of its steps are deleted
+                self._tails.pop(one.session, None)
+        for session, rows in added.items():
+            if session not in self._given_up:
+                try:
+                    self._follow_one(database, session, rows, touched.get(session, set()))
+                except REFUSED as error:
+                    self._given_up.add(session)
+                    self._tails.pop(session, None)
+                    reason = str(error) or type(error).__name__
+                    log.error("a session's timeline can't be kept", session=session, reason=reason)
+
+    def _follow_one(self, database: sqlite3.Connection, session: int, rows: list[Row], touched: set[int]) -> None:
+        tail = None if touched else self._tails.get(session)
+        if tail is None:
+            tail = self._load(database, session, len(rows))
+        else:
+            tail.rows += rows
+        if tail is None:
+            return
+        made = _extend(session, tail) if len(tail.rows) >= SIZE else []
+        if made:
+            database.executemany(_INSERT, made)
+        if touched:
+            _make_anew(database, session, tail, {(position - 1) // SIZE for position in touched})
+            self._tails.pop(session, None)  # with what waits for blocks above
+
+    def _load(self, database: sqlite3.Connection, session: int, added: int) -> _Tail | None:
+        """A session's tail; None where it is too far behind to be caught up with now."""
+        self._tails.pop(session, None)
+        found = database.execute(_DECIDES, (session,)).fetchone()
+        if found is None:
+            return None
+        first, last, _, block = database.execute(EXTENT, (session,)).fetchone()
+        following = max(-(-(first - 1) // SIZE), 0 if block is None else block + 1)
+        most = CATCH_UP + added
+        if added and last - following * SIZE > most:
+            return None
+        tail = _Tail(found[0], following, BEFORE, [], [])
+        for level in range(LEVELS - 1):
+            end = following // FANOUT**level
+            begin = end // FANOUT * FANOUT
+            read = database.execute(BLOCKS, (session, level, begin, end - 1))
+            tail.below.append({number: Block(*rest) for number, *rest in read})
+        if block is not None:
+            ((_, _, tail.since, *_),) = database.execute(BLOCKS, (session, 0, block, block))
+        tail.rows = database.execute(_STEPS, (session, following * SIZE + 1, following * SIZE + most)).fetchall()
+        if last - following * SIZE <= most:
+            self._tails[session] = tail
+        return tail
+
+
+def _extend(session: int, tail: _Tail) -> list[tuple[Any, ...]]:
+    """The rows of the blocks that a tail completes, which it then has no more."""
+    made: list[tuple[Any, ...]] = []
+    count = len(tail.rows) // SIZE
+    for start in range(0, count * SIZE, SIZE):
+        columns = [*zip(*tail.rows[start : start + SIZE], strict=True)]
+        if columns[_POSITION][-1] != (tail.next + 1) * SIZE:
+            raise ValueError("its positions have gaps")
+        block = of_columns(_picked(columns), tail.since, tail.decides)
+        tail.next, tail.since = tail.next + 1, block.until
+        _rise(session, tail, tail.next - 1, block, made)
+    del tail.rows[: count * SIZE]
+    return made
+
+
+def _rise(session: int, tail: _Tail, number: int, block: Block, made: list[tuple[Any, ...]]) -> None:
+    """Add a block, and those above it that are complete by it."""
+    for level in range(LEVELS):
+        made.append(_row(session, level, number, block))
+        if level == LEVELS - 1:
+            return
+        below = tail.below[level]
+        below[number] = Block(*made[-1][3:])  # as text: it takes less
+        if number % FANOUT < FANOUT - 1:
+            return
+        blocks = [*below.values()]
+        below.clear()
+        if len(blocks) < FANOUT:  # some were deleted
+            return
+        number, block = number // FANOUT, merged(blocks)
+
+
+def _make_anew(database: sqlite3.Connection, session: int, tail: _Tail, touched: set[int]) -> None:
+    """Make blocks of level 0 anew, and those above them; as far as they are there."""
+    made = []
+    for number in sorted(touched):
+        known = database.execute(BLOCKS, (session, 0, number, number)).fetchone()
+        if known is not None:
+            rows = database.execute(ROWS, (session, number * SIZE + 1, (number + 1) * SIZE)).fetchall()
+            made.append(_row(session, 0, number, of_rows(rows, known[1], tail.decides)))
+    database.executemany(_INSERT, made)
+    for level in range(1, LEVELS):
+        touched, made = {number // FANOUT for number in touched}, []
+        for number in sorted(touched):
+            first = number * FANOUT
+            below = database.execute(BLOCKS, (session, level - 1, first, first + FANOUT - 1)).fetchall()
+            known = database.execute(BLOCKS, (session, level, number, number)).fetchone()
+            if known is not None:
+                made.append(_row(session, level, number, merged([Block(*row[1:]) for row in below])))
+        database.executemany(_INSERT, made)
+
+
+def _row(session: int, level: int, number: int, block: Block) -> tuple[Any, ...]:
+    return session, level, number, block.since, block.until, block.worst, block.degraded, block.text

@@ -1,0 +1,50 @@
+"""What the database has of a session, for questions by time."""
+
+from __future__ import annotations
+
+import sqlite3
+
+import msgspec
+
+from oracle_server.core.errors import UnpreparedError
+from oracle_server.history.blocks import SIZE, Block, BlockRow
+from oracle_server.history.records import SessionRecord
+from oracle_server.history.sqlite.blocks import BLOCKS, EXTENT, ROWS
+from oracle_server.history.timeline import Question, answer
+
+MOST_ROWS = 50_000
+"""Rows without blocks that are read for an answer; where there are more, their blocks are being made."""
+
+
+class SqliteSource:
+    """A session in a database, as it is when this is made. Raises `UnpreparedError`."""
+
+    def __init__(self, reader: sqlite3.Connection, session: SessionRecord) -> None:
+        self._reader, self._session, self.decides = reader, session.number, session.decides
+        reader.execute("BEGIN")  # so that all that follows is of one commit
+        found: tuple[int, int, int | None, int] = reader.execute(EXTENT, (session.number,)).fetchone()
+        self.first, self.last, begin, end = found
+        self.begin, self.end = (0, 0) if begin is None else (begin, end + 1)
+        loose = self.last - max(self.end * SIZE, self.first - 1)
+        if loose > MOST_ROWS:
+            done = 100 * (self.last - self.first + 1 - loose) // (self.last - self.first + 1)
+            raise UnpreparedError(
+                f"session '{session.id}' was written by an older version: {done} % of its timeline is made; "
+                "ask again in a minute"
+            )
+        sql = "SELECT EXISTS (SELECT 1 FROM monitors WHERE session = ? AND clock = 'sim')"
+        self.simulated = bool(reader.execute(sql, (session.number,)).fetchone()[0])
+
+    def blocks(self, level: int, begin: int, end: int) -> list[Block]:
+        """The blocks of a level from one number to before another."""
+        found = self._reader.execute(BLOCKS, (self._session, level, begin, end - 1))
+        return [Block(*rest) for _, *rest in found]
+
+    def rows(self, first: int, last: int) -> list[BlockRow]:
+        """The rows from one position to another."""
+        return self._reader.execute(ROWS, (self._session, first, last)).fetchall()
+
+
+def asked(reader: sqlite3.Connection, session: SessionRecord, question: Question) -> bytes:
+    """The answer to a question as JSON. Raises `UnpreparedError`."""
+    return msgspec.json.encode(answer(SqliteSource(reader, session), question, session.properties))

@@ -1,0 +1,159 @@
+"""What went on by time: a window in buckets, answered from blocks, and from rows where these are too wide.
+
+What is counted in a window is what its rows count. Within it, what is told of a block that lies in two buckets is in
+the first of them: nothing is more than one bucket off.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any, Protocol
+
+from oracle_server.core.events import Order
+from oracle_server.history.blocks import BEFORE, FANOUT, LEVELS, SIZE, Block, BlockRow, of_rows, timed
+from oracle_server.history.columns import PARTS, Columns, Part, grid
+
+_NOTHING = {"position": 0, "first": None, "last": None}
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """A window (ns, both ends included and in order; None is the session's own) in so many buckets at the most.
+
+    `signals` are written `STREAM:SIGNAL`, with the stream as `str(StreamKey)`.
+    """
+
+    since: int | None = None
+    until: int | None = None
+    buckets: int = 1_000
+    parts: frozenset[Part] = frozenset(PARTS)
+    signals: tuple[str, ...] = ()
+
+
+class Source(Protocol):
+    """What is kept of a session: positions `first` to `last`, and the blocks of level 0 from `begin` to before `end`.
+
+    Of further levels there are those above these. Where it is `simulated` it is not known how long its events waited.
+    """
+
+    decides: Order
+    simulated: bool
+    first: int
+    last: int
+    begin: int
+    end: int
+
+    def blocks(self, level: int, begin: int, end: int) -> list[Block]:
+        """The blocks of a level from one number to before another."""
+        ...
+
+    def rows(self, first: int, last: int) -> list[BlockRow]:
+        """The rows from one position to another."""
+        ...
+
+
+def answer(source: Source, question: Question, properties: Sequence[str]) -> dict[str, Any]:
+    """What a session tells of a window, as plain data."""
+    return _Reading(source, question, properties).document
+
+
+class _Reading:
+    """One question, while it is answered."""
+
+    def __init__(self, source: Source, question: Question, properties: Sequence[str]) -> None:
+        self._source, self._signals = source, bool(question.signals)
+        self._there = source.end > source.begin
+        head, tail = self._loose()
+        known = [time for rows in (head, tail) for time, _ in (*rows[:1], *rows[-1:])]
+        if self._there:
+            numbers = range(source.begin, source.end)
+            begun = bisect_left(numbers, BEFORE + 1, key=lambda n: self._block(n).until)
+            known += [self._block(n).since for n in numbers[begun : begun + 1]]
+            known += [self._block(n).until for n in numbers[max(begun, len(numbers) - 1) :]]
+        first, last = min(known, default=0), max(known, default=0)
+        until = max(question.since or 0, last) if question.until is None else question.until
+        since = min(first, until) if question.since is None else question.since
+        self._grid = grid(since, until, question.buckets)
+        self._columns = Columns(self._grid, properties, question.parts, question.signals)
+        self._add(head)
+        if self._there:
+            self._add_blocks()
+        self._add(tail)
+        extent = {"position": source.last, "first": first, "last": last} if known else _NOTHING
+        self.document = extent | self._columns.document()
+        if source.simulated and "hold" in self.document:
+            self.document["hold"] = None
+
+    def _loose(self) -> tuple[list[tuple[int, BlockRow]], list[tuple[int, BlockRow]]]:
+        """The rows before the first block of level 0, and those behind the last one, with their times."""
+        source = self._source
+        if not self._there:
+            return [], timed(source.rows(source.first, source.last), BEFORE, source.decides)
+        head = timed(source.rows(source.first, source.begin * SIZE), BEFORE, source.decides)
+        tail = source.rows(source.end * SIZE + 1, source.last)
+        return head, timed(tail, self._block(source.end - 1).until, source.decides)
+
+    def _block(self, number: int) -> Block:
+        (found,) = self._source.blocks(0, number, number + 1)
+        return found
+
+    def _add_blocks(self) -> None:
+        """Add the blocks that have steps in the window, those at its edges row by row."""
+        numbers = range(self._source.begin, self._source.end)
+        begin = numbers.start + bisect_left(numbers, self._grid.since, key=lambda n: self._block(n).until)
+        end = numbers.start + bisect_left(numbers, self._grid.until, key=lambda n: self._block(n).since)
+        if begin >= end:
+            return
+        level = -1
+        while level < LEVELS - 1 and (end - begin) // FANOUT ** (level + 1) >= self._grid.buckets:
+            level += 1
+        if level < 0:
+            self._add_rows(begin, end)
+            return
+        if self._block(begin).since < self._grid.since:
+            self._add_rows(begin, begin + 1)
+            begin += 1
+        if begin < end and self._block(end - 1).until >= self._grid.until:
+            end -= 1
+            self._add_rows(end, end + 1)
+        self._cover(begin, end, level)
+
+    def _cover(self, begin: int, end: int, most: int) -> None:
+        """Add blocks of level 0 by as few blocks as there are, of a level at most."""
+        level = 0
+        while level < most and begin < end:
+            up, down = -(-begin // FANOUT) * FANOUT, end // FANOUT * FANOUT
+            if up >= down:
+                break
+            self._add_level(level, begin, up)
+            self._add_level(level, down, end)
+            begin, end, level = up // FANOUT, down // FANOUT, level + 1
+        self._add_level(level, begin, end)
+
+    def _add_level(self, level: int, begin: int, end: int) -> None:
+        """Add blocks of a level; those that are wider than a bucket by what they are made of."""
+        if begin >= end:
+            return
+        for number, block in enumerate(self._source.blocks(level, begin, end), begin):
+            if block.until - block.since <= self._grid.width:
+                self._columns.add(block)
+            elif level:
+                self._add_level(level - 1, number * FANOUT, (number + 1) * FANOUT)
+            else:
+                self._add_rows(number, number + 1)
+
+    def _add_rows(self, begin: int, end: int) -> None:
+        """Add the rows of blocks of level 0 that are in the window."""
+        rows = self._source.rows(begin * SIZE + 1, end * SIZE)
+        self._add(timed(rows, self._block(begin).since, self._source.decides))
+
+    def _add(self, rows: list[tuple[int, BlockRow]]) -> None:
+        """Add rows in their sequence, as far as they are in the window."""
+        own = [row for row in rows if self._grid.since <= row[0] < self._grid.until]
+        for _, found in groupby(own, lambda row: (row[0] - self._grid.since) // self._grid.width):
+            bucket = [*found]
+            block = of_rows([row for _, row in bucket], bucket[0][0], self._source.decides, signals=self._signals)
+            self._columns.add(block)

@@ -1,0 +1,144 @@
+"""What is told by time is what the rows come to, whatever is written, revised, deleted, and however it goes on."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from oracle_server.core.revisions import Standing
+from oracle_server.history.blocks import SIZE
+from oracle_server.history.columns import grid
+from oracle_server.history.timeline import Question
+from tests.history.blocked import OUTCOMES, SIGNALS, Session, check, some
+from tests.history.making import explanation
+
+
+def window(rng: random.Random, session: Session) -> Question:
+    """A question for a window that may lie anywhere, be of any width, or be open at its ends."""
+    times = [each.step.time for each in session.steps] or [0]
+    ends = sorted(rng.choice(times) + rng.randrange(-5000, 5000) for _ in range(2))
+    since, until = (max(0, end) for end in ends)
+    return Question(
+        since if rng.random() < 0.7 else None,
+        until if rng.random() < 0.7 else None,
+        rng.choice([1, 2, 3, 7, 30, 200, 2000]),
+        signals=SIGNALS,
+    )
+
+
+def ask(rng: random.Random, session: Session, times: int) -> None:
+    for _ in range(times):
+        check(session.ask(window(rng, session)), session.steps, session.decides)
+
+
+def go_on(rng: random.Random, session: Session, most: int, *, both: bool = False) -> None:
+    """Write some more steps, as one commit or several."""
+    at = max((each.step.time for each in session.steps), default=10**6)
+    for _ in range(rng.randrange(1, 4)):
+        steps = some(rng, session.last + 1, rng.randrange(most), at, both=both)
+        if rng.random() < 0.2:
+            session.add(steps, kept=False)
+        session.add(steps)
+        at = max((each.step.time for each in steps), default=at)
+
+
+@given(seed=st.integers(0, 2**32))
+@settings(max_examples=25, deadline=None)
+def test_a_window_counts_what_its_rows_count(seed: int) -> None:
+    rng = random.Random(seed)
+    session, most = Session(), rng.choice([10, 100, 1000])
+    for _ in range(rng.randrange(1, 6)):
+        go_on(rng, session, most)
+        if rng.random() < 0.3:
+            session.restart()
+    ask(rng, session, 6)
+
+
+@given(seed=st.integers(0, 2**32))
+@settings(max_examples=12, deadline=None)
+def test_of_both_orders_the_one_that_decides_is_told(seed: int) -> None:
+    rng = random.Random(seed)
+    session = Session(rng.choice(["publication", "arrival"]))
+    for _ in range(3):
+        go_on(rng, session, 300, both=True)
+    ask(rng, session, 6)
+
+
+@given(seed=st.integers(0, 2**32))
+@settings(max_examples=12, deadline=None)
+def test_what_is_revised_is_told_as_it_stands(seed: int) -> None:
+    rng = random.Random(seed)
+    session = Session()
+    for _ in range(3):
+        go_on(rng, session, 400)
+        positions = [each.position for each in session.steps if each.revision is None]
+        standing = {
+            position: Standing(
+                (rng.choice(OUTCOMES), rng.choice([*OUTCOMES, None])),
+                (rng.random() < 0.1, False),
+                {0: explanation(session.steps[0].step, "p")} if rng.random() < 0.2 else {},
+            )
+            for position in rng.sample(positions, min(len(positions), rng.randrange(1, 200)))
+        }
+        session.revise(standing)
+        ask(rng, session, 3)
+    before = session.kept_blocks
+    session.database.execute("DELETE FROM blocks")
+    session.restart()
+    while session.kept_blocks != before:
+        count = len(session.kept_blocks)
+        session.add([])
+        assert len(session.kept_blocks) > count, "what is made anew is not what was made at first"
+
+
+@given(seed=st.integers(0, 2**32))
+@settings(max_examples=12, deadline=None)
+def test_what_was_deleted_is_not_told(seed: int) -> None:
+    rng = random.Random(seed)
+    session = Session()
+    for _ in range(4):
+        go_on(rng, session, 400)
+        if session.steps:
+            session.forget(rng.choice(session.steps).position)
+        found = session.ask(Question())
+        assert sum(found["steps"]) == len(session.steps)
+        blocks = [(level, block) for _, level, block, *_ in session.kept_blocks]
+        first = session.steps[0].position if session.steps else session.last + 1
+        assert all(block * SIZE * 8**level + 1 >= first for level, block in blocks)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_an_older_version_wrote_is_caught_up_with_while_more_is_written(seed: int) -> None:
+    rng = random.Random(seed)
+    session = Session()
+    session.add(some(rng, 1, 5000, 10**6))
+    wanted = session.kept_blocks
+    session.database.execute("DELETE FROM blocks")
+    session.restart()
+    session.add(some(rng, 5001, 40, 10**8))
+    assert session.kept_blocks == [], "a session that is behind is left to those who catch up"
+    check(session.ask(Question(signals=SIGNALS)), session.steps, "publication")
+    for _ in range(5):
+        session.add([])
+    assert [row for row in session.kept_blocks if row in wanted] == wanted
+    session.add(some(rng, 5041, 300, 10**8 + 10**7))
+    ask(rng, session, 10)
+    assert (0, 5340 // SIZE - 1) in [(level, block) for _, level, block, *_ in session.kept_blocks]
+
+
+def test_a_session_of_no_steps_tells_nothing() -> None:
+    found = Session().ask(Question())
+    assert (found["position"], found["first"], found["last"]) == (0, None, None)
+    assert found["lanes"] == {"p": " ", "q": " "}
+    assert found["steps"] == [0]
+
+
+def test_buckets_are_on_one_grid_whoever_asks() -> None:
+    one, other = grid(1_000_003, 1_900_000, 100), grid(1_200_001, 2_050_000, 100)
+    assert (one.width, one.since, one.buckets) == (10_000, 1_000_000, 91)
+    assert (other.width, other.since) == (10_000, 1_200_000)
+    assert grid(5, 5, 1) == (5, 1, 1)
+    assert grid(0, 10**18, 2000).width == 10**15
