@@ -53,6 +53,21 @@ properties:
     formula: 'forall[i]. {topic: "/answered", id: *i} -> once[:200ms]{topic: "/asked", id: *i}'
 """
 
+DERIVED = """
+id: counted
+streams:
+  - {topic: /asked, signals: {id: msg.id}}
+  - {topic: /answered, signals: {id: msg.id}}
+derive:
+  often: {count: '{topic: "/asked"}', over: 1s}
+  mean_id: {mean: id, over: 100}
+  quiet: {age: '{topic: "/asked"}', by: id, forget: 1s}
+properties:
+  - {id: not_too_often, time: seconds, formula: '{often <= 1000}'}
+  - {id: few, time: seconds, formula: '{topic: "/answered"} -> {mean_id >= 0}'}
+  - {id: soon, time: seconds, formula: '{topic: "/answered"} -> {quiet < 0.2}'}
+"""
+
 
 def main() -> None:
     """Measure, and print."""
@@ -64,7 +79,11 @@ def main() -> None:
     number, turns = (3_000, 1) if args.quick else (9_000, 3)
     battery = (ROOT / "specs" / "battery_uav.yaml").read_text()
     lines: list[Line] = []
-    for name, text, make in (("battery_uav, 6 properties", battery, uav), ("timed, quantified", TIMED, questions)):
+    for name, text, make in (
+        ("battery_uav, 6 properties", battery, uav),
+        ("timed, quantified", TIMED, questions),
+        ("3 derived signals", DERIVED, questions),
+    ):
         lines += measure(name, text, make, number, turns)
     if args.json:
         print(json.dumps([asdict(line) | {"ratio": line.ratio, "met": line.met} for line in lines], indent=2))

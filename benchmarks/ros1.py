@@ -181,7 +181,7 @@ ACTION = """
     ask: [goal]
     goal: {signals: {order: msg.goal}}
     reply: {signals: {accepted: msg.accepted}}
-    feedback: {signals: {number: msg.feedback}, ordered: false}
+    feedback: {signals: {number: msg.feedback}}
     result: {signals: {number: msg.result}}"""
 
 

@@ -235,7 +235,7 @@ FIBONACCI = """
     ask: [goal, reply]
     goal: {signals: {order: msg.order}}
     reply: {signals: {accepted: msg.accepted}}
-    feedback: {signals: {length: size(msg.sequence)}, ordered: false}
+    feedback: {signals: {length: size(msg.sequence)}}
     result: {signals: {length: size(msg.sequence)}}"""
 
 ROS2 = Ros(

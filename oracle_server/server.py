@@ -41,6 +41,8 @@ from oracle_server.process.notify import notify
 from oracle_server.process.pidfile import PidFile
 from oracle_server.process.settings import Settings
 from oracle_server.process.watchdog import Watchdog
+from oracle_server.remote.receivers import load_receivers
+from oracle_server.remote.webhooks import Webhooks
 from oracle_server.rostypes.known import Types
 from oracle_server.sessions.registry import Registry
 from oracle_server.specfiles.library import Library, Unsound
@@ -73,14 +75,19 @@ def serve(settings: Settings) -> None:
         _require_protection(settings, tokens)
         tls = _tls(settings)
         library = _library(settings)
+        receivers = load_receivers(settings.alarms) if settings.alarms else []
         visitors = Visitors(_connections(settings.max_connections))
         listener = _listen(settings.host, settings.port, visitors)
         try:
             history = _history(settings)
+            webhooks = Webhooks(receivers) if receivers else None
             try:
-                asyncio.run(_serve(settings, library, history, _Door(tokens, tls, pid_file, listener, visitors)))
+                door = _Door(tokens, tls, pid_file, listener, visitors, webhooks)
+                asyncio.run(_serve(settings, library, history, door))
             finally:
                 history.close()
+                if webhooks:
+                    webhooks.close()
         finally:
             listener.close()
     finally:
@@ -115,6 +122,7 @@ class _Door(NamedTuple):
     pid_file: PidFile
     listener: socket.socket
     visitors: Visitors
+    webhooks: Webhooks | None
 
 
 async def _serve(settings: Settings, library: Library, history: History, door: _Door) -> None:
@@ -122,7 +130,7 @@ async def _serve(settings: Settings, library: Library, history: History, door: _
     tls = door.tls
     history.start(asyncio.get_running_loop())
     clock = Clock(at_least=await history.last_time())
-    registry = Registry(history, library, clock, settings.resume_within)
+    registry = Registry(history, library, clock, settings.resume_within, alarms=door.webhooks)
     bounds = Retention(settings.retain_age, settings.retain_events, settings.retain_size)
     pruner = Pruner(history, bounds, library.retention, clock.now, registry.save)
     with Watchdog() as watchdog:
@@ -134,6 +142,7 @@ async def _serve(settings: Settings, library: Library, history: History, door: _
             library,
             history,
             watchdog,
+            door.webhooks,
             legacy=settings.legacy,
             legacy_finals=settings.legacy_finals,
             max_rate=settings.max_rate,

@@ -12,6 +12,7 @@ from oracle_server.edge import problems
 from oracle_server.edge.scopes import needs
 from oracle_server.history.port import History
 from oracle_server.process.watchdog import Watchdog
+from oracle_server.remote.webhooks import Webhooks
 from oracle_server.sessions.registry import Registry
 from oracle_server.specfiles.library import Library
 
@@ -21,6 +22,7 @@ def build_app(
     library: Library,
     history: History,
     watchdog: Watchdog,
+    webhooks: Webhooks | None = None,
     *,
     legacy: str | None = None,
     legacy_finals: bool = False,
@@ -47,7 +49,7 @@ def build_app(
     app.include_router(episodes.router(registry, history))
     app.include_router(stream.router(registry, history))
     app.include_router(timeline.router(registry, history))
-    app.include_router(metrics.router(registry, history, watchdog))
+    app.include_router(metrics.router(registry, history, watchdog, webhooks))
     app.include_router(pages.router(app))
     app.include_router(_attach_route(registry, max_rate))
     app.include_router(legacy_routes(registry, legacy, max_rate, finals=legacy_finals))

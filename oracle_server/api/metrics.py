@@ -19,6 +19,7 @@ from oracle_server.edge.access import demand_all
 from oracle_server.edge.scopes import needs
 from oracle_server.history.port import History, Writing
 from oracle_server.process.watchdog import Watchdog
+from oracle_server.remote.webhooks import Webhooks
 from oracle_server.sessions.counters import DECISION_BOUNDS
 from oracle_server.sessions.registry import Registry
 
@@ -40,9 +41,9 @@ Pairs = Mapping[tuple[str, str], int]
 _CONTENT = "text/plain; version=0.0.4; charset=utf-8"
 
 
-def router(registry: Registry, history: History, watchdog: Watchdog) -> APIRouter:
+def router(registry: Registry, history: History, watchdog: Watchdog, webhooks: Webhooks | None) -> APIRouter:
     """The route of the metrics."""
-    collector = ServerCollector(registry, history, watchdog)
+    collector = ServerCollector(registry, history, watchdog, webhooks)
     routes = APIRouter(tags=["health"])
 
     @routes.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
@@ -99,8 +100,10 @@ class _Made(Collector):
 class ServerCollector:
     """Collects the metrics of one server, those by property aside."""
 
-    def __init__(self, registry: Registry, history: Writing, watchdog: Watchdog) -> None:
-        self._registry, self._history, self._watchdog = registry, history, watchdog
+    def __init__(
+        self, registry: Registry, history: Writing, watchdog: Watchdog, webhooks: Webhooks | None = None
+    ) -> None:
+        self._registry, self._history, self._watchdog, self._webhooks = registry, history, watchdog, webhooks
 
     def collect(self) -> Iterator[Metric]:
         """All metrics, with their present values."""
@@ -126,6 +129,9 @@ class ServerCollector:
             yield CounterMetricFamily(f"oracle_{name}", what, counts[name])
         yield CounterMetricFamily("oracle_throttled", "Pauses of monitors that sent too fast", counters.throttled)
         yield CounterMetricFamily("oracle_attachments", "Connections on which a monitor attached", counters.attachments)
+        sent, dropped = (self._webhooks.sent, self._webhooks.dropped) if self._webhooks else (0, 0)
+        yield CounterMetricFamily("oracle_alarms_sent", "Alarms that a receiver has taken", sent)
+        yield CounterMetricFamily("oracle_alarms_dropped", "Alarms that did not reach a receiver", dropped)
         yield CounterMetricFamily("oracle_stalls", "Stalls of the event loop", self._watchdog.stalls)
 
     def _present(self) -> Iterator[Metric]:

@@ -14,6 +14,7 @@ from oracle_server.api.packing import packed_answer
 from oracle_server.core.derived.words import described
 from oracle_server.core.errors import SpecError
 from oracle_server.core.kinds import Kind
+from oracle_server.core.thresholds import thresholds
 from oracle_server.edge.access import demand
 from oracle_server.edge.scopes import needs
 from oracle_server.history.port import Reading
@@ -46,6 +47,15 @@ class DerivedDocument(BaseModel):
     signal: str
 
 
+class ThresholdDocument(BaseModel):
+    """A property compares a signal with a number; `signal` is `STREAM:SIGNAL`, as a timeline is asked for it."""
+
+    signal: str
+    property: str
+    op: str
+    value: float
+
+
 class SpecDocument(BaseModel):
     """A spec; `source` is `file` where it was read from the specs folder, and `put` where it was uploaded."""
 
@@ -62,6 +72,9 @@ class SpecDocument(BaseModel):
         "one that never was sound has neither streams nor properties",
     )
     text: str | None = Field(None, description="For GET of one spec: its text")
+    thresholds: list[ThresholdDocument] | None = Field(
+        None, description="For GET of one spec: the numbers that its formulas compare signals with"
+    )
     warnings: list[str] | None = Field(None, description="For PUT: the warnings of `check`")
 
 
@@ -94,7 +107,8 @@ def router(library: Library, registry: Registry, history: Reading) -> APIRouter:
             entry = await library.find(spec_id)
         except UnknownSpecError as error:
             unknown_spec(request, error)
-        return await packed_answer(request, history, partial(_encoded, _document(entry, text=entry.file.text)))
+        document = _document(entry, text=entry.file.text, thresholds=_thresholds(entry))
+        return await packed_answer(request, history, partial(_encoded, document))
 
     @routes.put(
         "/specs/{spec_id}",
@@ -154,6 +168,13 @@ def _document(entry: Entry, **more: Any) -> SpecDocument:
         properties=[PropertyDocument(id=p.id, description=p.description, formula=p.text) for p in spec.properties],
         **more,
     )
+
+
+def _thresholds(entry: Entry) -> list[ThresholdDocument]:
+    return [
+        ThresholdDocument(signal=f"{t.stream}:{t.signal}", property=t.property, op=t.op, value=t.value)
+        for t in thresholds(entry.plan.spec)
+    ]
 
 
 async def _text(request: Request) -> str:

@@ -7,15 +7,15 @@ a thread encodes a whole page here.
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import AsyncIterator
 from dataclasses import replace
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Header, HTTPException, Query, Request
 from fastapi.responses import StreamingResponse
-from fastapi.sse import KEEPALIVE_COMMENT, EventSourceResponse, format_sse_event
+from fastapi.sse import EventSourceResponse, format_sse_event
 
+from oracle_server.api.following import followed, number_of
 from oracle_server.api.known import demand_session, doubts_of
 from oracle_server.api.questions import Number, Outcomes, chosen
 from oracle_server.api.summaries import summaries
@@ -31,8 +31,6 @@ from oracle_server.wire.json import encode
 
 _PAGE = 100
 """Records that are read at once; so many stay in memory for a client that does not read."""
-_KEEPALIVE = 15.0
-"""Seconds without an event after which a comment is sent, so that both sides notice a lost connection."""
 _GATHER = 0.05
 """Seconds between two reads of the history, so that streams of a busy session cost little."""
 
@@ -72,7 +70,7 @@ def router(registry: Registry, history: Reading) -> APIRouter:
             if {*request.query_params} - {"summary"}:
                 raise HTTPException(422, "summary: stands alone, since it selects no verdicts")
             return EventSourceResponse(summaries(registry, session_id), headers={"Cache-Control": "no-store"})
-        begin = after if last_event_id is None else _number(last_event_id)
+        begin = after if last_event_id is None else number_of(last_event_id)
         asked = replace(question, outcomes=frozenset(outcome), violations=violations)
         wanted = replace(asked, after=begin, limit=_PAGE, follows=True)
         events = _events(registry, history, session_id, known, wanted)
@@ -85,23 +83,16 @@ async def _events(
     registry: Registry, history: Reading, session_id: str, known: SessionRecord, wanted: Question
 ) -> AsyncIterator[bytes]:
     yield format_sse_event(comment="the verdicts of a session")
-    while True:
-        live = registry.open.get(session_id)
-        upcoming = live.ledger.commits.next() if live else None
-        text, seen, more = await _page(history, known, wanted, doubts_of(registry, session_id))
-        if text:
-            yield text
-        wanted = replace(wanted, after=max(seen, wanted.after or 0))
-        if more:
-            continue
-        if upcoming is None:
-            yield format_sse_event(event="closed", data_str="{}")
-            return
-        if live and live.ledger.commits.ended and registry.open.get(session_id) is live:
-            return  # the server stops; the client reconnects to the next one, which continues the session
-        while not (await asyncio.wait((upcoming,), timeout=_KEEPALIVE))[0]:
-            yield KEEPALIVE_COMMENT
-        await asyncio.sleep(_GATHER)
+    asked = wanted
+
+    async def page() -> tuple[bytes, bool]:
+        nonlocal asked
+        text, seen, more = await _page(history, known, asked, doubts_of(registry, session_id))
+        asked = replace(asked, after=max(seen, asked.after or 0))
+        return text, more
+
+    async for text in followed(registry, session_id, page, _GATHER):
+        yield text
 
 
 async def _page(
@@ -120,9 +111,3 @@ async def _page(
 def _event(record: VerdictRecord) -> tuple[int, bytes]:
     """A record's `n`, and its event as text."""
     return record["n"], format_sse_event(data_str=encode(record), id=str(record["n"]))
-
-
-def _number(last_event_id: str) -> int:
-    if not last_event_id.isascii() or not last_event_id.isdecimal() or len(last_event_id) > 18:
-        raise HTTPException(422, "Last-Event-ID: not the id of an event of this stream")
-    return int(last_event_id)

@@ -2,23 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import AsyncIterator
+from dataclasses import replace
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, HTTPException, Query, Request, Response
+import msgspec
+from fastapi import APIRouter, Depends, Header, HTTPException, Query, Request, Response
+from fastapi.responses import StreamingResponse
+from fastapi.sse import EventSourceResponse, format_sse_event
 from pydantic import BaseModel, Field, StringConstraints
 
+from oracle_server.api.following import followed, number_of
 from oracle_server.api.known import demand_session
 from oracle_server.api.leaving import unless_left
+from oracle_server.api.packing import packed_answer
 from oracle_server.api.questions import Nanoseconds
 from oracle_server.core.errors import UnpreparedError
 from oracle_server.edge.scopes import needs
 from oracle_server.history.columns import PARTS, Part
 from oracle_server.history.port import Reading
-from oracle_server.history.timeline import Question
+from oracle_server.history.records import SessionRecord
+from oracle_server.history.timeline import NOTHING_NEW, Question
 from oracle_server.sessions.registry import Registry
+from oracle_server.wire.json import encode_bytes
 
 MOST_BYTES = 2**20
 """Of an answer: a page shows no more of it than has room there."""
+_EVERY = 0.25
+"""Seconds between two timelines of a stream."""
 _AGAIN = 60
 """Seconds after which a client may ask again where a timeline is still made."""
 
@@ -34,6 +45,17 @@ def _all() -> list[Part]:
 
 def _none() -> list[str]:
     return []
+
+
+Parts = Annotated[list[Part], Query(alias="part", default_factory=_all, description="Only these; repeatable")]
+Signals = Annotated[
+    list[SignalName],
+    Query(
+        default_factory=_none,
+        max_length=MOST_SIGNALS,
+        description="Signals, as `STREAM:SIGNAL` with the stream as in `streams`; repeatable",
+    ),
+]
 
 
 class StreamColumns(BaseModel):
@@ -115,21 +137,73 @@ def router(registry: Registry, history: Reading) -> APIRouter:
                 f"the answer has {len(body)} bytes, and may have {MOST_BYTES}: ask for fewer buckets, parts or signals"
             )
             raise HTTPException(422, detail)
-        return Response(body, media_type="application/json")
+        return await packed_answer(request, history, lambda: body)
+
+    @routes.get(
+        "/sessions/{session_id}/timeline/stream",
+        response_class=StreamingResponse,
+        responses={200: {"content": {"text/event-stream": {}}, "description": "Timelines; the id is their position"}},
+    )
+    @needs("read")
+    async def stream_timeline(
+        request: Request,
+        session_id: str,
+        question: Annotated[Question, Depends(followed_by)],
+        last_event_id: Annotated[str | None, Header(description="The id of the last event that was read")] = None,
+    ) -> EventSourceResponse:
+        """Stream what has changed since `after` or Last-Event-ID: whole buckets, as a timeline from the first of them.
+
+        At most four a second come, the event `closed` is the last one. Where too much has changed there is `again` with
+        the `position`, and no bucket: ask for the timeline anew.
+        """
+        known = await demand_session(request, registry, session_id)
+        since = question.after if last_event_id is None else number_of(last_event_id)
+        events = _events(registry, history, known, replace(question, after=since))
+        return EventSourceResponse(events, headers={"Cache-Control": "no-store"})
 
     return routes
 
 
+class _Place(msgspec.Struct):
+    position: int
+
+
+_place = msgspec.json.Decoder(_Place).decode
+
+
+async def _events(registry: Registry, history: Reading, known: SessionRecord, wanted: Question) -> AsyncIterator[bytes]:
+    yield format_sse_event(comment="the timeline of a session")
+    asked = wanted
+
+    async def page() -> tuple[bytes, bool]:
+        nonlocal asked
+        body = await history.timeline(known, asked)
+        if body == NOTHING_NEW:
+            return b"", False
+        asked = replace(asked, after=_place(body).position)
+        if len(body) > MOST_BYTES:
+            body = encode_bytes({"position": asked.after, "again": True})
+        return format_sse_event(data_str=body.decode(), id=str(asked.after)), False
+
+    async for text in followed(registry, known.id, page, _EVERY):
+        yield text
+
+
+def followed_by(
+    wanted: Parts,
+    signal: Signals,
+    width: Annotated[int, Query(ge=1, lt=2**63, description="Of the buckets (ns): 1, 2 or 5 times a power of ten")],
+    after: Annotated[int, Query(ge=0, lt=2**63, description="The `position` of the last timeline that was read")] = 0,
+) -> Question:
+    """The question for what changes in buckets of a width."""
+    if str(width).rstrip("0") not in ("1", "2", "5"):
+        raise HTTPException(422, "query.width: it is not 1, 2 or 5 times a power of ten; take that of a timeline")
+    return Question(None, None, MOST_BUCKETS, frozenset(wanted), tuple(dict.fromkeys(signal)), after, width)
+
+
 def asked(
-    wanted: Annotated[list[Part], Query(alias="part", default_factory=_all, description="Only these; repeatable")],
-    signal: Annotated[
-        list[SignalName],
-        Query(
-            default_factory=_none,
-            max_length=MOST_SIGNALS,
-            description="Signals, as `STREAM:SIGNAL` with the stream as in `streams`; repeatable",
-        ),
-    ],
+    wanted: Parts,
+    signal: Signals,
     since: Nanoseconds = None,
     until: Nanoseconds = None,
     buckets: Annotated[int, Query(ge=1, le=MOST_BUCKETS, description="The most buckets")] = 1000,

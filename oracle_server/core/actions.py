@@ -22,11 +22,12 @@ def action_hazards(spec: Spec) -> Iterator[SpecProblem]:
                 f"`cancel` is asked: a cancel of {name} that a property denies does not stop the robot; leave it out "
                 "unless that is meant",
             )
-        if stream.kind == "feedback" and stream.proxied and stream.ordered and _delays(spec):
+        if stream.kind == "feedback" and stream.proxied and stream.ordered and stream.stamp and _delays(spec):
             yield _warning(
-                ("streams", i, "ordered"),
-                f"the feedback of {name} is ordered, so that each decision waits for what of it may still be under "
-                f"way, {span(stream.latency)} and more; write `feedback: {{ordered: false}}`, or `latency: 0s`",
+                ("streams", i, "stamp"),
+                f"the feedback of {name} is ordered by `{stream.stamp.field}`, so that each decision waits for what of "
+                f"it may still be under way, {span(stream.latency)} and more; leave `stamp` out, to have it ordered as "
+                "it comes to the proxy, or write `ordered: false`, or `latency: 0s`",
             )
         if stream.kind == "status" and stream.proxied:
             yield _warning(

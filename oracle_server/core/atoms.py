@@ -10,7 +10,8 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
+from hashlib import sha256
 from json.encoder import encode_basestring_ascii
 
 from oracle_server.core.events import Signals
@@ -19,6 +20,10 @@ from oracle_server.core.formula.tree import Any, Atom, Constraint, Limit, Ref, S
 Match = tuple[str, ...] | None
 """None: the atom does not hold; else the canonical values of its refs, in their order."""
 Matches = Sequence[Match]
+
+_LONG = 1_024
+"""Characters of a text that is kept as it is, where the values of a variable are kept."""
+_SHOWN = 64
 
 _ORDERED: dict[str, Callable[[float, float], bool]] = {
     "<": operator.lt,
@@ -29,14 +34,32 @@ _ORDERED: dict[str, Callable[[float, float], bool]] = {
 
 
 def canonical(value: Scalar) -> str:
-    """The value as JSON text, one text for all equal values: 7 and 7.0 give `7`, "7" gives `"7"`."""
+    """The value as JSON text, one text for all equal values: 7 and 7.0 give `7`, "7" gives `"7"`.
+
+    A long text is `shortened`.
+    """
     if isinstance(value, str):
-        return encode_basestring_ascii(value)
+        return encode_basestring_ascii(value if len(value) <= _LONG else _short(value))
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float) and value.is_integer():
         return str(int(value))
     return str(value)
+
+
+def shortened(value: Scalar) -> Scalar:
+    """What stands for a value among many that are kept: of a long text its beginning and its hash, else the value.
+
+    Many texts of a megabyte each would take all memory.
+    """
+    return value if not isinstance(value, str) or len(value) <= _LONG else _short(value)
+
+
+@lru_cache(maxsize=8)
+def _short(text: str) -> str:
+    """The same of a long text. Of one event many properties may want it, and few texts are long."""
+    digest = sha256(text.encode(errors="surrogatepass")).hexdigest()
+    return f"{text[:_SHOWN]}… ({len(text)} characters, SHA-256 {digest})"
 
 
 def same(left: Scalar, right: Scalar) -> bool:

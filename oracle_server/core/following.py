@@ -14,7 +14,7 @@ the present at it, or the deadline's, and never goes back.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
 import msgspec
@@ -48,16 +48,22 @@ def follow(
     """
     if not known.episodes and not _begins(verdicts):
         return Following(max(time, known.time)), _NONE
-    return follow_said(known, gap, time, verdicts[0].n, [_said(verdict) for verdict in verdicts], instant=instant)
+    before = known.episodes or (None,) * len(verdicts)
+    pairs = enumerate(zip(before, verdicts, strict=True))
+    said = [(i, _said(v)) for i, (episode, v) in pairs if episode is not None or v.outcome in NEGATIVE]
+    return follow_said(Following(known.time, before), gap, time, verdicts[0].n, said, instant=instant)
 
 
 def follow_said(
-    known: Following, gap: int, time: int, n: int, said: Sequence[Said], *, instant: bool = False
+    known: Following, gap: int, time: int, n: int, said: Iterable[tuple[int, Said]], *, instant: bool = False
 ) -> tuple[Following, Changes]:
-    """The same by what a row says of each property; `n` is the number of its first verdict."""
+    """The same by what a row says of properties, by their indexes; `n` is the number of its first verdict.
+
+    Nothing need be said of a property that is not negative, and has no episode. `known` has an entry for each.
+    """
     time = max(time, known.time)
-    after, changes = list(known.episodes or (None,) * len(said)), list[EpisodeChange]()
-    for i, at in enumerate(said):
+    after, changes = list(known.episodes), list[EpisodeChange]()
+    for i, at in said:
         episode = after[i]
         if episode is not None and not episode.open and time - episode.until >= gap:
             changes.append(EpisodeChange(i, "ends", episode))

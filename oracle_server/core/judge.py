@@ -25,6 +25,8 @@ from oracle_server.core.telling import Telling
 from oracle_server.core.verdicts import NEGATIVE, Decision, Judged, Outcome, Verdict
 from oracle_server.core.weakly import weakly
 
+Seen = tuple[Signals, frozenset[str]]
+"""Signals, and those that failed."""
 _NO_ONE = frozenset[int]()
 
 
@@ -191,7 +193,7 @@ class Judge(Telling):
         changed = any(state.outcome is not outcome for state, outcome in zip(self.properties, found, strict=True))
         if not changed and not settles:
             return None
-        return self._ticked_with(found, signals, failed, (stored, frozenset(failing)), time, now)
+        return self._ticked_with(found, (signals, frozenset(failed)), (stored, frozenset(failing)), time, now)
 
     def end(self, now: int) -> Judged | None:
         """Decide what is open, for properties with `at_end: violated`: nothing will come any more.
@@ -206,22 +208,15 @@ class Judge(Telling):
         time = max(self.present, self._ticked)
         held, failing = together(self._held.values())
         signals, failed = self._derived.at(time, self.counters.steps, held, failing)
-        return self._ticked_with(found, signals, failed, (held, frozenset(failing)), time, now, ENDED)
+        return self._ticked_with(found, (signals, frozenset(failed)), (held, frozenset(failing)), time, now, ENDED)
 
     def _ticked_with(
-        self,
-        found: Sequence[Outcome],
-        signals: Mapping[str, Scalar],
-        failed: Names,
-        stored: tuple[Mapping[str, Scalar], frozenset[str]],
-        time: int,
-        now: int,
-        source: str = "",
+        self, found: Sequence[Outcome], seen: Seen, stored: Seen, time: int, now: int, source: str = ""
     ) -> Judged:
         """A recorded tick with these outcomes; `stored` are the signals that it is judged again with."""
         self.counters.ticks += 1
         known = zip(self.properties, found, strict=True)
-        verdicts = tuple([self._verdict(s, outcome, signals, failed, time) for s, outcome in known])
+        verdicts = tuple([self._verdict(s, outcome, *seen, time) for s, outcome in known])
         event = Event(TICKS, "", self.counters.ticks, time, now, None, source)
         return self._conclude(Step(event, *stored, time), None, verdicts, now)
 

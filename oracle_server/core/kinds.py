@@ -42,7 +42,7 @@ class Traits:
     `leads`: the first kind of its group. `has_call`: events may have the reserved signal `call`, the number of their
     call. `marks` are the reserved signals that each event has from its frame, beside its message. `undoable`: nobody
     has seen an event when it is denied, so that `on_deny: undo` can take it back. `proxied`: events can pass through a
-    proxy in the adapter, and are `stamped` there. `feature` is what a monitor of such streams must say that it knows.
+    proxy in the adapter, which stamps them then. `feature` is what a monitor of such streams must say that it knows.
     """
 
     group: str
@@ -52,7 +52,6 @@ class Traits:
     has_call: bool = False
     undoable: bool = False
     proxied: bool = False
-    stamped: bool = False
     marks: tuple[str, ...] = ()
     feature: str = ""
 
@@ -62,26 +61,23 @@ class Traits:
         return not self.noun
 
 
-def _action(
-    noun: str, *marks: str, leads: bool = False, has_call: bool = False, undoable: bool = False, stamped: bool = True
-) -> Traits:
+def _action(noun: str, *marks: str, leads: bool = False, has_call: bool = False, undoable: bool = False) -> Traits:
     return Traits(
-        ACTION, noun, "sends goals to", leads, has_call, undoable, True, stamped, (GOAL_ID, *marks), ACTIONS
+        ACTION, noun, "sends goals to", leads, has_call, undoable, proxied=True, marks=(GOAL_ID, *marks),
+        feature=ACTIONS,
     )  # fmt: skip
 
 
 KINDS: Mapping[str, Traits] = {
     "topic": Traits("topic", verb="publishes", leads=True, undoable=True),
-    "request": Traits(
-        "service", "requests", "calls", leads=True, has_call=True, undoable=True, proxied=True, stamped=True
-    ),
-    "response": Traits("service", "responses", "calls", has_call=True, proxied=True, stamped=True),
+    "request": Traits("service", "requests", "calls", leads=True, has_call=True, undoable=True, proxied=True),
+    "response": Traits("service", "responses", "calls", has_call=True, proxied=True),
     "goal": _action("goals", leads=True, has_call=True, undoable=True),
     "reply": _action("replies", STATUS, has_call=True),
-    "feedback": _action("feedback", undoable=True, stamped=False),
+    "feedback": _action("feedback", undoable=True),
     "cancel": _action("cancels", has_call=True),
     "result": _action("results", STATUS),
-    "status": _action("status", STATUS, stamped=False),
+    "status": _action("status", STATUS),
     TICK: Traits("", "ticks"),
     REVISION: Traits("", "revisions"),
 }

@@ -32,6 +32,7 @@ from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import FINAL, NEGATIVE, Outcome
 
 Names = frozenset[str] | set[str]
+_HOLDS = Outcome.CURRENTLY_TRUE
 _IDLE = f"its deadlines cost too much: {MAX_WORK} values may be looked at for those of all properties between two steps"
 
 
@@ -120,12 +121,18 @@ class PropertyState:
         if self.outcome in FINAL:
             return self.outcome
         outcome = self._ask_engine(view, time, signals, failed, allowed)
+        if outcome is self.outcome and outcome is _HOLDS and self.owed is None and not failed:
+            return outcome  # as nearly always
+        return self._outcome_at(view, max(time, latest), failed, outcome)
+
+    def _outcome_at(self, view: View, latest: int, failed: Names, outcome: Outcome) -> Outcome:
+        """What an outcome of the engine comes to at a step, by when a time (ns) must have come."""
         self._take_unanswered()
         if outcome is Outcome.UNKNOWN or (failed and not view.reads.isdisjoint(failed)):
             self.failures += view.observed
             if not self.unanswered:
                 return Outcome.UNKNOWN
-        if outcome in NEGATIVE and max(time, latest) < self.judged_from:
+        if outcome in NEGATIVE and latest < self.judged_from:
             return Outcome.UNKNOWN
         if self.property.latch and outcome in NEGATIVE:
             return Outcome.FALSE

@@ -63,6 +63,13 @@ class Recent:
             self._upto.pop()
         self._unnumbered = False
 
+    def named(self, place: int) -> str:
+        """A step, given by its place: by its number, where that may be another and is known."""
+        index = place - self._steps[0][0] if self._steps else -1
+        if 0 <= index < len(self._steps):
+            return f"step {self._steps[index][-1]}"
+        return f"place {place}" if self._spare else f"step {place}"
+
     def last(self) -> EventRecord:
         """The event of the last step; there is one."""
         return {"step": self._steps[-1][-1], **_record(self._steps[-1])}

@@ -94,8 +94,9 @@ class Session(Resumable):
         """When `advance` should be called next, None while nothing waits for time to pass."""
         if self.buffer.due is not None or self._unticked:
             return self.now
-        late = None if self.lateness is None else self.lateness.next_deadline(self.now)
-        deadline = min((d for d in (self.buffer.next_deadline, late) if d is not None), default=None)
+        deadline = self.buffer.next_deadline
+        if self.lateness is not None and (late := self.lateness.next_deadline(self.now)) is not None:
+            deadline = late if deadline is None else min(deadline, late)
         if not self._ticking or self.simulated is not None or self.asking:
             return deadline
         ticks = [
@@ -161,7 +162,7 @@ class Session(Resumable):
     @property
     def is_behind(self) -> bool:
         """Whether expired deadlines wait, or steps that are judged again, and what comes next behind them."""
-        return bool(self._unticked) or self.is_revising
+        return bool(self._unticked or (self.lateness is not None and self.lateness.judge.ahead))
 
     @property
     def is_revising(self) -> bool:

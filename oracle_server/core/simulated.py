@@ -54,4 +54,4 @@ class SimulatedTime:
     @staticmethod
     def _held_back(stream: StreamSpec) -> int:
         """How far an adapter's clock for a stream is behind (ns): 0 where the adapter stamps the messages itself."""
-        return 0 if stream.stamped and not stream.stamp else stream.latency
+        return 0 if stream.proxied and not stream.stamp else stream.latency

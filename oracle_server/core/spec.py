@@ -88,13 +88,8 @@ class StreamSpec:
 
     @property
     def proxied(self) -> bool:
-        """Whether its events pass through a proxy in the adapter."""
+        """Whether its events pass through a proxy in the adapter, which stamps them, so that its clocks are exact."""
         return self.traits.proxied and self.via == "proxy"
-
-    @property
-    def stamped(self) -> bool:
-        """Whether the adapter stamps its events itself, so that its clocks are exact."""
-        return self.traits.stamped and self.proxied
 
 
 @dataclass(frozen=True, slots=True)

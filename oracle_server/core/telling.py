@@ -74,7 +74,7 @@ class Telling:
         timed = state.property.time == "seconds"
         said = [state.why.text]
         if judged or state.owed is None:
-            said += self._derived.told(state.property.atoms, signals, failed, time)
+            said += self._derived.told(state.property.atoms, signals, failed, time, self._recent.named)
         why = state.why.data(partial(self._recent.recall, timed=timed))
         return Explanation(state.property.text, signals, "; ".join(said), why, told, count)
 

@@ -20,7 +20,7 @@ export function remember(token) {
 /** Get a document within `within` ms; `signal` aborts the request. Throws a `Problem`. */
 export async function get(path, query = {}, { within = TIMEOUT, signal } = {}) {
   const url = new URL(`api/v1/${path}`, document.baseURI);
-  for (const [name, value] of Object.entries(query)) url.searchParams.set(name, value);
+  for (const [name, value] of Object.entries(query)) [value].flat().forEach((each) => url.searchParams.append(name, each));
   const token = sessionStorage.getItem(TOKEN);
   const headers = token ? { Authorization: `Bearer ${token}` } : {};
   const ends = AbortSignal.any([AbortSignal.timeout(within), ...(signal ? [signal] : [])]);

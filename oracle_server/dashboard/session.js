@@ -1,11 +1,12 @@
 // The view of one session: its properties, steps, violations, streams and monitors, and the explanation of a verdict.
 
-import { get, of } from "./api.js";
+import { get, items, of } from "./api.js";
 import { chartView } from "./chart.js";
 import { h, Place, table } from "./dom.js";
+import { timelineView } from "./timeline.js";
 import { verdictView } from "./verdict.js";
 import { violationsView } from "./violations.js";
-import { at, badge, count, life, moment, place, span, stream } from "./words.js";
+import { at, badge, byGravity, count, life, moment, place, span, stream } from "./words.js";
 
 /** The view of a session, and of its verdict number `n` if given; `again` refreshes the page at once. */
 export function sessionView(id, n, again) {
@@ -13,24 +14,43 @@ export function sessionView(id, n, again) {
   const properties = new Place("section");
   const streams = new Place("section");
   const chart = chartView(id, n);
-  const verdict = verdictView(id, n, chart.witness, again);
+  const timeline = timelineView(id, choose);
+  const verdict = verdictView(id, n, explained, again);
   const violations = violationsView(id, again);
   let spec = null;
   const node = h("div", {}, h("h1", {}, id), head.node,
-    h("h2", {}, "Properties"), properties.node,
-    h("h2", {}, "Steps"), chart.node, verdict.node,
-    h("h2", {}, "Violations"), violations.node,
-    h("h2", {}, "Streams and monitors"), streams.node);
+    h("div", { class: "beside" },
+      h("div", { class: "course" }, timeline.node,
+        h("h2", {}, "Properties"), properties.node,
+        h("h2", {}, "Steps"), chart.node,
+        h("h2", {}, "Violations"), violations.node,
+        h("h2", {}, "Streams and monitors"), streams.node),
+      verdict.node));
 
   async function refresh() {
     const state = await get(of(id));
-    spec ??= await formulas(state);
+    spec ??= await specOf(state);
     head.show(headline(state), headed);
-    properties.show({ id, spec, states: state.properties, clock: state.clock }, propertyTable);
+    properties.show({ id, spec: spec.formulas, states: state.properties, clock: state.clock }, propertyTable);
     streams.show({ streams: state.streams, monitors: state.monitors, clock: state.clock }, streamTables);
-    const parts = await Promise.allSettled([verdict.refresh(state), violations.refresh(state)]);
+    const parts = await Promise.allSettled([timeline.refresh(state, spec.thresholds), verdict.refresh(state), violations.refresh(state)]);
     await chart.refresh(state);
     for (const { reason } of parts) if (reason) throw reason;
+  }
+
+  function explained(steps, record) {
+    chart.witness(steps);
+    if (!record) timeline.pin(null);
+    else if (record.stamp !== undefined) timeline.pin(record.stamp);
+  }
+
+  /** Choose the last verdict up to a time (ns): of a property, or the gravest of all. */
+  async function choose(property, until) {
+    const query = { until, order: "desc", limit: property ? 1 : Math.max(1, Object.keys(spec?.formulas ?? {}).length), ...(property && { property }) };
+    const [found] = (await items(of(id, "verdicts"), query)).sort((one, other) => byGravity(one.outcome, other.outcome));
+    if (!found) return;
+    timeline.pin(found.stamp);
+    location.hash = at(id, found.n).slice(1);
   }
 
   return {
@@ -42,14 +62,18 @@ export function sessionView(id, n, again) {
       chart.goTo(other);
       verdict.goTo(other);
     },
-    leave: verdict.leave,
+    leave: () => {
+      verdict.leave();
+      timeline.leave();
+    },
   };
 }
 
-/** The properties of the session's spec by id; none where the server has another version of it. */
-async function formulas(state) {
+/** The session's spec: its properties by id, and what numbers they compare with; none where the server has another one. */
+async function specOf(state) {
   const found = await get(`specs/${encodeURIComponent(state.spec)}`).catch(() => null);
-  return Object.fromEntries(found?.digest === state.spec_digest ? found.properties.map((each) => [each.id, each]) : []);
+  if (found?.digest !== state.spec_digest) return { formulas: {}, thresholds: [] };
+  return { formulas: Object.fromEntries(found.properties.map((each) => [each.id, each])), thresholds: found.thresholds ?? [] };
 }
 
 function headline({ spec, kind, status, live, idle, without_monitor_since: since, closed_because: because, clock, opened, closed, trouble, waiting, counters, disagree, continued_by: next }) {

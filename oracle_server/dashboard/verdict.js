@@ -8,8 +8,8 @@ const WITHIN = 600_000; // ms, as the command line waits: the session is judged 
 const PROMPT = 300; // ms within which most explanations arrive, so that they are shown at once
 const LATER = [404, 503]; // not in the history yet, or too many requests: tried again
 
-/** A view of verdict `n`; `onWitnesses` receives the steps that explain it, `again` is called when a slow answer arrives. */
-export function verdictView(id, n, onWitnesses, again) {
+/** A view of verdict `n`; `onShown` receives the steps that explain it, and its record, `again` is called when a slow answer arrives. */
+export function verdictView(id, n, onShown, again) {
   const place = new Place("section", { class: "verdict", "aria-live": "polite" });
   const history = new DelayedHistory();
   let request = null;
@@ -22,7 +22,7 @@ export function verdictView(id, n, onWitnesses, again) {
       throw problem;
     }
     const shown = n && (request?.record ?? { n, computing: true });
-    onWitnesses([...stepsOf(shown?.explanation?.reasons)]);
+    onShown([...stepsOf(shown?.explanation?.reasons)], shown);
     place.show({ clock, shown }, () => (shown ? described(id, shown, clock) : []));
   }
 

@@ -60,6 +60,11 @@ export function count(value) {
   return value ? String(value) : "–";
 }
 
+/** A number of things, as in "1 violation". */
+export function counted(number, name) {
+  return `${number} ${name}${number === 1 ? "" : "s"}`;
+}
+
 /** The text of the event of a record or reason. */
 export function event(of) {
   if (of.kind === "tick") return "an expired deadline";

@@ -29,10 +29,15 @@ def grid(since: int, until: int, most: int) -> Grid:
     power = 1
     while True:
         for width in (power, 2 * power, 5 * power):
-            first, last = since // width, until // width
-            if last - first < most:
-                return Grid(first * width, width, last - first + 1)
+            found = grid_of(width, since, until)
+            if found.buckets <= most:
+                return found
         power *= 10
+
+
+def grid_of(width: int, since: int, until: int) -> Grid:
+    """The buckets of a width that cover a window."""
+    return Grid(since // width * width, width, until // width - since // width + 1)
 
 
 class Columns:

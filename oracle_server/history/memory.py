@@ -30,7 +30,7 @@ from oracle_server.history.records import (
     StoredStep,
     restated,
 )
-from oracle_server.history.steps import StepsSource, arrival, is_undone, plain, plain_whys, without_data
+from oracle_server.history.steps import StepsSource, arrival, is_undone, made, plain, plain_whys, without_data
 from oracle_server.history.timeline import Question, answer
 
 T = TypeVar("T")
@@ -143,7 +143,7 @@ class MemoryHistory:
 
     def close_session(self, session: int, at: int, state: Document, done: Done | None = None) -> None:
         """Keep that a session was closed."""
-        document = _made(lambda: plain(state))
+        document = made(lambda: plain(state))
 
         def close() -> None:
             kept = self._of(session)
@@ -161,7 +161,7 @@ class MemoryHistory:
         episodes: Sequence[StoredEpisode] = (),
     ) -> None:  # fmt: skip
         """Keep steps that were judged, without their data, what stands of earlier ones, and episodes."""
-        kept = _made(lambda: [without_data(step) for step in steps])
+        kept = made(lambda: [without_data(step) for step in steps])
         standing = restated(revisions)
 
         def extend() -> None:
@@ -172,6 +172,10 @@ class MemoryHistory:
             of.episodes.keep(episodes)
 
         self._do(_Command(session, extend, done))
+
+    def stop(self, session: int, reason: str) -> None:
+        """Keep nothing of a session from here on."""
+        self._do(_Command(session, lambda: self._failures.setdefault(session, reason)))
 
     def refuse(self, session: int, refusal: Refusal, done: Done) -> None:
         """Keep that an event was refused."""
@@ -191,7 +195,7 @@ class MemoryHistory:
 
     def save_snapshot(self, session: int, snapshot: SnapshotRecord) -> None:
         """Keep a snapshot in place of the last one."""
-        kept = _made(lambda: snapshot._replace(data=plain(snapshot.data), numbers=plain(snapshot.numbers)))
+        kept = made(lambda: snapshot._replace(data=plain(snapshot.data), numbers=plain(snapshot.numbers)))
 
         def save() -> None:
             self._of(session).snapshot = kept()
@@ -382,17 +386,3 @@ class MemoryHistory:
 
     def _steps(self, session: int) -> list[StoredStep]:
         return self._of(session).steps
-
-
-def _made(make: Callable[[], T]) -> Callable[[], T]:
-    """Gives what is made now, or raises what was raised."""
-    try:
-        made = make()
-    except Exception as error:  # noqa: BLE001 -- it is raised again
-        failure = error
-
-        def fail() -> T:
-            raise failure
-
-        return fail
-    return lambda: made

@@ -102,6 +102,10 @@ class Writing(Protocol):
         """
         ...
 
+    def stop(self, session: int, reason: str) -> None:
+        """Keep nothing of a session from here on but that it was closed, for a reason, since a step of it is lost."""
+        ...
+
     def refuse(self, session: int, refusal: Refusal, done: Done) -> None:
         """Keep that an event was refused."""
         ...

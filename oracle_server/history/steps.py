@@ -1,11 +1,11 @@
-"""Steps in memory: their order by arrival, and as rows for questions by time, which read all of them."""
+"""Steps in memory: as any backend keeps them, by arrival, and as rows for questions by time, which read all of them."""
 
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from operator import attrgetter
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -15,6 +15,7 @@ from oracle_server.history.blocks import Block, BlockRow
 from oracle_server.history.letters import letters
 from oracle_server.history.records import StoredStep
 
+T = TypeVar("T")
 _encode = msgspec.json.Encoder().encode
 
 
@@ -36,6 +37,14 @@ class StepsSource:
         begin = bisect_left(self._steps, first, key=attrgetter("position"))
         end = bisect_left(self._steps, last + 1, key=attrgetter("position"))
         return [_row(step) for step in self._steps[begin:end]]
+
+    def revised(self, after: int) -> int | None:
+        """The first position of which rows behind another one say that something else stands."""
+        begin = bisect_left(self._steps, after + 1, key=attrgetter("position"))
+        revisions = [step.revision for step in self._steps[begin:] if step.revision is not None]
+        return min(
+            [(c.first - 1) // len(r.changes) + 1 for r in revisions for c in r.changes if c is not None], default=None
+        )
 
 
 def arrival(stored: StoredStep) -> tuple[int, str, int, int]:
@@ -86,3 +95,17 @@ def without_data(stored: StoredStep) -> StoredStep:
 def plain_whys(explanations: Mapping[int, ExplanationRecord]) -> dict[int, ExplanationRecord]:
     """Copies of explanations, likewise."""
     return {i: plain(why) for i, why in explanations.items()}
+
+
+def made(make: Callable[[], T]) -> Callable[[], T]:
+    """Gives what is made now, or raises what was raised."""
+    try:
+        value = make()
+    except Exception as error:  # noqa: BLE001 -- it is raised again
+        failure = error
+
+        def fail() -> T:
+            raise failure
+
+        return fail
+    return lambda: value

@@ -14,16 +14,20 @@ from typing import Any, Protocol
 
 from oracle_server.core.events import Order
 from oracle_server.history.blocks import BEFORE, FANOUT, LEVELS, SIZE, Block, BlockRow, of_rows, timed
-from oracle_server.history.columns import PARTS, Columns, Part, grid
+from oracle_server.history.columns import PARTS, Columns, Part, grid, grid_of
 
-_NOTHING = {"position": 0, "first": None, "last": None}
+NOTHING_NEW = b"{}"
+"""The JSON of an answer where no row has come since a position."""
+MOST_NEWS = 20_000
+"""Rows that may have come since a position, for what they change to be told."""
 
 
 @dataclass(frozen=True, slots=True)
 class Question:
     """A window (ns, both ends included and in order; None is the session's own) in so many buckets at the most.
 
-    `signals` are written `STREAM:SIGNAL`, with the stream as `str(StreamKey)`.
+    `signals` are written `STREAM:SIGNAL`, with the stream as `str(StreamKey)`. With `after` the window begins where
+    something is told otherwise since that position; `width` (ns) is that of its buckets then.
     """
 
     since: int | None = None
@@ -31,6 +35,8 @@ class Question:
     buckets: int = 1_000
     parts: frozenset[Part] = frozenset(PARTS)
     signals: tuple[str, ...] = ()
+    after: int | None = None
+    width: int = 0
 
 
 class Source(Protocol):
@@ -54,10 +60,25 @@ class Source(Protocol):
         """The rows from one position to another."""
         ...
 
+    def revised(self, after: int) -> int | None:
+        """The first position of which rows behind another one say that something else stands."""
+        ...
+
 
 def answer(source: Source, question: Question, properties: Sequence[str]) -> dict[str, Any]:
-    """What a session tells of a window, as plain data."""
-    return _Reading(source, question, properties).document
+    """What a session tells of a window, as plain data.
+
+    With `after` nothing where no row has come since, and `again` where too much has: all is to be asked for anew.
+    """
+    if question.after is None:
+        return _Reading(source, question, properties).document
+    if question.after >= source.last:
+        return {}
+    if source.last - question.after <= MOST_NEWS:
+        reading = _Reading(source, question, properties)
+        if reading.fits:
+            return reading.document
+    return {"position": source.last, "again": True}
 
 
 class _Reading:
@@ -76,14 +97,20 @@ class _Reading:
         first, last = min(known, default=0), max(known, default=0)
         until = max(question.since or 0, last) if question.until is None else question.until
         since = min(first, until) if question.since is None else question.since
-        self._grid = grid(since, until, question.buckets)
+        if question.after is None:
+            self._grid = grid(since, until, question.buckets)
+        else:
+            self._grid = grid_of(question.width, self._changed(question.after, (head, tail), last), last)
+        self.fits = self._grid.buckets <= question.buckets
+        if not self.fits:
+            return
         self._columns = Columns(self._grid, properties, question.parts, question.signals)
         self._add(head)
         if self._there:
             self._add_blocks()
         self._add(tail)
-        extent = {"position": source.last, "first": first, "last": last} if known else _NOTHING
-        self.document = extent | self._columns.document()
+        ends = {"first": first if known else None, "last": last if known else None}
+        self.document = {"position": source.last, **ends, **self._columns.document()}
         if source.simulated and "hold" in self.document:
             self.document["hold"] = None
 
@@ -95,6 +122,18 @@ class _Reading:
         head = timed(source.rows(source.first, source.begin * SIZE), BEFORE, source.decides)
         tail = source.rows(source.end * SIZE + 1, source.last)
         return head, timed(tail, self._block(source.end - 1).until, source.decides)
+
+    def _changed(self, after: int, loose: Sequence[list[tuple[int, BlockRow]]], last: int) -> int:
+        """The time from which on something is told otherwise since a position, or one a little earlier."""
+        source = self._source
+        revised = source.revised(after)
+        position = max(source.first, after + 1 if revised is None else min(revised, after + 1))
+        number = (position - 1) // SIZE
+        if source.begin <= number < source.end:
+            block = self._block(number)
+            rows = timed(source.rows(number * SIZE + 1, (number + 1) * SIZE), block.since, source.decides)
+            return next((time for time, row in rows if row[0] >= position), block.until)
+        return next((time for rows in loose for time, row in rows if row[0] >= position), last)
 
     def _block(self, number: int) -> Block:
         (found,) = self._source.blocks(0, number, number + 1)

@@ -59,6 +59,8 @@ class Settings(BaseSettings):
     """The greatest size of the history, such as `2GB`; parsed to bytes."""
     retain_check: Annotated[float, Field(gt=0)] = 60.0
     """Seconds between two runs of the deletion of old history."""
+    alarms: Path | None = None
+    """A file that says who is told of violations."""
     max_connections: Annotated[int, Field(ge=1, le=100_000)] = 2_000
     max_rate: Annotated[float, Field(ge=0)] = 20_000.0
     """Events a second that one monitor may send on average; 0 is no limit."""

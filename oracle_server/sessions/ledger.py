@@ -6,6 +6,8 @@ import asyncio
 from collections.abc import Callable, Mapping
 from functools import partial
 
+import structlog
+
 from oracle_server.core.numbering import JUDGED
 from oracle_server.core.revisions import Revision
 from oracle_server.core.session import Session
@@ -23,6 +25,7 @@ from oracle_server.history.records import (
 )
 from oracle_server.process.clock import Clock
 from oracle_server.review.restore import Restored
+from oracle_server.sessions.alarms import Alarm, SessionAlarms
 from oracle_server.sessions.backlog import Backlog
 from oracle_server.sessions.commits import Commits
 from oracle_server.sessions.counters import Counters
@@ -39,6 +42,8 @@ from oracle_server.wire.incoming import AnyEvent, Handling, QuickHandling
 
 _WRITE_AFTER = 0.01
 """Seconds from a step to its writing: decisions have priority, and most adapters report their handling meanwhile."""
+
+log = structlog.get_logger()
 
 _Used = tuple[Monitor, int, int, int]
 """A monitor's number that is used up, the gap before it, and what was lost with it if it was refused, else `JUDGED`."""
@@ -61,6 +66,8 @@ class Ledger:
             opened.id, opened.number, core, history, backlog, partial(share.run_for_server, weakly(self.save))
         )
         self.lookup = DecisionLookup(history, opened.number, [p.id for p in core.plan.spec.properties])
+        self.alarms: SessionAlarms | None = None
+        """Who is told of violations beside monitors; None where nobody is."""
         self.refused = 0
         """How many events were refused."""
         self._session, self._monitors, self._share = opened.number, monitors, share
@@ -95,23 +102,18 @@ class Ledger:
         self._unwritten += judged
 
     def write(self) -> None:
-        """Write all queued steps to the history."""
+        """Write all queued steps to the history; where that fails, nothing more of the session is kept."""
         judged, self._unwritten = self._unwritten, []
         if not judged:
             return
-        used: list[_Used] = []
-        steps = [self._stored(item, used) for item in judged]
-        told = [frame for item in judged for frame in news(item)]
-        self._counters.violated.add(self._spec, told, self._deciding)
-        self._counters.add_steps([step.outcomes for step in steps if step.revision is None])
-        standing, position = self._standing.changed(self._last_verdict), self._position
-        done = partial(self._share.run, self._committed, used, position, told, standing)
-        revisions = [item for item in judged if isinstance(item, Revision)]
-        pairs = zip(judged, steps, strict=True)
-        episodes = [e for item, step in pairs for e in stored_episodes(item, self._names, step.explanations)]
-        self._history.append(self._session, steps, done, revisions, episodes)
-        if self.snapshots.is_due(self._position):
-            self._share.run_for_server(self.save)
+        try:
+            self._write(judged)
+        except Exception as error:
+            log.exception("judged steps can't be told to the history", session=self._session)
+            self._history.stop(self._session, f"{type(error).__name__}: {error}")  # later ones would leave a gap
+        else:
+            if self.snapshots.is_due(self._position):
+                self._share.run_for_server(self.save)
 
     def restate(self, monitor: MonitorRecord) -> None:
         """Write what a monitor reports of its streams, and send how the properties then stand."""
@@ -166,6 +168,20 @@ class Ledger:
         if monitor.verdicts and monitor.outbox and self._standing.committed:
             monitor.outbox.send(self._standing.committed)
 
+    def _write(self, judged: list[Judged]) -> None:
+        used: list[_Used] = []
+        steps = [self._stored(item, used) for item in judged]
+        told = [frame for item in judged for frame in news(item)]
+        self._counters.violated.add(self._spec, told, self._deciding)
+        self._counters.add_steps([step.outcomes for step in steps if step.revision is None])
+        standing, position = self._standing.changed(self._last_verdict), self._position
+        alarms = self.alarms.look(judged, told) if self.alarms else []
+        done = partial(self._share.run, self._committed, used, position, told, standing, alarms)
+        revisions = [item for item in judged if isinstance(item, Revision)]
+        pairs = zip(judged, steps, strict=True)
+        episodes = [e for item, step in pairs for e in stored_episodes(item, self._names, step.explanations)]
+        self._history.append(self._session, steps, done, revisions, episodes)
+
     def _stored(self, item: Judged, used: list[_Used]) -> StoredStep:
         """The next row, and in `used` the number that its event uses up."""
         self._position += 1
@@ -185,12 +201,16 @@ class Ledger:
     def _last_verdict(self) -> int:
         return self._position * self._width
 
-    def _committed(self, used: list[_Used], position: int, told: list[News], standing: VerdictsFrame | None) -> None:
+    def _committed(
+        self, used: list[_Used], position: int, told: list[News], standing: VerdictsFrame | None, alarms: list[Alarm]
+    ) -> None:
         self.snapshots.committed(position)
         self.commits.notify()
         self._settle(used)
         self._violations.add(for_log(told))
         tell(self._monitors.values(), told)
+        if self.alarms:
+            self.alarms.send(alarms)
         self._announce(standing)
 
     def _announce(self, standing: VerdictsFrame | None) -> None:

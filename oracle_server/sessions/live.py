@@ -219,8 +219,7 @@ class LiveSession:
             return
         monitor.outbox = None
         if monitor.attached and not self.closing:
-            loop = asyncio.get_running_loop()
-            monitor.expiry = loop.call_later(self._resume_within, self._expire, monitor)
+            monitor.expiry = asyncio.get_running_loop().call_later(self._resume_within, self._expire, monitor)
 
     async def drain(self) -> None:
         """Before `close`: judge all held events in turns, between which other sessions are served; take no more."""

@@ -23,6 +23,7 @@ from oracle_server.history.readers import reading_for
 from oracle_server.history.records import Document, Kind, SessionRecord
 from oracle_server.process.clock import Clock
 from oracle_server.review.restore import restore
+from oracle_server.sessions.alarms import SessionAlarms, Sink, session_ended
 from oracle_server.sessions.backlog import Backlog
 from oracle_server.sessions.counters import Counters
 from oracle_server.sessions.endings import BY_REQUEST, Runs, end_of, ended, over
@@ -59,16 +60,20 @@ class Registry:
     """The open sessions, and the closed ones by their records in the history."""
 
     def __init__(
-        self, history: History, library: Library, clock: Clock, resume_within: float, shares: Shares | None = None
-    ) -> None:
-        """Begin without sessions; `resume_within` is how long (s) a monitor stays attached without a connection."""
+        self, history: History, library: Library, clock: Clock, resume_within: float, shares: Shares | None = None,
+        alarms: Sink | None = None,
+    ) -> None:  # fmt: skip
+        """Begin without sessions; `resume_within` is how long (s) a monitor stays attached without a connection.
+
+        `alarms` is told of violations, and of sessions that end.
+        """
         self.open: dict[str, LiveSession] = {}
         self.unrestored: dict[str, Unrestored] = {}
         """Sessions that are open in the history, and could not be restored."""
         self.backlog = Backlog()
         self.counters = Counters()
         self._history, self._library, self._clock, self._resume_within = history, library, clock, resume_within
-        self.shares = shares or Shares()
+        self.shares, self._alarms = shares or Shares(), alarms
         self._runs = Runs(history, self.open, self.unrestored)
         self._opening = asyncio.Lock()
         self._builders = ThreadPoolExecutor(1, "session opening")
@@ -173,6 +178,8 @@ class Registry:
         state |= {"continued_by": successor, "clock_went_back": session.clock_went_back}
         await self._record_closed(session.number, now, state)
         self.open.pop(session.id, None)
+        if self._alarms:
+            self._alarms.send(session_ended(session.record, state))
         session.ledger.snapshots.end()
         self.counters.add_closed(session.counts(), session.core.holds)
         session.ledger.commits.end()
@@ -340,6 +347,8 @@ class Registry:
         )  # fmt: skip
         self.open[live.id] = live
         self.counters.violated.expect(record.spec, record.properties)
+        if self._alarms:
+            live.ledger.alarms = SessionAlarms(record, core, self._alarms)
         return live
 
     async def _new_name(self, spec_id: str) -> str:

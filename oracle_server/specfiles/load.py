@@ -335,11 +335,6 @@ def _revising(spec: Spec, model: SpecModel) -> Iterator[SpecProblem]:
                 "`late: judge`, or a formula that looks back, as in `{done} -> once[:60] {goal}`"
             )
             yield SpecProblem(("properties", i, "formula"), message, within=first.at)
-    if spec.derive:
-        yield SpecProblem(
-            ("ordering", "late"),
-            "`late: revise` can't go back over derived signals; write `late: judge`, or leave `derive` out",
-        )
     if spec.ordering.by != "publication":
         yield SpecProblem(
             ("ordering", "late"),

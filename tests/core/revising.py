@@ -14,6 +14,7 @@ from typing import Literal, NamedTuple
 
 import msgspec
 
+from oracle_server.core.atoms import canonical
 from oracle_server.core.events import Event, Step, StreamKey
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.render import render
@@ -133,6 +134,8 @@ class Line(NamedTuple):
     time: int
     outcomes: tuple[Outcome | None, ...]
     violations: frozenset[int]
+    keys: frozenset[tuple[str, str]] = frozenset()
+    """Of a deadline the keys that it is for, or that are held: signals with their values."""
 
 
 @dataclass
@@ -143,6 +146,8 @@ class Run:
     divided: bool = False
     restarts: float = 0.0
     """How likely it is to be restarted before an event."""
+    stops: random.Random | None = None
+    """Decides where it stops before all is judged that is due, None for never."""
     saved: tuple[int, str] | None = None
     book: Book = field(init=False)
     levels: dict[tuple[str, int], int] = field(default_factory=dict)
@@ -164,7 +169,7 @@ class Run:
 
     def attach(self, now: int) -> None:
         for monitor in "mn":
-            self.take(self.session.attach(monitor, [A, B, H, U], now))
+            self.take(self.session.attach(monitor, self.case.spec.by_key, now))
 
     def save(self) -> None:
         """Take a snapshot, as a server does now and then."""
@@ -216,6 +221,8 @@ class Run:
             if due is None or due > now:
                 return
             yield from self.session.advance(max(due, self.session.now))
+            if self.stops is not None and self.stops.random() < 0.1:
+                return
         raise AssertionError("the session never comes to rest")
 
     def settle(self, rng: random.Random) -> None:
@@ -228,9 +235,11 @@ class Run:
         judged = list(judged)
         self.book.take(judged)
         assert self.session.lateness is not None
-        for row in self.session.lateness.judge.keeping if any(j.step.event.stream == U for j in judged) else ():
+        unordered = {stream.key for stream in self.case.spec.streams if not stream.ordered}
+        there = any(j.step.event.stream in unordered for j in judged)
+        for row in self.session.lateness.judge.keeping if there else ():
             event = row.step.event
-            if event.stream == U and (event.monitor, event.seq) not in self.keys:
+            if event.stream in unordered and (event.monitor, event.seq) not in self.keys:
                 identity = event.monitor, event.seq
                 self.levels[identity], self.keys[identity] = row.level, row.key
                 self.presents[identity] = row.point.present
@@ -245,10 +254,23 @@ class Run:
                 lines.append(
                     (
                         position,
-                        Line(event.monitor, event.seq, row.step.stamp, stands.outcomes, frozenset(stands.explanations)),
+                        Line(
+                            event.monitor,
+                            event.seq,
+                            row.step.stamp,
+                            stands.outcomes,
+                            frozenset(stands.explanations),
+                            keys_of(self.case.spec, row),
+                        ),
                     )
                 )
         return [line for _, line in lines]
+
+
+def keys_of(spec: Spec, row: Judged) -> frozenset[tuple[str, str]]:
+    """What tells a deadline from others of its time."""
+    signals = {} if row.step.event.monitor else row.step.signals
+    return frozenset((d.by, canonical(signals[d.by])) for d in spec.derive if d.by in signals)
 
 
 class Sorted(Judge):
@@ -267,7 +289,8 @@ def reference(run: Run) -> list[Line]:
     for judged, _ in in_order(run):
         event, whys = judged.step.event, frozenset(i for i, v in enumerate(judged.verdicts) if v.explanation)
         outcomes = tuple([v.outcome for v in judged.verdicts])
-        lines.append(Line(event.monitor, event.seq, judged.step.stamp, outcomes, whys))
+        keys = keys_of(run.case.spec, judged)
+        lines.append(Line(event.monitor, event.seq, judged.step.stamp, outcomes, whys, keys))
     return lines
 
 
@@ -321,7 +344,7 @@ def compared(lines: Iterable[Line]) -> list[Line]:
         line._replace(seq=line.seq if line.monitor else 0, outcomes=tuple([o and o.current for o in line.outcomes]))
         for line in lines
     ]
-    return sorted(plain)
+    return sorted(plain, key=lambda line: (*line[:-2], sorted(line.violations), sorted(line.keys)))
 
 
 __all__ = ["FINAL", "Book", "Case", "Run", "case", "compared", "in_order", "reference"]

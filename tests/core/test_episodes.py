@@ -29,7 +29,8 @@ def episodes_of(lines: list[Line], gap: int) -> list[Episode]:
     known, kept = Following(), {}
     for line in lines:
         said = Said(line.outcome, line.violations)
-        known, changes = follow_said(known, gap, line.time, line.n, [said], instant=line.instant)
+        before = Following(known.time, known.episodes or (None,))
+        known, changes = follow_said(before, gap, line.time, line.n, [(0, said)], instant=line.instant)
         for change in changes:
             kept[change.episode.first] = change.episode
     return [*kept.values()]

@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 
 from oracle_server.core.kinds import REVISION, TICK
-from oracle_server.core.revisions import Revision, Standing
+from oracle_server.core.revisions import Change, Revision, Standing
 from oracle_server.core.verdicts import Decision, Outcome
 from oracle_server.history.blocks import BEFORE
 from oracle_server.history.letters import LETTERS
@@ -57,10 +57,10 @@ class Session:
             self.steps += steps
             self.last += len(steps)
 
-    def revise(self, standing: dict[int, Standing]) -> None:
+    def revise(self, standing: dict[int, Standing], *changes: Change) -> None:
         """Write a revision, after which other things stand at some positions."""
         self.last += 1
-        made: Revision = revision(self.last, None, None, standing=standing)
+        made: Revision = revision(self.last, *(changes or (None,)), None, standing=standing)
         rows = [stored_revision(self.last, made)]
         self._transact([Work(1, "steps", [step_row(1, each) for each in rows], then=restating(1, [made]))])
         for position, stands in restated([made]).items():

@@ -14,7 +14,7 @@ import pytest
 from oracle_server.core.verdicts import Outcome
 from oracle_server.history.pages import find
 from oracle_server.history.query import Query
-from oracle_server.history.records import MonitorRecord, stored_revision
+from oracle_server.history.records import MonitorRecord, SessionRecord, stored_revision
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.history.sqlite.schema import STEP_COLUMNS, VERSION
 from oracle_server.history.views import View, records
@@ -30,13 +30,19 @@ LATER = {"sessions": ("decides", "kind"), "monitors": ("left_at",)}
 WITH_LATER = 9
 
 
-async def written(folder: Path, version: int) -> SqliteHistory:
-    """A history of three steps as a version of an older format wrote it, taken over by this one."""
+async def written(folder: Path, version: int, *more: SessionRecord) -> SqliteHistory:
+    """A history of three steps as a version of an older format wrote it, taken over by this one.
+
+    Each further session has a step in the order that decides there.
+    """
     older = SqliteHistory(folder)
     older.start(asyncio.get_running_loop())
     older.open_session(opened())
     older.set_monitor(1, MonitorRecord("m", "i", (), attached=False, clock="wall", left=7))
     await add(older, *STEPS)
+    for session in more:
+        older.open_session(session)
+        await add(older, msgspec.structs.replace(step(1), order=session.decides), session=session.number)
     await asyncio.to_thread(older.close)
     with closing(sqlite3.connect(older.path)) as database:
         first = NEWER[version]
@@ -101,4 +107,15 @@ async def test_its_sessions_are_of_robots_and_when_their_monitors_left_is_not_kn
     (found,) = await history.open_sessions()
     assert found.kind == "robot"
     assert [(m.attached, m.left) for m in await history.monitors(1)] == [(False, None)]
+    await asyncio.to_thread(history.close)
+
+
+@pytest.mark.parametrize("version", NEWER)
+async def test_it_knows_which_order_decides(tmp_path: Path, version: int) -> None:
+    arrival = opened(2, "a")._replace(text="ordering: {by: arrival}", decides="arrival")
+    asked = opened(3, "b")._replace(by="arrival", decides="arrival")
+    overruled = opened(4, "c")._replace(text="ordering: {by: arrival}", by="both")
+    named = opened(5, "d")._replace(text="description: the arrival")
+    history = await written(tmp_path, version, arrival, asked, overruled, named)
+    assert [await history.session(name) for name in "sabcd"] == [opened(), arrival, asked, overruled, named]
     await asyncio.to_thread(history.close)

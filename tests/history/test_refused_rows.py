@@ -7,6 +7,7 @@ import sqlite3
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import msgspec
@@ -211,3 +212,36 @@ async def test_what_follows_a_commit_of_one_session_keeps_no_other_from_hearing_
     async with asyncio.timeout(PATIENCE):
         await told.wait()
     assert [str(failure) for failure in failures] == ["of one session"]
+
+
+async def test_what_stands_of_a_session_and_can_not_be_told_stops_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(_: object) -> dict[int, Any]:
+        raise AssertionError("a revision of nothing")
+
+    monkeypatch.setattr("oracle_server.history.sqlite.history.restated", fail)
+    history = SqliteHistory(tmp_path)
+    history.start(asyncio.get_running_loop())
+    for number in (1, 2):
+        history.open_session(opened(number, f"s{number}"))
+    revision: Any = SimpleNamespace(standing={})
+    history.append(1, [step(1)], lambda: None, [revision])
+    history.append(2, [step(1)], lambda: None)
+    await finished(history)
+    assert (history.failure, history.failure_of(2)) == (None, None)
+    assert history.failure_of(1) == "AssertionError: a revision of nothing"
+    assert await collected(history.steps(1, 0)) == []
+    assert await collected(history.steps(2, 0)) == [step(1)]
+    await asyncio.to_thread(history.close)
+
+
+async def test_nothing_is_kept_of_a_session_that_is_stopped(two: History) -> None:
+    two.append(1, [step(1)], lambda: None)
+    two.stop(1, "enough")
+    two.append(1, [step(2)], lambda: None)
+    two.append(2, [step(1)], lambda: None)
+    await finished(two)
+    assert (two.failure_of(1), two.failure_of(2)) == ("enough", None)
+    assert await collected(two.steps(1, 0)) == [step(1)]
+    assert await collected(two.steps(2, 0)) == [step(1)]

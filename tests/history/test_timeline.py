@@ -8,11 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from oracle_server.core.revisions import Standing
+from oracle_server.core.revisions import Change, Standing
+from oracle_server.core.verdicts import Outcome
 from oracle_server.history.blocks import SIZE
 from oracle_server.history.columns import grid
-from oracle_server.history.timeline import Question
-from tests.history.blocked import OUTCOMES, SIGNALS, Session, check, some
+from oracle_server.history.timeline import MOST_NEWS, Question
+from tests.history.blocked import OUTCOMES, SIGNALS, Session, check, counted, some
 from tests.history.making import explanation
 
 
@@ -102,7 +103,7 @@ def test_what_was_deleted_is_not_told(seed: int) -> None:
     for _ in range(4):
         go_on(rng, session, 400)
         if session.steps:
-            session.forget(rng.choice(session.steps).position)
+            session.forget(rng.choice(session.steps[-rng.choice([8, 400]) :]).position)
         found = session.ask(Question())
         assert sum(found["steps"]) == len(session.steps)
         blocks = [(level, block) for _, level, block, *_ in session.kept_blocks]
@@ -127,6 +128,43 @@ def test_what_an_older_version_wrote_is_caught_up_with_while_more_is_written(see
     session.add(some(rng, 5041, 300, 10**8 + 10**7))
     ask(rng, session, 10)
     assert (0, 5340 // SIZE - 1) in [(level, block) for _, level, block, *_ in session.kept_blocks]
+
+
+@given(seed=st.integers(0, 2**32))
+@settings(max_examples=15, deadline=None)
+def test_what_has_changed_since_a_position_is_told_in_whole_buckets(seed: int) -> None:
+    rng = random.Random(seed)
+    session = Session()
+    go_on(rng, session, 300)
+    for _ in range(6):
+        after, changed = session.last, list[int]()
+        if rng.random() < 0.5:
+            go_on(rng, session, rng.choice([3, 100]))
+        if session.steps and rng.random() < 0.4:
+            changed = [each.position for each in rng.sample(session.steps, 1) if each.revision is None]
+            change = [Change(0, "p", 2 * p - 1, 2 * p - 1, Outcome.FALSE, degraded=False) for p in changed]
+            stands = Standing((Outcome.FALSE, Outcome.TRUE), (False, False))
+            session.revise(dict.fromkeys(changed, stands), *change)
+        width = 10 ** rng.randrange(2, 6)
+        found = session.ask(Question(after=after, width=width, buckets=2000, signals=SIGNALS))
+        rows = [(time, each.position) for time, each in counted(session.steps, "publication")]
+        times = [time for time, position in rows if position > after or position in changed]
+        if session.last == after:
+            assert found == {}
+        elif found.get("again"):
+            assert rows[-1][0] - min(times, default=rows[-1][0]) > 1000 * width
+        else:
+            assert found["width"] == width
+            assert found["since"] <= min(times, default=rows[-1][0] if rows else 0)
+            assert found["position"] == session.last
+            check(found, session.steps, "publication")
+
+
+def test_of_too_much_news_all_is_to_be_asked_for_anew() -> None:
+    session = Session()
+    session.add(some(random.Random(1), 1, MOST_NEWS + 1, 10**6))
+    assert session.ask(Question(after=0, width=10**15)) == {"position": MOST_NEWS + 1, "again": True}
+    assert session.ask(Question(after=1, width=10**15))["buckets"] == 1
 
 
 def test_a_session_of_no_steps_tells_nothing() -> None:

@@ -31,16 +31,16 @@ def streams(*kinds: str, ask: str = "", name: str = "/count", **more: Any) -> li
 
 @contextmanager
 def watched(
-    folder: Path, described: list[Data], decide: Decide = lambda _: None
+    folder: Path, described: list[Data], decide: Decide = lambda _: None, module: str = "oracle_ros1"
 ) -> Iterator[tuple[Scene, Judge, Process]]:
     """A graph with an adapter of an oracle that the test makes up."""
     with judge(described, decide) as oracle, Scene(folder) as scene:
-        yield scene, oracle, adapter(scene, oracle)
+        yield scene, oracle, adapter(scene, oracle, module=module)
 
 
-def adapter(scene: Scene, oracle: Judge, name: str = "uav1") -> Process:
+def adapter(scene: Scene, oracle: Judge, name: str = "uav1", module: str = "oracle_ros1") -> Process:
     words = ("--oracle", oracle.url, "--spec", "s", "--monitor", name)
-    process = scene.run("adapter", sys.executable, "-m", "oracle_ros1", *words)
+    process = scene.run("adapter", sys.executable, "-m", module, *words)
     process.said("observing")
     return process
 

@@ -41,14 +41,14 @@ def streams(*asked: str, via: str = "proxy", kinds: tuple[str, ...] = KINDS, **m
 class Acting:
     """All of it."""
 
-    def __init__(self, scene: Scene, judge: Judge) -> None:
-        self.scene, self.judge = scene, judge
+    def __init__(self, scene: Scene, judge: Judge, module: str) -> None:
+        self.scene, self.judge, self._module = scene, judge, module
         self.adapter = self.monitor()
 
     def monitor(self, name: str = "uav1") -> Process:
         """An adapter that has begun to observe."""
         words = ("--oracle", self.judge.url, "--spec", "s", "--monitor", name)
-        adapter = self.scene.run("adapter", sys.executable, "-m", "oracle_ros2", *words)
+        adapter = self.scene.run("adapter", sys.executable, "-m", self._module, *words)
         adapter.said("observing")
         return adapter
 
@@ -138,7 +138,7 @@ def hex_of(goal: Any) -> str:
 
 
 @contextmanager
-def acting(folder: Path, described: list[Data]) -> Iterator[Acting]:
+def acting(folder: Path, described: list[Data], module: str = "oracle_ros2") -> Iterator[Acting]:
     """An adapter that observes these streams."""
     with judge(described) as judging, Scene(folder) as scene:
-        yield Acting(scene, judging)
+        yield Acting(scene, judging, module)

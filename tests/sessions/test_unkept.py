@@ -11,11 +11,13 @@ import msgspec
 import pytest
 
 from oracle_server.core.revisions import Revision
+from oracle_server.core.verdicts import Judged
 from oracle_server.history.episodes import StoredEpisode
 from oracle_server.history.port import Done
-from oracle_server.history.records import SessionRecord, StoredStep
+from oracle_server.history.records import SessionRecord, StoredStep, stored
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.process.clock import Clock
+from oracle_server.sessions import ledger as ledger_module
 from oracle_server.sessions import live as live_module
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.monitor import Monitor
@@ -183,3 +185,21 @@ async def test_a_state_that_can_not_be_kept_closes_nothing(sessions: Registry, m
     await say(sessions, live, monitor, 1, 1)
     assert acked(outbox) == 1
     assert await sessions.closed_within(live, PATIENCE)
+
+
+async def test_a_step_of_which_no_row_can_be_made_ends_its_session_alone(
+    sessions: Registry, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def make(position: int, gap: int, item: Judged, handling: tuple[bool, str] | None) -> StoredStep:
+        if item.step.signals.get("speed") == BAD:
+            raise AssertionError("no row can be made of it")
+        return stored(position, gap, item, handling)
+
+    monkeypatch.setattr(ledger_module, "stored", make)
+    talks = [await joined(sessions, name) for name in ("one", "two")]
+    for seq, speed in ((1, 1), (2, BAD), (3, 1)):
+        for i, (live, monitor, _) in enumerate(talks):
+            await say(sessions, live, monitor, seq, speed if i else 1)
+    assert [acked(outbox) for _, _, outbox in talks] == [3, 1]
+    assert talks[0][0].trouble is None
+    assert talks[1][0].trouble == "AssertionError: no row can be made of it"

@@ -98,7 +98,7 @@ def test_what_is_only_heard_of_has_no_proxy() -> None:
     assert {(stream_frame(ready, key)["proxy"], stream_frame(ready, key)["via"]) for key in ready.streams} == {
         (None, "introspection")
     }
-    assert not any(stream.stamped for stream in ready.spec.streams), "its clocks lag by the latency, as a topic's"
+    assert not any(stream.proxied for stream in ready.spec.streams), "its clocks lag by the latency, as a topic's"
 
 
 def test_specs_without_actions_mean_what_they_meant() -> None:

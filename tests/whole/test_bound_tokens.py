@@ -195,10 +195,11 @@ def test_no_answer_tells_of_what_is_foreign(case: Any, guarded: Guarded, who: tu
             assert_silent(binding, known)
 
 
+@pytest.mark.parametrize("path", ["stream", "timeline/stream?width=1"])
 @pytest.mark.parametrize("who", TOKENS, ids="-".join)
-def test_streams_tell_of_nothing_foreign(guarded: Guarded, who: tuple[Scope, str]) -> None:
+def test_streams_tell_of_nothing_foreign(guarded: Guarded, who: tuple[Scope, str], path: str) -> None:
     for name in names_of(who[1]):
-        asked = {session: guarded.ask(who, "GET", f"sessions/{session}/stream") for session in (name, nobodys(name))}
+        asked = {session: guarded.ask(who, "GET", f"sessions/{session}/{path}") for session in (name, nobodys(name))}
         known, unknown = (told(a.status_code, a.headers, a.text, session) for session, a in asked.items())
         assert known == unknown
         assert_silent(who[1], known)
@@ -244,7 +245,8 @@ async def test_what_others_do_changes_no_answer(guarded: Guarded, binding: str) 
     n = guarded.ask(who, "GET", "sessions/ours/verdicts").json()["items"][-1]["n"]
     paths = [
         "specs", "specs/own", "sessions/ours", "sessions/ours/verdicts", "sessions/ours/violations",
-        f"sessions/ours/verdicts/{n}/explanation", "sessions/ours/trace", *(["sessions"] if binding != "spec" else []),
+        f"sessions/ours/verdicts/{n}/explanation", "sessions/ours/trace", "sessions/ours/timeline",
+        *(["sessions"] if binding != "spec" else []),
     ]  # fmt: skip
 
     def all_of_it() -> list[tuple[Any, ...]]:

@@ -23,12 +23,12 @@ Event = dict[str, str]
 
 @asynccontextmanager
 async def stream(
-    server: Server, session: str, last: int | None = None, **query: Any
+    server: Server, session: str, path: str = "stream", last: int | None = None, **query: Any
 ) -> AsyncIterator[AsyncIterator[Event]]:
     headers = {} if last is None else {"Last-Event-ID": str(last)}
     async with (
         httpx.AsyncClient(base_url=server.url, timeout=PATIENCE, trust_env=False) as http,
-        http.stream("GET", f"/api/v1/sessions/{session}/stream", params=query, headers=headers) as response,
+        http.stream("GET", f"/api/v1/sessions/{session}/{path}", params=query, headers=headers) as response,
     ):
         assert response.status_code == 200
         assert response.headers["content-type"].split(";")[0] == "text/event-stream"

@@ -129,7 +129,6 @@ class Said:
     number: int
     message: rospy.AnyMsg
     found: Any
-    since: float = 0.0
 
 
 def covers(cancel: GoalID, goal: GoalID) -> bool:

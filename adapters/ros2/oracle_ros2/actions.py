@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from typing import TYPE_CHECKING, Any, Callable, Mapping, Sequence
 
 from action_msgs.msg import GoalInfo
@@ -13,7 +14,7 @@ from oracle_ros2.feedback import RelayedFeedback
 from oracle_ros2.goals import Goals
 from oracle_ros2.graph import hidden, past_proxy
 from oracle_ros2.relay import UNDERWAY, Relay
-from oracle_ros2.sides import Side
+from oracle_ros2.sides import Side, now
 from oracle_ros2.standing import RelayedStatus
 from oracle_ros2.statuses import ABORTED, UNKNOWN, word
 from oracle_ros2.withdrawals import Withdrawals, cancel_request
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from oracle_ros2.goals import Goal
     from oracle_ros2.relay import Call
     from oracle_ros2.shared import Shared
+    from oracle_ros2.sides import When
     from oracle_ros2.standing import StatusStream
     from oracle_ros2.topics import Observed
 
@@ -48,6 +50,8 @@ class ProxiedAction:
         contents = {"goal": self._type.Goal, "reply": impl.SendGoalService.Response, "cancel": GoalInfo,
                     "result": self._type.Result}  # fmt: skip
         self._sides = {kind: Side(shared, s, contents[kind]) for kind, s in streams.items() if kind in contents}
+
+        self._asks_results = "result" in self._sides and self._sides["result"].asks
 
         def topics(topic: str) -> tuple[str, str]:
             return hidden(served, topic), hidden(proxy, topic)
@@ -81,6 +85,7 @@ class ProxiedAction:
         """Take what has come by now, and go on with what waits; to be called often, where callbacks run."""
         self._status.subscription.take_all()
         self._feedback.subscription.take_all()
+        self._feedback.behind.catch_up()
         self._status.flush()
         for call in self._sending.catch_up():
             if call.forwarded:  # the server may have accepted it all the same
@@ -107,6 +112,7 @@ class ProxiedAction:
 
     def stop(self) -> None:
         """Serve no more. Goals under way go on, and whoever waits for a result is told that it is unknown here."""
+        self._feedback.behind.release()
         goals, results = self._sending.open, self._results.open
         under_way = self._status.under_way if self._sending.is_there else 0
         for call in goals:
@@ -205,13 +211,14 @@ class ProxiedAction:
         if self._goals.is_withheld(goal):
             self._withhold(call)
             return
-        if "result" in self._sides and self._sides["result"].asks:
+        if self._asks_results:
             self._goals.await_result(goal)
         self._servers[call.number] = set(self._status.subscription.sources)
         self._results.forward(call)
 
     def _answer_result(self, call: Call, response: Any) -> None:
         goal = _goal_of(call)
+        self._feedback.subscription.take_all()  # the server has published it before
 
         def refuse() -> None:
             self._goals.withhold(goal)
@@ -220,13 +227,18 @@ class ProxiedAction:
 
         def give() -> bool:
             told = self._results.reply(call, response)
+            if told and self._asks_results:
+                self._goals.tell(goal)
             self._decide(call)
             return told
 
         if self._goals.is_withheld(goal):
             refuse()
-        else:
-            self._judge("result", response.result, give, refuse, goal, status=word(response.status))
+            return
+        if self._asks_results:
+            self._goals.decide(goal)
+        status, when = word(response.status), partial(self._feedback.behind.after, goal)
+        self._judge("result", response.result, give, refuse, goal, status=status, when=when)
 
     def _withhold(self, call: Call) -> bool:
         response = self._impl.GetResultService.Response(status=ABORTED)
@@ -265,13 +277,13 @@ class ProxiedAction:
 
     def _judge(
         self, kind: str, message: Any, give: Callable[[], bool], refuse: Callable[[], object], goal: Goal,
-        call: int | None = None, status: str | None = None,
+        call: int | None = None, status: str | None = None, when: When = now,
     ) -> None:  # fmt: skip
         side = self._sides.get(kind)
         if side is None:
-            give()
+            when(give)
         else:
-            side.judge(message, give, refuse, call, goal.hex() if any(goal) else "", status)
+            side.judge(message, give, refuse, call, goal.hex() if any(goal) else "", status, when)
 
 
 def _goal_of(call: Call) -> Goal:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import threading
 from collections import deque
-from typing import TYPE_CHECKING, Any, Mapping
+from typing import TYPE_CHECKING, Any, Mapping, NamedTuple
 
+from oracle_adapter.behind import Behind
 from oracle_adapter.forwarding import ForwardQueue
 from oracle_adapter.interfaces import is_filtered
 from oracle_adapter.pacing import Pacer
@@ -28,8 +30,24 @@ def goal_of(message: bytes) -> Goal:
     return message[4:20]
 
 
+class _Message(NamedTuple):
+    """One on its way; the number is that of `Behind`."""
+
+    goal: Goal
+    number: int
+    serialized: bytes
+
+
+class _Coming(NamedTuple):
+    """One as it came."""
+
+    message: _Message
+    info: Mapping[str, Any]
+    missed: int
+
+
 class RelayedFeedback:
-    """Passes feedback on as it came, and reports it where the spec has a stream of it."""
+    """Passes feedback on as it came, behind the reply of its goal, and reports it where the spec has a stream of it."""
 
     def __init__(
         self, shared: Shared, name: str, stream: Stream | None, message_type: Any, topics: tuple[str, str], goals: Goals
@@ -38,16 +56,20 @@ class RelayedFeedback:
         self._link, self._board, self._goals, self._name = shared.link, shared.board, goals, name
         self._publisher = MatchedPublisher(shared.node, message_type, topics[1])
         self._pacer = Pacer(self._publish)
-        self._held: dict[Goal, deque[bytes]] = {}
+        self._entering = threading.RLock()  # guards what waits for a reply: that comes in the link's thread, too
+        self._held: dict[Goal, deque[_Coming]] = {}
         self._numbers = Numbers(self._match)
+        self.behind = Behind()
+        """What comes behind feedback."""
         self.count = 0
         """How many messages have come."""
         self.observed: Observed | None = None
         self._queue: ForwardQueue | None = None
         if stream is not None:
-            self.observed = Observed(shared.node, stream, envelope=(message_type, "feedback"))
+            self.observed = Observed(shared.node, stream, envelope=(message_type, "feedback"), stamped_here=True)
             if is_filtered(stream):
-                self._queue = ForwardQueue(Passing(shared.link, shared.board, stream, shared.clocks), self._release)
+                passing = Passing(shared.link, shared.board, stream, shared.clocks)
+                self._queue = ForwardQueue(passing, self._release, lambda message, _: self._settle(message))
         self.subscription = MatchedSubscription(shared.node, message_type, topics[0], self._take)
 
     @property
@@ -63,12 +85,10 @@ class RelayedFeedback:
         return troubles
 
     def reply_settled(self, goal: Goal) -> None:
-        """Pass on what waited for a goal's reply."""
-        with self._goals.lock:
-            held = self._held.pop(goal, ())
-            if not self._goals.is_refused(goal):
-                for message in held:
-                    self._pacer.take(message)
+        """Go on with what waited for a goal's reply."""
+        with self._entering:
+            for coming in self._held.pop(goal, ()):
+                self._enter(coming)
 
     def stop(self) -> None:
         """Take and forward no more."""
@@ -86,33 +106,54 @@ class RelayedFeedback:
         if missed < 0:
             return
         self.count += 1
+        goal = goal_of(message)
+        coming = _Coming(_Message(goal, self.behind.came(goal), message), info, missed)
+        with self._entering:
+            if self._goals.is_unsettled(goal) or goal in self._held:
+                self._hold(coming)
+            else:
+                self._enter(coming)
+
+    def _hold(self, coming: _Coming) -> None:
+        held = self._held.setdefault(coming.message.goal, deque())
+        held.append(coming)
+        if len(held) > HELD:
+            lost = held.popleft()
+            held[0] = held[0]._replace(missed=held[0].missed + lost.missed + 1)
+            self._settle(lost.message)
+
+    def _enter(self, coming: _Coming) -> None:
+        """Pass a message on and report it, or ask about it."""
+        message, observed = coming.message, self.observed
         if self._queue is None:
             self._release(message)
-        if self.observed is None:
+        if observed is None:
             return
-        event = self.observed.decoded(message, info, missed)
+        event = observed.decoded(message.serialized, coming.info, coming.missed)
         if event is None:
+            if self._queue is not None:
+                self._settle(message)
             return
         stamp, data, more = event
-        more["goal_id"] = goal_of(message).hex()
+        more["goal_id"] = message.goal.hex()
         if self._queue is not None:
             self._queue.take(message, stamp, data, **more)
         else:
-            self._link.send(self.observed.name, self.observed.kind, stamp, data, **more)
+            self._link.send(observed.name, observed.kind, stamp, data, **more)
 
-    def _release(self, message: bytes) -> bool:
-        """Pass a message on, once its goal's client has the reply."""
-        goal = goal_of(message)
-        with self._goals.lock:
-            if self._goals.is_refused(goal):
-                return False
-            if self._goals.is_unsettled(goal):
-                self._held.setdefault(goal, deque(maxlen=HELD)).append(message)
-                return True
-            return self._pacer.take(message)
+    def _release(self, message: _Message) -> bool:
+        """Pass a message on; not where its goal's client believes that this was rejected."""
+        passed = not self._goals.is_refused(message.goal) and self._pacer.take(message)
+        if not passed:
+            self._settle(message)
+        return passed
 
-    def _publish(self, message: bytes) -> None:
+    def _publish(self, message: _Message) -> None:
         try:
-            self._publisher.publish(message)
+            self._publisher.publish(message.serialized)
         except Exception as error:  # noqa: BLE001 - others wait behind it
             self._board.failed(self._name, f"a feedback message of {self._name}", error)
+        self._settle(message)
+
+    def _settle(self, message: _Message) -> None:
+        self.behind.settle(message.goal, message.number)

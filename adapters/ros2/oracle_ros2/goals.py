@@ -6,12 +6,12 @@ import threading
 from collections import Counter
 from typing import Any, Callable
 
-from oracle_ros2.statuses import ABORTED, FINAL, Statuses
+from oracle_ros2.statuses import ABORTED, BEFORE, FINAL, Statuses
 
 Goal = bytes
 """A goal's id: 16 bytes."""
 MOST = 1000
-"""Goals of which something was withheld that are remembered; a server forgets them after 10 s, usually."""
+"""Goals whose ends were told or withheld that are remembered; a server forgets them after 10 s, usually."""
 
 
 class Goals:
@@ -21,6 +21,8 @@ class Goals:
         self.lock = threading.RLock()
         self._unsettled: dict[Goal, list[Callable[[], Any]]] = {}
         self._awaited: Counter[Goal] = Counter()
+        self._deciding: Counter[Goal] = Counter()
+        self._told: dict[Goal, None] = {}
         self._refused: dict[Goal, None] = {}
         self._withheld: dict[Goal, None] = {}
 
@@ -66,12 +68,24 @@ class Goals:
         with self.lock:
             self._awaited[goal] += 1
 
+    def decide(self, goal: Goal) -> None:
+        """The result is there, and is decided on: meanwhile the goal is shown as before, unless its end was told."""
+        with self.lock:
+            if goal not in self._told:
+                self._deciding[goal] += 1
+
+    def tell(self, goal: Goal) -> None:
+        """A client has the result."""
+        with self.lock:
+            _remember(self._told, goal)
+
     def decided(self, goal: Goal) -> None:
         """It is decided on, or will not be."""
         with self.lock:
-            self._awaited[goal] -= 1
-            if self._awaited[goal] <= 0:
-                del self._awaited[goal]
+            for goals in (self._awaited, self._deciding):
+                goals[goal] -= 1
+                if goals[goal] <= 0:
+                    del goals[goal]
 
     def withhold(self, goal: Goal) -> None:
         """Its result is withheld for good."""
@@ -85,15 +99,20 @@ class Goals:
     def may_show(self, statuses: Statuses) -> bool:
         """Whether statuses may be told: their goals' replies are settled, and results where there are some."""
         with self.lock:
-            unsettled = any(goal in statuses for goal in self._unsettled)
-            return not unsettled and not any(statuses.get(goal) in FINAL for goal in self._awaited)
+            return self.have_replies(statuses) and not any(statuses.get(goal) in FINAL for goal in self._awaited)
+
+    def have_replies(self, statuses: Statuses) -> bool:
+        """Whether the clients of all goals of some statuses have their replies."""
+        with self.lock:
+            return not any(goal in statuses for goal in self._unsettled)
 
     def shown(self, statuses: Statuses) -> dict[Goal, int | None]:
         """Those of some statuses that are told otherwise, None for not at all."""
         with self.lock:
             hidden: dict[Goal, int | None] = {goal: None for goal in self._refused if goal in statuses}
             ended = (goal for goal in self._withheld if statuses.get(goal, ABORTED) in FINAL - {ABORTED})
-            return {**dict.fromkeys(ended, ABORTED), **hidden}
+            early = {goal: BEFORE[statuses[goal]] for goal in self._deciding if statuses.get(goal) in FINAL}
+            return {**early, **dict.fromkeys(ended, ABORTED), **hidden}
 
 
 def _remember(goals: dict[Goal, None], goal: Goal) -> None:

@@ -18,6 +18,14 @@ if TYPE_CHECKING:
     from oracle_ros2.shared import Shared
 
 
+When = Callable[[Callable[[], object]], object]
+
+
+def now(call: Callable[[], object]) -> None:
+    """Call it."""
+    call()
+
+
 class Side:
     """One such stream: it reports its events, and asks about them where they are filtered."""
 
@@ -43,11 +51,11 @@ class Side:
 
     def judge(
         self, message: Any, give: Callable[[], bool], refuse: Callable[[], object], call: int | None = None,
-        goal_id: str | None = None, status: str | None = None,
+        goal_id: str | None = None, status: str | None = None, when: When = now,
     ) -> None:  # fmt: skip
         """Report an event, and call `give` where it passes, else `refuse`; after a decision in the link's thread.
 
-        `give` returns whether it was passed on.
+        `give` returns whether it was passed on. `when` calls what settles the event, at once or later.
         """
         # stamped under the link's lock, so that no clock can exclude it before it is queued
         stamp = self._stamp(message) or self._time
@@ -55,7 +63,7 @@ class Side:
         passing = self._passing
         if passing is None:
             self._link.send(self.name, self.kind, stamp, data, call=call, goal_id=goal_id, status=status)
-            give()
+            when(give)
             return
 
         def settle(answer: Answer) -> None:
@@ -63,4 +71,4 @@ class Side:
             if not passed:
                 refuse()
 
-        passing.ask(stamp, data, settle, call=call, goal_id=goal_id, status=status)
+        passing.ask(stamp, data, lambda answer: when(lambda: settle(answer)), call=call, goal_id=goal_id, status=status)

@@ -15,14 +15,14 @@ from oracle_ros2.statuses import FINAL, Statuses, Transitions, changed, read, wo
 from oracle_ros2.topics import Numbers, source_of
 
 if TYPE_CHECKING:
-    from oracle_adapter import TimeSource
+    from oracle_adapter import Stamp, TimeSource
     from oracle_adapter.interfaces import Stream
 
     from oracle_ros2.goals import Goals
     from oracle_ros2.shared import Shared
 
 LONGEST = 1.0
-"""Seconds that an array waits for a result to be decided on."""
+"""Seconds that an array waits for replies, and for a result to be decided on."""
 HELD = 1000
 """Arrays that wait; of more the oldest are lost."""
 
@@ -30,14 +30,15 @@ HELD = 1000
 class StatusStream:
     """An event a goal and transition, of arrays as they come."""
 
-    def __init__(self, shared: Shared, stream: Stream) -> None:
+    def __init__(self, shared: Shared, stream: Stream, *, stamped_here: bool = False) -> None:
         self._link, node = shared.link, shared.node
         self._now = time_of(node)
-        self._simulated = simulated(node)
+        self._stamped_here = stamped_here
+        self._timed_here = stamped_here or simulated(node)
         self._began = time.time_ns()
         self.name, self.kind = str(stream["name"]), str(stream["kind"])
-        self.latency: int = stream["latency"]
-        self.time_source: TimeSource = "arrival" if self._simulated else "middleware"
+        self.latency: int | None = None if stamped_here else stream["latency"]
+        self.time_source: TimeSource = "arrival" if self._timed_here else "middleware"
         self._transitions = Transitions()
 
     def take(self, statuses: Statuses, info: Mapping[str, Any], lost: int) -> None:
@@ -49,7 +50,9 @@ class StatusStream:
         if not self._transitions.knows(source) and published < self._began:
             self._transitions.begin(source, statuses)
             return
-        stamp = (self._now() if self._simulated else published) or None
+        stamp: Stamp = self._now
+        if not self._stamped_here:
+            stamp = (self._now() if self._timed_here else published) or None
         for goal, status in self._transitions.of(source, statuses):
             self._link.send(
                 self.name, self.kind, stamp, {}, source=source, lost=lost, goal_id=goal.hex(), status=word(status)
@@ -59,6 +62,10 @@ class StatusStream:
     def keep(self, sources: list[str]) -> None:
         """Forget publishers that have ended."""
         self._transitions.keep([source for source in self._transitions.sources if _is_there(source, sources)])
+
+
+def _recent(since: float) -> bool:
+    return time.monotonic() - since < LONGEST
 
 
 def _is_there(source: str, sources: list[str]) -> bool:
@@ -75,9 +82,10 @@ class RelayedStatus:
         """How the goals stand, as of the last array."""
         self.count = 0
         """How many arrays have come."""
-        self.observed = None if stream is None else StatusStream(shared, stream)
+        self.observed = None if stream is None else StatusStream(shared, stream, stamped_here=True)
         self._numbers = Numbers(self._match)
         self._waiting: deque[tuple[bytes, Statuses, float]] = deque(maxlen=HELD)
+        self._unreported: deque[tuple[Statuses, float, Mapping[str, Any], int]] = deque()
         self._last: tuple[bytes, Statuses] | None = None
         self._published = b""
         self._publisher = MatchedPublisher(shared.node, GoalStatusArray, topics[1], [qos_profile_action_status_default])
@@ -101,15 +109,21 @@ class RelayedStatus:
         return troubles
 
     def flush(self) -> None:
-        """Pass on what waits no longer: for a reply, or for a result."""
+        """Pass on what waits no longer, for a reply or for a result; and report what waits for no reply."""
         with self._goals.lock:
             while self._waiting:
                 array, statuses, since = self._waiting[0]
-                if not self._goals.may_show(statuses) and time.monotonic() - since < LONGEST:
-                    return
+                if not self._goals.may_show(statuses) and _recent(since):
+                    break
                 self._waiting.popleft()
                 self._last = array, statuses
                 self._publish(self._shown(array, statuses))
+            while self.observed is not None and self._unreported:
+                statuses, since, info, lost = self._unreported[0]
+                if not self._goals.have_replies(statuses) and _recent(since):
+                    break
+                self._unreported.popleft()
+                self.observed.take(statuses, info, lost)
 
     def withheld(self) -> None:
         """Say the last array again where it is told otherwise now."""
@@ -142,9 +156,9 @@ class RelayedStatus:
         with self._goals.lock:
             self.statuses = statuses
             self._waiting.append((array, statuses, time.monotonic()))
+            if self.observed is not None:
+                self._unreported.append((statuses, time.monotonic(), info, lost))
         self.flush()
-        if self.observed is not None:
-            self.observed.take(statuses, info, lost)
 
     def _shown(self, array: bytes, statuses: Statuses) -> bytes:
         other = self._goals.shown(statuses)

@@ -13,8 +13,9 @@ from rclpy.serialization import deserialize_message, serialize_message
 WORDS = ("unknown", "accepted", "executing", "canceling", "succeeded", "canceled", "aborted")
 """The statuses of goals, by their numbers."""
 UNKNOWN, ABORTED = 0, 6
-FINAL = frozenset((4, 5, 6))
-"""The statuses that a goal keeps."""
+BEFORE = {4: 2, 5: 3, 6: 2}
+"""The statuses that a goal keeps, and those in which it was before."""
+FINAL = frozenset(BEFORE)
 
 _LITTLE_ENDIAN = b"\x00\x01"
 _COUNT = slice(4, 8)

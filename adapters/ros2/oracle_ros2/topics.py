@@ -15,7 +15,7 @@ from oracle_ros2.endpoints import MatchedPublisher, MatchedSubscription
 from oracle_ros2.stamps import simulated, stamp_reader, time_of
 
 if TYPE_CHECKING:
-    from oracle_adapter import TimeSource
+    from oracle_adapter import Stamp, TimeSource
     from oracle_adapter.interfaces import Interface
     from rclpy.node import Node
 
@@ -54,21 +54,24 @@ class Observed:
 
     def __init__(
         self, node: Node, stream: Mapping[str, Any], on_new: Callable[[], None] = lambda: None,
-        envelope: tuple[Any, str] | None = None,
+        envelope: tuple[Any, str] | None = None, *, stamped_here: bool = False,
     ) -> None:  # fmt: skip
         """`on_new` is called before the first message of each publisher is an event.
 
         `envelope`: the type of the messages, and its field in which is what the stream's events are about.
+        `stamped_here`: as they are queued for the oracle, unless the spec names a field.
         """
-        # the middleware's time is the wall's: in a simulation the time of arrival comes nearer
-        self._now = time_of(node) if simulated(node) else None
+        self._now = time_of(node)
         self.name: str = stream["name"]
         self.kind: str = stream["kind"]
-        self.latency: int = stream["latency"]
         self.type, self._field = envelope or (load_type(stream["type"]), "")
         inner = type(getattr(self.type(), self._field)) if self._field else self.type
-        self._stamp = stamp_reader(inner, stream["stamp"])
-        self.time_source: TimeSource = "field" if self._stamp else "arrival" if self._now else "middleware"
+        self._stamp = None if stamped_here and not stream["stamp"] else stamp_reader(inner, stream["stamp"])
+        self._stamped_here = stamped_here
+        # the middleware's time is the wall's: in a simulation the time of arrival comes nearer
+        self._timed_here = stamped_here or simulated(node)
+        self.latency: int | None = None if stamped_here and not self._stamp else stream["latency"]
+        self.time_source: TimeSource = "field" if self._stamp else "arrival" if self._timed_here else "middleware"
         self.misplaced = ""
         """Why its messages are not ordered by the field that the spec names."""
         if stream["stamp"] and self._stamp is None:
@@ -84,8 +87,8 @@ class Observed:
         self.count = 0
         """How many messages have come."""
 
-    def event(self, serialized: bytes, info: Mapping[str, Any]) -> tuple[int | None, Any, dict[str, Any]] | None:
-        """The stamp (ns), the data and the rest of a message's event.
+    def event(self, serialized: bytes, info: Mapping[str, Any]) -> tuple[Stamp, Any, dict[str, Any]] | None:
+        """The stamp (ns) or what reads it as the event is queued, the data and the rest of a message's event.
 
         None where it came before, or can't be read: then it is counted as lost, and in `unreadable`.
         """
@@ -99,7 +102,7 @@ class Observed:
 
     def decoded(
         self, serialized: bytes, info: Mapping[str, Any], missed: int
-    ) -> tuple[int | None, Any, dict[str, Any]] | None:
+    ) -> tuple[Stamp, Any, dict[str, Any]] | None:
         """The event of a message that `missed` has counted; None where it can't be read."""
         source = source_of(info)
         missed += self._unread
@@ -112,10 +115,13 @@ class Observed:
             self.unreadable[source] = str(error) or type(error).__name__
             return None
         self._unread = 0
-        stamp = (
-            (self._stamp and self._stamp(message)) or (self._now() if self._now else info["source_timestamp"]) or None
-        )
+        stamp = (self._stamp and self._stamp(message)) or self._time_of(info)
         return stamp, self._read(message), {"source": source, "lost": missed}
+
+    def _time_of(self, info: Mapping[str, Any]) -> Stamp:
+        if self._stamped_here:
+            return self._now
+        return (self._now() if self._timed_here else info["source_timestamp"]) or None
 
 
 class LoggedTopic:

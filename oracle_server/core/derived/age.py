@@ -37,7 +37,7 @@ class Age:
     def take(self, sample: Value, now: int, number: int, _signals: Signals, _failed: Collection[str]) -> Value | None:
         """It holds now, or it is not known whether; returns the age."""
         if self._session.journal.entries is not None:
-            self._session.journal.entries.append(partial(self._become, self._since, self.last, failed=self._failed))
+            self._session.journal.entries.append(partial(self._become, self._since, self.last, self._failed))
         self._failed = sample is FAILED
         if self._failed:
             return FAILED
@@ -76,5 +76,5 @@ class Age:
         """Take over a snapshot."""
         self._since, self._failed, self.last = data
 
-    def _become(self, since: int | None, last: int, *, failed: bool) -> None:
+    def _become(self, since: int | None, last: int, failed: bool) -> None:
         self._since, self.last, self._failed = since, last, failed

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 Undo = Callable[[], object]
 
@@ -23,8 +23,7 @@ class Journal:
 
     def back(self) -> None:
         """Take back all changes since the last mark."""
-        for undo in reversed(self._close()):
-            undo()
+        take_back(self._close())
 
     def keep(self) -> None:
         """Keep the changes since the last mark."""
@@ -32,7 +31,25 @@ class Journal:
         if self.entries is not None:
             self.entries += noted
 
+    def record(self) -> None:
+        """From now on note all changes, also where no mark is open, for `noted` to tell."""
+        self._open = [[]]
+        self.entries = self._open[0]
+
+    def noted(self) -> tuple[Undo, ...]:
+        """What takes back the changes since `record`, or since this was called last; no mark is open."""
+        (base,) = self._open
+        found = tuple(base)
+        base.clear()
+        return found
+
     def _close(self) -> list[Undo]:
         noted = self._open.pop()
         self.entries = self._open[-1] if self._open else None
         return noted
+
+
+def take_back(noted: Sequence[Undo]) -> None:
+    """Take back changes, the last one first."""
+    for undo in reversed(noted):
+        undo()

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterator
 from functools import partial
 from typing import Any, NamedTuple
 
-from oracle_server.core.atoms import canonical
+from oracle_server.core.atoms import canonical, shortened
 from oracle_server.core.derived.age import seconds
 from oracle_server.core.derived.definition import MAX_KEYS, Definition
 from oracle_server.core.derived.flips import turning_ages
@@ -19,8 +19,8 @@ from oracle_server.core.formula.tree import Scalar
 
 
 def key_of(value: Scalar) -> Key:
-    """The key of a value."""
-    return (value,) if value is True or value is False else value
+    """The key of a value: long texts are shortened."""
+    return (value,) if value is True or value is False else shortened(value)
 
 
 def value_of(key: Key) -> Scalar:

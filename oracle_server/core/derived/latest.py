@@ -11,14 +11,17 @@ from oracle_server.core.derived.samples import FAILED, NOTHING, Value, known
 from oracle_server.core.derived.window import Asked, Session
 from oracle_server.core.events import Signals
 
+_LONG = 4_096
+"""Characters of a text that is kept for each of many keys."""
+
 
 class Last:
     """The last sample."""
 
-    __slots__ = ("_before", "_last", "_of", "_session", "last")
+    __slots__ = ("_before", "_keyed", "_last", "_of", "_session", "last")
 
     def __init__(self, definition: Definition, session: Session) -> None:
-        self._session, self._of = session, definition.of
+        self._session, self._of, self._keyed = session, definition.of, bool(definition.by)
         self._last: Value = NOTHING
         self._before: Value = NOTHING
         self.last = 0
@@ -26,6 +29,8 @@ class Last:
 
     def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
         """Add a sample; returns what the signal is with it."""
+        if self._keyed and isinstance(sample, str) and len(sample) > _LONG:
+            sample = FAILED  # thousands of keys would keep one each
         if self._session.journal.entries is not None:
             self._session.journal.entries.append(partial(self._become, self._before, self._last, self.last))
         self._before, self._last, self.last = self._last, sample, number

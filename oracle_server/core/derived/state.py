@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -11,6 +11,7 @@ from oracle_server.core.derived.arithmetic import Arithmetic
 from oracle_server.core.derived.counts import Count, Rate
 from oracle_server.core.derived.definition import Definition
 from oracle_server.core.derived.extremes import Extreme
+from oracle_server.core.derived.journal import Undo, take_back
 from oracle_server.core.derived.keyed import Keyed, key_of, value_of
 from oracle_server.core.derived.latest import Delta, Last, Previous
 from oracle_server.core.derived.layout import Layout, Part
@@ -141,6 +142,21 @@ class Derived:
         self._watch = None
         self.journal.back()
 
+    def record(self) -> None:
+        """From now on, keep what is needed to go back: `noted` tells it after each step."""
+        if self._series:
+            self.journal.record()
+
+    def noted(self) -> tuple[Undo, ...]:
+        """What takes back the changes since this was called last; `record` was called, and no mark is open."""
+        return self.journal.noted() if self._series else ()
+
+    def rewind(self, steps: Iterable[Sequence[Undo]]) -> None:
+        """Go back over steps by what was `noted` of each, the last one first."""
+        self._watch, self._due = None, []
+        for noted in steps:
+            take_back(noted)
+
     def next_deadline(self, after: int, last: LastStep) -> int | None:
         """When, later than `after` (ns), what is asked of derived signals may turn without a step; None for never."""
         if not self._layout.watched or self._session.begun is None:
@@ -191,13 +207,21 @@ class Derived:
         if not self._layout.keys or self._session.begun is None:
             return set()
         keys = self._watching(last).keys
-        carried = [(by, key_of(signals[by])) for by in self._layout.keys if by in signals]
-        return set[int]().union(*(keys.get(each, ()) for each in carried))
+        return set[int]().union(*(keys.get(each, ()) for each in self.seen(signals)))
 
-    def told(self, atoms: Collection[Atom], signals: Signals, failed: Names, time: int) -> list[str]:
-        """What derived signals of some atoms are at a step or tick, at a time (ns), and what of; not absent ones."""
+    def seen(self, signals: Signals) -> frozenset[Carried]:
+        """What tells ticks of one time apart, by their signals: the keys that are carried or held."""
+        return frozenset((by, key_of(signals[by])) for by in self._layout.keys if by in signals)
+
+    def told(
+        self, atoms: Collection[Atom], signals: Signals, failed: Names, time: int, named: Callable[[int], str]
+    ) -> list[str]:
+        """What derived signals of some atoms are at a step or tick, at a time (ns), and what of; not absent ones.
+
+        `named` names a step by its place.
+        """
         there = [(d, series) for d, series in self._of(atoms) if d.name in signals or d.name in failed]
-        return [told(d, series, signals, time) for d, series in there]
+        return [told(d, series, signals, time, named) for d, series in there]
 
     def complaint(self, atoms: Collection[Atom]) -> str | None:
         """Why derived signals of some atoms have failed for want of room, None where none has."""

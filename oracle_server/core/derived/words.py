@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from oracle_server.core.derived.counts import Count
 from oracle_server.core.derived.definition import MAX_SAMPLES, Definition
 from oracle_server.core.derived.keyed import Keyed
@@ -31,8 +33,8 @@ def described(definition: Definition) -> str:
     return f"{definition.op} of {definition.of}{over}{by}"
 
 
-def told(definition: Definition, series: Series, signals: Signals, now: int) -> str:
-    """What a derived signal is at a step or tick at `now` (ns), and what of."""
+def told(definition: Definition, series: Series, signals: Signals, now: int, named: Callable[[int], str]) -> str:
+    """What a derived signal is at a step or tick at `now` (ns), and what of; `named` names a step by its place."""
     value = signals.get(definition.name)
     own = series.series_of(signals) if isinstance(series, Keyed) else series
     begin = f"{definition.name} {'failed' if value is None else value_text(value)}"
@@ -40,7 +42,7 @@ def told(definition: Definition, series: Series, signals: Signals, now: int) -> 
         begin += f" for {definition.by} {value_text(signals[definition.by])}"
     if value is None:
         return f"{begin}: {_lack(definition, series, own)}"
-    return f"{begin}: {_computed(definition, own, signals, now)}"
+    return f"{begin}: {_computed(definition, own, signals, now, named)}"
 
 
 def lack(series: Series) -> str:
@@ -50,13 +52,15 @@ def lack(series: Series) -> str:
     return _no_room() if isinstance(series, Window) and series.short and series.failed_at is not None else ""
 
 
-def _computed(definition: Definition, series: Series | None, signals: Signals, now: int) -> str:
+def _computed(
+    definition: Definition, series: Series | None, signals: Signals, now: int, named: Callable[[int], str]
+) -> str:
     if definition.op == "expression":
         values = [f"{name} = {value_text(signals[name])}" for name in definition.operands if name in signals]
         return ", ".join([definition.of, *values])
     if series is None:
         return f"{definition.of} never before"
-    last = f"last at step {series.last}" if series.last else "never before"
+    last = f"last at {named(series.last)}" if series.last else "never before"
     if definition.op == "age":
         return f"{definition.of} {last}"
     if isinstance(series, Count | Sum):

@@ -18,10 +18,11 @@ _Key = tuple[int, int]
 class Rewritten:
     """The episodes that there were behind a row, and those that there are now."""
 
-    def __init__(self, base: Following) -> None:
-        """Begin with how they stood after the last row that is not judged again."""
+    def __init__(self, base: Following, stood: Iterable[Kept] = ()) -> None:
+        """Begin with how they stood after the last row that is not judged again, and after those that are."""
         self._before, self._now = _by_key(base), _by_key(base)
         self._texts: dict[_Key, str] = {}
+        self.stood(stood)
 
     def stood(self, rows: Iterable[Kept]) -> None:
         """Take rows as they stood, in their sequence."""

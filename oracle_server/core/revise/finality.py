@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 
 import msgspec
 
-from oracle_server.core.engine import MAX_WORK
+from oracle_server.core.engine import MAX_WORK, Engine, Rewindable
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.plan import View
 from oracle_server.core.property_state import Mark, Names, PropertyState
 from oracle_server.core.verdicts import FINAL, Outcome
 
-_UNKNOWN = Outcome.UNKNOWN
+_HOLDS = Outcome.CURRENTLY_TRUE
 
 
 class Stand(msgspec.Struct, frozen=True, gc=False):
@@ -59,11 +59,14 @@ class RevisableState(PropertyState):
             self.work = 0
             self.changed.append(self)
             return self.repeated or self._final(time)
-        failures = self.failures
-        outcome = PropertyState.step(self, view, time, signals, failed, latest, allowed)
-        if outcome is self.outcome and outcome is not _UNKNOWN and self.final is None:
+        self.work = self.idle_work = 0
+        self.unanswered = ()
+        outcome = self._ask_engine(view, time, signals, failed, allowed)
+        if outcome is self.outcome and outcome is _HOLDS and self.final is None and self.owed is None and not failed:
             return outcome  # as nearly always: nothing changes with such a step
         self.changed.append(self)
+        failures = self.failures
+        outcome = self._outcome_at(view, max(time, latest), failed, outcome)
         if self.final is None:
             if outcome not in FINAL:
                 return outcome
@@ -125,3 +128,9 @@ class RevisableState(PropertyState):
         assert self.final is not None  # noqa: S101 -- only called where it is
         self.said = self.said or time > self.final_since + self.horizon
         return self.final if time > self.final_since + self.horizon else self.final.current
+
+
+def rewindable(engine: Engine) -> Rewindable:
+    """An engine of a spec that revises."""
+    assert isinstance(engine, Rewindable)  # noqa: S101 -- others are refused with the spec
+    return engine

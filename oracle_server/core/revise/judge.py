@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from collections import defaultdict, deque
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 
 import msgspec
 
 from oracle_server.core.counting import Told
-from oracle_server.core.engine import Engine, Rewindable
+from oracle_server.core.engine import Engine
 from oracle_server.core.events import Order, Signals, Step
 from oracle_server.core.holding import Held
-from oracle_server.core.judge import Judge
+from oracle_server.core.judge import Judge, Seen
 from oracle_server.core.plan import Plan, StreamPlan
 from oracle_server.core.recent import SIZE, Recent
-from oracle_server.core.revise.changes import Again, merged, revisions
+from oracle_server.core.revise.changes import differing, merged, revisions
 from oracle_server.core.revise.episodes import Rewritten
-from oracle_server.core.revise.finality import RevisableState
+from oracle_server.core.revise.finality import RevisableState, rewindable
 from oracle_server.core.revise.kept import MOST, Keeping, Kept, Point, key_of
 from oracle_server.core.revise.queued import Asked, Late, Until
+from oracle_server.core.revise.ticks import OldTicks
 from oracle_server.core.revisions import Revision
 from oracle_server.core.spec import Property
-from oracle_server.core.verdicts import Decision, Judged
+from oracle_server.core.verdicts import Decision, Judged, Outcome
 
 _FORGET_AFTER = 64
 """Rows after which those that need not be kept any more are forgotten: many at once cost less."""
@@ -44,6 +45,7 @@ class RevisingJudge(Judge):
         self._states = [state for state in self.properties if isinstance(state, RevisableState)]
         self._engines = [rewindable(engine) for engine in engines]
         self._recent = Recent(SIZE, spare=MOST)
+        self._width = len(engines)
         self.keeping = Keeping(self.horizon, self._point(None))
         self.newest = 0
         """The time of the newest step (ns)."""
@@ -57,7 +59,8 @@ class RevisingJudge(Judge):
         """How many steps were judged."""
         self._position = 0
         """The position of the last row that is no revision."""
-        self._ahead: deque[Kept | Late | Step | Until] = deque()
+        self.ahead: deque[Kept | Late | Step | Until] = deque()
+        """What is to be judged in a pass; empty where none goes on."""
         self.overtaken: list[Step] = []
         """Steps that came while a pass went on, and are late since; whoever calls `go_on` takes them."""
         self._causes: list[Step] = []
@@ -65,7 +68,7 @@ class RevisingJudge(Judge):
         self._stood: dict[int, Kept] = {}
         """The rows that are judged again in this pass, by position."""
         self._stands: dict[int, tuple[Judged, Decision | None]] = {}
-        self._old_ticks: defaultdict[int, list[Kept]] = defaultdict(list)
+        self._old_ticks = OldTicks(self._derived.seen)
         self._not_before = 0
         """What is judged again without being in order is judged at no earlier time (ns) than it was."""
         self._added = 0
@@ -77,6 +80,7 @@ class RevisingJudge(Judge):
         """The row that is `asked` of as it stands, with the explanation; None where it does not stand."""
         for engine in self._engines:
             engine.record()
+        self._derived.record()
 
     def remember(self, steps: int, effort: int) -> None:
         """See `Telling.remember`."""
@@ -93,11 +97,12 @@ class RevisingJudge(Judge):
     @property
     def is_going(self) -> bool:
         """Whether a pass goes on."""
-        return bool(self._ahead)
+        return bool(self.ahead)
 
     def is_late(self, step: Step) -> bool:
         """Whether a step is older than what was judged, where a deadline counts as younger than a step at its time."""
-        return step.time < self.newest or step.time <= self._deadline
+        time = step.time
+        return time < self.newest or time <= self._deadline
 
     def has_place(self, step: Step) -> bool:
         """Whether a late step can still be put in its place."""
@@ -105,8 +110,8 @@ class RevisingJudge(Judge):
 
     def take(self, step: Step, now: int) -> list[Judged]:
         """Judge a step behind all others, and the deadlines before it; while a pass goes on it waits for that."""
-        if self._ahead:
-            self._ahead.append(step)
+        if self.ahead:
+            self.ahead.append(step)
             return []
         if not self.ticking:
             return [self._judge_first(step, now)]
@@ -117,14 +122,14 @@ class RevisingJudge(Judge):
 
         While a pass goes on they wait for that.
         """
-        if not self._ahead:
+        if not self.ahead:
             judged = self._judge_deadlines(until, now, enough)
             return judged, (deadline := self.next_deadline) is None or deadline > until
-        last = self._ahead[-1]
+        last = self.ahead[-1]
         if isinstance(last, Until):
-            self._ahead[-1] = Until(max(until, last.time))
+            self.ahead[-1] = Until(max(until, last.time))
         else:
-            self._ahead.append(Until(until))
+            self.ahead.append(Until(until))
         return [], True
 
     def place(self, late: Sequence[Step], level: int = 0) -> None:
@@ -140,11 +145,11 @@ class RevisingJudge(Judge):
         self._go_back(taken)
         for row in reversed(taken):
             while steps and key_of(steps[0].time) < row.key:
-                self._ahead.append(Late(steps.popleft()))
+                self.ahead.append(Late(steps.popleft()))
             if not row.is_tick:
-                self._ahead.append(row)
-        self._ahead.extend(map(Late, steps))
-        self._ahead.append(Until(self._level))
+                self.ahead.append(row)
+        self.ahead.extend(map(Late, steps))
+        self.ahead.append(Until(self._level))
 
     def _begin_pass(self) -> None:
         self._told = Told([copy(state) for state in self.properties], copy(self.counters))
@@ -152,8 +157,8 @@ class RevisingJudge(Judge):
 
     def go_on(self, now: int, enough: Callable[[], bool]) -> list[Judged]:
         """Go on with the pass until enough was done; what was judged in it is returned at its end."""
-        while self._ahead:
-            item = self._ahead.popleft()
+        while self.ahead:
+            item = self.ahead.popleft()
             match item:
                 case Until(time):
                     self._outputs += self._judge_deadlines(time, now)
@@ -170,7 +175,7 @@ class RevisingJudge(Judge):
                     self._outputs.append(self._judge_first(item, now))
             if enough():
                 break
-        return [] if self._ahead else self._end(now)
+        return [] if self.ahead else self._end(now)
 
     def _is_overtaken(self, step: Step) -> bool:
         """Whether a deadline that waited before a step was no older, so that it is late."""
@@ -178,12 +183,7 @@ class RevisingJudge(Judge):
 
     def _end(self, now: int) -> list[Judged]:
         """End the pass: what was judged in it, and the revisions of what stood before."""
-        again = [
-            Again(position, row.preceding, row.judged, stands, would)
-            for position, row in sorted(self._stood.items())
-            for stands, would in [self._stands.get(position, (None, None))]
-            if stands is not row.judged or would is not None  # as most are judged as they were
-        ]
+        again = differing(self._stood, self._stands)
         outputs, self._outputs = self._outputs, []
         if self._causes:
             names = [state.property.id for state in self.properties]
@@ -230,40 +230,48 @@ class RevisingJudge(Judge):
 
     def _judge_deadline(self, time: int, now: int) -> Judged | None:
         """Judge a deadline; None where it changes nothing, and where it was told before."""
-        known = self._old_ticks.get(time)
-        if not known:
-            return self._judge_new_deadline(time, now)
-        old = known[0]
-        numbers, ticks, degraded = self._numbers, self.counters.ticks, self._degraded
-        self._numbers, self._degraded = _numbers(old), False
-        tick = self.tick(time, old.judged.judged)
-        self._numbers, self.counters.ticks, self._degraded = numbers, ticks, degraded
-        if tick is not None:
-            del known[0]
-            tick = msgspec.structs.replace(tick, step=old.step, verdicts=merged(old.judged.verdicts, tick.verdicts))
-            self._stands[old.position] = tick, None
-            self._keep_again(tick, old, time)
+        tick = self.tick(time, now)
+        if tick is None:
+            return None
+        old = self._stood.get(self._position_of(tick))
+        if old is None:
+            self._keep_tick(tick, time)
+            return tick
+        self._stands[old.position] = tick, None
+        self._keep_again(tick, old, time)
         return None
 
     def tick(self, time: int, now: int, recorded: Signals | None = None) -> Judged | None:
         """Judge a step at `time` with held signals only, and take it back; None where it changes no outcome."""
         if self.asked is None or self.asked.tick != time:
             return super().tick(time, now, recorded)
-        state = self.properties[self.asked.prop]
+        state, seen = self.properties[self.asked.prop], self._derived.seen
         state.asked = True
-        self.answer = super().tick(time, now, recorded)
+        tick = super().tick(time, now, recorded)
         state.asked = False
-        return self.answer
-
-    def _judge_new_deadline(self, time: int, now: int) -> Judged | None:
-        tick = self.tick(time, now)
-        if tick is not None:
-            self._keep(tick, key_of(time, tick=True), time)
+        if tick is not None and seen(tick.step.signals) == seen(self.asked.signals):
+            self.answer = tick
         return tick
+
+    def _ticked_with(
+        self, found: Sequence[Outcome], seen: Seen, stored: Seen, time: int, now: int, source: str = ""
+    ) -> Judged:
+        old = self._old_ticks.take(time, stored[0])
+        if old is None:
+            return super()._ticked_with(found, seen, stored, time, now, source)
+        numbers, ticks, degraded = self._numbers, self.counters.ticks, self._degraded
+        self._numbers, self._degraded = old.numbers, False
+        tick = super()._ticked_with(found, seen, stored, time, old.judged.judged, source)
+        self._numbers, self.counters.ticks, self._degraded = numbers, ticks, degraded
+        return msgspec.structs.replace(tick, step=old.step, verdicts=merged(old.judged.verdicts, tick.verdicts))
+
+    def _keep_tick(self, tick: Judged, time: int) -> None:
+        """Keep a deadline that was told for the first time."""
+        self._keep(tick, key_of(time, tick=True), time)
 
     def _judge_first(self, step: Step, now: int, *, placed: bool = False) -> Judged:
         """Judge a step for the first time: in its place, or behind all others."""
-        in_order, steps = placed or (not step.late and self._is_ordered(step)), self.counters.steps
+        steps = self.counters.steps
         self._recent.number = self._numbered + 1
         judged = self.judge(step, now)
         undone = self.counters.steps == steps
@@ -274,8 +282,9 @@ class RevisingJudge(Judge):
             self._renumber(judged)
         if step.skipped:
             self._position = self._position_of(judged)
-        elif in_order:
-            self._keep(judged, key_of(step.time), step.time - 1, undone=undone)
+        elif placed or (not step.late and self._is_ordered(step)):
+            time = step.time
+            self._keep(judged, key_of(time), time - 1, undone=undone)
         else:
             self._keep(judged, self._key_behind(self._deadline), self._deadline, undone=undone)
         return judged
@@ -283,7 +292,7 @@ class RevisingJudge(Judge):
     def _judge_again(self, row: Kept) -> None:
         """Judge a kept step again, as it was decided."""
         numbers, degraded, denied = self._numbers, self._degraded, self.counters.denied
-        self._numbers, self._degraded = _numbers(row), False
+        self._numbers, self._degraded = row.numbers, False
         broken = [
             (state, v) for state, v in zip(self._states, row.judged.verdicts, strict=True) if state.broken is not None
         ]
@@ -323,7 +332,8 @@ class RevisingJudge(Judge):
         for row in taken:
             self._stood[row.position] = row
             if row.is_tick:
-                self._old_ticks[row.step.stamp].insert(0, row)
+                self._old_ticks.add(row)
+        self._derived.rewind(row.noted for row in taken)
         point = self.keeping.last
         self._recent.remove(self.counters.steps - point.steps)
         for state, engine, stand in zip(self._states, self._engines, point.properties, strict=True):
@@ -332,22 +342,22 @@ class RevisingJudge(Judge):
             state.put(stand)
         self.present, self._ticked, self._outdated = point.present, point.ticked, point.outdated
         self.counters.steps, self._held, self.following = point.steps, dict(point.held), point.following
-        self._rewritten = Rewritten(point.following)
-        self._rewritten.stood(reversed(taken))
+        self._rewritten = Rewritten(point.following, reversed(taken))
 
     def _keep(self, judged: Judged, key: int, level: int, *, undone: bool = False) -> None:
         """Keep a row that was judged for the first time."""
-        key, position = max(key, self.keeping.key), self._position_of(judged)
-        self._add(Kept(judged, key, level, position, self._position, self._point(self.keeping.last), undone))
+        position = self._position_of(judged)
+        self._add(judged, max(key, self.keeping.key), level, position, self._position, undone=undone)
         self._position = position
 
     def _keep_again(self, judged: Judged, old: Kept, level: int) -> None:
         """Keep a row that was judged again, in the place that it has."""
-        point = self._point(self.keeping.last)
-        self._add(Kept(judged, old.key, level, old.position, old.preceding, point, old.undone))
+        self._add(judged, old.key, level, old.position, old.preceding, undone=old.undone)
 
-    def _add(self, row: Kept) -> None:
+    def _add(self, judged: Judged, key: int, level: int, position: int, preceding: int, *, undone: bool) -> None:
+        point, noted = self._point(self.keeping.last), self._derived.noted()
         self.newest = max(self.newest, self.present)
+        row = Kept(judged, key, level, position, preceding, point, undone, noted)
         self.keeping.add(row, self.newest)
         if self._rewritten is not None:
             self._rewritten.stands(row)
@@ -378,7 +388,7 @@ class RevisingJudge(Judge):
         return Point(self.present, before, self._ticked, self._outdated, steps, self._held, stands, self.following)
 
     def _position_of(self, judged: Judged) -> int:
-        return (judged.verdicts[0].n - 1) // len(self.properties) + 1
+        return (judged.verdicts[0].n - 1) // self._width + 1
 
     def _move_on(self, step: Step, stream: StreamPlan) -> None:
         super()._move_on(step, stream)
@@ -388,13 +398,3 @@ class RevisingJudge(Judge):
     def _holding(self, monitor: str) -> Held:
         self._held = {m: h.copy() if m == monitor else h for m, h in self._held.items()}  # points refer to the other
         return super()._holding(monitor)
-
-
-def rewindable(engine: Engine) -> Rewindable:
-    """An engine of a spec that revises."""
-    assert isinstance(engine, Rewindable)  # noqa: S101 -- others are refused with the spec
-    return engine
-
-
-def _numbers(row: Kept) -> Iterator[int]:
-    return iter([verdict.n for verdict in row.judged.verdicts])

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 
 import msgspec
 
+from oracle_server.core.derived.journal import Undo
 from oracle_server.core.episode import Following
 from oracle_server.core.events import Step
 from oracle_server.core.holding import Held
@@ -41,7 +42,7 @@ class Kept(msgspec.Struct, gc=False):
 
     `key` is where it stands, as by `key_of`, and never less than that of the row before; `level`: deadlines up to then
     (ns) were judged before it. `preceding` is the position of the row said before it. `undone`: it was denied, and
-    taken back.
+    taken back. `noted` takes back what it changed of derived signals.
     """
 
     judged: Judged
@@ -51,11 +52,17 @@ class Kept(msgspec.Struct, gc=False):
     preceding: int
     point: Point
     undone: bool = False
+    noted: tuple[Undo, ...] = ()
 
     @property
     def is_tick(self) -> bool:
         """Whether it is a deadline."""
         return self.judged.step.event.stream.kind == TICK
+
+    @property
+    def numbers(self) -> Iterator[int]:
+        """Those of its verdicts."""
+        return iter([verdict.n for verdict in self.judged.verdicts])
 
     @property
     def step(self) -> Step:
@@ -66,18 +73,22 @@ class Kept(msgspec.Struct, gc=False):
 class Keeping:
     """The kept rows, in the order in which they stand."""
 
-    def __init__(self, horizon: int, begin: Point, most: int = MOST) -> None:
-        """Keep rows for a `horizon` (ns), from how the judge stands at the beginning."""
+    def __init__(self, horizon: int, begin: Point, most: int = MOST, floor: int = 0) -> None:
+        """Keep rows for a `horizon` (ns) behind the key `floor`, where the judge stands as at the beginning."""
         self.rows: deque[Kept] = deque()
         self.base = begin
         """How the judge stood before the first of them."""
-        self.floor = 0
+        self.floor = floor
         """The key of the last row that is not kept any more: what is older can't be put in its place."""
         self.crowded = False
         """Whether the rows of a horizon were more than are kept."""
         self.placed: list[int] = []
         """The positions of the late events that are not kept any more, and that may have a greater one than kept rows.
         """
+        self.last = begin
+        """How the judge stands after the last row."""
+        self.key = floor
+        """The key of the last row."""
         self._horizon, self._most = horizon, most
 
     def __iter__(self) -> Iterator[Kept]:
@@ -86,29 +97,26 @@ class Keeping:
     def __len__(self) -> int:
         return len(self.rows)
 
-    @property
-    def last(self) -> Point:
-        """How the judge stands after the last row."""
-        return self.rows[-1].point if self.rows else self.base
-
-    @property
-    def key(self) -> int:
-        """The key of the last row."""
-        return self.rows[-1].key if self.rows else self.floor
-
     def add(self, row: Kept, newest: int) -> None:
         """Keep a row, and let go of the first where they are too many; `newest` is the time of the newest step (ns)."""
         rows = self.rows
         rows.append(row)
+        self.last, self.key = row.point, row.key
         if len(rows) > self._most:
             self.crowded = self.crowded or rows[0].key >= key_of(newest - self._horizon)
             self._let_go()
+            while rows[0].is_tick and rows[0].key == self.floor:  # deadlines of one time are judged again together
+                self._let_go()
 
     def forget(self, newest: int) -> None:
         """Let go of the rows that are more than a horizon older than the newest step (ns)."""
-        rows, limit = self.rows, key_of(newest - self._horizon)
+        rows, limit, gone = self.rows, key_of(newest - self._horizon), None
         while rows and rows[0].key < limit:
-            self._let_go()
+            gone = rows.popleft()
+            if gone.judged.place is not None:
+                self.placed.append(gone.position)
+        if gone is not None:
+            self.base, self.floor = gone.point, gone.key
 
     def _let_go(self) -> None:
         gone = self.rows.popleft()
@@ -121,4 +129,5 @@ class Keeping:
         taken, key = [], key_of(time)
         while self.rows and self.rows[-1].key > key:
             taken.append(self.rows.pop())
+        self.last, self.key = (self.rows[-1].point, self.rows[-1].key) if self.rows else (self.base, self.floor)
         return taken

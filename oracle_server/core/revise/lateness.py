@@ -29,7 +29,7 @@ class Lateness:
 
     def next_deadline(self, now: int) -> int | None:
         """When `go_on` should be called next (ns), None while nothing is late."""
-        return now if self.judge.is_going else self._due
+        return now if self.judge.ahead else self._due
 
     @property
     def waiting(self) -> int:
@@ -48,7 +48,8 @@ class Lateness:
 
     def go_on(self, now: int, enough: Callable[[], bool]) -> list[Judged]:
         """Go on with what is put in place, and begin with what has waited for it."""
-        if self._due is None and self.judge.is_done:
+        judge = self.judge
+        if self._due is None and not judge.ahead and not judge.unknown:
             return []
         outputs = self.judge.say_unsaid(now)
         outputs += self._pass(now, enough)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from oracle_server.core.events import Step
+from oracle_server.core.events import Signals, Step
 
 
 class Late(NamedTuple):
@@ -22,9 +22,10 @@ class Until(NamedTuple):
 class Asked(NamedTuple):
     """The row, by its position, at which the outcome of a property (by its index) is to be explained.
 
-    `tick` is its time (ns) where it is a deadline, else None.
+    `tick` is its time (ns) where it is a deadline, else None, and `signals` are its own.
     """
 
     position: int
     prop: int
     tick: int | None
+    signals: Signals

@@ -16,6 +16,7 @@ from oracle_server.core.revise.episodes import rename, renamed, rewritten
 from oracle_server.core.revise.judge import RevisingJudge
 from oracle_server.core.revise.kept import Keeping, Kept, key_of
 from oracle_server.core.revise.queued import Until
+from oracle_server.core.revise.ticks import Identity
 from oracle_server.core.revisions import Revision
 from oracle_server.core.snapshot import RevisingSnapshot
 from oracle_server.core.verdicts import Judged, Outcome
@@ -37,15 +38,15 @@ class SavableJudge(RevisingJudge):
         """How many recorded rows are judged again together at most."""
         self._gathered: list[Kept] = []
         """Recorded steps in order, and late ones with a place, that are to be judged again together."""
-        self._unknown = 0
+        self.unknown = 0
         """Deadlines that were judged again before their rows came, which then tell their positions; counted down."""
-        self._early: dict[int, tuple[Step, int]] = {}
-        """Rows of deadlines, by time (ns), that are judged only with a late event whose row comes next in the pass."""
+        self._early: dict[Identity, tuple[Step, int]] = {}
+        """Rows of deadlines that are judged only with a late event whose row comes next in the pass."""
 
     @property
     def is_done(self) -> bool:
         """Whether no pass goes on, and all that was judged was said."""
-        return not self._ahead and not self._unknown
+        return not (self.ahead or self.unknown)
 
     def save(self) -> RevisingSnapshot | None:
         """All that later verdicts depend on, as of before the first row that is kept; None where it can't be saved.
@@ -57,8 +58,8 @@ class SavableJudge(RevisingJudge):
         self._begin_pass()
         self._go_back(self.keeping.after(_BEGINNING))
         states = self.snapshot()
-        self._ahead.extend(row for row in rows if not row.is_tick)
-        self._ahead.append(Until(self._level))
+        self.ahead.extend(row for row in rows if not row.is_tick)
+        self.ahead.append(Until(self._level))
         if states is None:
             return None
         first = min((row.position for row in rows), default=self._position + 1)
@@ -82,8 +83,10 @@ class SavableJudge(RevisingJudge):
             state.final, state.final_since, state.said = None if final is None else Outcome(final), since, said
             if state.broken is None and not state.said:
                 engine.record()
-        self.keeping = Keeping(self.horizon, msgspec.structs.replace(self._point(None), before=data["before"]))
-        self.keeping.floor, self.keeping.placed = data["floor"], list(data["included"])
+        begin = msgspec.structs.replace(self._point(None), before=data["before"])
+        self.keeping = Keeping(self.horizon, begin, floor=data["floor"])
+        self.keeping.placed = list(data["included"])
+        self._derived.noted()
         self._numbered, self.newest, self._position = data["numbered"], self.present, data["position"]
 
     def rejudge(self, recorded: Judged, position: int) -> None:
@@ -129,8 +132,8 @@ class SavableJudge(RevisingJudge):
         self._go_back(taken)
         known = [row for row in reversed(taken) if not row.is_tick]
         merged: list[Kept] = sorted([*known, *rows], key=lambda row: row.key)  # of one key, those of before first
-        self._ahead.extend(merged)
-        self._ahead.append(Until(max(self._level, rows[-1].level)))
+        self.ahead.extend(merged)
+        self.ahead.append(Until(max(self._level, rows[-1].level)))
         self.go_on(max(row.judged.judged for row in rows), _never)
         self._numbers, self._restoring = numbers, False
 
@@ -148,8 +151,8 @@ class SavableJudge(RevisingJudge):
 
     def say_unsaid(self, now: int) -> list[Judged]:
         """After a restore: the deadlines that were judged again, and are in no row; they are said now."""
-        unsaid = [row for row in self.keeping if row.position <= 0] if self._unknown else []
-        self._unknown = 0
+        unsaid = [row for row in self.keeping if row.position <= 0] if self.unknown else []
+        self.unknown = 0
         for row in unsaid:
             position = (next(self._numbers) - 1) // len(self.properties) + 1
             self._numbers = itertools.count(position * len(self.properties) + 1)
@@ -185,25 +188,26 @@ class SavableJudge(RevisingJudge):
 
     def _tick_again(self, step: Step, now: int, position: int) -> None:
         """A recorded deadline: it may have been judged already, with what came late before it was said."""
-        row = self._unknown_tick(step.stamp)
+        row = self._unknown_tick(step)
         if row is None:
             self._judge_deadlines(step.stamp, now)
-            row = self._unknown_tick(step.stamp)
+            row = self._unknown_tick(step)
         self.counters.ticks = max(self.counters.ticks, step.event.seq)
         if row is not None:
             self._say(row, step, position)
         else:
-            self._early[step.stamp] = step, position
+            self._early[self._old_ticks.identity(step)] = step, position
 
-    def _unknown_tick(self, time: int) -> Kept | None:
-        """A deadline at a time (ns) whose row has not come yet."""
-        rows = itertools.takewhile(lambda row: row.key >= key_of(time), reversed(self.keeping.rows))
-        return next((row for row in rows if row.position <= 0 and row.step.stamp == time), None)
+    def _unknown_tick(self, step: Step) -> Kept | None:
+        """A deadline that was judged again, and whose row, with this step, has not come yet."""
+        rows = itertools.takewhile(lambda row: row.key >= key_of(step.stamp), reversed(self.keeping.rows))
+        identity = self._old_ticks.identity
+        return next((row for row in rows if row.position <= 0 and identity(row.step) == identity(step)), None)
 
     def _end(self, now: int) -> list[Judged]:
         if self._restoring:  # what is retracted may come again with another late event of the same pass
-            gone = (row for rows in self._old_ticks.values() for row in rows if row.position > 0)
-            self._early |= {row.step.stamp: (row.step, row.position) for row in gone}
+            gone = [row for row in self._old_ticks if row.position > 0]
+            self._early |= {self._old_ticks.identity(row.step): (row.step, row.position) for row in gone}
         return super()._end(now)
 
     def _say(self, row: Kept, step: Step, position: int) -> None:
@@ -219,17 +223,22 @@ class SavableJudge(RevisingJudge):
         rename(itertools.takewhile(lambda kept: kept is not row, reversed(self.keeping.rows)), names)
         rename([row], names)
 
-    def _judge_new_deadline(self, time: int, now: int) -> Judged | None:
+    def _judge_deadline(self, time: int, now: int) -> Judged | None:
         if not self._restoring:
-            return super()._judge_new_deadline(time, now)
-        numbers, self._numbers = self._numbers, itertools.count((self._unknown - 1) * len(self.properties) + 1)
-        tick = super()._judge_new_deadline(time, now)
+            return super()._judge_deadline(time, now)
+        numbers, self._numbers = self._numbers, itertools.count((self.unknown - 1) * len(self.properties) + 1)
+        tick = super()._judge_deadline(time, now)
         self._numbers = numbers
-        if tick is not None:
-            self._unknown -= 1
-            if time in self._early:
-                self._say(self.keeping.rows[-1], *self._early.pop(time))
         return tick
+
+    def _keep_tick(self, tick: Judged, time: int) -> None:
+        super()._keep_tick(tick, time)
+        if not self._restoring:
+            return
+        self.unknown -= 1
+        known = self._early.pop(self._old_ticks.identity(tick.step), None)
+        if known is not None:
+            self._say(self.keeping.rows[-1], *known)
 
 
 def _never() -> bool:

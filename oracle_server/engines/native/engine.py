@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import msgspec
@@ -19,20 +19,20 @@ from oracle_server.core.verdicts import Outcome
 from oracle_server.engines.native.build import build
 from oracle_server.engines.native.explain import explain
 from oracle_server.engines.native.keys import Key
-from oracle_server.engines.native.nodes import Absent
+from oracle_server.engines.native.nodes import ABSENT, Absent
 from oracle_server.engines.native.timeline import Timeline
 from oracle_server.engines.native.unanswered import explain_obligations
 
-Journal = list[Callable[[], object]]
 _NEVER = 2**63
 FORMAT = 2
 """The number of the form that snapshots have."""
 
 
 class Frame(msgspec.Struct, gc=False):
-    """How an engine stood after so many steps, and what takes back its nodes' changes since, the last change last.
+    """How an engine stood after so many steps.
 
-    `now`, `before`, `first`, `work` and `debt` are the timeline's, `current` is where each atom held.
+    `now`, `before`, `first`, `work` and `debt` are the timeline's, `current` is where each atom held, None where none
+    did. `noted` is how many changes had been noted in the journal, those included that were forgotten.
     """
 
     steps: int
@@ -43,8 +43,8 @@ class Frame(msgspec.Struct, gc=False):
     first: bool
     work: int
     debt: int
-    current: list[Key | Absent]
-    journal: Journal
+    current: list[Key | Absent] | None
+    noted: int
 
 
 class NativeEngine:
@@ -65,6 +65,10 @@ class NativeEngine:
         self._marks: list[Frame] = []
         self._frames: deque[Frame] | None = None
         """One for each of the last steps at which something changed, the last one last; None where none is recorded."""
+        self._forgotten = 0
+        """Changes that were noted in the journal, and are there no more."""
+        self._held = False
+        """Whether an atom may have held at the last step that its nodes took."""
         self._steps = 0
         self._due = 0
         """When something may change although no atom does: a step's number, or nanoseconds."""
@@ -79,9 +83,7 @@ class NativeEngine:
             self._timeline.move(now)
             return self._last
         if self._frames is not None and not self._marks:
-            frame = self._frame()
-            self._frames.append(frame)
-            self._timeline.journal = frame.journal  # what is noted until the next frame is taken back with this one
+            self._frames.append(self._frame())
         self._steps += 1
         self._timeline.move(now)
         for place, atom in self._atoms:
@@ -93,6 +95,7 @@ class NativeEngine:
         for operator in self._operators:
             operator.step()
         self._timeline.first = False
+        self._held = not silent
         self._due = self._next_due() if silent else 0
         self._last = self._outcome()
         return self._last
@@ -175,35 +178,34 @@ class NativeEngine:
         nodes = [*self._plain, *self._operators]
         for node, state in zip(nodes, data["nodes"], strict=True):
             node.restore(state)
+        self._held = True
         self._steps, self._due, self._last = data["steps"], data["due"], Outcome(data["last"])
 
     def mark(self) -> None:
-        """Record all changes from now on, until `back` or `keep`; marks can be nested."""
-        frame = self._frame()
-        self._marks.append(frame)
-        self._timeline.journal = frame.journal
+        """Note all changes from now on, until `back` or `keep`; marks can be nested."""
+        if self._timeline.journal is None:
+            self._timeline.journal = []
+        self._marks.append(self._frame())
 
     def back(self) -> None:
         """Take back all steps since the last mark."""
-        frame = self._close()
-        for undo in reversed(frame.journal):
-            undo()
+        frame = self._marks.pop()
+        self._undo(frame)
         self._timeline.place(frame.now, frame.before, self._steps - frame.steps)
         self._stand_as(frame)
+        self._close()
 
     def keep(self) -> None:
         """Keep the steps since the last mark; a recording engine takes them back together."""
-        frame = self._close()
-        if self._marks:
-            self._marks[-1].journal += frame.journal
-        elif self._frames is not None:
+        frame = self._marks.pop()
+        if not self._marks and self._frames is not None:
             self._frames.append(frame)
-            self._timeline.journal = frame.journal
+        self._close()
 
     def record(self) -> None:
         """From now on, keep what is needed to go back."""
         self._frames = deque()
-        self._timeline.journal = []
+        self._timeline.journal, self._forgotten = [], 0
 
     def rewind(self, step: int, time: int, before: int) -> None:
         """Go back to a step; see `Rewindable.rewind`."""
@@ -211,42 +213,55 @@ class NativeEngine:
         first: Frame | None = None
         while self._frames and self._frames[-1].steps >= step:
             first = self._frames.pop()
-            for undo in reversed(first.journal):
-                undo()
+        if first is not None:
+            self._undo(first)
         self._timeline.place(*((time, before) if self._timed else (step, max(0, step - 1))), self._steps - step)
         if first is not None:
             self._stand_as(first)
         self._steps = step
-        self._timeline.journal = self._frames[-1].journal if self._frames else []
 
     def forget(self, step: int, time: int) -> None:
         """Keep no more than is needed to go back to a step."""
-        assert self._frames is not None  # noqa: S101 -- it was told to record
-        while self._frames and self._frames[0].steps < step:
-            self._frames.popleft()
+        frames, journal = self._frames, self._timeline.journal
+        assert frames is not None  # noqa: S101 -- it was told to record
+        assert journal is not None  # noqa: S101 -- and notes all changes since
+        while frames and frames[0].steps < step:
+            frames.popleft()
+        gone = frames[0].noted - self._forgotten if frames else len(journal)
+        if gone:
+            del journal[:gone]
+            self._forgotten += gone
         self._timeline.trim(time if self._timed else step)
 
     def _frame(self) -> Frame:
-        """How it stands, with an empty journal."""
-        line, current = self._timeline, [atom.current for atom in self._plain]
+        """How it stands."""
+        line, journal = self._timeline, self._timeline.journal
         return Frame(
-            self._steps, self._due, self._last, line.now, line.before, line.first, line.work, line.debt, current, []
-        )
+            self._steps, self._due, self._last, line.now, line.before, line.first, line.work, line.debt,
+            [atom.current for atom in self._plain] if self._held else None,
+            self._forgotten + (len(journal) if journal else 0),
+        )  # fmt: skip
+
+    def _undo(self, frame: Frame) -> None:
+        """Take back its nodes' changes since a frame, the last one first."""
+        journal, begin = self._timeline.journal or [], frame.noted - self._forgotten
+        undone = journal[begin:]
+        del journal[begin:]
+        for undo in reversed(undone):
+            undo()
 
     def _stand_as(self, frame: Frame) -> None:
         """Stand as it did, where its nodes do and its timeline is at that step."""
         self._steps, self._due, self._last = frame.steps, frame.due, frame.last
         self._timeline.first, self._timeline.work, self._timeline.debt = frame.first, frame.work, frame.debt
-        for atom, current in zip(self._plain, frame.current, strict=True):
+        self._held = frame.current is not None
+        for atom, current in zip(self._plain, frame.current or [ABSENT] * len(self._plain), strict=True):
             atom.current = current
 
-    def _close(self) -> Frame:
-        frame, frames = self._marks.pop(), self._frames
-        if self._marks:
-            self._timeline.journal = self._marks[-1].journal
-        else:
-            self._timeline.journal = None if frames is None else frames[-1].journal if frames else []
-        return frame
+    def _close(self) -> None:
+        """Note no more changes where no mark is open, unless it records them."""
+        if not self._marks and self._frames is None:
+            self._timeline.journal = None
 
     def _next_due(self) -> int:
         deadlines = [due for operator in self._operators if (due := operator.due()) is not None]

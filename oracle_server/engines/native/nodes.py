@@ -70,6 +70,7 @@ class Absent:
 
 
 ABSENT = Absent()
+"""The only one."""
 
 
 class Leaf:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from oracle_server.core.atoms import meets, precedes
+from oracle_server.core.atoms import meets, precedes, shortened
 from oracle_server.core.explanation import Failing
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.tree import Any, Atom, Constraint, Limit, Ref, Scalar, Signal
@@ -45,11 +45,11 @@ def _failing(part: Part, constraint: Constraint, seen: Seen) -> Failing | None:
     if value is None:
         return Failing(key, constraint.op, wanted, None, "failed" if key in seen.failed else "absent")
     if isinstance(constraint.value, Ref):
-        met = wanted is not None and meets(Constraint(key, "==", wanted), value)
+        met = wanted is not None and meets(Constraint(key, "==", wanted), shortened(value))
     elif isinstance(constraint.value, Signal | Limit):
         met = precedes(value, constraint.op, wanted)
     else:
-        met = meets(constraint, value)
+        met = meets(constraint, value) or (constraint.op == "==" and meets(constraint, shortened(value)))
     than = constraint.value.name if isinstance(constraint.value, Signal) else ""
     return None if met else Failing(key, constraint.op, wanted, value, than=than)
 

@@ -122,8 +122,16 @@ def _merged(work: Sequence[Work]) -> list[tuple[str | Exception, list[Any]]]:
             merged.append((one.what, []))
         merged[-1][1].extend(one.values if one.what in COLUMNS else [one.values])
         if one.then is not None:
-            merged.append((one.then.what, [one.then.make()]))
+            merged.append((one.then.what, [_values(one.then)]))
     return merged
+
+
+def _values(then: Then) -> Sequence[Any]:
+    """The values of a statement. Raises `ValueError` for any fault: tried again, it would hold all others' work up."""
+    try:
+        return then.make()
+    except Exception as error:
+        raise ValueError(f"{type(error).__name__}: {error}") from error
 
 
 def _insert(database: sqlite3.Connection, table: str, rows: list[Row]) -> None:

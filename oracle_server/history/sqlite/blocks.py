@@ -90,7 +90,11 @@ class BlockWriter:
         self._tails.clear()
 
     def follow(self, database: sqlite3.Connection, work: Sequence[Work]) -> None:
-        """Make the blocks that written work completes, or touches. Raises what SQLite raises of disks that fail."""
+        """Make the blocks that written work completes, or touches. Raises what SQLite raises of disks that fail.
+
+        Steps without any values are a session's that is behind: more of its blocks are made, then.
+        """
+        behind = {one.session for one in work if one.what == "steps" and not one.values}
         added: defaultdict[int, list[Row]] = defaultdict(list)
         touched: defaultdict[int, set[int]] = defaultdict(set)
         for one in work:
@@ -103,17 +107,19 @@ class BlockWriter:
         for session, rows in added.items():
             if session not in self._given_up:
                 try:
-                    self._follow_one(database, session, rows, touched.get(session, set()))
+                    self._follow_one(database, session, rows, touched.get(session, set()), behind=session in behind)
                 except REFUSED as error:
                     self._given_up.add(session)
                     self._tails.pop(session, None)
                     reason = str(error) or type(error).__name__
                     log.error("a session's timeline can't be kept", session=session, reason=reason)
 
-    def _follow_one(self, database: sqlite3.Connection, session: int, rows: list[Row], touched: set[int]) -> None:
+    def _follow_one(
+        self, database: sqlite3.Connection, session: int, rows: list[Row], touched: set[int], *, behind: bool
+    ) -> None:
         tail = None if touched else self._tails.get(session)
         if tail is None:
-            tail = self._load(database, session, len(rows))
+            tail = self._load(database, session, len(rows), behind=behind)
         else:
             tail.rows += rows
         if tail is None:
@@ -125,8 +131,8 @@ class BlockWriter:
             _make_anew(database, session, tail, {(position - 1) // SIZE for position in touched})
             self._tails.pop(session, None)  # with what waits for blocks above
 
-    def _load(self, database: sqlite3.Connection, session: int, added: int) -> _Tail | None:
-        """A session's tail; None where it is too far behind to be caught up with now."""
+    def _load(self, database: sqlite3.Connection, session: int, added: int, *, behind: bool) -> _Tail | None:
+        """A session's tail; None where it is too far behind to be caught up with now, unless that is wanted."""
         self._tails.pop(session, None)
         found = database.execute(_DECIDES, (session,)).fetchone()
         if found is None:
@@ -134,7 +140,7 @@ class BlockWriter:
         first, last, _, block = database.execute(EXTENT, (session,)).fetchone()
         following = max(-(-(first - 1) // SIZE), 0 if block is None else block + 1)
         most = CATCH_UP + added
-        if added and last - following * SIZE > most:
+        if not behind and last - following * SIZE > most:
             return None
         tail = _Tail(found[0], following, BEFORE, [], [])
         for level in range(LEVELS - 1):

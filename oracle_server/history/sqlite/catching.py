@@ -31,25 +31,28 @@ async def catch_up(reader: Reader, writer: Writer) -> None:
 
 
 async def _catch_up_one(reader: Reader, writer: Writer, session: int, rows: int) -> None:
-    """Have the blocks of a session made, for as long as they get more."""
-    before = rows + 1
-    while SIZE <= rows < before:
+    """Have the blocks of a session made, for as long as there are more; steps may come meanwhile."""
+    last = -1
+    while rows >= SIZE:
         done = asyncio.Event()
         writer.add(Work(session, "steps", [], done.set, always=True))
         await done.wait()
         await asyncio.sleep(_PAUSE)
-        before, rows = rows, await reader.run(lambda connection: _missing(connection, session))
+        before, (rows, last) = last, await reader.run(lambda connection: _missing(connection, session))
+        if last == before:
+            return
 
 
 def _behind(reader: sqlite3.Connection) -> list[tuple[int, int]]:
     """The sessions that have blocks to be made, and of how many rows."""
     numbers = [number for (number,) in reader.execute("SELECT number FROM sessions ORDER BY number DESC")]
-    found = [(number, _missing(reader, number)) for number in numbers]
+    found = [(number, _missing(reader, number)[0]) for number in numbers]
     return [(number, rows) for number, rows in found if rows >= SIZE]
 
 
-def _missing(reader: sqlite3.Connection, session: int) -> int:
+def _missing(reader: sqlite3.Connection, session: int) -> tuple[int, int]:
+    """How many rows of a session have no block, and the number of its last block, -1 for none."""
     found: tuple[int, int, int | None, int | None] = reader.execute(EXTENT, (session,)).fetchone()
     first, last, _, block = found
     following = max(-(-(first - 1) // SIZE), 0 if block is None else block + 1)
-    return max(0, last - following * SIZE)
+    return max(0, last - following * SIZE), -1 if block is None else block

@@ -161,9 +161,15 @@ class SqliteHistory:
         except REFUSED as error:
             self._writer.add(Work(session, error, ()))
         else:
-            self._writer.append(session, "steps", rows, done, then)
-            for sql, values in kept:  # in the same commit, as nothing is awaited
-                self._writer.add(Work(session, sql, values), 1 + len(episodes) // OF_ONE)
+            if rows or not kept:
+                self._writer.append(session, "steps", rows, done, then)
+            for i, (sql, values) in enumerate(kept, 1):  # in the same commit, as nothing is awaited
+                last = done if not rows and i == len(kept) else None
+                self._writer.add(Work(session, sql, values, last), 1 + len(episodes) // OF_ONE)
+
+    def stop(self, session: int, reason: str) -> None:
+        """Keep nothing of a session from here on."""
+        self._writer.add(Work(session, ValueError(reason), ()))
 
     def refuse(self, session: int, refusal: Refusal, done: Done) -> None:
         """Keep that an event was refused."""

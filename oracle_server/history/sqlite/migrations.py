@@ -35,7 +35,7 @@ _STEPS = {
     # what decides was told by the spec alone; one with both orders is decided by publication
     8: "ALTER TABLE sessions ADD COLUMN decides TEXT NOT NULL DEFAULT 'publication';"
     "UPDATE sessions SET decides = 'arrival' WHERE asked = 'arrival' OR (asked IS NULL AND text LIKE '%arrival%' "
-    "AND NOT EXISTS (SELECT 1 FROM steps WHERE session = number AND ord = 'publication'));"
+    "AND NOT EXISTS (SELECT 1 FROM steps WHERE session = sessions.number AND ord = 'publication'));"
     "ALTER TABLE sessions ADD COLUMN kind TEXT NOT NULL DEFAULT 'robot';"
     "ALTER TABLE monitors ADD COLUMN left_at INTEGER;",
     9: "",  # the table of episodes is new, and is filled by `remake`

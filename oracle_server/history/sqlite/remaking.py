@@ -60,7 +60,15 @@ def _of(database: sqlite3.Connection, session: int, properties: list[str]) -> li
         ]
         instant = kind != TICK and number == 0 and decision == "deny"
         first = (position - 1) * len(properties) + 1
-        known[order], changes = follow_said(before, GAP, stamp if kind == TICK else time, first, said, instant=instant)
+        entries = before.episodes or (None,) * len(properties)
+        known[order], changes = follow_said(
+            Following(before.time, entries),
+            GAP,
+            stamp if kind == TICK else time,
+            first,
+            enumerate(said),
+            instant=instant,
+        )
         for change in changes:
             name, key = properties[change.index], (properties[change.index], change.episode.first)
             text = whys[change.index]["text"] if change.kind == "begins" and change.index in whys else None

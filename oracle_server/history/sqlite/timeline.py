@@ -10,8 +10,10 @@ from oracle_server.core.errors import UnpreparedError
 from oracle_server.history.blocks import SIZE, Block, BlockRow
 from oracle_server.history.records import SessionRecord
 from oracle_server.history.sqlite.blocks import BLOCKS, EXTENT, ROWS
+from oracle_server.history.sqlite.standing import revision_of
 from oracle_server.history.timeline import Question, answer
 
+_REVISIONS = "SELECT revision FROM steps WHERE session = ? AND position > ? AND revision IS NOT NULL"
 MOST_ROWS = 50_000
 """Rows without blocks that are read for an answer; where there are more, their blocks are being made."""
 
@@ -43,6 +45,12 @@ class SqliteSource:
     def rows(self, first: int, last: int) -> list[BlockRow]:
         """The rows from one position to another."""
         return self._reader.execute(ROWS, (self._session, first, last)).fetchall()
+
+    def revised(self, after: int) -> int | None:
+        """The first position of which rows behind another one say that something else stands."""
+        found = self._reader.execute(_REVISIONS, (self._session, after)).fetchall()
+        changes = [revision_of(text).changes for (text,) in found]
+        return min([(c.first - 1) // len(each) + 1 for each in changes for c in each if c is not None], default=None)
 
 
 def asked(reader: sqlite3.Connection, session: SessionRecord, question: Question) -> bytes:

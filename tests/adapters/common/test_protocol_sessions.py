@@ -123,3 +123,34 @@ class TestGoingOnInAnotherSession:
         clock, ask = side.frames()
         assert (clock["type"], ask["seq"]) == ("clock", 1)
         assert answer_in(side.receive("decision", seq=1, decision="allow")).event is asked
+
+    def test_what_waits_for_a_session_that_was_closed_before_goes_to_the_next(self) -> None:
+        side = Side(session="s1")
+        side.attach()
+        side.send("kept", "in flight")
+        side.frames()
+        side.receive("ack", upto=1)
+        side.protocol.disconnected()
+        asked = side.queued("asked")
+        side.protocol.hello()
+        (error,) = side.receive(
+            "error", code="session_ended", message="idle", fatal=True, session="s1.run2"
+        )
+        assert not error.fatal
+        side.protocol.disconnected()
+        assert json.loads(side.protocol.hello())["session"] == "s1.run2"
+        side.attach(session="s1.run2")
+        assert [(event["seq"], event["data"]) for event in side.events()] == [
+            (1, "in flight"), (2, "asked"),
+        ]  # fmt: skip
+        decided = side.receive("decision", seq=2, decision="allow")
+        assert answer_in(decided).event is asked
+        assert side.protocol.stats().lost == 0
+
+    def test_what_was_queued_before_a_simulation_began_anew_stays_behind(self) -> None:
+        side = Side(session="s1", clock="sim")
+        side.send("old")
+        side.protocol.hello()
+        side.receive("error", code="session_ended", message="over", fatal=True, session="s1.run2")
+        side.reconnect(1, session="s1.run2")
+        assert side.events() == []

@@ -62,8 +62,8 @@ def case(rng: random.Random, time: Time, *, by: By = "arrival", undo: bool = Fal
     """A random case; with `undo` events on /b are asked about, and taken back where they are denied."""
     definitions: list[Definition] = []
     for i in range(rng.randint(1, 4)):
-        definitions.append(_definition(rng, f"d{i}", definitions))
-    properties = [_property(rng, i, definitions, time) for i in range(rng.randint(1, 4))]
+        definitions.append(definition_of(rng, f"d{i}", definitions))
+    properties = [property_of(rng, i, definitions, time) for i in range(rng.randint(1, 4))]
     streams: tuple[StreamSpec, ...] = STREAMS
     if undo:
         properties[0] = replace(properties[0], guards=frozenset({"/b"}))
@@ -75,11 +75,12 @@ def case(rng: random.Random, time: Time, *, by: By = "arrival", undo: bool = Fal
     for _ in range(rng.randint(0, most)):
         at += rng.choice(GAPS)
         name = rng.choice(tuple(SIGNALS))
-        events.append((at, name, _data(rng, name)))
+        events.append((at, name, data_of(rng, SIGNALS[name])))
     return Case(spec, START - rng.choice((0, 0, SECOND, 3 * SECOND)), tuple(events))
 
 
-def _definition(rng: random.Random, name: str, above: Sequence[Definition]) -> Definition:
+def definition_of(rng: random.Random, name: str, above: Sequence[Definition]) -> Definition:
+    """A derived signal of any kind, which may be computed of those above it."""
     derived = [d.name for d in above if d.op != "age"]
     names = ["x", "y", "z", "h", *derived]
     op: Op = rng.choice(("expression", *OPS))
@@ -96,7 +97,8 @@ def _definition(rng: random.Random, name: str, above: Sequence[Definition]) -> D
     return Definition(name, op, "" if formula else rng.choice(names), formula, over, counted, by, forget)
 
 
-def _property(rng: random.Random, index: int, definitions: Sequence[Definition], time: Time) -> Property:
+def property_of(rng: random.Random, index: int, definitions: Sequence[Definition], time: Time) -> Property:
+    """A property that asks something of a derived signal."""
     of = rng.choice(definitions)
     if rng.random() < 0.3:
         found = _comparison(rng, index, of, definitions, time)
@@ -126,8 +128,9 @@ def _formula(text: str) -> Formula:
     return parse_formula(text)
 
 
-def _data(rng: random.Random, stream: str) -> Mapping[str, Any]:
-    data = {name: rng.choice(VALUES if rng.random() < 0.85 else ODD) for name in SIGNALS[stream]}
+def data_of(rng: random.Random, names: Sequence[str]) -> Mapping[str, Any]:
+    """A message with some of these signals; some of them fail."""
+    data = {name: rng.choice(VALUES if rng.random() < 0.85 else ODD) for name in names}
     if "k" in data:
         data["k"] = rng.choice(("u", "v", 1, True, None, "u", "v", {}))
     return {name: value for name, value in data.items() if value is not None}

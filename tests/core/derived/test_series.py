@@ -273,3 +273,21 @@ def test_what_has_no_room_is_the_properties_complaint(monkeypatch: pytest.Monkey
     states = {state.property.id: state for state in robot.session.judges["arrival"].properties}
     assert "the windows of the session have more than" in (states["scans"].complaint or "")
     assert states["slow"].complaint is None
+
+
+def test_long_texts_are_no_samples_where_many_are_kept() -> None:
+    keyed_one, one = One("{last: x, by: k}"), One("{last: x}")
+    long = "x" * 5_000
+    assert keyed_one(1, {"x": long, "k": 1}) == "failed"
+    assert keyed_one(2, {"x": long[:4_000], "k": 1}) == long[:4_000]
+    assert keyed_one(3, {"x": "y", "k": 2}) == "y"
+    assert one(1, {"x": long, "k": 1}) == long
+
+
+def test_long_texts_are_keys_that_are_told_apart_and_not_kept() -> None:
+    one, long = One("{last: x, by: k}"), "x" * 50_000
+    for number in range(20):
+        one(number, {"x": number, "k": f"{long}{number}"})
+    assert one(21, {"k": f"{long}7"}) == 7
+    assert one(22, {"k": long}) is None
+    assert len(one.saved()) < len(long)

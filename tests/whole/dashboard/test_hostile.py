@@ -49,8 +49,8 @@ async def test_the_description_of_the_api_is_drawn_within_its_policy(server: Ser
         ("#/sessions/nowhere", "no session 'nowhere' is known"),
         ("#/sessions/nowhere?n=x", "no session 'nowhere' is known"),
         ("#/specs/nowhere", "no spec 'nowhere'"),
-        ("#/sessions/%ff", "live"),
-        ("#//", "live"),
+        ("#/sessions/%ff", "connected"),
+        ("#//", "connected"),
     ],
 )
 async def test_an_address_of_nothing_is_told(server: Server, page: Page, address: str, told: str) -> None:

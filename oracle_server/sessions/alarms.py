@@ -1,0 +1,116 @@
+"""What of a session is an alarm: at most one for each property and episode."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, Protocol
+
+from oracle_server.core.errors import one_line
+from oracle_server.core.revisions import Revision
+from oracle_server.core.session import Session
+from oracle_server.core.verdicts import Judged, Outcome, Verdict
+from oracle_server.history.records import SessionRecord
+from oracle_server.sessions.telling import News
+
+GAP = 10**9
+"""Nanoseconds of the steps' time without a violation after which the next one begins an episode."""
+_LONGEST = 2_000
+
+Alarm = dict[str, Any]
+
+
+class Sink(Protocol):
+    """Where alarms go."""
+
+    def wants(self, what: str) -> bool:
+        """Whether anybody is told of such alarms."""
+        ...
+
+    def send(self, alarm: Alarm) -> None:
+        """Take an alarm; returns at once."""
+        ...
+
+
+class Episodes:
+    """Tells the first of what comes close together from what follows it, for each property."""
+
+    def __init__(self, gap: int = GAP) -> None:
+        self._gap = gap
+        self._last: dict[str, int] = {}
+
+    def begins(self, prop: str, stamp: int) -> bool:
+        """Note what is at a time (ns); whether it begins an episode of a property."""
+        last = self._last.get(prop)
+        self._last[prop] = stamp if last is None else max(last, stamp)
+        return last is None or stamp - last >= self._gap
+
+
+class SessionAlarms:
+    """The alarms of one session, of the order that decides."""
+
+    def __init__(self, record: SessionRecord, core: Session, sink: Sink) -> None:
+        """Give alarms to `sink`; what is final of the session already is told no more."""
+        order, judge = next(iter(core.judges.items()))
+        self._record, self._order, self._sink = record, order, sink
+        self._violated, self._degraded = Episodes(), Episodes()
+        self._final = {s.property.id for s in judge.told.properties if s.outcome is Outcome.FALSE}
+        self._wants = {what: sink.wants(what) for what in ("violation", "final", "degraded")}
+
+    def look(self, judged: Iterable[Judged], told: Sequence[News]) -> list[Alarm]:
+        """The alarms of rows, and of what is told of them; to be sent once they are committed."""
+        found: list[Alarm] = []
+        if self._wants["violation"]:
+            found += self._violations(told)
+        if self._wants["final"] or self._wants["degraded"]:
+            for item in judged:
+                if item.order == self._order and not isinstance(item, Revision):
+                    found += self._of(item)
+        return found
+
+    def send(self, alarms: Iterable[Alarm]) -> None:
+        """Send alarms whose rows are committed."""
+        for alarm in alarms:
+            self._sink.send(alarm)
+
+    def _violations(self, told: Iterable[News]) -> Iterator[Alarm]:
+        for frame in told:
+            if frame["type"] != "violation" or frame["order"] != self._order:
+                continue
+            if self._violated.begins(frame["property"], frame["stamp"]):
+                why = frame["explanation"]
+                text = f"{frame['property']} is violated" if why is None else why["text"]
+                place = {key: frame[key] for key in ("property", "n", "step", "stamp", "outcome")}
+                yield self._alarm("violation", **place, text=one_line(text[:_LONGEST]))
+
+    def _of(self, item: Judged) -> Iterator[Alarm]:
+        for verdict in item.verdicts:
+            if verdict.outcome is Outcome.FALSE and verdict.property not in self._final and self._wants["final"]:
+                self._final.add(verdict.property)
+                yield self._about("final", item, verdict, f"{verdict.property} is violated for good")
+            degraded = verdict.degraded and self._wants["degraded"]
+            if degraded and self._degraded.begins(verdict.property, item.step.stamp):
+                text = f"the verdicts of {verdict.property} are degraded: events were lost, late or bypassed"
+                yield self._about("degraded", item, verdict, text)
+
+    def _about(self, what: str, item: Judged, verdict: Verdict, text: str) -> Alarm:
+        place = {"n": verdict.n, "step": item.number, "stamp": item.step.stamp, "outcome": verdict.outcome.value}
+        return self._alarm(what, property=verdict.property, **place, text=text)
+
+    def _alarm(self, what: str, **more: Any) -> Alarm:
+        return {"alarm": what, "session": self._record.id, "spec": self._record.spec, **more}
+
+
+def session_ended(record: SessionRecord, state: dict[str, Any]) -> Alarm:
+    """The alarm of a session that is closed, by its last state."""
+    violated = {p["id"]: p["violations"] for p in state["properties"] if p["violations"]}
+    text = f"session {record.id} is closed: {state['closed_because']}"
+    return {
+        "alarm": "session_ended",
+        "session": record.id,
+        "spec": record.spec,
+        "closed": state["closed"],
+        "because": state["closed_because"],
+        "continued_by": state["continued_by"],
+        "violations": violated,
+        "text": text,
+    }

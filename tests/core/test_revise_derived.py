@@ -1,0 +1,110 @@
+"""What stands with derived signals is what judging the events in the order of publication gives."""
+
+from __future__ import annotations
+
+import os
+import random
+
+import pytest
+
+from oracle_server.core.derived.definition import Definition
+from oracle_server.core.formula.parse import Time, parse_formula
+from oracle_server.core.plan import plan
+from oracle_server.core.revise.kept import Keeping
+from oracle_server.core.revise.queued import Asked
+from oracle_server.core.revisions import Revision
+from oracle_server.core.session import Session
+from oracle_server.core.spec import Ordering, Property, Spec, StreamSpec
+from oracle_server.engines.native import NativeEngine
+from tests.core.revising import A, B, Run, compared, reference
+from tests.core.revising_derived import case
+from tests.core.test_revise import MS, event
+from tests.engines.test_against_brute import SEED
+from tests.strategies import SECOND
+
+CASES = int(os.environ.get("CASES", "750"))
+FOUND = (2920,)
+"""Cases that earlier versions got wrong: two deadlines of one time, one of them before a step without order."""
+
+
+@pytest.mark.parametrize("restarts", [0, 0.15])
+@pytest.mark.parametrize("time", ["steps", "seconds"])
+def test_what_stands_is_what_the_order_of_publication_gives(time: Time, restarts: float) -> None:
+    revised = 0
+    for number in (*range(SEED, SEED + CASES), *FOUND):
+        rng = random.Random(f"derived {time} {number}")
+        run = Run(case(rng, time), divided=rng.random() < 0.5, restarts=restarts)
+        run.stops = random.Random(number) if restarts else None
+        run.judge(rng)
+        told = f"case {number}, {time}: " + "; ".join(p.text for p in run.case.spec.properties)
+        assert compared(run.stands()) == compared(reference(run)), told
+        revised += len(run.book.revisions)
+    assert revised > CASES / 10
+
+
+def test_each_deadline_of_one_time_is_explained_by_itself() -> None:
+    asked = 0
+    for number in range(SEED, SEED + 400):
+        rng = random.Random(f"explained {number}")
+        run = Run(case(rng, "seconds"))
+        run.judge(rng)
+        times = [row.step.stamp for row in run.book.first.values() if not row.step.event.monitor]
+        for position, row in run.book.first.items():
+            if row.step.event.monitor or times.count(row.step.stamp) == 1 or None in run.book.stands(position).outcomes:
+                continue
+            again = run.fresh()
+            assert again.lateness is not None
+            again.lateness.judge.asked = Asked(position, 0, row.step.stamp, row.step.signals)
+            for at in range(1, len(run.book.rows) + 1):
+                again.rejudge_row(run.book.rows[at], at)
+            again.finish_again()
+            answer = again.lateness.judge.answer
+            assert answer is not None
+            assert answer.verdicts[0].outcome is run.book.stands(position).outcomes[0], number
+            asked += 1
+    assert asked > 10
+
+
+def session_of(formula: str, definition: Definition) -> Session:
+    """A session over /a by m and /b by n, that revises."""
+    prop = Property("p", parse_formula(formula, "seconds"), formula, time="seconds")
+    ordering = Ordering(max_delay=100 * MS, late="revise", horizon=SECOND)
+    streams = (StreamSpec("/a", signals={"k": "msg.k"}), StreamSpec("/b"))
+    spec = Spec("s", streams, (prop,), ordering, derive=(definition,))
+    session = Session(plan(spec), [[NativeEngine(prop.formula, "seconds")]])
+    for monitor in "mn":
+        session.attach(monitor, [A] if monitor == "m" else [B], SECOND)
+    return session
+
+
+def test_an_explanation_names_the_step_of_the_last_sample_by_its_number() -> None:
+    count = Definition("n", "count", "", parse_formula("{topic: /a}"), over=10 * SECOND)
+    session = session_of("not {topic: /b} or {n < 2}", count)
+    session.ingest(event(B, 1, 2_000, 2_000))
+    session.advance(2_200 * MS)
+    session.ingest(event(A, 1, 1_950, 2_300))
+    session.ingest(event(A, 2, 1_960, 2_300))
+    revision = session.advance(2_310 * MS)[-1]
+    assert isinstance(revision, Revision)
+    (change,) = revision.changes
+    assert change is not None
+    assert change.explanation is not None
+    assert "last at step 3" in change.explanation["text"], "its place is 2"
+
+
+def test_deadlines_of_one_time_are_kept_together_or_not_at_all() -> None:
+    count = Definition("n", "count", "", parse_formula("{k: *}"), over=SECOND, by="k")
+    session = session_of("not {n: 0, k: u}", count)
+    assert session.lateness is not None
+    judge = session.lateness.judge
+    judge.keeping = Keeping(judge.horizon, judge.keeping.base, most=4)
+    for seq, key in enumerate("uv", 1):
+        session.ingest(event(A, seq, 2_000, 2_000, k=key))
+    session.advance(3_200 * MS)
+    times = [row.step.stamp // MS for row in judge.keeping]
+    assert times == [2_000, 2_000, 3_000, 3_000], "it is violated for u, and not for v"
+    for seq in range(1, 4):
+        session.ingest(event(B, seq, 3_500, 3_500))
+    session.advance(3_700 * MS)
+    assert [row.step.stamp // MS for row in judge.keeping] == [3_500] * 3
+    assert judge.keeping.crowded

@@ -1,0 +1,105 @@
+"""Alarms over HTTP: signed, in order, tried again, never waited for, and counted where they are dropped."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+
+from oracle_server.remote.receivers import Receiver
+from oracle_server.remote.webhooks import MOST, Webhooks
+from tests.processes import PATIENCE
+from tests.remote.receiving import SECRET, Receiving, receiving
+
+
+@pytest.fixture
+def receiver() -> Iterator[Receiving]:
+    with receiving() as kept:
+        yield kept
+
+
+@contextmanager
+def hooks(url: str, *what: Any, backoff: tuple[float, ...] = (0, 0)) -> Iterator[Webhooks]:
+    made = Webhooks([Receiver(url, frozenset(what or ("violation",)), SECRET.encode())], backoff)
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+def until(good: Any) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while not good():
+        assert time.monotonic() < deadline
+        time.sleep(0.001)
+
+
+def test_an_alarm_is_signed_and_sent_once_to_who_wants_it(receiver: Receiving) -> None:
+    with hooks(receiver.url, "violation", "final") as webhooks:
+        assert (webhooks.wants("final"), webhooks.wants("degraded")) == (True, False)
+        webhooks.send({"alarm": "degraded", "text": "not wanted"})
+        webhooks.send({"alarm": "violation", "text": "ä"})
+        webhooks.send({"alarm": "final"})
+        headers, alarm = receiver.take()
+        assert (alarm["alarm"], alarm["text"], headers["content-type"]) == ("violation", "ä", "application/json")
+        assert receiver.take()[1]["alarm"] == "final"
+        until(lambda: webhooks.sent == 2)
+        assert (webhooks.dropped, webhooks.waiting, receiver.came.qsize()) == (0, 0, 0)
+
+
+@pytest.mark.parametrize("status", [500, 503, 429, 408])
+def test_an_alarm_that_is_not_taken_is_tried_again_as_it_was(receiver: Receiving, status: int) -> None:
+    receiver.answers = [status, status]
+    with hooks(receiver.url) as webhooks:
+        webhooks.send({"alarm": "violation"})
+        webhooks.send({"alarm": "violation", "second": True})
+        first, again, last = (receiver.take() for _ in range(3))
+        assert first[1] == again[1] == last[1]
+        assert first[0]["webhook-timestamp"] == last[0]["webhook-timestamp"]
+        assert receiver.take()[1]["second"], "one after the other"
+        until(lambda: webhooks.sent == 2)
+
+
+@pytest.mark.parametrize("status", [302, 307, 400, 401, 404])
+def test_an_alarm_that_is_refused_or_sent_elsewhere_is_dropped(receiver: Receiving, status: int) -> None:
+    receiver.answers = [status]
+    with hooks(receiver.url) as webhooks:
+        webhooks.send({"alarm": "violation"})
+        webhooks.send({"alarm": "violation", "second": True})
+        receiver.take()
+        assert receiver.take()[1]["second"], "no redirect was followed, nothing tried again"
+        until(lambda: webhooks.sent == 1)
+        assert webhooks.dropped == 1
+
+
+def test_who_is_away_for_long_loses_alarms_and_is_tried_with_the_next(receiver: Receiving) -> None:
+    receiver.answers = [500, 500, 500]
+    with hooks(receiver.url) as webhooks:
+        webhooks.send({"alarm": "violation"})
+        until(lambda: webhooks.dropped == 1)
+        webhooks.send({"alarm": "violation", "second": True})
+        until(lambda: webhooks.sent == 1)
+    with hooks("http://127.0.0.1:9/nobody") as webhooks:
+        webhooks.send({"alarm": "violation"})
+        until(lambda: webhooks.dropped == 1)
+
+
+def test_what_a_slow_receiver_leaves_has_an_end(receiver: Receiving) -> None:
+    receiver.held.clear()
+    with hooks(receiver.url) as webhooks:
+        for n in range(MOST + 5):
+            webhooks.send({"alarm": "violation", "count": n})
+        assert (webhooks.waiting, webhooks.dropped) == (MOST, 5), "the first are kept: they say when it began"
+        receiver.held.set()
+        assert [receiver.take()[1]["count"] for _ in range(3)] == [0, 1, 2]
+
+
+def test_a_server_that_stops_waits_for_nobody(receiver: Receiving) -> None:
+    receiver.answers = [500] * 3
+    with hooks(receiver.url, backoff=(3600.0,)) as webhooks:
+        webhooks.send({"alarm": "violation"})
+        receiver.take()
+    assert not any(courier._thread.is_alive() for courier in webhooks._couriers)
