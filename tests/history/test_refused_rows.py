@@ -220,7 +220,7 @@ async def test_what_stands_of_a_session_and_can_not_be_told_stops_no_other(
     def fail(_: object) -> dict[int, Any]:
         raise AssertionError("a revision of nothing")
 
-    monkeypatch.setattr("oracle_server.history.sqlite.history.restated", fail)
+    monkeypatch.setattr("oracle_server.history.sqlite.batch.restated", fail)
     history = SqliteHistory(tmp_path)
     history.start(asyncio.get_running_loop())
     for number in (1, 2):
