@@ -5,7 +5,7 @@ from __future__ import annotations
 from fastapi import APIRouter, FastAPI, WebSocket
 
 from oracle_server import __version__
-from oracle_server.api import health, metrics, pages, sessions, specs, stream, timeline, verdicts
+from oracle_server.api import episodes, health, metrics, pages, sessions, specs, stream, timeline, verdicts
 from oracle_server.attach.connection import Connection
 from oracle_server.attach.rosmonitoring import legacy_routes
 from oracle_server.edge import problems
@@ -46,6 +46,7 @@ def build_app(
     app.include_router(specs.router(library, registry, history))
     app.include_router(sessions.router(registry, history))
     app.include_router(verdicts.router(registry, history))
+    app.include_router(episodes.router(registry, history))
     app.include_router(stream.router(registry, history))
     app.include_router(timeline.router(registry, history))
     app.include_router(metrics.router(registry, history, watchdog, webhooks))

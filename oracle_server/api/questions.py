@@ -33,10 +33,13 @@ As = Annotated[
 ]
 
 
+Properties = Annotated[
+    list[str], Query(default_factory=_none, description="Only the properties of these ids; repeatable")
+]
+
+
 def chosen(
-    property: Annotated[  # noqa: A002 -- the contract's word
-        list[str], Query(default_factory=_none, description="Only the properties of these ids; repeatable")
-    ],
+    property: Properties,  # noqa: A002 -- the contract's word
     stream: Annotated[str | None, Query(description="Only events of the topic or service of this name")] = None,
     view: As = "standing",
 ) -> Question:

@@ -1,4 +1,4 @@
-"""The commands for a running server: `specs`, `sessions`, `verdicts`, `record` and `close`."""
+"""The commands for a running server: `specs`, `sessions`, `verdicts`, `episodes`, `record` and `close`."""
 
 from __future__ import annotations
 
@@ -61,6 +61,23 @@ def verdicts(
         return
     show = follow_verdicts if follow else show_verdicts
     show(Client(url, token), session, property_ or [], outcome or [], view, as_json=as_json)
+
+
+def episodes(
+    session: Annotated[
+        str | None, typer.Argument(metavar="[SESSION]", help="All sessions where none is named.")
+    ] = None,
+    property_: Annotated[list[str] | None, typer.Option("--property", help="Only this property; repeatable.")] = None,
+    only_open: Annotated[bool, typer.Option("--open", help="Only those that are open.")] = False,
+    url: UrlOption = _DEFAULT_URL,
+    token: TokenOption = None,
+    as_json: AsJson = False,
+) -> None:
+    """Print episodes: violations of a property that follow each other closely, as one."""
+    from oracle_server.cli.client import Client
+    from oracle_server.cli.episodes import show_episodes
+
+    show_episodes(Client(url, token), session, property_ or [], only_open=only_open, as_json=as_json)
 
 
 def record(

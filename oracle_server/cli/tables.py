@@ -35,7 +35,7 @@ def show_specs(client: Client, *, as_json: bool) -> None:
         (s["id"], str(len(s["streams"])), str(len(s["properties"])), _unsound(s) or s["description"])
         for s in document["items"]
     ]
-    _show(document, ("spec", "streams", "properties", "description"), rows, as_json=as_json)
+    show(document, ("spec", "streams", "properties", "description"), rows, as_json=as_json)
 
 
 def _unsound(spec: Mapping[str, Any]) -> str:
@@ -49,7 +49,7 @@ def show_sessions(client: Client, *, as_json: bool) -> None:
     """Print all sessions."""
     document = client.get("sessions")
     rows = [_session_row(state) for state in document["items"]]
-    _show(document, _SESSIONS, rows, as_json=as_json)
+    show(document, _SESSIONS, rows, as_json=as_json)
     if not as_json:
         for state in document["items"]:
             _show_caveats(state, f"{state['id']}: ")
@@ -58,7 +58,7 @@ def show_sessions(client: Client, *, as_json: bool) -> None:
 def show_closed(client: Client, session: str, *, as_json: bool) -> None:
     """Close a session, and print how it ended."""
     state = client.delete(f"sessions/{quote(session, safe='')}", _CLOSED_WITHIN)
-    _show({"items": [state]}, _SESSIONS, [_session_row(state)], as_json=as_json)
+    show({"items": [state]}, _SESSIONS, [_session_row(state)], as_json=as_json)
 
 
 def show_verdicts(
@@ -74,7 +74,7 @@ def show_verdicts(
     columns |= {"violations": "violations", "first at": "first at", "unknown": "unknown"}
     now = time.time_ns()
     rows = [_row(p | {"first at": first_name(p, now)}, tuple(columns.values())) for p in state["properties"]]
-    _show(state, tuple(columns), rows, as_json=False)
+    show(state, tuple(columns), rows, as_json=False)
     _show_caveats(state)
     violations = client.pages(f"sessions/{session}/violations", **{"as": view})
     if violations:
@@ -107,7 +107,7 @@ def show_tokens(tokens: Sequence[Token], *, as_json: bool) -> None:
     items = [t.model_dump(mode="json", exclude={"sha256"}) for t in tokens]
     cells = [[", ".join(sorted(item[key])) if item[key] else "all" for key in _BOUND] for item in items]
     rows = [(item["name"], *cell) for item, cell in zip(items, cells, strict=True)]
-    _show({"items": items}, ("token", *_BOUND), rows, as_json=as_json)
+    show({"items": items}, ("token", *_BOUND), rows, as_json=as_json)
 
 
 _BOUND = ("scopes", "specs", "sessions")
@@ -122,7 +122,7 @@ def _measured(items: Sequence[dict[str, Any]]) -> tuple[str, ...]:
 def _show_records(records: Sequence[dict[str, Any]], *, as_json: bool) -> None:
     keys = (*_RECORD, *_measured(records))
     rows = [_record_row(record, keys) for record in records]
-    _show({"items": records}, (*keys, "", "n"), rows, as_json=as_json)
+    show({"items": records}, (*keys, "", "n"), rows, as_json=as_json)
 
 
 def _record_row(record: dict[str, Any], keys: Sequence[str]) -> tuple[str, ...]:
@@ -176,7 +176,8 @@ def _first(properties: Sequence[dict[str, Any]]) -> str:
     return first_name(min(violated, key=lambda p: int(p["first_violation"]), default={}), time.time_ns())
 
 
-def _show(document: dict[str, Any], head: tuple[str, ...], rows: Sequence[tuple[str, ...]], *, as_json: bool) -> None:
+def show(document: dict[str, Any], head: tuple[str, ...], rows: Sequence[tuple[str, ...]], *, as_json: bool) -> None:
+    """Print a document as JSON, or as a table."""
     if as_json:
         sys.stdout.write(json.dumps(document) + "\n")
         return

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import msgspec
 
+from oracle_server.core.episode import Following
 from oracle_server.core.holding import Held
 from oracle_server.core.property_state import Mark
 from oracle_server.core.spec import Property
@@ -21,6 +22,7 @@ class Before(NamedTuple):
     held: dict[str, Held]
     ticked: int
     outdated: bool
+    following: Following
 
 
 def denies(outcome: Outcome, *, blamed: bool) -> bool:

@@ -11,6 +11,7 @@ from oracle_server.core.counting import Counters, Told
 from oracle_server.core.deciding import Before, attempted, denies, is_denied, is_denied_by
 from oracle_server.core.derived.state import Derived, LastStep
 from oracle_server.core.engine import MAX_WORK, MAX_WORK_TOGETHER, Engine, Measuring
+from oracle_server.core.episode import Following, loaded, saved
 from oracle_server.core.events import ENDED, TICKS, Event, Order, Signals, Step
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.holding import Held, together
@@ -65,6 +66,7 @@ class Judge(Telling):
         """What explanations have cost at the present step or tick."""
         self._idle_work = 0
         """What the ticks since the last step have cost all properties."""
+        self.following = Following()
         self.present = 0
         """The time of the last step, in nanoseconds."""
         self._ticked = 0
@@ -99,7 +101,7 @@ class Judge(Telling):
 
     def snapshot(self) -> JudgeSnapshot | None:
         """All that later verdicts depend on, as plain data; None where an engine can't be saved."""
-        states = [saved for state in self.properties if (saved := state.snapshot()) is not None]
+        states = [found for state in self.properties if (found := state.snapshot()) is not None]
         if len(states) < len(self.properties):
             return None
         return {
@@ -112,18 +114,20 @@ class Judge(Telling):
             "outdated": self._outdated,
             "recent": self._recent.snapshot(),
             "derived": self._derived.snapshot(),
+            "episodes": saved(self.following),
         }
 
     def restore(self, data: JudgeSnapshot, numbers: Iterator[int]) -> None:
         """Take over a snapshot; verdicts are numbered from `numbers`. Raises `EngineError` where it can't be used."""
-        for state, saved in zip(self.properties, data["properties"], strict=True):
-            state.restore(saved)
+        for state, known in zip(self.properties, data["properties"], strict=True):
+            state.restore(known)
         self._held = {monitor: Held(dict(values), set(failed)) for monitor, values, failed in data["held"]}
         self.counters = Counters(**data["counters"])
         self._degraded, self.present, self._ticked = data["degraded"], data["present"], data["ticked"]
         self._outdated = data.get("outdated", False)
         self._recent.restore(data["recent"])
         self._derived.restore(data.get("derived"))
+        self.following = loaded(data.get("episodes"))
         self._numbers = numbers
 
     def give_up(self, reason: str, numbers: Iterator[int]) -> None:
@@ -253,7 +257,7 @@ class Judge(Telling):
         """Begin a step that may be taken back."""
         before = Before(
             [state.mark() for state in self.properties],
-            self.present, self.counters.steps, self._held, self._ticked, self._outdated,
+            self.present, self.counters.steps, self._held, self._ticked, self._outdated, self.following,
         )  # fmt: skip
         self._derived.journal.mark()
         self._held = {m: h.copy() if m == step.event.monitor else h for m, h in self._held.items()}
@@ -261,7 +265,8 @@ class Judge(Telling):
 
     def _take_back(self, judged: Judged, before: Before) -> Judged:
         """Take the last step back, as if it had never happened; what was judged of it is not final."""
-        marks, self.present, self.counters.steps, self._held, self._ticked, self._outdated = before
+        time = self.present
+        marks, self.present, self.counters.steps, self._held, self._ticked, self._outdated, self.following = before
         for state, mark in zip(self.properties, marks, strict=True):
             state.back(mark, counts=is_denied_by(judged.decision, state.property))
         self._derived.back()
@@ -269,7 +274,7 @@ class Judge(Telling):
         denying = frozenset(judged.decision.denied_by if judged.decision else ())
         owing = {s.property.id for s in self.properties if s.owed is not None} - denying
         verdicts = tuple(attempted(v, owes=v.property in owing) for v in judged.verdicts)
-        return msgspec.structs.replace(judged, verdicts=verdicts)
+        return msgspec.structs.replace(judged, verdicts=verdicts, episodes=self._follow(time, verdicts, instant=True))
 
     def _skip(self, step: Step, now: int) -> Judged:
         self.counters.skipped += 1
@@ -353,17 +358,6 @@ class Judge(Telling):
             self._ticked = self.present
         else:
             self._outdated = True
-
-    def _conclude(
-        self,
-        step: Step,
-        number: int | None,
-        verdicts: tuple[Verdict, ...],
-        now: int,
-        decision: Decision | None = None,
-    ) -> Judged:
-        self.counters.denied += is_denied(decision)
-        return Judged(step, number, self._order, now, verdicts, decision)
 
     def _decide(self, step: Step, outcomes: Sequence[Outcome], blameless: frozenset[int] = _NO_ONE) -> Decision | None:
         """The decision on an event, by the outcomes of all properties; None where none is wanted."""

@@ -31,7 +31,8 @@ class JudgeSnapshot(TypedDict):
     """One order of events; times in nanoseconds.
 
     `held` has a monitor each, the values of its held signals, and the names of those that failed. `recent` are the
-    last steps as `Recent` has them, and `derived` is what derived signals are computed of, where there are any.
+    last steps as `Recent` has them, `derived` is what derived signals are computed of, where there are any, and
+    `episodes` are those that may go on; older versions lack them.
     """
 
     properties: list[PropertySnapshot]
@@ -43,6 +44,7 @@ class JudgeSnapshot(TypedDict):
     outdated: bool
     recent: list[Any]
     derived: NotRequired[Any]
+    episodes: NotRequired[Any]
 
 
 class RevisingSnapshot(TypedDict):

@@ -18,6 +18,7 @@ IDENTIFIER = r"^[A-Za-z0-9_.-]{1,64}$"
 """What specs, properties, sessions and tokens may be called."""
 SECOND = 10**9
 HORIZON = 2 * SECOND
+GAP = SECOND
 LONGEST_HORIZON = 3600 * SECOND
 By = Literal["publication", "arrival", "both"]
 SILENT = Atom(())
@@ -158,6 +159,8 @@ class Spec:
     close_after: int | None = None
     """For how long (ns) an open session may be without a monitor before it is closed; None for any time."""
     derive: tuple[Definition, ...] = ()
+    gap: int = GAP
+    """Violations of a property less than so long (ns) after the last one are one episode."""
 
     @cached_property
     def by_key(self) -> Mapping[StreamKey, StreamSpec]:

@@ -1,19 +1,25 @@
-"""The part of a judge that makes verdicts of outcomes, and explains them by the last steps."""
+"""The part of a judge that makes verdicts of outcomes, explains them by the last steps, and follows episodes."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
+from oracle_server.core.counting import Counters
+from oracle_server.core.deciding import is_denied
 from oracle_server.core.derived.state import Derived
+from oracle_server.core.episode import Changes, Following
+from oracle_server.core.events import Order, Step
+from oracle_server.core.following import follow
 from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.kinds import TICK
 from oracle_server.core.owing import about
 from oracle_server.core.past import Past
 from oracle_server.core.plan import Plan
 from oracle_server.core.property_state import Names, PropertyState
 from oracle_server.core.recent import EFFORT_TOGETHER, Recent
 from oracle_server.core.records import EventRecord
-from oracle_server.core.verdicts import Explanation, Outcome, Verdict
+from oracle_server.core.verdicts import Decision, Explanation, Judged, Outcome, Verdict
 
 
 class Telling:
@@ -29,6 +35,11 @@ class Telling:
     """The tick that is being judged."""
     _explained: int
     """What explanations have cost at the present step or tick."""
+    _order: Order
+    counters: Counters
+    present: int
+    following: Following
+    """The episodes that may go on."""
 
     def remember(self, steps: int, effort: int) -> None:
         """Before the first step: remember this many steps, and spend this much on an explanation."""
@@ -66,6 +77,25 @@ class Telling:
             said += self._derived.told(state.property.atoms, signals, failed, time, self._recent.named)
         why = state.why.data(partial(self._recent.recall, timed=timed))
         return Explanation(state.property.text, signals, "; ".join(said), why, told, count)
+
+    def _conclude(
+        self,
+        step: Step,
+        number: int | None,
+        verdicts: tuple[Verdict, ...],
+        now: int,
+        decision: Decision | None = None,
+    ) -> Judged:
+        self.counters.denied += is_denied(decision)
+        time = step.stamp if step.event.stream.kind == TICK else self.present
+        return Judged(
+            step, number, self._order, now, verdicts, decision, episodes=self._follow(time, verdicts, instant=False)
+        )
+
+    def _follow(self, time: int, verdicts: Sequence[Verdict], *, instant: bool) -> Changes:
+        """What a row at a time (ns) does with episodes; `instant`: it is an attempt that was taken back."""
+        self.following, changes = follow(self.following, self.plan.spec.gap, time, verdicts, instant=instant)
+        return changes
 
     def _past(self, index: int) -> Past | None:
         """The last steps as one property observed them, and a tick that is being judged.

@@ -9,6 +9,7 @@ from typing import Literal, TypedDict
 
 import msgspec
 
+from oracle_server.core.episode import Changes
 from oracle_server.core.errors import one_line
 from oracle_server.core.events import ENDED, Order, Step
 from oracle_server.core.formula.tree import Scalar
@@ -101,7 +102,8 @@ class Judged(msgspec.Struct, frozen=True, gc=False):
     `number` counts the session's judged events, and is None for ticks, where the event was skipped as late, and where
     it was denied and taken back;
     `judged` is the time of judgement in nanoseconds; `decision` is None where nothing was asked. `place` is that of a
-    late event which was put in its place among the steps, None where that is its number.
+    late event which was put in its place among the steps, None where that is its number. `episodes` is what it does
+    with the episodes of its properties.
     """
 
     step: Step
@@ -111,6 +113,7 @@ class Judged(msgspec.Struct, frozen=True, gc=False):
     verdicts: tuple[Verdict, ...]
     decision: Decision | None
     place: int | None = None
+    episodes: Changes = ()
 
 
 class DecisionFrame(TypedDict):

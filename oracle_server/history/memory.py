@@ -15,6 +15,7 @@ import structlog
 from oracle_server.core.events import Order, StreamKey
 from oracle_server.core.revisions import Revision
 from oracle_server.core.verdicts import FINAL
+from oracle_server.history.episodes import EpisodeQuery, KeptEpisodes, Page, StoredEpisode, page_of
 from oracle_server.history.port import Done
 from oracle_server.history.query import Query
 from oracle_server.history.readers import Readers
@@ -29,7 +30,7 @@ from oracle_server.history.records import (
     StoredStep,
     restated,
 )
-from oracle_server.history.steps import StepsSource, arrival, is_undone, plain, plain_whys, without_data
+from oracle_server.history.steps import StepsSource, arrival, is_undone, made, plain, plain_whys, without_data
 from oracle_server.history.timeline import Question, answer
 
 T = TypeVar("T")
@@ -56,6 +57,7 @@ class _Kept:
     monitors: dict[str, MonitorRecord] = field(default_factory=dict)
     refusals: list[Refusal] = field(default_factory=list)
     snapshot: SnapshotRecord | None = None
+    episodes: KeptEpisodes = field(default_factory=KeptEpisodes)
 
     def index(self, position: int) -> int:
         """Where the step at a position, or the next one, stands in `steps`."""
@@ -141,10 +143,11 @@ class MemoryHistory:
 
     def close_session(self, session: int, at: int, state: Document, done: Done | None = None) -> None:
         """Keep that a session was closed."""
-        document = _made(lambda: plain(state))
+        document = made(lambda: plain(state))
 
         def close() -> None:
             kept = self._of(session)
+            kept.episodes.end()
             kept.state, kept.closed = document(), at
 
         self._do(_Command(session, close, done, needed=False, always=True))
@@ -153,9 +156,12 @@ class MemoryHistory:
         """Keep a monitor of a session."""
         self._do(_Command(session, lambda: self._of(session).monitors.update({monitor.name: monitor}), done))
 
-    def append(self, session: int, steps: Sequence[StoredStep], done: Done, revisions: Sequence[Revision] = ()) -> None:
-        """Keep steps that were judged, without their data, and what stands of earlier ones."""
-        kept = _made(lambda: [without_data(step) for step in steps])
+    def append(
+        self, session: int, steps: Sequence[StoredStep], done: Done, revisions: Sequence[Revision] = (),
+        episodes: Sequence[StoredEpisode] = (),
+    ) -> None:  # fmt: skip
+        """Keep steps that were judged, without their data, what stands of earlier ones, and episodes."""
+        kept = made(lambda: [without_data(step) for step in steps])
         standing = restated(revisions)
 
         def extend() -> None:
@@ -163,6 +169,7 @@ class MemoryHistory:
             of.steps.extend(kept())
             for position, stands in standing.items():
                 of.restate(position, stands)
+            of.episodes.keep(episodes)
 
         self._do(_Command(session, extend, done))
 
@@ -188,7 +195,7 @@ class MemoryHistory:
 
     def save_snapshot(self, session: int, snapshot: SnapshotRecord) -> None:
         """Keep a snapshot in place of the last one."""
-        kept = _made(lambda: snapshot._replace(data=plain(snapshot.data), numbers=plain(snapshot.numbers)))
+        kept = made(lambda: snapshot._replace(data=plain(snapshot.data), numbers=plain(snapshot.numbers)))
 
         def save() -> None:
             self._of(session).snapshot = kept()
@@ -201,6 +208,7 @@ class MemoryHistory:
         def forget() -> None:
             kept = self._of(session)
             del kept.steps[: kept.index(before)]
+            kept.episodes.forget((before - 1) * len(kept.record.properties))
 
         await self._done(session, forget)
 
@@ -335,6 +343,10 @@ class MemoryHistory:
         await self.in_thread(lambda: all(map(take, page)))
         return page[-1].position + (1 if query.ascending else -1) if len(found) > _PAGE else None
 
+    async def episodes(self, query: EpisodeQuery) -> Page:
+        """A page of the episodes that a query asks for."""
+        return page_of(((kept.record, kept.episodes) for kept in self._kept.values()), query)
+
     async def timeline(self, session: SessionRecord, question: Question) -> bytes:
         """What a session tells by time, as JSON."""
         kept = self._of(session.number)
@@ -374,17 +386,3 @@ class MemoryHistory:
 
     def _steps(self, session: int) -> list[StoredStep]:
         return self._of(session).steps
-
-
-def _made(make: Callable[[], T]) -> Callable[[], T]:
-    """Gives what is made now, or raises what was raised."""
-    try:
-        made = make()
-    except Exception as error:  # noqa: BLE001 -- it is raised again
-        failure = error
-
-        def fail() -> T:
-            raise failure
-
-        return fail
-    return lambda: made

@@ -19,6 +19,7 @@ from typing import Protocol, TypeVar
 
 from oracle_server.core.events import Order, StreamKey
 from oracle_server.core.revisions import Revision
+from oracle_server.history.episodes import EpisodeQuery, Page, StoredEpisode
 from oracle_server.history.query import Query
 from oracle_server.history.records import (
     Document,
@@ -79,18 +80,25 @@ class Writing(Protocol):
         ...
 
     def close_session(self, session: int, at: int, state: Document, done: Done | None = None) -> None:
-        """Keep that a session was closed, and how it stood then, also where nothing else of it can be kept."""
+        """Keep that a session was closed, and how it stood then, also where nothing else of it can be kept.
+
+        No episode of it is open any more.
+        """
         ...
 
     def set_monitor(self, session: int, monitor: MonitorRecord, done: Done | None = None) -> None:
         """Keep a monitor of a session, in place of the one of that name."""
         ...
 
-    def append(self, session: int, steps: Sequence[StoredStep], done: Done, revisions: Sequence[Revision] = ()) -> None:
+    def append(
+        self, session: int, steps: Sequence[StoredStep], done: Done, revisions: Sequence[Revision] = (),
+        episodes: Sequence[StoredEpisode] = (),
+    ) -> None:  # fmt: skip
         """Keep steps that were judged, and revisions; their positions follow the last one's.
 
-        What stands since the revisions of steps is kept with them, as far as they are not deleted. All of one call is
-        committed at once, or nothing of it.
+        Episodes that they open, join or end are kept with them, in place of what is kept of these. What stands since
+        the revisions of steps is kept with them, as far as they are not deleted. All of one call is committed at once,
+        or nothing of it.
         """
         ...
 
@@ -111,7 +119,7 @@ class Writing(Protocol):
         ...
 
     async def forget_steps(self, session: int, before: int) -> None:
-        """Delete a session's steps before a position; return once that is committed."""
+        """Delete a session's steps before a position, and episodes that ended before; return once that is committed."""
         ...
 
     async def forget_session(self, session: int) -> None:
@@ -202,6 +210,10 @@ class Reading(Protocol):
         at the most. Returns the position to go on from, None where there are no more. The query's stream, times,
         outcomes and violations are looked at; properties and `after` need not be.
         """
+        ...
+
+    async def episodes(self, query: EpisodeQuery) -> Page:
+        """A page of the episodes that a query asks for."""
         ...
 
     async def timeline(self, session: SessionRecord, question: Question) -> bytes:

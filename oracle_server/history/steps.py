@@ -1,11 +1,11 @@
-"""Steps in memory: as they are kept, their order by arrival, and as rows for questions by time, which read all."""
+"""Steps in memory: as any backend keeps them, by arrival, and as rows for questions by time, which read all of them."""
 
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from operator import attrgetter
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -15,6 +15,7 @@ from oracle_server.history.blocks import Block, BlockRow
 from oracle_server.history.letters import letters
 from oracle_server.history.records import StoredStep
 
+T = TypeVar("T")
 _encode = msgspec.json.Encoder().encode
 
 
@@ -44,23 +45,6 @@ class StepsSource:
         return min(
             [(c.first - 1) // len(r.changes) + 1 for r in revisions for c in r.changes if c is not None], default=None
         )
-
-
-def plain(value: Any) -> Any:
-    """A copy of a plain value as JSON carries it, as any other backend would give it back."""
-    return msgspec.json.decode(_encode(value))
-
-
-def plain_whys(explanations: Mapping[int, ExplanationRecord]) -> dict[int, ExplanationRecord]:
-    """A copy of explanations."""
-    return {i: plain(why) for i, why in explanations.items()}
-
-
-def without_data(stored: StoredStep) -> StoredStep:
-    """A step as it is kept: without its event's data, with a copy of its explanations."""
-    event = msgspec.structs.replace(stored.step.event, data=None, stamp=stored.step.stamp, received=None)
-    step = msgspec.structs.replace(stored.step, event=event)
-    return msgspec.structs.replace(stored, step=step, explanations=plain_whys(stored.explanations))
 
 
 def arrival(stored: StoredStep) -> tuple[int, str, int, int]:
@@ -94,3 +78,34 @@ def _digits(degraded: Sequence[bool]) -> str:
 def _whys(explanations: Mapping[int, object]) -> str | None:
     """Of explanations, by which properties there are any: their texts are not needed."""
     return _encode(dict.fromkeys(map(str, explanations), 0)).decode() if explanations else None
+
+
+def plain(value: Any) -> Any:
+    """A copy of a plain value as JSON carries it, as any other backend would give it back."""
+    return msgspec.json.decode(msgspec.json.encode(value))
+
+
+def without_data(stored: StoredStep) -> StoredStep:
+    """A step as any backend keeps it."""
+    event = msgspec.structs.replace(stored.step.event, data=None, stamp=stored.step.stamp, received=None)
+    step = msgspec.structs.replace(stored.step, event=event)
+    return msgspec.structs.replace(stored, step=step, explanations=plain_whys(stored.explanations))
+
+
+def plain_whys(explanations: Mapping[int, ExplanationRecord]) -> dict[int, ExplanationRecord]:
+    """Copies of explanations, likewise."""
+    return {i: plain(why) for i, why in explanations.items()}
+
+
+def made(make: Callable[[], T]) -> Callable[[], T]:
+    """Gives what is made now, or raises what was raised."""
+    try:
+        value = make()
+    except Exception as error:  # noqa: BLE001 -- it is raised again
+        failure = error
+
+        def fail() -> T:
+            raise failure
+
+        return fail
+    return lambda: value

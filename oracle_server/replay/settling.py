@@ -114,7 +114,7 @@ class Settling:
             for i, outcome in enumerate(told.outcomes)
             if outcome is not None
         )
-        yield Settled(row.step, row.number, row.order, row.judged, verdicts, row.decision, row.place, found)
+        yield Settled(row.step, row.number, row.order, row.judged, verdicts, row.decision, row.place, told=found)
 
 
 def _differ(one: object, other: object) -> bool:

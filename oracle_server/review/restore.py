@@ -26,6 +26,7 @@ from oracle_server.engines.table import make_engines
 from oracle_server.history.port import Reading
 from oracle_server.history.records import MonitorRecord, Refusal, SnapshotRecord, StoredStep, recorded
 from oracle_server.review.beginning import begin
+from oracle_server.review.episodes import find_episodes, knows_episodes
 
 _ONCE = "was asked before the server was restarted"
 
@@ -80,6 +81,8 @@ async def restore(history: Reading, session: int, plan: Plan) -> Restored:
     await asyncio.to_thread(core.finish_again)
     for judge in core.judges.values():
         judge.bypass(())  # what is bypassed now is known of the monitors
+    if saved and not knows_episodes(snapshot):
+        await find_episodes(history, session, core)
     if again.differing:
         log.error("restored verdicts differ from the recorded ones", session=session, steps=again.differing)
     numbers, known = (snapshot and snapshot.numbers) or {}, await history.monitors(session)

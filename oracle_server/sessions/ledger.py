@@ -13,6 +13,7 @@ from oracle_server.core.revisions import Revision
 from oracle_server.core.session import Session
 from oracle_server.core.verdicts import Judged
 from oracle_server.core.weakly import weakly
+from oracle_server.history.episodes import going_on, stored_episodes
 from oracle_server.history.port import History
 from oracle_server.history.records import (
     MonitorRecord,
@@ -71,7 +72,8 @@ class Ledger:
         """How many events were refused."""
         self._session, self._monitors, self._share = opened.number, monitors, share
         self._core, self._history, self._clock, self._counters = core, history, clock, counters
-        self._spec, self._width = opened.spec, len(core.plan.spec.properties)
+        self._spec, self._names = opened.spec, tuple(p.id for p in core.plan.spec.properties)
+        self._width = len(self._names)
         self._deciding = next(iter(core.judges))
         self._standing = Standing(core)
         self._violations = ViolationLog(opened.id, clock)
@@ -82,6 +84,16 @@ class Ledger:
         """Continue a restored session where it was."""
         self._position, self.refused = restored.position, restored.refused
         self.snapshots.resume(restored.position, restored.saved)
+        known = going_on(self._core.judges, self._names)
+        if known:  # they are as they were, unless the server was stopped between two commits, or is a newer version
+            self._history.append(self._session, (), _nothing, (), known)
+
+    def end(self) -> None:
+        """Write what is left; the episodes that are open end with the session."""
+        self.write()
+        ended = going_on(self._core.judges, self._names, closed=True)
+        if ended:
+            self._history.append(self._session, (), _nothing, (), ended)
 
     def add(self, judged: list[Judged]) -> None:
         """Queue judged steps; many are written together, within `_WRITE_AFTER`, and all of one call are."""
@@ -166,7 +178,9 @@ class Ledger:
         alarms = self.alarms.look(judged, told) if self.alarms else []
         done = partial(self._share.run, self._committed, used, position, told, standing, alarms)
         revisions = [item for item in judged if isinstance(item, Revision)]
-        self._history.append(self._session, steps, done, revisions)
+        pairs = zip(judged, steps, strict=True)
+        episodes = [e for item, step in pairs for e in stored_episodes(item, self._names, step.explanations)]
+        self._history.append(self._session, steps, done, revisions, episodes)
 
     def _stored(self, item: Judged, used: list[_Used]) -> StoredStep:
         """The next row, and in `used` the number that its event uses up."""
@@ -220,3 +234,7 @@ class Ledger:
     def _amended(self, monitor: Monitor) -> None:
         monitor.unsettled -= 1
         monitor.confirm_detach()
+
+
+def _nothing() -> None:
+    """There is nothing to do once it is committed."""

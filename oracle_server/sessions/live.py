@@ -245,7 +245,7 @@ class LiveSession:
     def end(self) -> None:
         """After `close` and `settle`: judge what is still open, since nothing will come any more."""
         self._deliver(self.core.end(self._enter()))
-        self.ledger.write()
+        self.ledger.end()
 
     def go_on(self) -> None:
         """Take events again after a close that failed; what ends the session is checked again later."""

@@ -244,7 +244,13 @@ def _spec(model: SpecModel, properties: tuple[Property, ...], derived: tuple[Def
     meaning = model.model_dump(
         mode="json",
         warnings="none",
-        exclude={"description": True, "retention": True, "close": True, "properties": {"__all__": {"description"}}},
+        exclude={
+            "description": True,
+            "retention": True,
+            "episodes": True,
+            "close": True,
+            "properties": {"__all__": {"description"}},
+        },
     )
     for prop in meaning["properties"]:
         if prop["at_end"] == "ignore":  # so that specs without it keep the digest that older versions gave them
@@ -256,7 +262,10 @@ def _spec(model: SpecModel, properties: tuple[Property, ...], derived: tuple[Def
     else:
         meaning["derive"] = list(meaning["derive"].items())  # in order
     digest = hashlib.sha256(json.dumps(meaning, sort_keys=True).encode()).hexdigest()
-    return Spec(model.id, streams, properties, ordering, model.description, digest, retention, model.close, derived)
+    gap = model.episodes.gap
+    return Spec(
+        model.id, streams, properties, ordering, model.description, digest, retention, model.close, derived, gap
+    )
 
 
 def _streams(model: TopicModel | ServiceModel | ActionModel) -> Iterator[StreamSpec]:

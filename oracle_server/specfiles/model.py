@@ -22,7 +22,7 @@ from pydantic import (
 )
 
 from oracle_server.core.kinds import ACTION
-from oracle_server.core.spec import HORIZON, IDENTIFIER, LONGEST_HORIZON
+from oracle_server.core.spec import GAP, HORIZON, IDENTIFIER, LONGEST_HORIZON
 from oracle_server.core.stamps import Epoch, Unit
 from oracle_server.core.units import duration, size
 from oracle_server.engines.table import ENGINES
@@ -236,6 +236,12 @@ class RetentionModel(_Model):
     size: Size | None = None
 
 
+class EpisodesModel(_Model):
+    """`episodes:`, which violations are told as one."""
+
+    gap: Duration = GAP
+
+
 def _over(value: object) -> tuple[int, bool]:
     """A window: nanoseconds, or, with true behind it, samples."""
     if isinstance(value, int) and not isinstance(value, bool):
@@ -279,6 +285,7 @@ class SpecModel(_Model):
     description: StrictStr = ""
     ordering: OrderingModel = OrderingModel()
     retention: RetentionModel = RetentionModel()
+    episodes: EpisodesModel = EpisodesModel()
     close: Close | None = None
     streams: Annotated[list[StreamModel], Field(min_length=1)]
     define: dict[SignalName, StrictStr] = {}

@@ -15,6 +15,7 @@ from oracle_server.specfiles.mending import at, is_map, mend
 from oracle_server.specfiles.model import (
     ActionModel,
     DeriveModel,
+    EpisodesModel,
     HalfModel,
     OrderingModel,
     PartModel,
@@ -67,6 +68,8 @@ _TAKES: Mapping[str, str] = {
     "url": "an address such as ws://127.0.0.1:8080",
     "ordering": "keys of its own, such as {max_delay: 500ms}",
     "retention": "keys of its own, such as {age: 168h}",
+    "episodes": "keys of its own, such as {gap: 2s}",
+    "gap": _DURATION,
     "close": "a time without a monitor, such as after 1h",
     "properties": "a list of at least one property, each of which begins with `- id:`",
     "derive": "names, each with what it is, such as {scan_rate: {rate: '{topic: /scan}', over: 2s}}",
@@ -85,6 +88,7 @@ _LEVELS: Mapping[str, Any] = {
     "the file": SpecModel,
     "`ordering`": OrderingModel,
     "`retention`": RetentionModel,
+    "`episodes`": EpisodesModel,
     "a topic": TopicModel,
     "a service": ServiceModel,
     "an action": ActionModel,
@@ -170,7 +174,7 @@ def _action(document: Document, path: KeyPath) -> Finding:
 
 def place_name(document: Document, path: KeyPath) -> str:
     """What stands before a message: the stream or property that a path is in, empty elsewhere."""
-    if len(path) > 1 and path[0] in ("ordering", "retention"):
+    if len(path) > 1 and path[0] in ("ordering", "retention", "episodes"):
         return f"{path[0]}: "
     if len(path) > 1 and path[0] == "derive":
         return f"derived signal '{path[1]}': "
@@ -238,7 +242,7 @@ def _near_key(document: Document, path: KeyPath) -> str | None:
 
 def _level(document: Document, path: KeyPath) -> str:
     match path:
-        case ("ordering" | "retention" as key, *_):
+        case ("ordering" | "retention" | "episodes" as key, *_):
             return f"`{key}`"
         case ("streams", int(), *below):
             value = at(document.value, path[:2])

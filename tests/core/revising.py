@@ -285,6 +285,17 @@ class Sorted(Judge):
 
 def reference(run: Run) -> list[Line]:
     """The same events in the order of publication, decided as they were, judged by a judge that can't go back."""
+    lines = []
+    for judged, _ in in_order(run):
+        event, whys = judged.step.event, frozenset(i for i, v in enumerate(judged.verdicts) if v.explanation)
+        outcomes = tuple([v.outcome for v in judged.verdicts])
+        keys = keys_of(run.case.spec, judged)
+        lines.append(Line(event.monitor, event.seq, judged.step.stamp, outcomes, whys, keys))
+    return lines
+
+
+def in_order(run: Run) -> list[tuple[Judged, int]]:
+    """The rows of that judge, and the present (ns) at each."""
     spec = run.case.spec
     judge = Sorted(
         plan(spec), [NativeEngine(p.formula, p.time) for p in spec.properties], "publication", itertools.count(1)
@@ -295,27 +306,16 @@ def reference(run: Run) -> list[Line]:
         enumerate(rows),
         key=lambda it: (run.keys.get((it[1].step.event.monitor, it[1].step.event.seq), 2 * it[1].step.time), it[0]),
     )
-    lines: list[Line] = []
+    rows_again: list[tuple[Judged, int]] = []
 
-    def add(judged: Judged) -> None:
-        event = judged.step.event
-        whys = frozenset(i for i, v in enumerate(judged.verdicts) if v.explanation)
-        lines.append(
-            Line(
-                event.monitor,
-                event.seq,
-                judged.step.stamp,
-                tuple([v.outcome for v in judged.verdicts]),
-                whys,
-                keys_of(spec, judged),
-            )
-        )
+    def add(judged: Judged, present: int) -> None:
+        rows_again.append((judged, present))
 
     def until(time: int) -> None:
         while (deadline := judge.next_deadline) is not None and deadline <= time:
             tick = judge.tick(deadline, 0)
             if tick is not None:
-                add(tick)
+                add(tick, deadline)
 
     timed = any(p.time == "seconds" for p in spec.properties)
     assert run.session.lateness is not None
@@ -327,12 +327,15 @@ def reference(run: Run) -> list[Line]:
         denied = row.decision is not None and row.decision.choice == "deny"
         if denied and judge.plan.streams[row.step.event.stream].undoes:
             before = judge._attempt(row.step)
-            add(judge._take_back(judge._judge(row.step, 0, revisable=True), before))
+            attempt = judge._judge(row.step, 0, revisable=True)
+            present = judge.present
+            add(judge._take_back(attempt, before), present)
         else:
-            add(judge._judge(row.step, 0))
+            attempt = judge._judge(row.step, 0)
+            add(attempt, judge.present)
     if timed:
         until(run.session.lateness.judge._level)
-    return lines
+    return rows_again
 
 
 def compared(lines: Iterable[Line]) -> list[Line]:
@@ -344,4 +347,4 @@ def compared(lines: Iterable[Line]) -> list[Line]:
     return sorted(plain, key=lambda line: (*line[:-2], sorted(line.violations), sorted(line.keys)))
 
 
-__all__ = ["FINAL", "Book", "Case", "Run", "case", "compared", "reference"]
+__all__ = ["FINAL", "Book", "Case", "Run", "case", "compared", "in_order", "reference"]

@@ -15,7 +15,7 @@ from oracle_server.core.formula.parse import parse_formula
 from oracle_server.core.plan import plan
 from oracle_server.core.session import Session
 from oracle_server.core.simulated import ClockReading
-from oracle_server.core.spec import Ordering, Property, Spec, StreamSpec, orders
+from oracle_server.core.spec import GAP, Ordering, Property, Spec, StreamSpec, orders
 from oracle_server.core.verdicts import Judged, Outcome
 from oracle_server.engines.reelay import ReelayEngine
 
@@ -49,10 +49,12 @@ def open_session(
     streams: Sequence[StreamSpec] = STREAMS,
     maker: Maker = reelay,
     begun: int | None = None,
+    gap: int = GAP,
     **ordering: Any,
 ) -> Session:
     """A session with its monitors attached at time 0; whatever is said of the ordering goes over `max_delay` 50."""
-    spec = Spec("s", tuple(streams), tuple(properties), Ordering(**{"max_delay": MAX_DELAY, **ordering}))
+    in_order = Ordering(**{"max_delay": MAX_DELAY, **ordering})
+    spec = Spec("s", tuple(streams), tuple(properties), in_order, gap=gap)
     session = Session(plan(spec), [[maker(p) for p in properties] for _ in orders(spec)], begun=begun)
     for monitor, observed in attach.items():
         assert session.attach(monitor, observed, 0) == []

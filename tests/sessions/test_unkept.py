@@ -12,6 +12,7 @@ import pytest
 
 from oracle_server.core.revisions import Revision
 from oracle_server.core.verdicts import Judged
+from oracle_server.history.episodes import StoredEpisode
 from oracle_server.history.port import Done
 from oracle_server.history.records import SessionRecord, StoredStep, stored
 from oracle_server.history.sqlite.history import SqliteHistory
@@ -33,9 +34,12 @@ BAD = 13
 class Choosy(SqliteHistory):
     """A history that gets some steps with an integer that SQLite refuses."""
 
-    def append(self, session: int, steps: Sequence[StoredStep], done: Done, revisions: Sequence[Revision] = ()) -> None:
+    def append(
+        self, session: int, steps: Sequence[StoredStep], done: Done, revisions: Sequence[Revision] = (),
+        episodes: Sequence[StoredEpisode] = (),
+    ) -> None:  # fmt: skip
         spoiled = [_spoiled(s) if s.step.signals.get("speed") == BAD else s for s in steps]
-        super().append(session, spoiled, done, revisions)
+        super().append(session, spoiled, done, revisions, episodes)
 
 
 def _spoiled(stored: StoredStep) -> StoredStep:

@@ -10,6 +10,7 @@ import msgspec
 
 from oracle_server.core.events import REVISIONS, Event, Step
 from oracle_server.core.records import ExplanationRecord
+from oracle_server.core.revise.kept import Kept
 from oracle_server.core.revisions import MOST_CAUSES, Change, Revision, Standing
 from oracle_server.core.verdicts import Choice, Decision, Judged, Outcome, Verdict, explain
 
@@ -26,6 +27,16 @@ class Again(NamedTuple):
     stood: Judged
     stands: Judged | None
     would: Decision | None = None
+
+
+def differing(stood: Mapping[int, Kept], stands: Mapping[int, tuple[Judged, Decision | None]]) -> list[Again]:
+    """The rows that stand otherwise than they stood, by position: most do not. `stands` are those that stand still."""
+    return [
+        Again(position, row.preceding, row.judged, judged, would)
+        for position, row in sorted(stood.items())
+        for judged, would in [stands.get(position, (None, None))]
+        if judged is not row.judged or would is not None
+    ]
 
 
 class _Run(NamedTuple):

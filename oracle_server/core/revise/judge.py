@@ -15,7 +15,8 @@ from oracle_server.core.holding import Held
 from oracle_server.core.judge import Judge, Seen
 from oracle_server.core.plan import Plan, StreamPlan
 from oracle_server.core.recent import SIZE, Recent
-from oracle_server.core.revise.changes import Again, merged, revisions
+from oracle_server.core.revise.changes import differing, merged, revisions
+from oracle_server.core.revise.episodes import Rewritten
 from oracle_server.core.revise.finality import RevisableState, Stand
 from oracle_server.core.revise.kept import MOST, Keeping, Kept, Point, key_of
 from oracle_server.core.revise.queued import Asked, Late, Until
@@ -73,6 +74,7 @@ class RevisingJudge(Judge):
         self._added = 0
         """Rows that were added since others were forgotten."""
         self._told: Told | None = None
+        self._rewritten: Rewritten | None = None  # of the pass that goes on
         self.asked: Asked | None = None
         self.answer: Judged | None = None
         """The row that is `asked` of as it stands, with the explanation; None where it does not stand."""
@@ -181,19 +183,15 @@ class RevisingJudge(Judge):
 
     def _end(self, now: int) -> list[Judged]:
         """End the pass: what was judged in it, and the revisions of what stood before."""
-        again = [
-            Again(position, row.preceding, row.judged, stands, would)
-            for position, row in sorted(self._stood.items())
-            for stands, would in [self._stands.get(position, (None, None))]
-            if stands is not row.judged or would is not None  # as most are judged as they were
-        ]
+        again = differing(self._stood, self._stands)
         outputs, self._outputs = self._outputs, []
         if self._causes:
             names = [state.property.id for state in self.properties]
             made = revisions(again, names, [step.event for step in self._causes], now, self._numbers)
             self._count_changes(made)
             outputs += made
-        self._stood, self._stands, self._told = {}, {}, None
+        outputs = outputs if self._rewritten is None else self._rewritten.told(outputs, self.following)
+        self._stood, self._stands, self._told, self._rewritten = {}, {}, None, None
         self._old_ticks.clear()
         return outputs
 
@@ -343,7 +341,8 @@ class RevisingJudge(Judge):
                 engine.rewind(point.steps, point.present, point.before)
             state.put(stand)
         self.present, self._ticked, self._outdated = point.present, point.ticked, point.outdated
-        self.counters.steps, self._held = point.steps, dict(point.held)
+        self.counters.steps, self._held, self.following = point.steps, dict(point.held), point.following
+        self._rewritten = Rewritten(point.following, reversed(taken))
 
     def _keep(self, judged: Judged, key: int, level: int, *, undone: bool = False) -> None:
         """Keep a row that was judged for the first time."""
@@ -359,10 +358,13 @@ class RevisingJudge(Judge):
         keeping, last, present, steps = self.keeping, self.keeping.last, self.present, self.counters.steps
         before = last.present if steps > last.steps else last.before
         stands = self._stand() if self._changed else last.properties
-        point = Point(present, before, self._ticked, self._outdated, steps, self._held, stands)
+        point = Point(present, before, self._ticked, self._outdated, steps, self._held, stands, self.following)
         if present > self.newest:  # noqa: PLR1730 -- `max` takes longer than all else here
             self.newest = present
-        keeping.add(Kept(judged, key, level, position, preceding, point, undone, self._derived.noted()), self.newest)
+        row = Kept(judged, key, level, position, preceding, point, undone, self._derived.noted())
+        keeping.add(row, self.newest)
+        if self._rewritten is not None:
+            self._rewritten.stands(row)
         self._added += 1
         if self._added >= _FORGET_AFTER:
             self.forget()
@@ -378,7 +380,8 @@ class RevisingJudge(Judge):
 
     def _point(self, before: int = 0) -> Point:
         """How the judge stands where no row is kept; `before` is the time of the step before the last one (ns)."""
-        return Point(self.present, before, self._ticked, self._outdated, self.counters.steps, self._held, self._stand())
+        steps, stands = self.counters.steps, self._stand()
+        return Point(self.present, before, self._ticked, self._outdated, steps, self._held, stands, self.following)
 
     def _stand(self) -> tuple[Stand, ...]:
         """How its properties stand, which have not changed since."""

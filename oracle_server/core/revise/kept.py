@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 import msgspec
 
 from oracle_server.core.derived.journal import Undo
+from oracle_server.core.episode import Following
 from oracle_server.core.events import Step
 from oracle_server.core.holding import Held
 from oracle_server.core.kinds import TICK
@@ -33,6 +34,7 @@ class Point(msgspec.Struct, frozen=True, gc=False):
     steps: int
     held: Mapping[str, Held]
     properties: tuple[Stand, ...]
+    following: Following
 
 
 class Kept(msgspec.Struct, gc=False):

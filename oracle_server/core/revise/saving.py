@@ -12,6 +12,7 @@ from oracle_server.core.engine import Engine
 from oracle_server.core.events import Order, Step
 from oracle_server.core.kinds import TICK
 from oracle_server.core.plan import Plan
+from oracle_server.core.revise.episodes import rename, renamed, rewritten
 from oracle_server.core.revise.judge import RevisingJudge
 from oracle_server.core.revise.kept import Keeping, Kept, key_of
 from oracle_server.core.revise.queued import Until
@@ -153,7 +154,10 @@ class SavableJudge(RevisingJudge):
             event = msgspec.structs.replace(row.step.event, seq=self.counters.ticks, arrived=now)
             self._say(row, msgspec.structs.replace(row.step, event=event), position)
             self._position = position
-        return [row.judged for row in unsaid]
+        if not unsaid:
+            return []
+        known = rewritten(self.keeping.base.following, self.plan.spec.gap, list(self.keeping), unsaid)
+        return known.told([row.judged for row in unsaid], self.following)
 
     def _step_again(self, recorded: Judged, position: int) -> None:
         """A recorded step, in its place where it was put there."""
@@ -204,11 +208,14 @@ class SavableJudge(RevisingJudge):
         """Give a deadline the position and the numbers of its row."""
         begin = (position - 1) * len(self.properties) + 1
         verdicts = [msgspec.structs.replace(v, n=begin + i) for i, v in enumerate(row.judged.verdicts)]
-        renamed = {old.n: new.n for old, new in zip(row.judged.verdicts, verdicts, strict=True)}
+        names = {old.n: new.n for old, new in zip(row.judged.verdicts, verdicts, strict=True)}
         for state in self.properties:
-            state.first_violation = renamed.get(state.first_violation or 0, state.first_violation)
+            state.first_violation = names.get(state.first_violation or 0, state.first_violation)
+        self.following = renamed(self.following, names)
         row.judged = msgspec.structs.replace(row.judged, step=step, verdicts=tuple(verdicts))
         row.position, row.preceding = position, self._position
+        rename(itertools.takewhile(lambda kept: kept is not row, reversed(self.keeping.rows)), names)
+        rename([row], names)
 
     def _judge_deadline(self, time: int, now: int) -> Judged | None:
         if not self._restoring:

@@ -27,8 +27,8 @@ _CHUNK = 64
 """The most rows of one statement: its values are bound while no other thread can run."""
 _LONG = 2**17
 """Characters of signals and explanations beyond which it has fewer: SQLite copies them."""
-_OF_ONE = 64
-"""Steps of which something else stands that count as one row."""
+OF_ONE = 64
+"""Steps of which something else stands, or episodes, that count as one row."""
 _TEXTS = [STEP_COLUMNS.index("signals"), STEP_COLUMNS.index("explanations")]
 
 
@@ -161,6 +161,6 @@ def _length(rows: list[Row]) -> int:
 def restating(session: int, revisions: Sequence[Revision]) -> Then:
     """What keeps what stands since revisions: 10,000 steps take 0.1 s to tell, while which others are served."""
     standing = [stands for revision in revisions for stands in revision.standing.values()]
-    size = 1 + len(standing) // _OF_ONE + sum(bool(stands.explanations) for stands in standing)
+    size = 1 + len(standing) // OF_ONE + sum(bool(stands.explanations) for stands in standing)
     positions = {position for revision in revisions for position in revision.standing}
     return Then(RESTATE, lambda: (restate_text(session, restated(revisions)),), size, positions)

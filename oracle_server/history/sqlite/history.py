@@ -14,6 +14,7 @@ from typing import TypeVar
 from oracle_server.core.events import Order, StreamKey
 from oracle_server.core.revisions import Revision
 from oracle_server.core.verdicts import Outcome
+from oracle_server.history.episodes import EpisodeQuery, Page, StoredEpisode
 from oracle_server.history.letters import LETTERS
 from oracle_server.history.port import Done
 from oracle_server.history.query import Query
@@ -28,10 +29,10 @@ from oracle_server.history.records import (
     StoredStep,
 )
 from oracle_server.history.sqlite.asking import Asking
-from oracle_server.history.sqlite.batch import REFUSED, Work, restating
+from oracle_server.history.sqlite.batch import OF_ONE, REFUSED, Work, restating
 from oracle_server.history.sqlite.blocks import forgetting
 from oracle_server.history.sqlite.catching import catch_up
-from oracle_server.history.sqlite.extents import EXTENT, KEPT, LAST_TIME, SIZE
+from oracle_server.history.sqlite.episodes import END, FORGET, keeping, read
 from oracle_server.history.sqlite.reader import Reader
 from oracle_server.history.sqlite.rows import (
     Row,
@@ -48,6 +49,7 @@ from oracle_server.history.sqlite.rows import (
     text,
 )
 from oracle_server.history.sqlite.schema import MONITOR_COLUMNS, REFUSED_COLUMNS, SESSION_COLUMNS, STEP_COLUMNS
+from oracle_server.history.sqlite.statements import EXTENT, KEPT, LAST_TIME, OF_A_SESSION, SESSIONS, SIZE, STEPS, UPTO
 from oracle_server.history.sqlite.writer import Durability, Writer
 from oracle_server.history.timeline import Question
 
@@ -58,17 +60,9 @@ _SCAN = 20_000
 """Positions that are looked at in one turn for steps that match: some 20 ms."""
 _LOOKUPS = 4
 """Threads for what decisions and monitors wait for, one row each: those that read pages are taken by long queries."""
-_STEPS = f"SELECT {','.join(STEP_COLUMNS)} FROM steps"  # noqa: S608 -- no value is written into a statement
-_SESSIONS = f"SELECT {','.join(SESSION_COLUMNS)} FROM sessions"  # noqa: S608
-_UPTO = "session = ? AND position <= ? AND ord = ?"
 _LAST = 2**62
 """A position behind every step."""
 _FINAL = LETTERS[Outcome.TRUE], LETTERS[Outcome.FALSE]
-_OF_A_SESSION = (
-    ("steps", "session"), ("blocks", "session"), ("refused", "session"), ("monitors", "session"),
-    ("snapshots", "session"), ("sessions", "number"),
-)  # fmt: skip
-"""The tables that have rows of a session, and their columns with its number; itself at last."""
 
 
 class SqliteHistory:
@@ -146,6 +140,7 @@ class SqliteHistory:
 
     def close_session(self, session: int, at: int, state: Document, done: Done | None = None) -> None:
         """Keep that a session was closed."""
+        self._execute(session, END, lambda: (session,), needed=False, always=True)
         sql = "UPDATE sessions SET closed = ?, state = ? WHERE number = ?"
         self._execute(session, sql, lambda: (at, text(state), session), done, needed=False, always=True)
 
@@ -154,15 +149,23 @@ class SqliteHistory:
         sql = _insert("INSERT OR REPLACE INTO monitors", MONITOR_COLUMNS)
         self._execute(session, sql, lambda: monitor_row(session, monitor), done)
 
-    def append(self, session: int, steps: Sequence[StoredStep], done: Done, revisions: Sequence[Revision] = ()) -> None:
-        """Keep steps that were judged, and what stands of earlier ones."""
+    def append(
+        self, session: int, steps: Sequence[StoredStep], done: Done, revisions: Sequence[Revision] = (),
+        episodes: Sequence[StoredEpisode] = (),
+    ) -> None:  # fmt: skip
+        """Keep steps that were judged, what stands of earlier ones, and episodes."""
         try:
             rows = [step_row(session, step) for step in steps]
+            kept = keeping(session, episodes) if episodes else ()
             then = restating(session, revisions) if revisions else None
         except REFUSED as error:
             self._writer.add(Work(session, error, ()))
         else:
-            self._writer.append(session, "steps", rows, done, then)
+            if rows or not kept:
+                self._writer.append(session, "steps", rows, done, then)
+            for i, (sql, values) in enumerate(kept, 1):  # in the same commit, as nothing is awaited
+                last = done if not rows and i == len(kept) else None
+                self._writer.add(Work(session, sql, values, last), 1 + len(episodes) // OF_ONE)
 
     def stop(self, session: int, reason: str) -> None:
         """Keep nothing of a session from here on."""
@@ -184,13 +187,14 @@ class SqliteHistory:
 
     async def forget_steps(self, session: int, before: int) -> None:
         """Delete a session's steps before a position."""
+        self._execute(session, FORGET, lambda: (session, before), needed=False, always=True)
         for sql, values in forgetting(session, before):
             self._writer.add(Work(session, sql, values, always=True))
         await self._do(session, "DELETE FROM steps WHERE session = ? AND position < ?", (session, before))
 
     async def forget_session(self, session: int) -> None:
         """Delete all that is left of a session."""
-        for table, key in _OF_A_SESSION:
+        for table, key in OF_A_SESSION:
             await self._do(session, f"DELETE FROM {table} WHERE {key} = ?", (session,))  # noqa: S608
 
     async def _do(self, session: int, sql: str, values: tuple[int, ...]) -> None:
@@ -229,12 +233,12 @@ class SqliteHistory:
 
     async def open_sessions(self) -> list[SessionRecord]:
         """The sessions that are not closed."""
-        return await self._reader.all(session_of, f"{_SESSIONS} WHERE closed IS NULL ORDER BY number")
+        return await self._reader.all(session_of, f"{SESSIONS} WHERE closed IS NULL ORDER BY number")
 
     async def session(self, name: str | int) -> SessionRecord | None:
         """A session by its id or number."""
         key = "id" if isinstance(name, str) else "number"
-        return await self._lookups.one(session_of, f"{_SESSIONS} WHERE {key} = ?", (name,))
+        return await self._lookups.one(session_of, f"{SESSIONS} WHERE {key} = ?", (name,))
 
     async def names(self, beginning: str) -> list[str]:
         """The ids of sessions that begin with a text."""
@@ -282,16 +286,16 @@ class SqliteHistory:
 
     async def step(self, session: int, position: int) -> StoredStep | None:
         """The step at a position."""
-        return await self._reader.one(step_of, f"{_STEPS} WHERE session = ? AND position = ?", (session, position))
+        return await self._reader.one(step_of, f"{STEPS} WHERE session = ? AND position = ?", (session, position))
 
     async def asked_step(self, session: int, monitor: str, seq: int) -> StoredStep | None:
         """The step of an event at which it was decided."""
         where = "WHERE session = ? AND monitor = ? AND seq = ? AND decision IS NOT NULL"
-        return await self._lookups.one(step_of, f"{_STEPS} {where}", (session, monitor, seq))
+        return await self._lookups.one(step_of, f"{STEPS} {where}", (session, monitor, seq))
 
     async def steps(self, session: int, after: int, upto: int | None = None) -> AsyncGenerator[list[StoredStep], None]:
         """The steps behind a position, up to another, by pages."""
-        sql = f"{_STEPS} WHERE session = ? AND position > ? AND position <= ? ORDER BY position LIMIT {_PAGE}"
+        sql = f"{STEPS} WHERE session = ? AND position > ? AND position <= ? ORDER BY position LIMIT {_PAGE}"
         last = _LAST if upto is None else upto
         while page := await self._reader.all(step_of, sql, (session, after, last)):
             yield page
@@ -315,7 +319,7 @@ class SqliteHistory:
     ) -> int | None:
         """Give `take` steps that may hold a record that a query asks for."""
 
-        def read(reader: sqlite3.Connection) -> int | None:
+        def look(reader: sqlite3.Connection) -> int | None:
             first, last = reader.execute(EXTENT, (session,)).fetchone()
             ahead = _LAST if query.violations else _SCAN  # violations have an index
             if query.ascending:
@@ -325,7 +329,7 @@ class SqliteHistory:
                 upper = min(position, last)
                 lower = max(upper - ahead, first)
             where, values = conditions(session, query, lower, upper)
-            found = reader.execute(f"{_STEPS} WHERE {where} ORDER BY position {query.order.upper()}", values)
+            found = reader.execute(f"{STEPS} WHERE {where} ORDER BY position {query.order.upper()}", values)
             at = upper if query.ascending else lower
             for count, step in enumerate(map(step_of, found), 1):
                 if not take(step) or count == _PAGE:
@@ -334,7 +338,11 @@ class SqliteHistory:
             at += 1 if query.ascending else -1
             return at if first <= at <= last else None
 
-        return await self._reader.run(read)
+        return await self._reader.run(look)
+
+    async def episodes(self, query: EpisodeQuery) -> Page:
+        """A page of the episodes that a query asks for."""
+        return await self._reader.run(lambda reader: read(reader, query))
 
     async def timeline(self, session: SessionRecord, question: Question) -> bytes:
         """What a session tells by time, as JSON."""
@@ -342,7 +350,7 @@ class SqliteHistory:
 
     async def first_final(self, session: int, order: Order, index: int, upto: int) -> int | None:
         """The position of the first step at which a property is final."""
-        sql = f"SELECT min(position) FROM steps WHERE {_UPTO} AND substr(outcomes, ?, 1) IN (?, ?)"  # noqa: S608
+        sql = f"SELECT min(position) FROM steps WHERE {UPTO} AND substr(outcomes, ?, 1) IN (?, ?)"  # noqa: S608
         (position,) = await self._reader.row(sql, (session, upto, order, index + 1, *_FINAL))
         return None if position is None else int(position)
 
@@ -353,7 +361,7 @@ class SqliteHistory:
             if undoing
             else "0"
         )
-        sql = f"SELECT max(position) FROM steps WHERE {_UPTO} AND number > 0 AND NOT ({undone})"  # noqa: S608
+        sql = f"SELECT max(position) FROM steps WHERE {UPTO} AND number > 0 AND NOT ({undone})"  # noqa: S608
         (position,) = await self._reader.row(sql, (session, upto, order, *chain.from_iterable(undoing)))
         return None if position is None else int(position)
 

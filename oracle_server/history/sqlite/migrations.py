@@ -5,6 +5,7 @@ from __future__ import annotations
 import sqlite3
 
 from oracle_server.core.errors import HistoryError
+from oracle_server.history.sqlite.remaking import remake
 from oracle_server.history.sqlite.schema import DDL, VERSION
 
 _STEPS = {
@@ -37,8 +38,11 @@ _STEPS = {
     "AND NOT EXISTS (SELECT 1 FROM steps WHERE session = sessions.number AND ord = 'publication'));"
     "ALTER TABLE sessions ADD COLUMN kind TEXT NOT NULL DEFAULT 'robot';"
     "ALTER TABLE monitors ADD COLUMN left_at INTEGER;",
+    9: "",  # the table of episodes is new, and is filled by `remake`
 }
 """By the version that they start from: statements that lead to the next one."""
+_EPISODES = 10
+"""The first format with episodes."""
 
 
 class FormatError(HistoryError):
@@ -53,7 +57,10 @@ def migrate(database: sqlite3.Connection) -> int:
         raise FormatError(f"the history has format {version}, and this version of the server reads up to {VERSION}")
     steps = "".join(_STEPS[v] for v in range(version, VERSION)) if version else ""
     try:
-        database.executescript(f"BEGIN IMMEDIATE; {steps} {DDL} PRAGMA user_version = {VERSION}; COMMIT;")
+        database.executescript(f"BEGIN IMMEDIATE; {steps} {DDL} PRAGMA user_version = {VERSION};")
+        if 0 < version < _EPISODES:
+            remake(database)
+        database.execute("COMMIT")
     except sqlite3.Error:
         if database.in_transaction:
             database.execute("ROLLBACK")

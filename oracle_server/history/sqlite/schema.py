@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-VERSION = 9
+VERSION = 10
 
 DDL = """
 CREATE TABLE IF NOT EXISTS sessions (
@@ -75,6 +75,24 @@ CREATE TABLE IF NOT EXISTS blocks (
     data TEXT NOT NULL,          -- JSON: what is counted, and sketches of signals
     PRIMARY KEY (session, level, block)
 ) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS episodes (
+    session INTEGER NOT NULL,
+    property TEXT NOT NULL,      -- its id
+    first INTEGER NOT NULL,      -- the number of the verdict that violates first
+    ord TEXT NOT NULL,
+    began INTEGER NOT NULL,      -- ns
+    last INTEGER NOT NULL,       -- the number of the verdict that violates last; as of the last change while it is open
+    until INTEGER NOT NULL,      -- ns: its time, likewise
+    open INTEGER NOT NULL,
+    final INTEGER NOT NULL,
+    count INTEGER NOT NULL,      -- violations
+    worst TEXT,                  -- JSON: the least robustness, or the value furthest from its bound
+    explanation TEXT,            -- the text of that of the first violation
+    PRIMARY KEY (session, property, first)
+) WITHOUT ROWID;
+CREATE INDEX IF NOT EXISTS episodes_by_time ON episodes (began, session, property, first);
+CREATE INDEX IF NOT EXISTS episodes_of ON episodes (session, property, began, open, final);
+CREATE INDEX IF NOT EXISTS episodes_open ON episodes (began, session, property, first) WHERE open;
 CREATE TABLE IF NOT EXISTS monitors (
     session INTEGER NOT NULL,
     name TEXT NOT NULL,

@@ -1,7 +1,12 @@
-"""Queries for how much the database has: of a session, of all, and in bytes."""
+"""Statements that read the history, and the tables that a session has rows in."""
 
 from __future__ import annotations
 
+from oracle_server.history.sqlite.schema import SESSION_COLUMNS, STEP_COLUMNS
+
+STEPS = f"SELECT {','.join(STEP_COLUMNS)} FROM steps"  # noqa: S608 -- no value is written into a statement
+SESSIONS = f"SELECT {','.join(SESSION_COLUMNS)} FROM sessions"  # noqa: S608
+UPTO = "session = ? AND position <= ? AND ord = ?"
 EXTENT = (  # each end by itself: one query for both would read all that is between
     "SELECT coalesce((SELECT min(position) FROM steps WHERE session = ?1), 1), "
     "coalesce((SELECT max(position) FROM steps WHERE session = ?1), 0)"
@@ -15,6 +20,11 @@ KEPT = (
     "SELECT s.number, s.spec, s.closed, coalesce(saved.settled, 0) "
     "FROM sessions s LEFT JOIN snapshots saved ON saved.session = s.number ORDER BY s.number"
 )
+OF_A_SESSION = (
+    ("steps", "session"), ("blocks", "session"), ("episodes", "session"), ("refused", "session"),
+    ("monitors", "session"), ("snapshots", "session"), ("sessions", "number"),
+)  # fmt: skip
+"""The tables that have rows of a session, and their columns with its number; itself at last."""
 SIZE = (
     "SELECT (p.page_count - f.freelist_count) * s.page_size FROM pragma_page_count p, pragma_freelist_count f, "
     "pragma_page_size s"

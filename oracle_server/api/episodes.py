@@ -1,0 +1,93 @@
+"""Episodes over HTTP: those of one session, and those of all that the sender's token covers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Depends, HTTPException, Query, Request, Response
+from pydantic import BaseModel, Field
+
+from oracle_server.api.known import demand_session
+from oracle_server.api.leaving import unless_left
+from oracle_server.api.questions import Properties
+from oracle_server.core.events import Order
+from oracle_server.edge.access import grant_of
+from oracle_server.edge.scopes import needs
+from oracle_server.history.episodes import Cursor, EpisodeQuery
+from oracle_server.history.port import History
+from oracle_server.sessions.registry import Registry
+from oracle_server.wire.json import encode_bytes
+
+Time = Annotated[int | None, Query(ge=0, lt=2**63)]
+
+
+class EpisodeModel(BaseModel):
+    """Violations of a property that follow each other closely; times in nanoseconds."""
+
+    session: str
+    spec: str
+    property: str
+    order: Order
+    first: int = Field(description="The n of the verdict that violates first")
+    began: int = Field(description="Its time")
+    last: int | None = Field(description="The n of the verdict that violates last; null while it is open")
+    until: int | None = Field(description="Its time; null while it is open")
+    open: bool = Field(description="Whether the property was not known to hold since")
+    final: bool = Field(description="Whether it is violated for good")
+    count: int = Field(description="How many violations it is")
+    worst: dict[str, Any] | None = Field(
+        description="The least `robustness`, or the `value` of a `signal` furthest from its `bound`"
+    )
+    explanation: str | None = Field(description="Why the first verdict is negative")
+
+
+class EpisodePage(BaseModel):
+    """A page of episodes."""
+
+    items: list[EpisodeModel]
+    next: str | None = Field(description="The `after` of the following page; null where there are no more")
+
+
+def wanted(
+    property: Properties,  # noqa: A002 -- the contract's word
+    since: Annotated[Time, Query(description="Those that were not over before this time in ns")] = None,
+    until: Annotated[Time, Query(description="Those that had begun by this time in ns")] = None,
+    open: Annotated[bool | None, Query(description="Only those that are open, or that are not")] = None,  # noqa: A002
+    after: Annotated[str | None, Query(max_length=160, description="The `next` of the page before")] = None,
+    limit: Annotated[int, Query(ge=1, le=1000, description="Episodes in one answer")] = 100,
+    order: Annotated[Literal["asc", "desc"], Query(description="The oldest or the newest first, by `began`")] = "asc",
+) -> EpisodeQuery:
+    """The question for one page of episodes."""
+    cursor = None if after is None else Cursor.parse(after)
+    if after is not None and cursor is None:
+        raise HTTPException(422, "after: not the `next` of a page of episodes")
+    return EpisodeQuery(None, frozenset(property), since, until, open, cursor, limit, order)
+
+
+def router(registry: Registry, history: History) -> APIRouter:
+    """The routes of episodes."""
+    routes = APIRouter(prefix="/api/v1", tags=["verdicts"])
+
+    async def page(request: Request, query: EpisodeQuery) -> Response:
+        items, after = await unless_left(request, history.episodes(query))
+        document = {"items": items, "next": None if after is None else after.written()}
+        return Response(encode_bytes(document), media_type="application/json")
+
+    @routes.get("/episodes", response_model=EpisodePage)
+    @needs("read")
+    async def list_all_episodes(request: Request, query: Annotated[EpisodeQuery, Depends(wanted)]) -> Response:
+        """List the episodes of all sessions that the token covers, open and closed ones."""
+        grant = grant_of(request)
+        return await page(request, replace(query, specs=grant.specs, sessions=grant.sessions))
+
+    @routes.get("/sessions/{session_id}/episodes", response_model=EpisodePage)
+    @needs("read")
+    async def list_episodes(
+        request: Request, session_id: str, query: Annotated[EpisodeQuery, Depends(wanted)]
+    ) -> Response:
+        """List the episodes of a session."""
+        known = await demand_session(request, registry, session_id)
+        return await page(request, replace(query, session=known.number))
+
+    return routes

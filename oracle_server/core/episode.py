@@ -1,0 +1,106 @@
+"""An episode as a value: violations of one property that follow each other closely; and how all of them stand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Literal
+
+import msgspec
+
+from oracle_server.core.records import Number
+
+
+class Worst(msgspec.Struct, frozen=True, gc=False, omit_defaults=True):
+    """The worst of an episode: its least `robustness`, or the `value` furthest from its bound.
+
+    `signal` is what was compared by `op` with a `bound`, which is the value of the signal `than`, where there is one.
+    """
+
+    robustness: Number = None
+    signal: str | None = None
+    op: str | None = None
+    bound: float | None = None
+    value: float | None = None
+    than: str | None = None
+
+    def graver(self, other: Worst | None) -> bool:
+        """Whether it is to be kept instead of another, which it can be compared with."""
+        if other is None:
+            return True
+        if self.robustness is not None:
+            return other.robustness is None or float(self.robustness) < float(other.robustness)
+        return self.compared == other.compared and self.distance > other.distance
+
+    @property
+    def compared(self) -> tuple[object, ...]:
+        """What was compared: only what is equal in this is more or less bad."""
+        return self.signal, self.op, self.than, self.bound if self.than is None else None
+
+    @property
+    def distance(self) -> float:
+        """How far the value is from its bound."""
+        return abs((self.value or 0) - (self.bound or 0))
+
+
+class Episode(msgspec.Struct, frozen=True, gc=False):
+    """One episode of a property; times in nanoseconds.
+
+    `first` and `last` are the numbers of the verdicts that violate first and last, `began` and `until` their times.
+    `open`: it was not known to hold since; `final`: it never will. `count`: its violations, as a property counts them.
+    """
+
+    first: int
+    began: int
+    last: int
+    until: int
+    open: bool
+    final: bool
+    count: int
+    worst: Worst | None = None
+
+
+class Following(msgspec.Struct, frozen=True, gc=False):
+    """How episodes stand after a row, at its `time` (ns): an entry a property, None where there is none that may go on.
+
+    There are no entries where there is none at all.
+    """
+
+    time: int = 0
+    episodes: tuple[Episode | None, ...] = ()
+
+    @property
+    def open(self) -> Iterator[tuple[int, Episode]]:
+        """Those that are open, by the indexes of their properties."""
+        return ((i, each) for i, each in enumerate(self.episodes) if each is not None and each.open)
+
+
+class EpisodeChange(msgspec.Struct, frozen=True, gc=False):
+    """What a row does with an episode of a property, by its `index`.
+
+    It `begins` it, `joins` it, where that goes on or counts one more, or `stops` it: the property holds; it may still
+    go on. It `ends` where it can't any more, `goes` where what stands otherwise leaves nothing of it, and is `restated`
+    where it is otherwise. `text` is the explanation of the violation that begins it, None where the row has that.
+    """
+
+    index: int
+    kind: Literal["begins", "joins", "stops", "ends", "goes", "restated"]
+    episode: Episode
+    text: str | None = None
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether anything is to be kept of it."""
+        return self.kind != "ends"
+
+
+Changes = tuple[EpisodeChange, ...]
+
+
+def saved(following: Following) -> Any:
+    """A `Following` as plain data."""
+    return msgspec.to_builtins(following)
+
+
+def loaded(data: Any) -> Following:
+    """The same, back."""
+    return msgspec.convert(data, Following) if data is not None else Following()

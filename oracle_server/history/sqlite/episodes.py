@@ -1,0 +1,104 @@
+"""Episodes in SQLite: kept with one statement, which takes them as one text, and read by pages."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Sequence
+from typing import Any
+
+import msgspec
+
+from oracle_server.core.episode import Episode
+from oracle_server.history.episodes import Cursor, EpisodeQuery, Page, StoredEpisode, told, worst_of
+
+KEEP = """
+INSERT INTO episodes (session, property, first, ord, began, last, until, open, final, count, worst, explanation)
+SELECT json_extract(value, '$[0]'), json_extract(value, '$[1]'), json_extract(value, '$[2]'),
+    json_extract(value, '$[3]'), json_extract(value, '$[4]'), json_extract(value, '$[5]'),
+    json_extract(value, '$[6]'), json_extract(value, '$[7]'), json_extract(value, '$[8]'),
+    json_extract(value, '$[9]'), json_extract(value, '$[10]'), json_extract(value, '$[11]')
+FROM json_each(?) WHERE true
+ON CONFLICT (session, property, first) DO UPDATE SET
+    began = excluded.began, last = excluded.last, until = excluded.until, open = excluded.open,
+    final = excluded.final, count = excluded.count, worst = excluded.worst,
+    explanation = coalesce(explanation, excluded.explanation)
+"""
+"""Keep episodes, given as one text: the writer needs the interpreter once a statement."""
+FORGET_GONE = """
+DELETE FROM episodes WHERE (session, property, first) IN
+    (SELECT json_extract(value, '$[0]'), json_extract(value, '$[1]'), json_extract(value, '$[2]') FROM json_each(?))
+"""
+"""Forget episodes of which nothing stands any more, given as one text."""
+END = "UPDATE episodes SET open = 0 WHERE session = ? AND open"
+"""Have none of a session open: it is closed."""
+FORGET = """
+DELETE FROM episodes WHERE session = ?1 AND NOT open AND last <=
+    (?2 - 1) * (SELECT json_array_length(properties) FROM sessions WHERE number = ?1)
+"""
+"""Forget those that have ended before a position of a session."""
+_COLUMNS = (
+    "e.session, s.id, s.spec, e.property, e.ord, e.first, e.began, e.last, e.until, e.open, e.final, e.count, e.worst, "
+    "e.explanation"
+)
+_encode = msgspec.json.Encoder().encode
+
+
+def keeping(session: int, episodes: Sequence[StoredEpisode]) -> list[tuple[str, tuple[str]]]:
+    """The statements that keep episodes, and forget those that are gone, with their values."""
+    gone = [(session, e.property, e.episode.first) for e in episodes if e.gone]
+    kept = [_row(session, e) for e in episodes if not e.gone]
+    statements = [(FORGET_GONE, (_encode(gone).decode(),))] if gone else []
+    return statements + ([(KEEP, (_encode(kept).decode(),))] if kept else [])
+
+
+def _row(session: int, stored: StoredEpisode) -> tuple[Any, ...]:
+    e = stored.episode
+    worst = None if e.worst is None else _encode(e.worst).decode()
+    return (
+        session, stored.property, e.first, stored.order, e.began, e.last, e.until, int(e.open), int(e.final), e.count,
+        worst, stored.text,
+    )  # fmt: skip
+
+
+def read(reader: sqlite3.Connection, query: EpisodeQuery) -> Page:
+    """A page of the episodes that a query asks for."""
+    where, values = _conditions(query)
+    direction = query.order.upper()
+    by = ", ".join(f"e.{name} {direction}" for name in ("began", "session", "property", "first"))
+    sql = (
+        f"SELECT {_COLUMNS} FROM episodes e JOIN sessions s ON s.number = e.session "  # noqa: S608 -- no value is in it
+        f"WHERE {where} ORDER BY {by} LIMIT ?"
+    )
+    rows = reader.execute(sql, [*values, query.limit + 1]).fetchall()
+    page = rows[: query.limit]
+    records = [told(row[1], row[2], _stored(row)) for row in page]
+    if len(rows) <= query.limit:
+        return records, None
+    number, _, _, prop, _, first, began, *_ = page[-1]
+    return records, Cursor(began, number, prop, first)
+
+
+def _stored(row: tuple[Any, ...]) -> StoredEpisode:
+    _, _, _, prop, order, first, began, last, until, is_open, final, count, worst, text = row
+    episode = Episode(first, began, last, until, bool(is_open), bool(final), count, worst_of(worst))
+    return StoredEpisode(prop, order, episode, text)
+
+
+def _conditions(query: EpisodeQuery) -> tuple[str, list[Any]]:
+    wanted: list[tuple[str, Sequence[Any]]] = []
+    if query.session is not None:
+        wanted.append(("e.session = ?", (query.session,)))
+    for column, names in (("e.property", query.properties), ("s.spec", query.specs), ("s.id", query.sessions)):
+        if names or (names is not None and column != "e.property"):
+            wanted.append((f"{column} IN ({','.join('?' * len(names))})", sorted(names)))
+    if query.since is not None:
+        wanted.append(("(e.open OR e.until >= ?)", (query.since,)))
+    if query.until is not None:
+        wanted.append(("e.began <= ?", (query.until,)))
+    if query.open is not None:
+        wanted.append(("e.open" if query.open else "NOT e.open", ()))
+    if query.after is not None:
+        sign = ">" if query.order == "asc" else "<"
+        wanted.append((f"(e.began, e.session, e.property, e.first) {sign} (?, ?, ?, ?)", query.after))
+    where = " AND ".join(condition for condition, _ in wanted) or "true"
+    return where, [value for _, values in wanted for value in values]

@@ -1,0 +1,78 @@
+"""The episodes of a history of an older format, made of its rows once, where these are not too many."""
+
+from __future__ import annotations
+
+import sqlite3
+
+import msgspec
+
+from oracle_server.core.episode import Following
+from oracle_server.core.following import Said, follow_said
+from oracle_server.core.kinds import TICK
+from oracle_server.core.spec import GAP
+from oracle_server.core.verdicts import Outcome
+from oracle_server.history.episodes import StoredEpisode
+from oracle_server.history.sqlite.episodes import END, keeping
+from oracle_server.history.sqlite.standing import outcomes_of, whys_of
+
+MOST = 2_000_000
+"""Rows that are looked at, those of the newest sessions: some 4 s."""
+_NOTHING = Following()
+_ROWS = """
+SELECT position, ord, kind, number, decision, stamp, iif(ord = 'arrival' OR skewed, arrived, stamp),
+    coalesce(standing, outcomes), iif(standing IS NULL, explanations, standing_explanations)
+FROM steps WHERE session = ? AND revision IS NULL ORDER BY position
+"""
+
+
+def remake(database: sqlite3.Connection, most: int = MOST) -> None:
+    """Keep the episodes of the newest sessions, within the transaction that is open; the others have none.
+
+    Their rows are taken in the sequence in which they were judged, by their stamps.
+    """
+    sessions = database.execute("SELECT number, properties, closed FROM sessions ORDER BY number DESC").fetchall()
+    for number, properties, closed in sessions:
+        (count,) = database.execute("SELECT count(*) FROM steps WHERE session = ?", (number,)).fetchone()
+        most -= count
+        if most < 0:
+            return
+        for sql, values in keeping(number, _of(database, number, msgspec.json.decode(properties))):
+            database.execute(sql, values)
+        if closed is not None:
+            database.execute(END, (number,))
+
+
+def _of(database: sqlite3.Connection, session: int, properties: list[str]) -> list[StoredEpisode]:
+    known: dict[str, Following] = {}
+    found: dict[tuple[str, int], StoredEpisode] = {}
+    for position, order, kind, number, decision, stamp, time, outcomes, explanations in database.execute(
+        _ROWS, (session,)
+    ):
+        before = known.get(order, _NOTHING)
+        if not before.episodes and not ("f" in outcomes or "F" in outcomes):
+            continue  # its time matters only to what is open, or begins
+        whys = whys_of(explanations)
+        said = [
+            Said(
+                outcome or Outcome.UNKNOWN, max(1, whys[i].get("about_count", 1)) if i in whys else 0, None, whys.get(i)
+            )
+            for i, outcome in enumerate(outcomes_of(outcomes))
+        ]
+        instant = kind != TICK and number == 0 and decision == "deny"
+        first = (position - 1) * len(properties) + 1
+        entries = before.episodes or (None,) * len(properties)
+        known[order], changes = follow_said(
+            Following(before.time, entries),
+            GAP,
+            stamp if kind == TICK else time,
+            first,
+            enumerate(said),
+            instant=instant,
+        )
+        for change in changes:
+            name, key = properties[change.index], (properties[change.index], change.episode.first)
+            text = whys[change.index]["text"] if change.kind == "begins" and change.index in whys else None
+            if change.is_kept:
+                text = found[key].text if key in found else text
+                found[key] = StoredEpisode(name, order, change.episode, text)
+    return [*found.values()]
