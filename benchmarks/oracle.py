@@ -18,23 +18,18 @@ import argparse
 import asyncio
 import json
 import math
-import os
-import socket
 import sqlite3
-import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
-import uvicorn
-from fastapi import FastAPI, WebSocket, WebSocketDisconnect
+from apart import Server, apart, echo, oracle
 from lines import Line, table
 from websockets.asyncio.client import ClientConnection, connect
 
@@ -50,7 +45,6 @@ from oracle_server.specfiles.load import parse_spec
 
 ROOT = Path(__file__).resolve().parents[1]
 PATIENCE = 60.0
-_SETTINGS = {"ORACLE_LOG": "json", "ORACLE_MAX_RATE": "0"}
 COMMIT = 256
 """Events to a commit of the bare loop."""
 
@@ -116,11 +110,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Measure the oracle server beside bare baselines.")
     parser.add_argument("--json", action="store_true", help="print one JSON document")
     parser.add_argument("--quick", action="store_true", help="measure little: to see that it runs")
-    parser.add_argument("--echo", action="store_true", help=argparse.SUPPRESS)
     args = parser.parse_args()
-    if args.echo:
-        serve_echo()
-        return
     with tempfile.TemporaryDirectory() as folder:
         lines = asyncio.run(measure(Path(folder), quick=args.quick))
     if args.json:
@@ -303,91 +293,6 @@ async def attach(peer: ClientConnection, spec: str, session: str) -> None:
     await peer.send(_encode(wanted))
     answer = msgspec.json.decode(await peer.recv())
     assert answer["type"] == "attached", answer
-
-
-@dataclass(frozen=True)
-class Server:
-    """A server in a process of its own."""
-
-    url: str
-    pid: int
-
-    @property
-    def cpu(self) -> float:
-        """The CPU seconds that it has spent; 0 where there is no /proc."""
-        stat = Path(f"/proc/{self.pid}/stat")
-        if not stat.exists():
-            return 0.0
-        fields = stat.read_text().rpartition(")")[2].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
-@contextmanager
-def oracle(specs: Path, data: Path) -> Iterator[Server]:
-    """A server with some specs."""
-    command = [sys.executable, "-c", "from oracle_server.cli.commands import main; main()", "serve", "--port", "0"]
-    environment = {k: v for k, v in os.environ.items() if not k.startswith("ORACLE_")} | _SETTINGS
-    arguments = ["--specs", str(specs), "--data-dir", str(data)]
-    with running([*command, *arguments], environment) as process:
-        assert process.stderr is not None
-        line = json.loads(process.stderr.readline())
-        yield Server(line["url"].replace("http", "ws") + "/api/v1/attach", process.pid)
-
-
-@contextmanager
-def echo() -> Iterator[Server]:
-    """An echo in a process of its own."""
-    with running([sys.executable, __file__, "--echo"], dict(os.environ)) as process:
-        assert process.stderr is not None
-        yield Server(f"ws://127.0.0.1:{int(process.stderr.readline())}/", process.pid)
-
-
-@contextmanager
-def apart(*servers: int) -> Iterator[None]:
-    """Keep this process on one core and others off it, where there are two cores and a system that lets one choose."""
-    cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
-    if len(cores) < 2:
-        yield
-        return
-    threads = [int(thread.name) for pid in servers for thread in Path(f"/proc/{pid}/task").iterdir()]
-    for thread, its in [(0, cores[:1]), *((thread, cores[1:]) for thread in threads)]:
-        os.sched_setaffinity(thread, its)
-    try:
-        yield
-    finally:
-        for thread in (0, *threads):
-            os.sched_setaffinity(thread, cores)
-
-
-@contextmanager
-def running(command: list[str], environment: dict[str, str]) -> Iterator[subprocess.Popen[str]]:
-    with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) as process:
-        try:
-            yield process
-        finally:
-            process.kill()
-
-
-def serve_echo() -> None:
-    """Send back what comes, over the stack that the server uses."""
-    app = FastAPI()
-
-    @app.websocket("/")
-    async def back(peer: WebSocket) -> None:
-        await peer.accept()
-        try:
-            while True:
-                await peer.send_text(await peer.receive_text())
-        except WebSocketDisconnect:
-            pass
-
-    listener = socket.create_server(("127.0.0.1", 0))
-    listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    print(listener.getsockname()[1], file=sys.stderr, flush=True)
-    config = uvicorn.Config(
-        app, ws="websockets-sansio", ws_per_message_deflate=False, lifespan="off", log_config=None, access_log=False
-    )
-    asyncio.run(uvicorn.Server(config).serve(sockets=[listener]))
 
 
 def percentile(values: list[int], share: float) -> int:

@@ -112,10 +112,7 @@ class PropertyState:
         latest: int = 0,
         allowed: int = MAX_WORK,
     ) -> Outcome:
-        """The outcome at the next step, which may cost what is `allowed`.
-
-        `latest` is the time (ns) that must have come by then, whatever its stamp.
-        """
+        """The outcome at the next step, which may cost what is `allowed`; `latest` (ns) is past, whatever its stamp."""
         self.work = self.idle_work = 0
         self.unanswered = ()
         if self.outcome in FINAL:

@@ -34,6 +34,11 @@ class Answer:
         return None if self.event is None else self.event.seq
 
 
+def denied(reason: str, event: Optional[Queued] = None) -> Answer:
+    """What the oracle is there for and can't judge is `unknown`, and denied: that is no outage."""
+    return Answer("decision", "deny", reason=reason, event=event)
+
+
 def should_pass(answer: Answer, on_unavailable: Policy) -> Tuple[bool, Why]:
     """Return whether to forward the event and why: by the decision, else by the stream's policy."""
     if on_unavailable not in ("deny", "pass"):

@@ -22,7 +22,7 @@ from typing import (
     Union,
 )
 
-from oracle_adapter.decision import Answer
+from oracle_adapter.decision import Answer, denied
 from oracle_adapter.errors import ENDING, LinkError
 from oracle_adapter.jsonvalues import dumps
 from oracle_adapter.losses import Losses, too_large
@@ -147,7 +147,7 @@ class Protocol:
             return event
         self._stats.unavailable += 1
         if not self._closed_reason and self._outbox.is_too_large(body):
-            return _denied(too_large(body))
+            return denied(too_large(body))
         return Answer("unavailable", reason=self._closed_reason or "the queue is full")
 
     def expire(self, event: Queued) -> None:
@@ -367,7 +367,7 @@ class Protocol:
             event = self._outbox.asked.get(seq)
             if event is not None:
                 self._stats.unavailable += 1
-                self._answer(event, _denied(str(error), event))
+                self._answer(event, denied(str(error), event))
 
     def _start_over(self, session: Optional[str], reason: str) -> None:
         """Attach to another session next, one without a name where none is given."""
@@ -392,11 +392,6 @@ class Protocol:
         self._outbox.answered(event)
         self._open.discard(event)
         self._notices.append(Answered(event, answer))
-
-
-def _denied(reason: str, event: Optional[Queued] = None) -> Answer:
-    """What the oracle is there for and can't judge is `unknown`, and denied: that is no outage."""
-    return Answer("decision", "deny", reason=reason, event=event)
 
 
 def _without_type(frame: Mapping[str, Any]) -> Mapping[str, Any]:
