@@ -1,6 +1,6 @@
 """What the oracle costs on ROS 1: topics, services and an action, beside the direct ones and a bare chain.
 
-    source .build/ros1/setup.sh && python benchmarks/ros1.py [--rounds 2] [--seconds 2] [--json]
+    source .build/ros1/setup.sh && python benchmarks/ros1.py [--rounds 2] [--seconds 2] [--no-topics] [--json]
 
 The bare chain has the same hops and no logic: rospy in, a WebSocket echo in another process, rospy out; its link has a
 thread of its own, as the adapter's has. Everything runs in processes of its own, on this machine, one path after the
@@ -18,8 +18,8 @@ import actionlib
 import rospy
 from actionlib.msg import TestAction, TestActionFeedback, TestActionGoal, TestActionResult, TestFeedback, TestGoal
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
-from chains.parts import CALLS, DEPTH, PATIENCE, BareLink, echo, hear_times, say, send_times, time_calls
-from chains.run import FEW, Ros, free_port, main
+from chains.parts import DEPTH, GOALS, PATIENCE, BareLink, echo, hear_times, say, send_times, time_calls
+from chains.run import FEW, PAUSE, Ros, free_port, main
 from std_msgs.msg import Int64
 from std_srvs.srv import SetBool, SetBoolResponse
 
@@ -68,7 +68,7 @@ def microseconds() -> int:
 def perform(kept: int) -> None:
     """The action's server: its goals end at once, or tell the time as feedback, at 100 Hz."""
     start("performer")
-    rospy.set_param("/fib/status_list_timeout", 1.0 if kept == FEW else 900.0)
+    rospy.set_param("/fib/status_list_timeout", PAUSE if kept == FEW else 900.0)
 
     def execute(handle: Any) -> None:
         handle.set_accepted()
@@ -98,7 +98,7 @@ def act(name: str, kept: int) -> None:
         feedback.append((microseconds() - message.feedback) % 2**31 / 1000)
 
     def run(goal: int) -> tuple[float, float]:
-        time.sleep(1 / FEW if kept == FEW else 0)
+        time.sleep(PAUSE if kept == FEW else 0)
         replied: list[int] = []
         ended = threading.Event()
 
@@ -117,8 +117,8 @@ def act(name: str, kept: int) -> None:
     time.sleep(1)  # a connection counts here before its other end has it
     for _ in range(max(20, kept)):
         run(0)
-    times = [run(0) for _ in range(CALLS)]
-    run(CALLS)
+    times = [run(0) for _ in range(GOALS)]
+    run(GOALS)
     time.sleep(1)  # the result may overtake feedback, which is then dropped
     say(json.dumps({"goal to reply": [t for t, _ in times], "goal to result": [t for _, t in times],
                     "feedback at 100 Hz": feedback}))  # fmt: skip

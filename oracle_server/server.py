@@ -30,6 +30,8 @@ from oracle_server.edge.scopes import RouteScopes
 from oracle_server.edge.tokens import Tokens
 from oracle_server.edge.transport import WebSocketTransport, http_transport
 from oracle_server.edge.visitors import LEAVING, STRANGERS, Visitors
+from oracle_server.foxglove.listening import Certificate, Listening
+from oracle_server.foxglove.live import Live
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.port import History
 from oracle_server.history.retention import Pruner
@@ -74,15 +76,17 @@ def serve(settings: Settings) -> None:
         tokens = Tokens(settings.token_file)
         _require_protection(settings, tokens)
         tls = _tls(settings)
+        _require_permission(settings, tokens)
         library = _library(settings)
         receivers = load_receivers(settings.alarms) if settings.alarms else []
         visitors = Visitors(_connections(settings.max_connections))
         listener = _listen(settings.host, settings.port, visitors)
         try:
+            foxglove = None if settings.foxglove is None else _listen_to_foxglove(settings, settings.foxglove)
             history = _history(settings)
             webhooks = Webhooks(receivers) if receivers else None
             try:
-                door = _Door(tokens, tls, pid_file, listener, visitors, webhooks)
+                door = _Door(tokens, tls, pid_file, listener, visitors, webhooks, foxglove)
                 asyncio.run(_serve(settings, library, history, door))
             finally:
                 history.close()
@@ -123,6 +127,7 @@ class _Door(NamedTuple):
     listener: socket.socket
     visitors: Visitors
     webhooks: Webhooks | None
+    foxglove: Listening | None
 
 
 async def _serve(settings: Settings, library: Library, history: History, door: _Door) -> None:
@@ -164,7 +169,9 @@ async def _serve(settings: Settings, library: Library, history: History, door: _
             timeout_graceful_shutdown=_STOP_WITHIN,
             ssl_context_factory=(lambda *_: tls) if tls else None,
         )
-        works = (pruner.run(settings.retain_check), access.watch(), history.catch_up())
+        works = [pruner.run(settings.retain_check), access.watch(), history.catch_up()]
+        if door.foxglove is not None:
+            works.append(Live(door.foxglove, registry, history, lambda: _may_draw(settings, door.tokens)).run())
         beside = [asyncio.create_task(work) for work in works]
         try:
             await _Server(config, registry, settings, door.pid_file).serve(sockets=[door.listener])
@@ -195,6 +202,32 @@ def _require_protection(settings: Settings, tokens: Tokens) -> None:
             "set them up, bind 127.0.0.1, or add --insecure"
         )
     log.warning("reachable by others without protection", host=settings.host, missing=missing)
+
+
+def _may_draw(settings: Settings, tokens: Tokens) -> bool:
+    """Whether Foxglove, which sends no token, may be shown what all sessions do."""
+    return settings.host in _LOOPBACK or settings.foxglove_insecure or not (tokens.required or settings.tls_client_ca)
+
+
+def _require_permission(settings: Settings, tokens: Tokens) -> None:
+    """Raise `ServerError` where others could read by Foxglove what they need a token or a certificate for."""
+    if settings.foxglove is None:
+        return
+    if not _may_draw(settings, tokens):
+        raise ServerError(
+            f"--foxglove: Foxglove sends neither token nor certificate: whoever reaches {settings.host} could read all "
+            "sessions there; bind 127.0.0.1, or add --foxglove-insecure"
+        )
+    if tokens.required or settings.tls_client_ca:
+        log.warning("whoever reaches Foxglove's port reads all sessions, without a token", host=settings.host)
+
+
+def _listen_to_foxglove(settings: Settings, port: int) -> Listening:
+    """Listen for Foxglove, with the server's own certificate. Raises `FoxgloveError`."""
+    certificate = None
+    if settings.tls_cert is not None and settings.tls_key is not None:
+        certificate = Certificate(settings.tls_cert.read_bytes(), settings.tls_key.read_bytes())
+    return Listening(settings.host, port, certificate)
 
 
 def _tls(settings: Settings) -> ssl.SSLContext | None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 GOAL_P50, GOAL_P99 = 1.3, 1.5
+ACCEPTED, BESIDE = 0.5, 0.2
+"""Milliseconds that the acceptance of a goal, and a call of one of several services, may take more than a call."""
 
 
 @dataclass
@@ -62,3 +64,22 @@ def print_table(found: list[dict[str, Any]]) -> None:
             f"{row['p50_ratio']:12.2f}{row['p99_ratio']:12.2f}  {verdict(row)}"
         )
     print(f"goal: p50 <= {GOAL_P50} x and p99 <= {GOAL_P99} x the bare chain, and none lost")
+
+
+def print_goals(found_of: Mapping[tuple[str, str], Measured], kept: Sequence[int]) -> None:
+    """What is compared with something else than its own bare chain, at 50 %."""
+    call = found_of["service", "oracle"].quantile(0.5)
+
+    def more(what: str, case: str, most: float) -> None:
+        found = found_of[case, "oracle"].quantile(0.5) - call
+        print(f"{what}: {found:+.3f} ms; goal: {most} ms at most: {'met' if found <= most else 'missed'}")
+
+    def times(what: str, case: str) -> None:
+        found = found_of[case, "oracle"].quantile(0.5) / found_of[case, "bare"].quantile(0.5)
+        print(f"{what}: {found:.2f} x; goal: {GOAL_P50} x at most: {'met' if found <= GOAL_P50 else 'missed'}")
+
+    more("one of 4 proxied services beside one alone", "one of 4 services", BESIDE)
+    for count in kept:
+        more(f"acceptance of a goal beside a proxied service, {count} kept", f"goal to reply, {count} kept", ACCEPTED)
+        times(f"feedback that is logged beside the bare chain, {count} kept", f"feedback at 100 Hz, {count} kept")
+        times(f"from goal to result beside the bare chain, {count} kept", f"goal to result, {count} kept")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import queue
 import re
 import signal
 import socket
@@ -12,12 +13,13 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from .measured import Measured, print_table, rows
+from .measured import Measured, print_goals, print_table, rows
 from .parts import CALLS, GOALS, PATIENCE
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -63,9 +65,13 @@ properties:
     formula: 'not {ros_action: "/fib", order: -1}'
     guards: [/fib]
 """
-FEW = 20
+FEW = 1
 KEPT = (FEW, 200)
 """How many goals an action's server remembers at least while it is measured."""
+PAUSE = 0.1
+"""Seconds between goals, and for which each is kept, where few are."""
+LAST_WORDS = 5.0
+"""Seconds in which a process that is given up may still say something."""
 CALLED = {"service": ["/switch"], "one of 4 services": ["/switch", "/second", "/third", "/fourth"]}
 """The services of a session, of which the first is called."""
 
@@ -86,32 +92,45 @@ def spec_of(case: str) -> str:
 
 
 class Part:
-    """A process; its lines are read as they are wanted."""
+    """A process; what it says is read at once, so that it never waits for a reader."""
 
     def __init__(self, command: list[object], setting: dict[str, str]) -> None:
         self._process = subprocess.Popen(
             [str(word) for word in command],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=setting,
         )  # fmt: skip
+        self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        threading.Thread(target=self._read, daemon=True).start()
 
     def until(self, pattern: str, more: float = 0) -> re.Match[str]:
-        """Read up to a line that has the pattern.
+        """The next line that has the pattern.
 
         Where that takes `more` seconds too long the process is ended, and a Python one tells where its threads are.
         """
-        assert self._process.stdout is not None
         seen = []
-        impatient = threading.Timer(PATIENCE + more, self._process.send_signal, [signal.SIGABRT])
-        impatient.start()
-        try:
-            for line in self._process.stdout:
-                match = re.search(pattern, re.sub(r"\x1b\[[0-9;]*m", "", line))
-                if match:
-                    return match
-                seen.append(line)
-        finally:
-            impatient.cancel()
-        raise SystemExit(f"no {pattern!r} in {PATIENCE + more} s: {''.join(seen[-100:])}")
+        due = time.monotonic() + PATIENCE + more
+        while (line := self._next(due)) is not None:
+            match = re.search(pattern, re.sub(r"\x1b\[[0-9;]*m", "", line))
+            if match:
+                return match
+            seen.append(line)
+        self._process.send_signal(signal.SIGABRT)
+        while (line := self._next(time.monotonic() + LAST_WORDS)) is not None:
+            seen.append(line)
+        what = f"{PATIENCE + more} s" if time.monotonic() > due else "what it said before it ended"
+        raise SystemExit(f"no {pattern!r} in {what}: {''.join(seen[-100:])}")
+
+    def _next(self, due: float) -> str | None:
+        """The next line; None where there is none in time, or any more."""
+        with suppress(queue.Empty):
+            return self._lines.get(timeout=max(0.0, due - time.monotonic()))
+        return None
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            self._lines.put(line)
+        self._lines.put(None)
 
     def tell(self, word: str) -> None:
         assert self._process.stdin is not None
@@ -127,7 +146,8 @@ class Part:
 
     def end(self) -> None:
         self._process.kill()
-        self._process.communicate()
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(PATIENCE)
 
 
 @dataclass(frozen=True)
@@ -150,9 +170,9 @@ class Ros:
 class Run:
     """One benchmark: a graph, a folder, and what was measured of each case on each path."""
 
-    def __init__(self, folder: Path, ros: Ros, seconds: float) -> None:
+    def __init__(self, folder: Path, ros: Ros, seconds: float, *, topics: bool = True) -> None:
         self.measured: dict[tuple[str, str], Measured] = {}
-        self._folder, self._ros, self._seconds = folder, ros, seconds
+        self._folder, self._ros, self._seconds, self._topics = folder, ros, seconds, topics
         self._setting = {**os.environ, **ros.settings, "ROS_LOG_DIR": str(folder / "ros"), "PYTHONFAULTHANDLER": "1"}
         (folder / "specs").mkdir()
         for name, text in specs(ros):
@@ -169,7 +189,7 @@ class Run:
 
     def _round(self) -> None:
         for path, chain in (("direct", self._direct), ("bare", self._bare), ("oracle", self._oracle)):
-            for rate in RATES:
+            for rate in RATES if self._topics else ():
                 with chain("topic"):
                     self._measure_topic(path, rate)
             for case in CALLED:
@@ -252,6 +272,7 @@ def main(ros: Ros, description: str | None) -> None:
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=2)
     parser.add_argument("--seconds", type=float, default=2.0, help="how long a topic is published (%(default)s)")
+    parser.add_argument("--no-topics", action="store_true", help="services and actions alone")
     parser.add_argument("--json", action="store_true", help="one JSON document instead of a table")
     parser.add_argument("--part", nargs="+", help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -260,11 +281,12 @@ def main(ros: Ros, description: str | None) -> None:
         return
     before = os.getloadavg()[0]
     with tempfile.TemporaryDirectory(prefix="oracle-benchmark.") as folder:
-        run = Run(Path(folder), ros, options.seconds)
+        run = Run(Path(folder), ros, options.seconds, topics=not options.no_topics)
         run.rounds(options.rounds)
     found = rows(run.measured)
     if options.json:
         print(json.dumps({"cpus": os.cpu_count(), "load_before": before, "rows": found}))
         return
     print_table(found)
+    print_goals(run.measured, KEPT)
     print(f"{os.cpu_count()} CPUs; load before the run {before:.1f}")

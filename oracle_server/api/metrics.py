@@ -129,6 +129,7 @@ class ServerCollector:
             yield CounterMetricFamily(f"oracle_{name}", what, counts[name])
         yield CounterMetricFamily("oracle_throttled", "Pauses of monitors that sent too fast", counters.throttled)
         yield CounterMetricFamily("oracle_attachments", "Connections on which a monitor attached", counters.attachments)
+        yield CounterMetricFamily("oracle_undrawn", "Steps not sent to Foxglove, since it was behind", counters.undrawn)
         sent, dropped = (self._webhooks.sent, self._webhooks.dropped) if self._webhooks else (0, 0)
         yield CounterMetricFamily("oracle_alarms_sent", "Alarms that a receiver has taken", sent)
         yield CounterMetricFamily("oracle_alarms_dropped", "Alarms that did not reach a receiver", dropped)

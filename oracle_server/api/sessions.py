@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import asyncio
+from functools import partial
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Body, HTTPException, Request, Response
+from fastapi import APIRouter, Body, HTTPException, Query, Request, Response
 from pydantic import BaseModel, ConfigDict
 
 from oracle_server.api.known import demand_name, demand_session, state_of, unknown_spec
-from oracle_server.api.packing import json_answer
+from oracle_server.api.packing import json_answer, packed_answer
 from oracle_server.edge.access import demand, grant_of
 from oracle_server.edge.scopes import needs
 from oracle_server.history.port import History
 from oracle_server.sessions.registry import Registry, SessionExistsError, SessionStaysOpenError
+from oracle_server.sessions.summary import brief
 from oracle_server.specfiles.library import UnknownSpecError
 from oracle_server.wire.incoming import Identifier
+from oracle_server.wire.json import encode_bytes
 
 _COMMIT_WITHIN = _CLOSE_WITHIN = 10.0
 """Seconds for a session to be committed, or closed, before a request is answered by 503."""
@@ -42,11 +45,13 @@ def router(registry: Registry, history: History) -> APIRouter:
 
     @routes.get("/sessions", response_model=SessionList)
     @needs("read")
-    async def list_sessions(request: Request) -> Response:
-        """List all sessions, open ones first."""
+    async def list_sessions(
+        request: Request, short: Annotated[bool, Query(alias="brief", description="Of each what a list shows")] = False
+    ) -> Response:
+        """List all sessions, open ones first; in brief, what a list of many shows of each."""
         grant, states = grant_of(request), await registry.states()
-        document = {"items": [s for s in states if grant.covers(spec=s["spec"], session=s["id"])]}
-        return await json_answer(request, history, document)
+        seen = [s for s in states if grant.covers(spec=s["spec"], session=s["id"])]
+        return await packed_answer(request, history, partial(_listed, seen, short))
 
     @routes.post("/sessions", status_code=201)
     @needs("submit")
@@ -92,3 +97,7 @@ def router(registry: Registry, history: History) -> APIRouter:
         return await state_of(registry, session_id)
 
     return routes
+
+
+def _listed(states: list[dict[str, Any]], short: bool) -> bytes:
+    return encode_bytes({"items": [brief(state) for state in states] if short else states})

@@ -8,7 +8,7 @@ close the connection.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from enum import Enum
 from typing import Any, Final, NamedTuple, get_args
 
@@ -127,6 +127,8 @@ MAX_QUEUE: Final = 10_000
 MAX_BURST: Final = 50_000
 """Frames that may wait at any time: all held events may be judged, and their frames sent, at once."""
 
+_AT_ONCE: Final = 64
+"""Outcomes that are recorded at once: a frame of a megabyte has 25,000."""
 _CLOSE_CODES: Final = {"shutting_down": 1012, "history_unavailable": 1013}
 """The close codes after fatal errors; `_REFUSED` after all others."""
 _REFUSED: Final = 1008
@@ -162,7 +164,7 @@ class Conversation:
         """
         message = _read(data, self.decoders)
         step = self._steps[type(message)]
-        batch = message.events if type(message) is RawEvents else None
+        batch = _parts(message)
         if step is Otherwise.LATER or (batch is not None and not batches):
             return False
         if isinstance(step, State):
@@ -176,7 +178,7 @@ class Conversation:
     def next_message(self) -> Received | None:
         """The next message of the received frame, None at its end; parts that can't be read are refused."""
         for value in self._messages:
-            message: Received = self._event_in(value) if self.in_batch else value
+            message: Received = self._event_in(value) if type(value) is Raw else value
             if isinstance(message, WireError):
                 self.refuse(message)
                 if message.code != "bad_event":
@@ -276,6 +278,16 @@ class Conversation:
         if self.ended:
             self._messages, self.in_batch = iter(()), False
         return True
+
+
+def _parts(message: Message | Quick | WireError | bytes) -> Sequence[Any] | None:
+    """What a frame has that is processed one by one, with other connections between; None where it is one message."""
+    if isinstance(message, RawEvents):
+        return message.events
+    if isinstance(message, QuickHandlings | HandlingsMessage) and len(message.outcomes) > _AT_ONCE:
+        outcomes: Any = message.outcomes
+        return [QuickHandlings(outcomes[i : i + _AT_ONCE]) for i in range(0, len(outcomes), _AT_ONCE)]
+    return None
 
 
 def _read(data: str | bytes, decoders: Decoders) -> Message | Quick | WireError | bytes:

@@ -31,6 +31,12 @@ _OF_A_SERVER: dict[str, Any] = {
     "insecure": Annotated[
         bool | None, typer.Option("--insecure", help="Allow a bind beyond loopback without tokens or TLS.")
     ],
+    "foxglove": Annotated[
+        int | None, typer.Option(metavar="PORT", min=0, max=65535, help="Show sessions live to Foxglove at this port.")
+    ],
+    "foxglove_insecure": Annotated[
+        bool | None, typer.Option("--foxglove-insecure", help="Do so beyond loopback though Foxglove sends no token.")
+    ],
 }
 """The settings that a server takes on its command line, in the foreground or in the background."""
 

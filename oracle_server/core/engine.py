@@ -72,6 +72,12 @@ class Rewindable(Revisable, Protocol):
         ...
 
 
+def rewindable(engine: Engine) -> Rewindable:
+    """An engine of a spec that revises."""
+    assert isinstance(engine, Rewindable)  # noqa: S101 -- others are refused with the spec
+    return engine
+
+
 @runtime_checkable
 class Bounded(Engine, Protocol):
     """An engine that counts what it looks at."""

@@ -23,6 +23,7 @@ and, where they are raised:
 - `review`: `NoExplanationError`
 - `sessions`: `SessionExistsError`, `SessionStaysOpenError`
 - `replay`: `DamagedError`, of a part of a recording
+- `foxglove`: `FoxgloveError`, where nothing can be offered to Foxglove
 - `edge`: `TokenError`; `UndeclaredRouteError`, of a route that says not who may use it
 - `server`: `ServerError`, a server that can't start
 - `cli`: `ServerUnreachableError`

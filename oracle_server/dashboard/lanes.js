@@ -65,13 +65,19 @@ function rate(total, seconds) {
 function signals(answer, thresholds, time) {
   return Object.entries(answer.signals).filter(([, { count }]) => count.some(Boolean)).map(([key, found]) => {
     const bounds = thresholds.filter((each) => each.signal === key);
+    const [min, max, mean] = [found.min, found.max, found.mean].map((values) => values.map(plotted));
     const [stream, name] = [key.slice(0, key.lastIndexOf(":")), key.slice(key.lastIndexOf(":") + 1)];
     return {
-      group: "signal", name, tall: true, value: last(found.mean),
+      group: "signal", name, tall: true, value: last(mean),
       title: [`${name} of ${stream}`, ...bounds.map(({ property, op, value }) => `${property}: ${op} ${value}`)].join("; "),
-      paint: (canvas, window) => paintSignal(canvas, window, { ...time, ...found }, bounds),
+      paint: (canvas, window) => paintSignal(canvas, window, { ...time, min, max, mean }, bounds),
     };
   });
+}
+
+/** A value as it is drawn: near enough where it is an integer that a double can't represent. */
+function plotted(value) {
+  return value === null ? null : Number(value);
 }
 
 function last(values) {

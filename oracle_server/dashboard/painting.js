@@ -187,7 +187,7 @@ function gap({ context, x }, since, until, base) {
 export function paintSignal(canvas, window, { since, width, min, max, mean }, bounds) {
   const at = pen(canvas, window);
   const { context } = at;
-  const known = [...min, ...max, ...bounds.map(({ value }) => value)].filter((value) => value !== null);
+  const known = [...min, ...max, ...bounds.map(({ value }) => Number(value))].filter((value) => value !== null);
   if (!known.length) return;
   const [least, most] = [Math.min(...known), Math.max(...known)];
   const room = 6;
@@ -204,9 +204,10 @@ export function paintSignal(canvas, window, { since, width, min, max, mean }, bo
   context.font = "10.5px Inter, system-ui, sans-serif";
   context.textBaseline = "bottom";
   for (const { op, value, property } of bounds) {
-    stroke(context, [[0, y(value)], [at.width, y(value)]], colour("fails"));
+    const high = y(Number(value));
+    stroke(context, [[0, high], [at.width, high]], colour("fails"));
     context.fillStyle = colour("bad");
-    context.fillText(`${op} ${value}  ${property}`, 4, y(value) < 16 ? y(value) + 13 : y(value) - 1);
+    context.fillText(`${op} ${value}  ${property}`, 4, high < 16 ? high + 13 : high - 1);
   }
   context.setLineDash([]);
 }

@@ -9,7 +9,8 @@ import { moment } from "./words.js";
 import { Window } from "./window.js";
 
 const SPANS = [["10 s", 10e9], ["60 s", 60e9], ["10 min", 600e9]];
-const MARGIN = 0.25; // of the window that is asked for on both sides, so that something is there when it moves
+const MARGIN = 0.25; // of a window that stands still is asked for on both sides, so that something is there when it moves
+const COARSE = 2; // pixels a bucket where it is live: it is asked for each second
 const MOST = 2000; // buckets in one answer
 const OVERVIEW = 300;
 const PLOTS = 4; // signals
@@ -31,7 +32,7 @@ export function timelineView(id, choose) {
   const resized = new ResizeObserver(moved);
   resized.observe(plots);
   const node = h("section", { class: "time", "aria-label": "Time" }, bar.node, plots);
-  let [state, thresholds, rows, whole, timer, frame, pinned] = [null, [], [], null, null, null, null];
+  let [state, thresholds, rows, whole, known, timer, frame, pinned] = [null, [], [], null, null, null, null, null];
 
   /** Show the session as it is now; `compared` are the numbers that its formulas compare signals with. */
   async function refresh(next, compared) {
@@ -40,18 +41,21 @@ export function timelineView(id, choose) {
     if (found.first === null) return;
     window.reach(found.first, found.last);
     whole = worstOf(found, window);
+    const news = [window.since, window.until, Math.min(window.end, window.until), state.revising?.passes].join();
+    if (news === known) return draw();
     await ask();
+    known = news;
   }
 
   /** Ask for what is in view, and for some of what is beside it. */
   async function ask() {
     const pixels = axis.clientWidth;
     if (!pixels || window.origin === null) return;
-    const margin = MARGIN * (window.until - window.since);
+    const margin = window.live ? 0 : MARGIN * (window.until - window.since);
     const [since, until] = [Math.max(0, window.since - margin), Math.min(window.end, window.until + margin)];
     if (until < since) return;
     const share = (until - since) / (window.until - window.since);
-    const buckets = Math.max(1, Math.min(MOST, Math.round(pixels * share)));
+    const buckets = Math.max(1, Math.min(MOST, Math.round((pixels * share) / (window.live ? COARSE : 1))));
     const signal = [...new Set(thresholds.map((each) => each.signal))].slice(0, PLOTS);
     build(await get(of(id, "timeline"), { since: window.time(since), until: window.time(until), buckets, signal }));
   }

@@ -17,6 +17,9 @@ _TURN = 0.0005
 """Seconds after which other connections are served."""
 _READ = 2**16
 """Bytes that are read from the socket at once: asyncio's 256 KiB take as long as a turn to copy."""
+MOST = 1_000
+_AHEAD = 2**20
+"""Messages that may wait, and bytes that may be processed while any does, before nothing more is looked at."""
 LOOK = 0.5
 """Seconds after which something is read although it should rest: an adapter gives up after 2 s without a pong."""
 
@@ -30,6 +33,8 @@ class SlicedWebSocket(WebSocketsSansIOProtocol):
     _unread = b""
     _at = 0
     """Where in `_unread` the next slice begins."""
+    _ahead = 0
+    """Bytes that were processed since the last time that no message waited."""
     _next: asyncio.Handle | None = None
     """What goes on with it; None while nothing is unread, or a message waits for the application."""
 
@@ -104,9 +109,12 @@ class SlicedWebSocket(WebSocketsSansIOProtocol):
     def _process_slices(self, *, anyway: bool) -> None:
         """Process slices until the turn is over, or, unless `anyway`, a message waits or nothing should be read."""
         end = time.monotonic() + _TURN
+        if not self._waits:
+            self._ahead = 0
         while self._at < len(self._unread):
             data = self._unread[self._at : self._at + SLICE]
             self._at += SLICE
+            self._ahead += len(data)
             self.process(data)
             if time.monotonic() > end or (not anyway and (self._waits or self.rest)):
                 break
@@ -128,9 +136,11 @@ class SlicedWebSocket(WebSocketsSansIOProtocol):
             self._next = self.loop.call_soon(self._go_on)
 
     def _look(self) -> None:
-        """Read something, for there may be a ping; messages wait for the application."""
+        """Read something, for there may be a ping; messages wait for the application, and not too many."""
         self._next = None
-        if self._unread:
+        if self._waits and (self.queue.qsize() >= MOST or self._ahead >= _AHEAD):
+            self._plan()
+        elif self._unread:
             self._go_on(anyway=True)
         else:
             self._read_on()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+from oracle_server.core.events import Order
 from oracle_server.core.kinds import KINDS, TICK
 from oracle_server.core.records import VerdictRecord
 from oracle_server.foxglove.schemas import LOG, VERDICT, Schema, Signals
@@ -20,15 +21,21 @@ VALUES = {"true": 1, "currently_true": 1, "unknown": 0, "currently_false": -1, "
 """What is plotted, by the outcome."""
 
 
-class Message(NamedTuple):
-    """A message in its channel; `time` is when the server had it, and `published` when its event was published (ns).
-
-    `metadata` is the channel's, and `seq` the number of the message there, 0 where it has none.
-    """
+class Channel(NamedTuple):
+    """A channel, and what is known of it beside its messages."""
 
     topic: str
     schema: Schema
     metadata: Mapping[str, str]
+
+
+class Message(NamedTuple):
+    """A message in its channel; `time` is when the server had it, and `published` when its event was published (ns).
+
+    `seq` is the number of the message in the channel, 0 where it has none.
+    """
+
+    channel: Channel
     time: int
     published: int
     seq: int
@@ -51,8 +58,8 @@ class Streams:
         """A line as a message; what it does not have is left out, as a schema has one type for each field."""
         topic, signals = self._of(line["stream"], line["kind"])
         data = {name: value for name, value in line.items() if value is not None}
-        metadata = {"kind": line["kind"]}
-        return Message(topic, signals.schema, metadata, line["arrived"], line["stamp"], line["seq"], data)
+        channel = Channel(topic, signals.schema, {"kind": line["kind"]})
+        return Message(channel, line["arrived"], line["stamp"], line["seq"], data)
 
     def _of(self, stream: str, kind: str) -> tuple[str, Signals]:
         known = self._known.get((stream, kind))
@@ -69,10 +76,15 @@ def _stream_topic(stream: str, kind: str) -> str:
     return stream if traits and traits.sole else f"{stream}/{kind}"
 
 
+def property_channel(name: str, order: Order, prefix: str = "") -> Channel:
+    """The channel of a property in an order."""
+    topic = f"{prefix}{_OWN}/{name}" + ("/arrival" if order == "arrival" else "")
+    return Channel(topic, VERDICT, {"property": name, "order": order})
+
+
 def verdict_message(record: VerdictRecord, prefix: str = "") -> Message:
     """A verdict's record, which is no revision, as a message of its property."""
-    name, order, robustness = record["property"], record["order"], record["robustness"]
-    outcome, explanation = str(record["outcome"]), record["explanation"]
+    outcome, explanation, robustness = str(record["outcome"]), record["explanation"], record["robustness"]
     data = {
         "outcome": outcome,
         "value": VALUES[outcome],
@@ -83,9 +95,13 @@ def verdict_message(record: VerdictRecord, prefix: str = "") -> Message:
         **{key: record[key] for key in ("n", "step", "stream", "kind", "monitor", "seq")},
     }
     there = {key: value for key, value in data.items() if value is not None}
-    topic = f"{prefix}{_OWN}/{name}" + ("/arrival" if order == "arrival" else "")
-    metadata = {"property": name, "order": order}
-    return Message(topic, VERDICT, metadata, record["judged"], record["stamp"], record["n"], there)
+    channel = property_channel(record["property"], record["order"], prefix)
+    return Message(channel, record["judged"], record["stamp"], record["n"], there)
+
+
+def log_channel(prefix: str = "") -> Channel:
+    """The channel of the log."""
+    return Channel(prefix + LOG_TOPIC, LOG, {})
 
 
 def log_message(level: int, name: str, text: str, time: int, stamp: int, prefix: str = "") -> Message:
@@ -93,4 +109,4 @@ def log_message(level: int, name: str, text: str, time: int, stamp: int, prefix:
     sec, nsec = divmod(stamp, 10**9)
     timestamp = {"sec": sec, "nsec": nsec}
     data = {"timestamp": timestamp, "level": level, "message": text, "name": name, "file": "", "line": 0}
-    return Message(prefix + LOG_TOPIC, LOG, {}, time, stamp, 0, data)
+    return Message(log_channel(prefix), time, stamp, 0, data)

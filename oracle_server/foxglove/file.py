@@ -12,7 +12,7 @@ from typing import IO
 import msgspec
 from mcap.writer import Writer
 
-from oracle_server.foxglove.channels import Message, Streams, verdict_message
+from oracle_server.foxglove.channels import Channel, Message, Streams, verdict_message
 from oracle_server.foxglove.episodes import Episodes
 from oracle_server.replay.mcap import PROFILE
 
@@ -76,22 +76,19 @@ class _Target:
         self._schemas: dict[str, int] = {}
 
     def write(self, message: Message) -> None:
-        channel = self._channels.get((message.topic, message.schema.name))
+        key = message.channel.topic, message.channel.schema.name
+        channel = self._channels.get(key)
         if channel is None:
-            channel = self._channel(message)
+            channel = self._channels[key] = self._channel(message.channel)
         data = msgspec.json.encode(message.data)
         self._writer.add_message(channel, message.time, data, message.published, message.seq % 2**32)
 
     def finish(self) -> None:
         self._writer.finish()  # type: ignore[no-untyped-call]
 
-    def _channel(self, message: Message) -> int:
-        name, content = message.schema
-        schema = self._schemas.get(name)
-        if schema is None:
-            schema = self._schemas[name] = self._writer.register_schema(
-                name, "jsonschema", msgspec.json.encode(content)
-            )
-        channel = self._writer.register_channel(message.topic, "json", schema, dict(message.metadata))
-        self._channels[message.topic, name] = channel
-        return channel
+    def _channel(self, channel: Channel) -> int:
+        name, content = channel.schema
+        if name not in self._schemas:
+            text = msgspec.json.encode(content)
+            self._schemas[name] = self._writer.register_schema(name, "jsonschema", text)
+        return self._writer.register_channel(channel.topic, "json", self._schemas[name], dict(channel.metadata))

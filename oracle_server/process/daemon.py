@@ -28,7 +28,7 @@ NOT_RUNNING = 3
 _POLL_INTERVAL = 0.05
 _ON_THE_COMMAND_LINE = (
     "specs", "types", "host", "port", "legacy", "legacy_finals", "tls_cert", "tls_key", "tls_client_ca",
-    "insecure",
+    "insecure", "foxglove", "foxglove_insecure",
 )  # fmt: skip
 
 

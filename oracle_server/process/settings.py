@@ -59,6 +59,10 @@ class Settings(BaseSettings):
     """The greatest size of the history, such as `2GB`; parsed to bytes."""
     retain_check: Annotated[float, Field(gt=0)] = 60.0
     """Seconds between two runs of the deletion of old history."""
+    foxglove: Annotated[int, Field(ge=0, le=65535)] | None = None
+    """The port at which sessions are offered to Foxglove as they go on, on the server's host."""
+    foxglove_insecure: bool = False
+    """Whether to offer them beyond loopback where clients of the server itself need a token or a certificate."""
     alarms: Path | None = None
     """A file that says who is told of violations."""
     max_connections: Annotated[int, Field(ge=1, le=100_000)] = 2_000

@@ -43,13 +43,12 @@ class _Lines:
             if self.last is None or stored.is_tick or not _is_of(self.last, stored):
                 if self.last is not None:
                     complete.append(self.last)
-                self.last = _line(stored) | ({} if self._begun is None else {"begun": self._begun})
+                self.last = event_line(stored) | ({} if self._begun is None else {"begun": self._begun})
                 self._begun = None
             self.last["places"].append(_place(stored, self._external, self._properties))
             if stored.order == "publication":
                 self.last |= {"passed": stored.passed, "why": stored.why}
-            if stored.decision is not None:
-                self.last |= {"decision": stored.decision.choice, "denied_by": stored.decision.denied_by}
+            self.last |= _decided(stored)
         return complete
 
 
@@ -58,7 +57,8 @@ def _is_of(line: Document, stored: StoredStep) -> bool:
     return (line["monitor"], line["seq"]) == (event.monitor, event.seq)
 
 
-def _line(stored: StoredStep) -> Document:
+def event_line(stored: StoredStep) -> Document:
+    """A step's event as the line of a trace, without its places."""
     step, event = stored.step, stored.step.event
     return {
         "stream": event.stream.name,
@@ -77,7 +77,14 @@ def _line(stored: StoredStep) -> Document:
         "failed": sorted(step.failed),
         "places": [],
         **event.marks,
+        **_decided(stored),
     }
+
+
+def _decided(stored: StoredStep) -> Document:
+    """What was decided at a step, empty where nothing was asked."""
+    decision = stored.decision
+    return {} if decision is None else {"decision": decision.choice, "denied_by": decision.denied_by}
 
 
 def _place(stored: StoredStep, external: dict[int, str], properties: Sequence[str]) -> Document:

@@ -47,6 +47,8 @@ class Counters:
         self.violated = Violated()
         self.attachments = 0
         """Connections on which a monitor attached."""
+        self.undrawn = 0
+        """Steps that were not sent to Foxglove, since it was behind."""
         self._past: Counter[str] = Counter()
         self._holds = HoldTimes()
 

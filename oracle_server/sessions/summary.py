@@ -1,13 +1,19 @@
-"""What has changed of a session's state since somebody was told of it."""
+"""A session's state in short, for pages: what has changed of it, and what a list of many shows."""
 
 from __future__ import annotations
 
 from typing import Any
 
+from oracle_server.core.verdicts import Outcome, worst
 from oracle_server.history.records import Document
 
 _ROWS = {"properties": ("id", "order"), "streams": ("monitor", "stream", "kind"), "monitors": ("name",)}
 """The lists of a state, and what tells their rows apart."""
+
+_BRIEF = (
+    "id", "spec", "kind", "run", "status", "live", "idle", "without_monitor_since", "clock", "opened", "closed",
+    "closed_because", "continued_by", "trouble",
+)  # fmt: skip
 
 
 def summary(state: Document) -> Document:
@@ -28,3 +34,16 @@ def _news(key: str, before: Document, value: Any) -> Any:
         return value
     known = {tuple(row[name] for name in names): row for row in before[key]}
     return [row for row in value if known.get(tuple(row[name] for name in names)) != row]
+
+
+def brief(state: Document) -> Document:
+    """What a list of many sessions shows of a state, which an older version may have kept: a tenth of it."""
+    kept = {key: state.get(key) for key in _BRIEF}
+    properties, monitors = state["properties"], state["monitors"]
+    return kept | {
+        "outcome": worst(Outcome(row["outcome"]) for row in properties).value if properties else None,
+        "violations": sum(row["violations"] for row in properties),
+        "steps": state["counters"]["steps"],
+        "monitors": len(monitors),
+        "connected": sum(bool(row["connected"]) for row in monitors),
+    }

@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 import gc
+import math
+import re
 from collections.abc import Callable
 from functools import lru_cache
+from itertools import islice
 from typing import Any, TypedDict, TypeVar, TypeVarTuple, Unpack
 
 import msgspec
 
 _LARGE = 2**16
 """Bytes from which on the garbage collector would look through what is decoded several times over."""
+
+_MANY = 2**14
+"""Bytes from which on there may be too many `_EXPONENT`s."""
+MAX_EXPONENTS = 4_000
+"""Numbers with such exponents that are read of one text: some take a thousand times as long as others, 10 µs each."""
+_EXPONENT = re.compile(rb"e[+-]?\d{3}")
 
 Decoded = TypeVar("Decoded")
 T = TypeVar("T")
@@ -45,8 +54,45 @@ def data_decoder(fields: frozenset[str] | None) -> DataDecoder:
 
 
 def decoded(decoder: msgspec.json.Decoder[Decoded], text: str | msgspec.Raw) -> Decoded:
-    """Decode with the garbage collector resting where there is much. Raises what the decoder raises."""
-    return resting(len(text) if isinstance(text, str) else memoryview(text).nbytes, decoder.decode, text)
+    """Decode with the garbage collector resting where there is much.
+
+    Raises what the decoder raises, and OverflowError where there are too many numbers that take long.
+    """
+    size = len(text) if isinstance(text, str) else memoryview(text).nbytes
+    return resting(size, careful(decoder, text, size).decode, text)
+
+
+def careful(
+    decoder: msgspec.json.Decoder[Decoded], text: str | bytes | msgspec.Raw, size: int
+) -> msgspec.json.Decoder[Decoded]:
+    """The decoder for a text of a size (bytes), or one like it that raises OverflowError beyond `MAX_EXPONENTS`."""
+    if size < _MANY:
+        return decoder
+    data = text.encode(errors="replace") if isinstance(text, str) else bytes(text)
+    capitals = data.count(b"E")
+    if data.count(b"e") + capitals <= MAX_EXPONENTS:
+        return decoder
+    data = data.lower() if capitals else data
+    if next(islice(_EXPONENT.finditer(data), MAX_EXPONENTS, None), None) is None:
+        return decoder
+    return msgspec.json.Decoder(decoder.type, float_hook=_Counting())
+
+
+class _Counting:
+    """Numbers of their texts, as long as not too many have long exponents."""
+
+    def __init__(self) -> None:
+        self._left = MAX_EXPONENTS
+
+    def __call__(self, text: str) -> float:
+        if _EXPONENT.search(text.lower().encode()):
+            self._left -= 1
+            if self._left < 0:
+                raise OverflowError(f"more than {MAX_EXPONENTS} numbers with exponents of three digits")
+        value = float(text)
+        if not math.isfinite(value):
+            raise ValueError("Number out of range")
+        return value
 
 
 def resting(size: int, work: Callable[[Unpack[Args]], T], *args: *Args) -> T:

@@ -14,6 +14,9 @@ import msgspec
 from oracle_server.core.events import Step, StreamKey
 from oracle_server.core.kinds import ACTION, KINDS, OF_ACTIONS, Kind
 from oracle_server.core.stamps import nanoseconds
+from oracle_server.wire.data import decoded
+
+_anything: msgspec.json.Decoder[Any] = msgspec.json.Decoder()
 
 
 class FlatEvent(NamedTuple):
@@ -36,7 +39,9 @@ def decode_object(text: bytes | str) -> dict[str, Any]:
     Old monitors write NaN and infinities bare; they become the strings that the wire has for them.
     """
     try:
-        value = msgspec.json.decode(text)
+        value = decoded(_anything, text if isinstance(text, str) else text.decode())
+    except OverflowError as error:
+        raise ValueError(str(error)) from None
     except msgspec.DecodeError:
         value = json.loads(text, parse_constant=str)
         msgspec.json.encode(value)  # half a surrogate pair, which json reads, could not be kept

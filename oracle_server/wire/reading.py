@@ -10,7 +10,7 @@ import msgspec
 from pydantic import TypeAdapter, ValidationError
 
 from oracle_server.core.kinds import GOAL_ID, KINDS, STATUS, Status
-from oracle_server.wire.data import DataDecoder, Decoders, decoded, resting, whole
+from oracle_server.wire.data import DataDecoder, Decoders, careful, decoded, resting, whole
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import (
     MAX_DEPTH,
@@ -104,6 +104,8 @@ def _data(raw: msgspec.Raw, decoder: DataDecoder, seq: int) -> dict[str, Any]:
         if not _is_object(raw):
             raise WireError("bad_event", "data: Input should be a valid dictionary", seq=seq) from None
         raise _malformed(error) from None
+    except OverflowError as error:
+        raise WireError("bad_event", f"data: {error}", seq=seq) from None
     if isinstance(found, str):
         raise WireError("bad_event", found, seq=seq)
     return found
@@ -111,8 +113,9 @@ def _data(raw: msgspec.Raw, decoder: DataDecoder, seq: int) -> dict[str, Any]:
 
 def _decoded_fit(decoder: DataDecoder, raw: msgspec.Raw) -> dict[str, Any] | str:
     """An event's data, or why it can't be judged: it is let go of here, before the garbage collector looks at it."""
-    data = decoder.decode(raw)
-    reason = _unfit(data, memoryview(raw).nbytes)
+    size = memoryview(raw).nbytes
+    data = careful(decoder, raw, size).decode(raw)
+    reason = _unfit(data, size)
     return data if reason is None else reason
 
 
@@ -177,7 +180,7 @@ def _parts_of(text: str | msgspec.Raw) -> dict[str, msgspec.Raw] | None:
 def _plain(text: str | msgspec.Raw) -> Any:
     try:
         return decoded(_anything, text)
-    except _UNREADABLE as error:
+    except (*_UNREADABLE, OverflowError) as error:
         raise _malformed(error) from None
 
 

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from oracle_server.attach.conversation import FRAMES, MAX_BURST, MAX_QUEUE, TABLE, Conversation, Local, Otherwise, State
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.frames import CreditFrame, Outgoing
-from oracle_server.wire.incoming import Attach, Detach, QuickEvent
-from tests.attach.talks import ATTACHED, OVER, TEXTS, event, heard, said, talk_in, words, written
+from oracle_server.wire.incoming import Attach, Detach, QuickEvent, QuickHandlings
+from tests.attach.talks import ATTACHED, OUTCOME, OVER, TEXTS, event, heard, said, talk_in, words, written
 
 CREDIT: CreditFrame = {"type": "credit", "events": 1}
 
@@ -253,3 +253,19 @@ def check_order(out: list[Outgoing], *, greeted: bool, over: bool) -> None:
 
 def test_frames_that_wait_are_only_in_one_row_of_the_table() -> None:
     assert {s for s in State for step in TABLE[s].values() if step is Otherwise.LATER} == {State.ATTACHING}
+
+
+@pytest.mark.parametrize("spaced", [False, True])
+def test_many_outcomes_are_taken_piece_by_piece(*, spaced: bool) -> None:
+    outcomes = [OUTCOME | {"seq": seq} for seq in range(1, 151)]
+    text, talk = written({"type": "outcomes", "outcomes": outcomes}, spaced=spaced), talk_in(State.ATTACHED)
+    assert not talk.receive(text, batches=False)
+    assert talk.receive(text)
+    pieces = []
+    while (message := talk.next_message()) is not None:
+        assert talk.in_batch
+        assert isinstance(message, QuickHandlings)
+        pieces.append([outcome.seq for outcome in message.outcomes])
+    assert not talk.in_batch
+    assert [seq for piece in pieces for seq in piece] == [*range(1, 151)]
+    assert max(map(len, pieces)) < 150

@@ -17,6 +17,7 @@ from uvicorn.server import ServerState
 from websockets.asyncio.client import ClientConnection, connect
 
 from oracle_server.attach.connection import Connection
+from oracle_server.edge.slices import MOST
 from oracle_server.edge.tokens import Grant
 from oracle_server.edge.transport import WebSocketTransport
 from oracle_server.history.memory import MemoryHistory
@@ -84,6 +85,12 @@ class Talk:
         assert self.transport.pong_timer is not None
         self.transport.pong_timer.cancel()
         self.transport.keepalive_timeout()
+
+    def look(self) -> None:
+        """Let the time run out after which something is read although the session rests."""
+        if self.transport._next is not None:
+            self.transport._next.cancel()
+            self.transport._look()
 
     async def go_on(self) -> None:
         self.machine.now += 10
@@ -183,3 +190,15 @@ async def test_pings_of_a_monitor_that_sends_nothing_are_answered_while_it_rests
     talk.ping()
     await talk.answered()
     assert talk.sessions.open["s"].share.rest > 0
+
+
+async def test_what_waits_while_a_session_rests_is_bounded(talk: Talk) -> None:
+    """It is looked at again and again, for there may be a ping."""
+    await talk.rest()
+    for _ in range(3 * MOST):
+        await talk.client.send('{"type":"clock","stamps":[]}')
+    for _ in range(500):
+        talk.look()
+        await asyncio.sleep(0)
+    assert MOST <= talk.transport.queue.qsize() < 2 * MOST
+    await talk.go_on()

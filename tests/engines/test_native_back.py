@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from oracle_server.core.formula.parse import Time
+from oracle_server.core.formula.parse import Time, parse_formula
 from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import Formula
 from oracle_server.core.verdicts import Outcome
@@ -62,3 +62,16 @@ def test_between_two_deadlines_time_alone_changes_nothing() -> None:
             if deadline is None:
                 break
             after = deadline
+
+
+@pytest.mark.parametrize("atom", ['{topic: "/b", v <= *x}', '{topic: "/b", v: *x}'])
+def test_an_atom_that_had_not_held_does_not_after_going_back(atom: str) -> None:
+    formula = parse_formula(f'forall[x]. {{topic: "/a", v: *x}} -> eventually[:9s] {atom}', "seconds")
+    engine = NativeEngine(formula, "seconds")
+    judge(engine, formula, [(SECOND, {"topic": "/c"})])
+    before = engine.snapshot()
+    engine.mark()
+    judge(engine, formula, [(2 * SECOND, {"topic": "/b", "v": 1.0})])
+    assert engine.snapshot()["nodes"] != before["nodes"]
+    engine.back()
+    assert engine.snapshot() == before

@@ -40,9 +40,9 @@ def test_no_two_streams_have_a_channel_in_common(kind: str) -> None:
     streams, others = Streams("/s"), ["topic", "request", "goal", "tick"]
     line = {"stream": "/a", "arrived": 2, "stamp": 1, "seq": 3, "call": None}
     made = {other: streams.message({**line, "kind": other}) for other in others}
-    same = [other for other in others if made[other].schema.name == made[kind].schema.name]
+    same = [other for other in others if made[other].channel.schema.name == made[kind].channel.schema.name]
     assert same == [kind]
-    assert made[kind].topic.startswith("/s/")
+    assert made[kind].channel.topic.startswith("/s/")
     assert "call" not in made[kind].data
 
 
@@ -60,7 +60,7 @@ def test_a_record_becomes_what_can_be_plotted() -> None:
     assert {outcome: verdict_message(record(1, outcome)).data["value"] for outcome in VALUES} == VALUES
     assert "robustness" not in verdict_message(record(1, "true", robustness="Infinity")).data
     assert verdict_message(record(1, "true", robustness=0.5)).data["robustness"] == 0.5
-    assert verdict_message(record(1, "true", order="arrival")).topic == "/oracle/p/arrival"
+    assert verdict_message(record(1, "true", order="arrival")).channel.topic == "/oracle/p/arrival"
 
 
 def levels(episodes: Episodes, *told: VerdictRecord) -> list[tuple[int, float]]:

@@ -18,7 +18,7 @@ from oracle_server.history.blocks import BEFORE
 from oracle_server.history.letters import LETTERS
 from oracle_server.history.records import SessionRecord, StoredStep, restated, stored_revision
 from oracle_server.history.sqlite.batch import Work, restating, write
-from oracle_server.history.sqlite.blocks import BlockWriter, forgetting
+from oracle_server.history.sqlite.blocks import BlockWriter, catching, forgetting
 from oracle_server.history.sqlite.migrations import migrate
 from oracle_server.history.sqlite.rows import session_row, step_row
 from oracle_server.history.sqlite.schema import SESSION_COLUMNS
@@ -56,6 +56,12 @@ class Session:
         if kept:
             self.steps += steps
             self.last += len(steps)
+
+    def catch_up(self, *more: StoredStep) -> None:
+        """Have blocks made that are missing, and write more steps with them."""
+        self._transact([catching(1, lambda: None), Work(1, "steps", [step_row(1, each) for each in more])])
+        self.steps += more
+        self.last += len(more)
 
     def revise(self, standing: dict[int, Standing], *changes: Change) -> None:
         """Write a revision, after which other things stand at some positions."""

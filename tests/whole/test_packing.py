@@ -68,6 +68,7 @@ async def test_long_answers_are_compressed_and_say_the_same(server: Server, sess
     for path in (
         f"sessions/{session}/verdicts?limit=200",
         f"sessions/{session}/violations?limit=200",
+        f"sessions/{session}/timeline?buckets=500",
         f"sessions/{session}",
         "sessions",
         "specs",

@@ -13,8 +13,9 @@ from oracle_server.core.events import StreamKey
 from oracle_server.core.plan import Plan, StreamPlan, plan
 from oracle_server.core.stamps import since_boot_in, stamp_in
 from oracle_server.specfiles.load import parse_spec
-from oracle_server.wire.data import data_decoder, whole
+from oracle_server.wire.data import MAX_EXPONENTS, data_decoder, whole
 from oracle_server.wire.errors import WireError
+from oracle_server.wire.flat import decode_object
 from oracle_server.wire.incoming import MAX_KEYS, MAX_PARTS, QuickEvent, RawEvents
 from oracle_server.wire.reading import decode, event_in
 
@@ -165,3 +166,35 @@ def test_what_is_no_json_is_refused_wherever_it_is(text: str) -> None:
 def test_data_is_an_object_whatever_is_read(text: str) -> None:
     with pytest.raises(WireError, match="valid dictionary"):
         read(frozenset(), text)
+
+
+def many(number: str, count: int) -> str:
+    return f"[{','.join([number] * count)}]"
+
+
+@pytest.mark.parametrize("number", ["1e-310", "9E307", "888888888e+299", "1e-0310", "1.5e-100"])
+def test_many_numbers_that_take_long_to_read_are_refused(number: str) -> None:
+    """45,000 of them, which is less than a megabyte, took most of a second."""
+    text = f'{{"type":"event","seq":3,"stream":"/a","data":{{"a":{many(number, MAX_EXPONENTS + 1)}}}}}'
+    with pytest.raises(WireError, match="data: more than 4000 numbers with exponents of three digits") as refused:
+        decode(text)
+    assert (refused.value.code, refused.value.seq) == ("bad_event", 3)
+    with pytest.raises(WireError, match="more than 4000 numbers"):
+        decode(text.replace('"event"', '"clock"'))
+    with pytest.raises(ValueError, match="more than 4000 numbers"):
+        decode_object(text)
+
+
+@pytest.mark.parametrize("number", ["1e-310", "1.5e-05", "1e23", '"e100"'])
+def test_as_many_as_any_message_has_are_read_as_they_are(number: str) -> None:
+    count = MAX_EXPONENTS if number == "1e-310" else 2 * MAX_EXPONENTS
+    found = decode(f'{{"type":"event","seq":3,"stream":"/a","data":{{"a":{many(number, count)}}}}}')
+    assert isinstance(found, QuickEvent)
+    assert found.data == {"a": [json.loads(number)] * count}
+
+
+def test_such_numbers_that_nobody_reads_are_not_refused() -> None:
+    text = f'{{"type":"event","seq":3,"stream":"/a","data":{{"v":1,"a":{many("1e-310", 2 * MAX_EXPONENTS)}}}}}'
+    found = decode(text, lambda _stream, _kind: data_decoder(frozenset({"v"})))
+    assert isinstance(found, QuickEvent)
+    assert found.data == {"v": 1}

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import msgspec
 
-from oracle_server.core.engine import MAX_WORK, Engine, Rewindable
+from oracle_server.core.engine import MAX_WORK
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.plan import View
 from oracle_server.core.property_state import Mark, Names, PropertyState
@@ -128,9 +128,3 @@ class RevisableState(PropertyState):
         assert self.final is not None  # noqa: S101 -- only called where it is
         self.said = self.said or time > self.final_since + self.horizon
         return self.final if time > self.final_since + self.horizon else self.final.current
-
-
-def rewindable(engine: Engine) -> Rewindable:
-    """An engine of a spec that revises."""
-    assert isinstance(engine, Rewindable)  # noqa: S101 -- others are refused with the spec
-    return engine

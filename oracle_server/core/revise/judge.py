@@ -9,7 +9,7 @@ from copy import copy
 import msgspec
 
 from oracle_server.core.counting import Told
-from oracle_server.core.engine import Engine
+from oracle_server.core.engine import Engine, rewindable
 from oracle_server.core.events import Order, Signals, Step
 from oracle_server.core.holding import Held
 from oracle_server.core.judge import Judge, Seen
@@ -17,7 +17,7 @@ from oracle_server.core.plan import Plan, StreamPlan
 from oracle_server.core.recent import SIZE, Recent
 from oracle_server.core.revise.changes import differing, merged, revisions
 from oracle_server.core.revise.episodes import Rewritten
-from oracle_server.core.revise.finality import RevisableState, rewindable
+from oracle_server.core.revise.finality import RevisableState, Stand
 from oracle_server.core.revise.kept import MOST, Keeping, Kept, Point, key_of
 from oracle_server.core.revise.queued import Asked, Late, Until
 from oracle_server.core.revise.ticks import OldTicks
@@ -46,7 +46,7 @@ class RevisingJudge(Judge):
         self._engines = [rewindable(engine) for engine in engines]
         self._recent = Recent(SIZE, spare=MOST)
         self._width = len(engines)
-        self.keeping = Keeping(self.horizon, self._point(None))
+        self.keeping = Keeping(self.horizon, self._point())
         self.newest = 0
         """The time of the newest step (ns)."""
         self.ticking = False
@@ -55,10 +55,8 @@ class RevisingJudge(Judge):
         """Up to when (ns) deadlines were judged, in so far as there were any."""
         self._deadline = 0
         """The latest deadline that was judged (ns); a step that is no younger is late."""
-        self._numbered = 0
-        """How many steps were judged."""
-        self._position = 0
-        """The position of the last row that is no revision."""
+        self._numbered = 0  # steps that were judged
+        self._position = 0  # of the last row that is no revision
         self.ahead: deque[Kept | Late | Step | Until] = deque()
         """What is to be judged in a pass; empty where none goes on."""
         self.overtaken: list[Step] = []
@@ -71,8 +69,7 @@ class RevisingJudge(Judge):
         self._old_ticks = OldTicks(self._derived.seen)
         self._not_before = 0
         """What is judged again without being in order is judged at no earlier time (ns) than it was."""
-        self._added = 0
-        """Rows that were added since others were forgotten."""
+        self._added = 0  # rows, since others were forgotten
         self._told: Told | None = None
         self._rewritten: Rewritten | None = None  # of the pass that goes on
         self.asked: Asked | None = None
@@ -183,10 +180,10 @@ class RevisingJudge(Judge):
 
     def _end(self, now: int) -> list[Judged]:
         """End the pass: what was judged in it, and the revisions of what stood before."""
-        again = differing(self._stood, self._stands)
         outputs, self._outputs = self._outputs, []
         if self._causes:
             names = [state.property.id for state in self.properties]
+            again = differing(self._stood, self._stands)
             made = revisions(again, names, [step.event for step in self._causes], now, self._numbers)
             self._count_changes(made)
             outputs += made
@@ -355,10 +352,14 @@ class RevisingJudge(Judge):
         self._add(judged, old.key, level, old.position, old.preceding, undone=old.undone)
 
     def _add(self, judged: Judged, key: int, level: int, position: int, preceding: int, *, undone: bool) -> None:
-        point, noted = self._point(self.keeping.last), self._derived.noted()
-        self.newest = max(self.newest, self.present)
-        row = Kept(judged, key, level, position, preceding, point, undone, noted)
-        self.keeping.add(row, self.newest)
+        keeping, last, present, steps = self.keeping, self.keeping.last, self.present, self.counters.steps
+        before = last.present if steps > last.steps else last.before
+        stands = self._stand() if self._changed else last.properties
+        point = Point(present, before, self._ticked, self._outdated, steps, self._held, stands, self.following)
+        if present > self.newest:  # noqa: PLR1730 -- `max` takes longer than all else here
+            self.newest = present
+        row = Kept(judged, key, level, position, preceding, point, undone, self._derived.noted())
+        keeping.add(row, self.newest)
         if self._rewritten is not None:
             self._rewritten.stands(row)
         self._added += 1
@@ -374,25 +375,24 @@ class RevisingJudge(Judge):
             if state.broken is None:
                 engine.forget(base.steps, base.present)
 
-    def _point(self, last: Point | None) -> Point:
-        """How the judge stands, where it stood so after the row before."""
-        steps = self.counters.steps
-        if last is None:
-            before, stands = 0, None
-        else:
-            before = last.present if steps > last.steps else last.before
-            stands = None if self._changed else last.properties
-        if stands is None:
-            stands = tuple([state.stand() for state in self._states])
-            self._changed.clear()
+    def _point(self, before: int = 0) -> Point:
+        """How the judge stands where no row is kept; `before` is the time of the step before the last one (ns)."""
+        steps, stands = self.counters.steps, self._stand()
         return Point(self.present, before, self._ticked, self._outdated, steps, self._held, stands, self.following)
+
+    def _stand(self) -> tuple[Stand, ...]:
+        """How its properties stand, which have not changed since."""
+        self._changed.clear()
+        return tuple([state.stand() for state in self._states])
 
     def _position_of(self, judged: Judged) -> int:
         return (judged.verdicts[0].n - 1) // self._width + 1
 
     def _move_on(self, step: Step, stream: StreamPlan) -> None:
-        super()._move_on(step, stream)
-        if self._not_before:
+        if stream.spec.ordered and not self._not_before:
+            self.present = max(self.present, step.time)
+        else:
+            super()._move_on(step, stream)
             self.present = max(self.present, self._not_before)
 
     def _holding(self, monitor: str) -> Held:

@@ -110,13 +110,9 @@ class Keeping:
 
     def forget(self, newest: int) -> None:
         """Let go of the rows that are more than a horizon older than the newest step (ns)."""
-        rows, limit, gone = self.rows, key_of(newest - self._horizon), None
+        rows, limit = self.rows, key_of(newest - self._horizon)
         while rows and rows[0].key < limit:
-            gone = rows.popleft()
-            if gone.judged.place is not None:
-                self.placed.append(gone.position)
-        if gone is not None:
-            self.base, self.floor = gone.point, gone.key
+            self._let_go()
 
     def _let_go(self) -> None:
         gone = self.rows.popleft()

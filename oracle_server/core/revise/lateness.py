@@ -51,9 +51,9 @@ class Lateness:
         judge = self.judge
         if self._due is None and not judge.ahead and not judge.unknown:
             return []
-        outputs = self.judge.say_unsaid(now)
+        outputs = judge.say_unsaid(now)
         outputs += self._pass(now, enough)
-        while self._due is not None and self._due <= now and not self.judge.is_going:
+        while self._due is not None and self._due <= now and not judge.is_going:
             outputs += self._begin(now)
             outputs += self._pass(now, enough)
         return outputs

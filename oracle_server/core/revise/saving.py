@@ -43,11 +43,6 @@ class SavableJudge(RevisingJudge):
         self._early: dict[Identity, tuple[Step, int]] = {}
         """Rows of deadlines that are judged only with a late event whose row comes next in the pass."""
 
-    @property
-    def is_done(self) -> bool:
-        """Whether no pass goes on, and all that was judged was said."""
-        return not (self.ahead or self.unknown)
-
     def save(self) -> RevisingSnapshot | None:
         """All that later verdicts depend on, as of before the first row that is kept; None where it can't be saved.
 
@@ -83,8 +78,7 @@ class SavableJudge(RevisingJudge):
             state.final, state.final_since, state.said = None if final is None else Outcome(final), since, said
             if state.broken is None and not state.said:
                 engine.record()
-        begin = msgspec.structs.replace(self._point(None), before=data["before"])
-        self.keeping = Keeping(self.horizon, begin, floor=data["floor"])
+        self.keeping = Keeping(self.horizon, self._point(data["before"]), floor=data["floor"])
         self.keeping.placed = list(data["included"])
         self._derived.noted()
         self._numbered, self.newest, self._position = data["numbered"], self.present, data["position"]

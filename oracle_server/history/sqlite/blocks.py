@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any
@@ -64,11 +64,16 @@ def forgetting(session: int, before: int) -> list[tuple[str, tuple[int, int, int
     return [(_FORGET, (session, level, -(-(before - 1) // positions(level)))) for level in range(LEVELS)]
 
 
+def catching(session: int, done: Callable[[], object]) -> Work:
+    """Has some of the blocks made that a session lacks: the work of no steps."""
+    return Work(session, "steps", (), done, always=True)
+
+
 @dataclass(slots=True)
 class _Tail:
     """What is behind a session's last blocks: rows, and by level blocks that have none above them yet.
 
-    `next` is the number of the next block of level 0, and `since` the time before it.
+    `next` is the number of the next block of level 0, and `since` the time before it. `behind`: not all rows are there.
     """
 
     decides: Order
@@ -76,6 +81,7 @@ class _Tail:
     since: int
     rows: list[Row]
     below: list[dict[int, Block]]
+    behind: bool
 
 
 class BlockWriter:
@@ -90,13 +96,10 @@ class BlockWriter:
         self._tails.clear()
 
     def follow(self, database: sqlite3.Connection, work: Sequence[Work]) -> None:
-        """Make the blocks that written work completes, or touches. Raises what SQLite raises of disks that fail.
-
-        Steps without any values are a session's that is behind: more of its blocks are made, then.
-        """
-        behind = {one.session for one in work if one.what == "steps" and not one.values}
+        """Make the blocks that written work completes, or touches. Raises what SQLite raises of disks that fail."""
         added: defaultdict[int, list[Row]] = defaultdict(list)
         touched: defaultdict[int, set[int]] = defaultdict(set)
+        wanted = {one.session for one in work if one.what == "steps" and one.always}
         for one in work:
             if one.what == "steps":
                 added[one.session] += one.values
@@ -107,7 +110,7 @@ class BlockWriter:
         for session, rows in added.items():
             if session not in self._given_up:
                 try:
-                    self._follow_one(database, session, rows, touched.get(session, set()), behind=session in behind)
+                    self._follow_one(database, session, rows, touched[session], anyway=session in wanted)
                 except REFUSED as error:
                     self._given_up.add(session)
                     self._tails.pop(session, None)
@@ -115,45 +118,42 @@ class BlockWriter:
                     log.error("a session's timeline can't be kept", session=session, reason=reason)
 
     def _follow_one(
-        self, database: sqlite3.Connection, session: int, rows: list[Row], touched: set[int], *, behind: bool
+        self, database: sqlite3.Connection, session: int, rows: list[Row], touched: set[int], *, anyway: bool
     ) -> None:
-        tail = None if touched else self._tails.get(session)
-        if tail is None:
-            tail = self._load(database, session, len(rows), behind=behind)
+        if touched or session not in self._tails:
+            self._load(database, session, len(rows), anyway=anyway or bool(touched))
         else:
-            tail.rows += rows
+            self._tails[session].rows += rows
+        tail = self._tails.get(session)
         if tail is None:
             return
-        made = _extend(session, tail) if len(tail.rows) >= SIZE else []
-        if made:
-            database.executemany(_INSERT, made)
+        if len(tail.rows) >= SIZE:
+            database.executemany(_INSERT, _extend(session, tail))
         if touched:
             _make_anew(database, session, tail, {(position - 1) // SIZE for position in touched})
-            self._tails.pop(session, None)  # with what waits for blocks above
+        if touched or tail.behind:  # what waits for blocks above it is another, or rows are missing
+            self._tails.pop(session)
 
-    def _load(self, database: sqlite3.Connection, session: int, added: int, *, behind: bool) -> _Tail | None:
-        """A session's tail; None where it is too far behind to be caught up with now, unless that is wanted."""
+    def _load(self, database: sqlite3.Connection, session: int, added: int, *, anyway: bool) -> None:
+        """Read a session's tail, unless it is too far behind to be caught up with now, and that is not wanted."""
         self._tails.pop(session, None)
         found = database.execute(_DECIDES, (session,)).fetchone()
         if found is None:
-            return None
+            return
         first, last, _, block = database.execute(EXTENT, (session,)).fetchone()
         following = max(-(-(first - 1) // SIZE), 0 if block is None else block + 1)
         most = CATCH_UP + added
-        if not behind and last - following * SIZE > most:
-            return None
-        tail = _Tail(found[0], following, BEFORE, [], [])
+        behind = last - following * SIZE > most
+        if behind and not anyway:
+            return
+        tail = self._tails[session] = _Tail(found[0], following, BEFORE, [], [], behind)
         for level in range(LEVELS - 1):
             end = following // FANOUT**level
-            begin = end // FANOUT * FANOUT
-            read = database.execute(BLOCKS, (session, level, begin, end - 1))
+            read = database.execute(BLOCKS, (session, level, end // FANOUT * FANOUT, end - 1))
             tail.below.append({number: Block(*rest) for number, *rest in read})
         if block is not None:
             ((_, _, tail.since, *_),) = database.execute(BLOCKS, (session, 0, block, block))
         tail.rows = database.execute(_STEPS, (session, following * SIZE + 1, following * SIZE + most)).fetchall()
-        if last - following * SIZE <= most:
-            self._tails[session] = tail
-        return tail
 
 
 def _extend(session: int, tail: _Tail) -> list[tuple[Any, ...]]:

@@ -121,7 +121,7 @@ async def test_it_is_dragged_and_zoomed_at_the_pointer(page: Page, monitor: Moni
 async def test_what_has_no_steps_has_an_empty_timeline(server: Server, session: str, page: Page) -> None:
     async with attached(server, session=session, spec="single") as monitor:
         await page.goto(f"{server.url}/#/sessions/{session}")
-        await expect(page.get_by_role("status")).to_have_text("live")
+        await expect(page.get_by_role("status")).to_have_text("connected")
         await expect(page.locator(".lane.property")).to_have_count(0)
         await monitor.send(at_second(1))
         await expect(page.locator(".lane.property")).to_have_count(1)

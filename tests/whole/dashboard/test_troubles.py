@@ -17,7 +17,7 @@ _IMPATIENT = "const timeout = AbortSignal.timeout.bind(AbortSignal); AbortSignal
 """Ends the page's waits twenty times as soon: that for an ordinary answer after half a second."""
 BIG, SMALL = {"v": 11}, {"v": 1}
 MALFORMED = {
-    "the list of sessions": ("#/", "**/api/v1/sessions", "{}"),
+    "the list of sessions": ("#/", "**/api/v1/sessions?**", "{}"),
     "a session's state": ("#/sessions/{}", "**/api/v1/sessions/{}", "{}"),
     "its records": ("#/sessions/{}", "**/api/v1/sessions/{}/verdicts?**", "null"),
     "its violations": ("#/sessions/{}", "**/api/v1/sessions/{}/violations?**", '{"items": [{}]}'),

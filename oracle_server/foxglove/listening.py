@@ -1,0 +1,147 @@
+"""The port that Foxglove connects to, and the channels that are offered there, by Foxglove's own library."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple, cast
+
+import structlog
+
+from oracle_server.core.errors import OracleError
+from oracle_server.foxglove.channels import Channel, Message
+from oracle_server.foxglove.schemas import Schema
+from oracle_server.process.seldom import Seldom
+from oracle_server.wire.json import encode_bytes
+
+if TYPE_CHECKING:
+    from foxglove.websocket import ChannelView, Client, ServerListener
+
+_BACKLOG = 1_024
+"""Messages that wait for a client that does not read; of more the oldest are dropped."""
+_FULL = "foxglove.websocket.connected_client.send_lossy"
+_OTHERS = {
+    _FULL: "a client of Foxglove reads too slowly, and misses the oldest messages",
+    "foxglove.websocket.server": "Foxglove's port",
+}
+"""The library's loggers whose lines clients cause, with what is said before these."""
+
+log = structlog.get_logger()
+
+
+class FoxgloveError(OracleError):
+    """Nothing can be offered to Foxglove."""
+
+
+class Certificate(NamedTuple):
+    """A certificate and its key, as PEM."""
+
+    cert: bytes
+    key: bytes
+
+
+class Listening:
+    """A port on which channels are offered to whoever connects. Its methods may be called from any thread."""
+
+    def __init__(self, host: str, port: int, tls: Certificate | None = None) -> None:
+        """Listen. Raises `FoxgloveError` where that can't be done."""
+        try:
+            import foxglove
+        except ImportError:
+            raise FoxgloveError(
+                "--foxglove needs the package foxglove-sdk; install it: `pip install 'oracle-server[foxglove]'`"
+            ) from None
+        at = f"[{host}]" if ":" in host else host
+        _set_up_logs(foxglove.set_log_level)
+        self._foxglove, self._context = foxglove, foxglove.Context()
+        self._offered: dict[int, Offered] = {}
+        self.subscribed: Callable[[Offered], None] = lambda _: None
+        """Called from a thread of the library's when a client has subscribed to a channel."""
+        try:
+            self._server = foxglove.start_server(
+                name="oracle-server", host=host, port=port, capabilities=[], context=self._context,
+                server_listener=cast("ServerListener", _Clients(self._on_subscribe)), message_backlog_size=_BACKLOG,
+                tls_cert=tls and tls.cert, tls_key=tls and tls.key,
+            )  # fmt: skip
+        except (RuntimeError, ValueError, OSError) as error:
+            reason = str(error).removeprefix("FoxgloveError: ")
+            raise FoxgloveError(f"--foxglove: can't listen at {at}:{port}: {reason}") from None
+        log.info("offering sessions to Foxglove", url=f"{'wss' if tls else 'ws'}://{at}:{self._server.port}")
+
+    def offer(self, channel: Channel) -> Offered:
+        """Offer a channel: until it is withdrawn, whoever connects is told of it."""
+        name, content = channel.schema
+        schema = self._foxglove.Schema(name=name, encoding="jsonschema", data=encode_bytes(content))
+        made = self._foxglove.Channel(
+            channel.topic, schema=schema, message_encoding="json", context=self._context,
+            metadata=dict(channel.metadata),
+        )  # fmt: skip
+        offered = self._offered[made.id()] = Offered(channel.schema, made.log, made.has_sinks, made.close)
+        return offered
+
+    def withdraw(self, offered: Offered) -> None:
+        """Offer a channel no longer."""
+        self._offered = {number: one for number, one in self._offered.items() if one is not offered}
+        offered.close()
+
+    def close(self) -> None:
+        """End all connections, and listen no more."""
+        self._server.stop()
+
+    def _on_subscribe(self, number: int) -> None:
+        offered = self._offered.get(number)
+        if offered is not None:
+            self.subscribed(offered)
+
+
+class Offered:
+    """A channel that is offered, with its last message."""
+
+    def __init__(
+        self, schema: Schema, send: Callable[..., None], is_read: Callable[[], bool], close: Callable[[], None]
+    ) -> None:
+        self.schema, self.close = schema, close
+        self._send, self._is_read = send, is_read
+        self._last: Message | None = None
+
+    def write(self, message: Message) -> None:
+        """Send a message to those who have subscribed."""
+        self._last = message
+        if self._is_read():
+            self.repeat()
+
+    def repeat(self) -> None:
+        """Send the last message again, for one who has just subscribed: the next may take long to come."""
+        last = self._last
+        if last is not None:
+            self._send(encode_bytes(last.data), log_time=last.time)
+
+
+class _Clients:
+    """What is done when clients subscribe; nothing else that they send is taken."""
+
+    def __init__(self, subscribed: Callable[[int], None]) -> None:
+        self._subscribed = subscribed
+
+    def on_subscribe(self, client: Client, channel: ChannelView) -> None:
+        del client
+        self._subscribed(channel.id)
+
+    def on_unsubscribe(self, client: Client, channel: ChannelView) -> None:
+        del client, channel
+
+
+def _set_up_logs(begin: Callable[[str], None]) -> None:
+    """Of the library's log keep what is wrong, and that a client is slow: one line a second of each kind."""
+    logging.getLogger("foxglove").setLevel(logging.WARNING)
+    logging.getLogger(_FULL).setLevel(logging.INFO)
+    seldom = Seldom()
+    for name, text in _OTHERS.items():
+
+        def let_through(record: logging.LogRecord, text: str = text) -> bool:
+            record.levelno, record.levelname = logging.WARNING, "WARNING"
+            record.msg, record.args = f"{text}: {record.getMessage()}", ()
+            return bool(seldom.due(record.name))
+
+        logging.getLogger(name).addFilter(let_through)
+    begin("INFO")

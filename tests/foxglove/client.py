@@ -1,0 +1,89 @@
+"""A client of Foxglove's protocol over WebSocket: it is told of channels, subscribes, and reads their messages."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import struct
+from collections.abc import AsyncIterator, Callable
+from typing import Any, NamedTuple
+
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.typing import Subprotocol
+
+from tests.foxglove.reading import fields
+from tests.processes import PATIENCE
+
+_DATA = struct.Struct("<BIQ")
+
+
+class Seen(NamedTuple):
+    """A message as it came, with the time that it bears (ns)."""
+
+    topic: str
+    time: int
+    data: dict[str, Any]
+
+
+class Viewer:
+    """One connection; it subscribes to the channels that are `wanted` as soon as it is told of them."""
+
+    def __init__(self, socket: ClientConnection, wanted: Callable[[str], bool]) -> None:
+        self.socket, self._wanted = socket, wanted
+        self.channels: dict[int, dict[str, Any]] = {}
+        self.seen: list[Seen] = []
+
+    @property
+    def topics(self) -> set[str]:
+        """The names of the channels that there are at present."""
+        return {channel["topic"] for channel in self.channels.values()}
+
+    def shape(self, topic: str) -> dict[str, str]:
+        """The fields of a channel."""
+        (channel,) = [channel for channel in self.channels.values() if channel["topic"] == topic]
+        return fields(json.loads(channel["schema"]))
+
+    def of(self, topic: str) -> list[Seen]:
+        """What came of a channel."""
+        return [seen for seen in self.seen if seen.topic == topic]
+
+    async def heard(self) -> None:
+        """Read until there is a message."""
+        await self.until(lambda: self.seen)
+
+    async def until(self, good: Callable[[], object]) -> None:
+        """Read until something is so."""
+        async with asyncio.timeout(PATIENCE):
+            while not good():
+                await self._take(await self.socket.recv())
+
+    async def _take(self, message: str | bytes) -> None:
+        if isinstance(message, bytes):
+            kind, number, time = _DATA.unpack_from(message)
+            assert kind == 1
+            self.seen.append(Seen(self.channels[number]["topic"], time, json.loads(message[_DATA.size :])))
+            return
+        told = json.loads(message)
+        if told["op"] == "advertise":
+            for channel in told["channels"]:
+                assert (channel["encoding"], channel["schemaEncoding"]) == ("json", "jsonschema")
+                self.channels[channel["id"]] = channel
+            wanted = [c["id"] for c in told["channels"] if self._wanted(c["topic"])]
+            subscriptions = [{"id": number, "channelId": number} for number in wanted]
+            await self.socket.send(json.dumps({"op": "subscribe", "subscriptions": subscriptions}))
+        elif told["op"] == "unadvertise":
+            for number in told["channelIds"]:
+                del self.channels[number]
+        elif told["op"] == "status":  # the channel was offered anew meanwhile, with more signals
+            assert told["message"].startswith("Unknown channel ID")
+        else:
+            assert told["op"] in ("serverInfo", "removeStatus"), told
+            assert told.get("capabilities", []) == []
+
+
+@contextlib.asynccontextmanager
+async def viewing(url: str, wanted: Callable[[str], bool] = lambda _: True) -> AsyncIterator[Viewer]:
+    """A viewer of what is offered at an address."""
+    async with connect(url, subprotocols=[Subprotocol("foxglove.sdk.v1")], proxy=None, open_timeout=PATIENCE) as socket:
+        yield Viewer(socket, wanted)
