@@ -20,16 +20,16 @@ class Drawing:
     def __init__(
         self, session: str, properties: tuple[str, ...], orders: Sequence[Order], listening: Listening
     ) -> None:
-        """Offer the properties in each order, the first of which decides, and the log, before anything comes."""
+        """Offer the log, and the properties in each order, the first of which decides, before anything comes."""
         self._properties, self._deciding, self._listening = properties, orders[0], listening
         self._prefix = f"/{session}"
         self._streams, self._episodes = Streams(self._prefix), Episodes(self._prefix)
         self._changes = Changes(properties)
         self._offered: dict[tuple[str, str], Offered] = {}
+        self._of(log_channel(self._prefix))
         for name in properties:
             for order in orders:
                 self._of(property_channel(name, order, self._prefix))
-        self._of(log_channel(self._prefix))
 
     def take(self, steps: Sequence[StoredStep]) -> None:
         """Send what is told of the next steps of the history. To be called in a thread, by one at a time."""
