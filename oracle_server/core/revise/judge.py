@@ -55,10 +55,8 @@ class RevisingJudge(Judge):
         """Up to when (ns) deadlines were judged, in so far as there were any."""
         self._deadline = 0
         """The latest deadline that was judged (ns); a step that is no younger is late."""
-        self._numbered = 0
-        """How many steps were judged."""
-        self._position = 0
-        """The position of the last row that is no revision."""
+        self._numbered = 0  # steps that were judged
+        self._position = 0  # of the last row that is no revision
         self.ahead: deque[Kept | Late | Step | Until] = deque()
         """What is to be judged in a pass; empty where none goes on."""
         self.overtaken: list[Step] = []
@@ -71,8 +69,7 @@ class RevisingJudge(Judge):
         self._old_ticks = OldTicks(self._derived.seen)
         self._not_before = 0
         """What is judged again without being in order is judged at no earlier time (ns) than it was."""
-        self._added = 0
-        """Rows that were added since others were forgotten."""
+        self._added = 0  # rows, since others were forgotten
         self._told: Told | None = None
         self._rewritten: Rewritten | None = None  # of the pass that goes on
         self.asked: Asked | None = None
@@ -183,10 +180,10 @@ class RevisingJudge(Judge):
 
     def _end(self, now: int) -> list[Judged]:
         """End the pass: what was judged in it, and the revisions of what stood before."""
-        again = differing(self._stood, self._stands)
         outputs, self._outputs = self._outputs, []
         if self._causes:
             names = [state.property.id for state in self.properties]
+            again = differing(self._stood, self._stands)
             made = revisions(again, names, [step.event for step in self._causes], now, self._numbers)
             self._count_changes(made)
             outputs += made
