@@ -1,6 +1,6 @@
 """The servers that the benchmark of round trips asks: the oracle, and an echo over the same stack, each by itself.
 
-    python benchmarks/apart.py     # the echo, which prints its port
+python benchmarks/apart.py     # the echo, which prints its port
 """
 
 from __future__ import annotations
