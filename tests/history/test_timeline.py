@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import random
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -10,6 +12,7 @@ from hypothesis import strategies as st
 
 from oracle_server.core.revisions import Change, Standing
 from oracle_server.core.verdicts import Outcome
+from oracle_server.history import blocks
 from oracle_server.history.blocks import SIZE
 from oracle_server.history.columns import grid
 from oracle_server.history.timeline import MOST_NEWS, Question
@@ -184,3 +187,19 @@ def test_buckets_are_on_one_grid_whoever_asks() -> None:
     assert (other.width, other.since) == (10_000, 1_200_000)
     assert grid(5, 5, 1) == (5, 1, 1)
     assert grid(0, 10**18, 2000).width == 10**15
+
+
+def test_long_texts_of_many_rows_are_not_read_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Thirty rows of 900 kB in one call held the interpreter, and so all decisions, for 30 ms."""
+    read: list[int] = []
+    at_once = blocks._all_signals
+
+    def noted(text: str) -> list[dict[str, Any]]:
+        read.append(len(text))
+        return at_once(text)
+
+    monkeypatch.setattr(blocks, "_all_signals", noted)
+    long, short = [json.dumps({"v": i, "text": "x" * 9_000}) for i in range(20)], ['{"v": 1}'] * 20
+    assert blocks._sketches(long) == {"v": [20, 0, 19, 190], "text": [0, 0, 0, 0, None]}
+    assert blocks._sketches(short) == {"v": [20, 1, 1, 20]}
+    assert len(read) == 1
