@@ -224,7 +224,7 @@ class _ExplainingRevised(_Explaining):
     def __init__(self, ready: Plan, index: int, step: StoredStep, begun: int | None, *, stands: bool) -> None:
         super().__init__(ready, index, step.order, step.position, begun)
         self.upto = None if stands else step.position
-        self._asked = Asked(step.position, index, step.step.stamp if step.is_tick else None, step.step.signals)
+        self._asked = Asked(step.position, index, step.step.stamp if step.is_tick else None)
         self._names = tuple([p.id for p in ready.spec.properties])
         self._outcome = said(step, "standing" if stands else "first").outcomes[index]
         self._judged = False

@@ -242,11 +242,11 @@ class RevisingJudge(Judge):
         """Judge a step at `time` with held signals only, and take it back; None where it changes no outcome."""
         if self.asked is None or self.asked.tick != time:
             return super().tick(time, now, recorded)
-        state, seen = self.properties[self.asked.prop], self._derived.seen
+        state = self.properties[self.asked.prop]
         state.asked = True
         tick = super().tick(time, now, recorded)
         state.asked = False
-        if tick is not None and seen(tick.step.signals) == seen(self.asked.signals):
+        if tick is not None and self._position_of(tick) == self.asked.position:
             self.answer = tick
         return tick
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from oracle_server.core.events import Signals, Step
+from oracle_server.core.events import Step
 
 
 class Late(NamedTuple):
@@ -22,10 +22,9 @@ class Until(NamedTuple):
 class Asked(NamedTuple):
     """The row, by its position, at which the outcome of a property (by its index) is to be explained.
 
-    `tick` is its time (ns) where it is a deadline, else None, and `signals` are its own.
+    `tick` is its time (ns) where it is a deadline, else None.
     """
 
     position: int
     prop: int
     tick: int | None
-    signals: Signals

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Collection, Iterator, Sequence
+from operator import attrgetter
 
 import msgspec
 
@@ -193,10 +194,11 @@ class SavableJudge(RevisingJudge):
             self._early[self._old_ticks.identity(step)] = step, position
 
     def _unknown_tick(self, step: Step) -> Kept | None:
-        """A deadline that was judged again, and whose row, with this step, has not come yet."""
+        """A deadline that was judged again, and whose row, with this step, has not come yet: the first of several."""
         rows = itertools.takewhile(lambda row: row.key >= key_of(step.stamp), reversed(self.keeping.rows))
         identity = self._old_ticks.identity
-        return next((row for row in rows if row.position <= 0 and identity(row.step) == identity(step)), None)
+        found = [row for row in rows if row.position <= 0 and identity(row.step) == identity(step)]
+        return max(found, key=attrgetter("position"), default=None)
 
     def _end(self, now: int) -> list[Judged]:
         if self._restoring:  # what is retracted may come again with another late event of the same pass
@@ -216,6 +218,8 @@ class SavableJudge(RevisingJudge):
         row.position, row.preceding = position, self._position
         rename(itertools.takewhile(lambda kept: kept is not row, reversed(self.keeping.rows)), names)
         rename([row], names)
+        if self.asked is not None and self.asked.position == position:
+            self.answer = row.judged
 
     def _judge_deadline(self, time: int, now: int) -> Judged | None:
         if not self._restoring:
