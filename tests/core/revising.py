@@ -221,7 +221,7 @@ class Run:
             if due is None or due > now:
                 return
             yield from self.session.advance(max(due, self.session.now))
-            if self.stops is not None and self.stops.random() < 0.1:
+            if self.stops is not None and self.session.buffer.due is None and self.stops.random() < 0.1:
                 return
         raise AssertionError("the session never comes to rest")
 
