@@ -41,7 +41,7 @@ export function chartView(id, n) {
     if (changed && focused) focusOn([...picture.node.querySelectorAll("td > a")].find((each) => each.getAttribute("href") === focused));
     if (!by.n && changed && !scrolled) picture.node.firstChild.scrollLeft = Number.MAX_SAFE_INTEGER;
     const chosen = by.n && moved && picture.node.querySelector(".chosen");
-    if (chosen) chosen.scrollIntoView({ block: "center", inline: "center" });
+    if (chosen) centre(picture.node.firstChild, chosen);
     moved = by.n && moved && !chosen;
   }
 
@@ -61,6 +61,12 @@ async function around(id, n, width, as = "standing") {
   if (!n) return (await items(of(id, "verdicts"), { as, order: "desc", limit })).reverse();
   const before = Math.max(0, Math.ceil(n / width) - 1 - Math.floor(steps * BEFORE));
   return items(of(id, "verdicts"), { as, after: before * width, limit });
+}
+
+/** Scroll a box to where something in it is, and the page not at all. */
+function centre(box, inside) {
+  const [outer, inner] = [box, inside].map((each) => each.getBoundingClientRect());
+  box.scrollLeft += inner.left + inner.width / 2 - outer.left - outer.width / 2;
 }
 
 function scrolledBack(box) {

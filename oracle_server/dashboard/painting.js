@@ -142,19 +142,20 @@ function singles({ context, x, height }, since, width, counts) {
   context.fill();
 }
 
-/** Counts as heights, together for a few pixels, as they are told to within a bucket. */
-function heights({ context, x, scale }, since, width, counts, base) {
+/** Counts as heights above a base, together for a few pixels, as they are told to within a bucket; `most` is the highest. */
+function heights({ context, x, scale }, since, width, counts, base, most = 0) {
   const together = Math.max(1, Math.ceil(BAR / (width * scale)));
   const sums = Array.from({ length: Math.ceil(counts.length / together) }, (_, i) =>
     counts.slice(i * together, (i + 1) * together).reduce((sum, each) => sum + each, 0));
   const smooth = sums.map((each, i) => (each ? ((sums[i - 1] || each) + 2 * each + (sums[i + 1] || each)) / 4 : 0));
-  const most = Math.max(1, ...smooth);
+  const highest = Math.max(1, most, ...smooth);
   smooth.forEach((each, i) => {
     if (!each) return;
     const [from, to] = [x(since + i * together * width), x(since + (i + 1) * together * width)];
-    const high = Math.max(2, (each / most) * (base - 3));
+    const high = Math.max(2, (each / highest) * (base - 3));
     context.fillRect(from, base - high, to - from + 0.5, high);
   });
+  return highest;
 }
 
 /** Where a stream was silent for more than three of its periods, between two messages (offsets). */
@@ -231,21 +232,15 @@ export function paintDecisions(canvas, window, { since, width, asked, denied, ho
   const at = pen(canvas, window);
   const { context } = at;
   const half = at.height / 2;
-  const most = Math.max(1, ...asked);
+  context.fillStyle = colour("quiet-fill");
+  const most = heights(at, since, width, asked, half);
+  context.fillStyle = colour("deny");
+  heights(at, since, width, denied, half, most);
+  context.fillStyle = colour("quiet-fill");
   const longest = Math.max(1e6, ...hold);
-  asked.forEach((count, i) => {
-    const [from, wide] = [at.x(since + i * width), Math.max(1, width * at.scale)];
-    const bar = (value, name) => {
-      if (!value) return;
-      context.fillStyle = colour(name);
-      const high = Math.max(2, (value / most) * (half - 4));
-      context.fillRect(from, half - high, wide, high);
-    };
-    bar(count, "quiet-fill");
-    bar(denied[i], "deny");
-    if (!hold[i]) return;
-    context.fillStyle = colour("quiet-fill");
-    context.fillRect(from, at.height - 3 - (Math.log10(1 + hold[i]) / Math.log10(1 + longest)) * (half - 6), Math.max(2, wide), 2);
+  hold.forEach((each, i) => {
+    const high = (Math.log10(1 + each) / Math.log10(1 + longest)) * (half - 6);
+    if (each) context.fillRect(at.x(since + i * width), at.height - 3 - high, Math.max(2, width * at.scale), 2);
   });
 }
 

@@ -19,13 +19,12 @@ export function sessionView(id, n, again) {
   const violations = violationsView(id, again);
   let spec = null;
   const node = h("div", {}, h("h1", {}, id), head.node,
-    h("div", { class: "beside" },
-      h("div", { class: "course" }, timeline.node,
+    h("div", { class: "beside" }, timeline.node, verdict.node,
+      h("div", { class: "details" },
         h("h2", {}, "Properties"), properties.node,
         h("h2", {}, "Steps"), chart.node,
         h("h2", {}, "Violations"), violations.node,
-        h("h2", {}, "Streams and monitors"), streams.node),
-      verdict.node));
+        h("h2", {}, "Streams and monitors"), streams.node)));
 
   async function refresh() {
     const state = await get(of(id));

@@ -32,7 +32,8 @@ export function timelineView(id, choose) {
   const resized = new ResizeObserver(moved);
   resized.observe(plots);
   const node = h("section", { class: "time", "aria-label": "Time" }, bar.node, plots);
-  let [state, thresholds, rows, whole, known, timer, frame, pinned] = [null, [], [], null, null, null, null, null];
+  let [state, thresholds, rows, whole, known, timer, frame] = [null, [], [], null, null, null, null];
+  let [pinned, sought] = [null, false];
 
   /** Show the session as it is now; `compared` are the numbers that its formulas compare signals with. */
   async function refresh(next, compared) {
@@ -40,6 +41,7 @@ export function timelineView(id, choose) {
     const found = await get(of(id, "timeline"), { buckets: OVERVIEW, part: "lanes" });
     if (found.first === null) return;
     window.reach(found.first, found.last);
+    seek();
     whole = worstOf(found, window);
     const news = [window.since, window.until, Math.min(window.end, window.until), state.revising?.passes].join();
     if (news === known) return draw();
@@ -99,9 +101,19 @@ export function timelineView(id, choose) {
     choose(each?.group === "property" ? each.name : null, window.time(at)).catch(() => {}); // as above
   }
 
-  /** Mark a time (ns), or none. */
+  /** Mark a time (ns), or none; the window is moved there where the time is not in view. */
   function pin(time) {
-    if (pinned !== time) [pinned] = [time, draw()];
+    if (pinned === time) return;
+    [pinned, sought] = [time, time !== null];
+    seek();
+    draw();
+  }
+
+  function seek() {
+    if (!sought || window.origin === null) return;
+    sought = false;
+    const [at, half] = [window.offset(pinned), (window.until - window.since) / 2];
+    if (at < window.since || at > window.until) window.show(at - half, at + half);
   }
 
   function placeCursor() {

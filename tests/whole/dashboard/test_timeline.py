@@ -125,3 +125,14 @@ async def test_what_has_no_steps_has_an_empty_timeline(server: Server, session: 
         await expect(page.locator(".lane.property")).to_have_count(0)
         await monitor.send(at_second(1))
         await expect(page.locator(".lane.property")).to_have_count(1)
+
+
+async def test_an_address_of_a_verdict_shows_the_time_of_it(page: Page, monitor: Monitor) -> None:
+    base = page.url
+    await monitor.send(*(at_second(i) for i in range(61, 400)))
+    await monitor.acked(399)
+    await page.goto("about:blank")
+    await page.goto(f"{base}?n=25")
+    await expect(page.locator(".verdict").get_by_role("heading")).to_contain_text("currently_false at step 25")
+    await expect(page.locator(".cursor")).to_be_visible()
+    await painted(page, 0.508, "fails-soft")
