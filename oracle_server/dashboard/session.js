@@ -43,10 +43,13 @@ export function sessionView(id, n, again) {
     else if (record.stamp !== undefined) timeline.pin(record.stamp);
   }
 
-  /** Choose the last verdict up to a time (ns): of a property, or the gravest of all. */
-  async function choose(property, until) {
-    const query = { until, order: "desc", limit: property ? 1 : Math.max(1, Object.keys(spec?.formulas ?? {}).length), ...(property && { property }) };
-    const [found] = (await items(of(id, "verdicts"), query)).sort((one, other) => byGravity(one.outcome, other.outcome));
+  /** Choose a verdict of a property, or the gravest of all: a violation from `since` to `until` (ns), else the last one. */
+  async function choose(property, since, until) {
+    const of_it = property ? { property } : {};
+    const [violation] = await items(of(id, "violations"), { ...of_it, since, until, limit: 1 });
+    const limit = property ? 1 : Math.max(1, Object.keys(spec?.formulas ?? {}).length);
+    const others = violation ? [] : await items(of(id, "verdicts"), { ...of_it, until, order: "desc", limit });
+    const [found] = [violation, ...others].filter(Boolean).sort((one, other) => byGravity(one.outcome, other.outcome));
     if (!found) return;
     timeline.pin(found.stamp);
     location.hash = at(id, found.n).slice(1);

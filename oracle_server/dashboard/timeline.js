@@ -16,7 +16,7 @@ const OVERVIEW = 300;
 const PLOTS = 4; // signals
 const SOON = 60; // ms from a move to the request
 
-/** The timeline of a session; `choose(property, time)` is called with the lane, if one was clicked, and the time (ns). */
+/** The timeline of a session; `choose(property, since, until)` is called with the lane, if one was clicked, and the time of the pixel (ns). */
 export function timelineView(id, choose) {
   const window = new Window(moved);
   const bar = toolbar(window);
@@ -94,11 +94,11 @@ export function timelineView(id, choose) {
   }
 
   function clicked(share, target) {
-    const span = window.until - window.since;
-    const at = window.since + (share + 1 / axis.clientWidth) * span; // to the end of the pixel
+    const pixel = (window.until - window.since) / axis.clientWidth;
+    const at = window.since + share * (window.until - window.since);
     const each = rows.find(({ canvas }) => canvas === target);
     window.show(window.since, window.until);
-    choose(each?.group === "property" ? each.name : null, window.time(at)).catch(() => {}); // as above
+    choose(each?.group === "property" ? each.name : null, window.time(at - pixel), window.time(at + pixel)).catch(() => {}); // as above
   }
 
   /** Mark a time (ns), or none; the window is moved there where the time is not in view. */

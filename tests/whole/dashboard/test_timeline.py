@@ -73,6 +73,21 @@ async def test_a_click_explains_what_was_there(page: Page, monitor: Monitor) -> 
     await expect(page.locator(".cursor")).to_be_hidden()
 
 
+async def test_a_click_on_what_fails_explains_the_violation_there(page: Page, monitor: Monitor) -> None:
+    """Beside each violation there may be many steps that are none, a pixel wide together."""
+    await monitor.send(*(make_event(60 + i, at=61 * SECOND + i, data=BIG if i == 20 else SMALL) for i in range(1, 100)))
+    await monitor.acked(159)
+    await expect(page.locator(".lane.property .value")).to_have_text("✓ 2 violations")
+    await page.locator(".time").get_by_role("button", name="All").click()
+    canvas = page.locator(".lane.property canvas")
+    box = await canvas.bounding_box()
+    assert box is not None
+    await painted(page, 0.9, "holds")
+    await canvas.click(position={"x": box["width"] - 2, "y": box["height"] / 2})
+    heading = page.locator(".verdict").get_by_role("heading")
+    await expect(heading).to_contain_text("a_is_small ✗ currently_false at step 80, ")
+
+
 async def test_it_is_moved_by_keys_alone(page: Page, monitor: Monitor) -> None:
     plots = page.locator(".plots")
     live = page.locator(".time").get_by_role("button", name=re.compile("live", re.IGNORECASE))
