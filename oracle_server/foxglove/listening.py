@@ -76,13 +76,22 @@ class Listening:
             channel.topic, schema=schema, message_encoding="json", context=self._context,
             metadata=dict(channel.metadata),
         )  # fmt: skip
-        offered = self._offered[made.id()] = Offered(channel.schema, made.log, made.has_sinks, made.close)
+        offered = Offered(made.id(), channel.schema, made.log, made.has_sinks, made.close)
+        self._offered[offered.number] = offered
         return offered
 
     def withdraw(self, offered: Offered) -> None:
         """Offer a channel no longer."""
-        self._offered = {number: one for number, one in self._offered.items() if one is not offered}
+        self._offered.pop(offered.number, None)
         offered.close()
+
+    def catch_up(self) -> None:
+        """Send the last messages that were told to nobody to those who have subscribed since.
+
+        The library calls us before a client has its subscription: what is sent in between reaches nobody.
+        """
+        for offered in [*self._offered.values()]:
+            offered.catch_up()
 
     def close(self) -> None:
         """End all connections, and listen no more."""
@@ -98,23 +107,34 @@ class Offered:
     """A channel that is offered, with its last message."""
 
     def __init__(
-        self, schema: Schema, send: Callable[..., None], is_read: Callable[[], bool], close: Callable[[], None]
+        self,
+        number: int,
+        schema: Schema,
+        send: Callable[..., None],
+        is_read: Callable[[], bool],
+        close: Callable[[], None],
     ) -> None:
-        self.schema, self.close = schema, close
+        self.number, self.schema, self.close = number, schema, close
         self._send, self._is_read = send, is_read
         self._last: Message | None = None
+        self._unread = False
+        """Whether nobody had subscribed when the last message was sent."""
 
     def write(self, message: Message) -> None:
         """Send a message to those who have subscribed."""
         self._last = message
-        if self._is_read():
-            self.repeat()
+        self.repeat()
 
     def repeat(self) -> None:
         """Send the last message again, for one who has just subscribed: the next may take long to come."""
-        last = self._last
-        if last is not None:
+        last, self._unread = self._last, not self._is_read()
+        if last is not None and not self._unread:
             self._send(encode_bytes(last.data), log_time=last.time)
+
+    def catch_up(self) -> None:
+        """Send the last message where nobody had subscribed, and somebody has since."""
+        if self._unread and self._is_read():
+            self.repeat()
 
 
 class _Clients:

@@ -51,6 +51,7 @@ class Live:
         try:
             while self._allowed():
                 self._look()
+                self._listening.catch_up()
                 await asyncio.sleep(_LOOK)
             log.error("there are tokens now, and Foxglove has none: nothing is offered to it any more")
         finally:

@@ -48,7 +48,8 @@ async def test_specs_are_listed_and_told(server: Server) -> None:
     assert {"lamp", "other", "pair", "single", "slow"} <= set(items)
     lamp = server.get("specs/lamp")
     assert lamp["text"] == LAMP
-    assert lamp == items["lamp"] | {"text": LAMP}
+    threshold = {"signal": "/battery:percentage", "property": "battery_is_plausible", "op": ">", "value": 100}
+    assert lamp == items["lamp"] | {"text": LAMP, "thresholds": [threshold]}
     assert lamp["description"] == "A lamp that is switched on in the dark only"
     assert lamp["source"] == "file"
     assert [(s["name"], s["kind"], s["action"]) for s in lamp["streams"]] == [
