@@ -40,6 +40,10 @@ class Certificate(NamedTuple):
     key: bytes
 
 
+_REPEATS = 2
+"""How often a last message is repeated for those who have subscribed."""
+
+
 class Listening:
     """A port on which channels are offered to whoever connects. Its methods may be called from any thread."""
 
@@ -86,9 +90,9 @@ class Listening:
         offered.close()
 
     def catch_up(self) -> None:
-        """Send the last messages that were told to nobody to those who have subscribed since.
+        """Repeat last messages for those who have subscribed lately. To be called now and then.
 
-        The library calls us before a client has its subscription: what is sent in between reaches nobody.
+        The library may call us before a client has its subscription: what is sent in between does not reach it.
         """
         for offered in [*self._offered.values()]:
             offered.catch_up()
@@ -100,6 +104,7 @@ class Listening:
     def _on_subscribe(self, number: int) -> None:
         offered = self._offered.get(number)
         if offered is not None:
+            offered.subscribed()
             self.subscribed(offered)
 
 
@@ -117,23 +122,29 @@ class Offered:
         self.number, self.schema, self.close = number, schema, close
         self._send, self._is_read = send, is_read
         self._last: Message | None = None
-        self._unread = False
-        """Whether nobody had subscribed when the last message was sent."""
+        self._again = 0
+        """How often the last message is still to be repeated for those who have subscribed."""
+
+    def subscribed(self) -> None:
+        """Note that somebody has subscribed, or is about to: the library may call us before it sends them anything."""
+        self._again = _REPEATS
 
     def write(self, message: Message) -> None:
         """Send a message to those who have subscribed."""
         self._last = message
-        self.repeat()
+        if self._is_read():
+            self.repeat()
 
     def repeat(self) -> None:
         """Send the last message again, for one who has just subscribed: the next may take long to come."""
-        last, self._unread = self._last, not self._is_read()
-        if last is not None and not self._unread:
+        last = self._last
+        if last is not None:
             self._send(encode_bytes(last.data), log_time=last.time)
 
     def catch_up(self) -> None:
-        """Send the last message where nobody had subscribed, and somebody has since."""
-        if self._unread and self._is_read():
+        """Repeat the last message, once there is one, where somebody has subscribed lately."""
+        if self._again and self._last is not None:
+            self._again -= 1
             self.repeat()
 
 

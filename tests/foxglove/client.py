@@ -62,7 +62,9 @@ class Viewer:
         if isinstance(message, bytes):
             kind, number, time = _DATA.unpack_from(message)
             assert kind == 1
-            self.seen.append(Seen(self.channels[number]["topic"], time, json.loads(message[_DATA.size :])))
+            seen = Seen(self.channels[number]["topic"], time, json.loads(message[_DATA.size :]))
+            if self.of(seen.topic)[-1:] != [seen]:  # the last one is repeated for who subscribes
+                self.seen.append(seen)
             return
         told = json.loads(message)
         if told["op"] == "advertise":
