@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, TypedDict
+from typing import Literal, NamedTuple
 
 import msgspec
 
-from oracle_server.core.episode import Episode, Worst
+from oracle_server.core.episode import Episode, EpisodeRecord, Worst
 from oracle_server.core.events import Order
 from oracle_server.core.judge import Judge
 from oracle_server.core.records import ExplanationRecord
@@ -31,27 +31,6 @@ class StoredEpisode(NamedTuple):
     episode: Episode
     text: str | None = None
     gone: bool = False
-
-
-class EpisodeRecord(TypedDict):
-    """An episode as it is told; times in nanoseconds. `last` and `until` are None while it is open.
-
-    `first` and `last` are numbers of verdicts.
-    """
-
-    session: str
-    spec: str
-    property: str
-    order: Order
-    first: int
-    began: int
-    last: int | None
-    until: int | None
-    open: bool
-    final: bool
-    count: int
-    worst: dict[str, object] | None
-    explanation: str | None
 
 
 class Cursor(NamedTuple):

@@ -15,7 +15,9 @@ import structlog
 from oracle_server.core.events import Order, StreamKey
 from oracle_server.core.revisions import Revision
 from oracle_server.core.verdicts import FINAL
+from oracle_server.history.alone import Alone
 from oracle_server.history.episodes import EpisodeQuery, KeptEpisodes, Page, StoredEpisode, page_of
+from oracle_server.history.matching import Take, Told, told
 from oracle_server.history.port import Done
 from oracle_server.history.query import Query
 from oracle_server.history.readers import Readers
@@ -32,6 +34,7 @@ from oracle_server.history.records import (
 )
 from oracle_server.history.steps import StepsSource, arrival, is_undone, made, plain, plain_whys, without_data
 from oracle_server.history.timeline import Question, answer
+from oracle_server.history.views import Doubts
 
 T = TypeVar("T")
 _encode = msgspec.json.Encoder().encode
@@ -83,7 +86,7 @@ class _Command:
     always: bool = False
 
 
-class MemoryHistory:
+class MemoryHistory(Alone):
     """A `History` that is lost when the process ends: what is given is committed with the loop's next turn."""
 
     failure: str | None = None
@@ -258,7 +261,8 @@ class MemoryHistory:
 
     async def last_time(self) -> int:
         """The latest time at which something was judged."""
-        return max((step.judged for kept in self._kept.values() for step in kept.steps), default=0)
+        robots = [kept for kept in self._kept.values() if kept.record.kind == "robot"]
+        return max((step.judged for kept in robots for step in kept.steps), default=0)
 
     async def open_sessions(self) -> list[SessionRecord]:
         """The sessions that are not closed."""
@@ -330,18 +334,20 @@ class MemoryHistory:
         for start in range(0, len(found), _PAGE):
             yield found[start : start + _PAGE]
 
-    async def matching(
-        self, session: int, query: Query, position: int, take: Callable[[StoredStep], bool]
-    ) -> int | None:
-        """Give `take` steps that may hold a record that a query asks for."""
-        steps = self._steps(session)
+    async def told(self, session: SessionRecord, query: Query, position: int, doubts: Doubts | None = None) -> Told:
+        """The verdict records that a query asks for, from a position on."""
+        steps = self._steps(session.number)
         if query.ascending:
             found = [s for s in steps if s.position >= position and query.may_match(s)]
         else:
             found = [s for s in reversed(steps) if s.position <= position and query.may_match(s)]
         page = found[:_PAGE]
-        await self.in_thread(lambda: all(map(take, page)))
-        return page[-1].position + (1 if query.ascending else -1) if len(found) > _PAGE else None
+        rest = page[-1].position + (1 if query.ascending else -1) if len(found) > _PAGE else None
+
+        def look(take: Take) -> int | None:
+            return rest if all(map(take, page)) else page[-1].position
+
+        return await self.in_thread(lambda: told(session, query, doubts, look))
 
     async def episodes(self, query: EpisodeQuery) -> Page:
         """A page of the episodes that a query asks for."""

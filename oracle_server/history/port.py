@@ -14,23 +14,27 @@ Sessions are named by their number, steps by their position (1, 2, 3… in each 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncGenerator, Callable, Mapping, Sequence
+from collections.abc import AsyncGenerator, Callable, Collection, Mapping, Sequence
 from typing import Protocol, TypeVar
 
 from oracle_server.core.events import Order, StreamKey
 from oracle_server.core.revisions import Revision
 from oracle_server.history.episodes import EpisodeQuery, Page, StoredEpisode
+from oracle_server.history.matching import Told
 from oracle_server.history.query import Query
 from oracle_server.history.records import (
     Document,
+    Elsewhere,
     Extent,
     MonitorRecord,
+    OtherSession,
     Refusal,
     SessionRecord,
     SnapshotRecord,
     StoredStep,
 )
 from oracle_server.history.timeline import Question
+from oracle_server.history.views import Doubts
 
 T = TypeVar("T")
 Done = Callable[[], object]
@@ -143,7 +147,7 @@ class Reading(Protocol):
         ...
 
     async def open_sessions(self) -> list[SessionRecord]:
-        """The sessions that are not closed, by number."""
+        """The sessions of this server that are not closed, by number."""
         ...
 
     async def session(self, name: str | int) -> SessionRecord | None:
@@ -201,14 +205,10 @@ class Reading(Protocol):
         """
         ...
 
-    async def matching(
-        self, session: int, query: Query, position: int, take: Callable[[StoredStep], bool]
-    ) -> int | None:
-        """Give `take` steps that may hold a record that a query asks for, from a position on, in the query's order.
+    async def told(self, session: SessionRecord, query: Query, position: int, doubts: Doubts | None = None) -> Told:
+        """The verdict records that a query asks for, from a position on, and one more than its limit where there is.
 
-        It gets them in a thread, a page at the most, until it returns False; so many positions are looked at for them
-        at the most. Returns the position to go on from, None where there are no more. The query's stream, times,
-        outcomes and violations are looked at; properties and `after` need not be.
+        So many positions are looked at for them at the most, where it disturbs no decision: `find` asks on.
         """
         ...
 
@@ -244,7 +244,52 @@ class Reading(Protocol):
         ...
 
 
-class History(Writing, Reading, Protocol):
+class Sharing(Protocol):
+    """What there is to say where several servers have one history. Each session that is open has one of them."""
+
+    @property
+    def others(self) -> bool:
+        """Whether other servers were there lately."""
+        ...
+
+    @property
+    def adrift(self) -> bool:
+        """Whether another server may have this one's sessions by now: nobody may be told anything more of them here."""
+        ...
+
+    @property
+    def fenced(self) -> str | None:
+        """Why nothing more can be kept by this server, ever; None where it can."""
+        ...
+
+    async def reserve(self, name: str, number: int) -> int | None:
+        """Take a name for a new session: returns its number, and None where another server has taken the name.
+
+        It is `number` where one server numbers all sessions. Raises `HistoryError` where that can't be known now.
+        """
+        ...
+
+    async def elsewhere(self, name: str) -> Elsewhere | None:
+        """Who has a session that is open, by its id; None where it is closed, unknown, or nobody else can have it."""
+        ...
+
+    async def open_elsewhere(self, name: str | None = None) -> list[OtherSession]:
+        """The sessions that other servers have open, the newest first; or the open one of a name, whoever has it.
+
+        What they tell of properties is that of the order that decides.
+        """
+        ...
+
+    async def take_over(self, known: Collection[int]) -> list[SessionRecord]:
+        """Take the sessions of servers whose lease has run out; returns those that are this one's, and not `known`."""
+        ...
+
+    async def tended(self) -> frozenset[int] | None:
+        """The numbers of the sessions of which this server may delete, None for all."""
+        ...
+
+
+class History(Writing, Reading, Sharing, Protocol):
     """A history."""
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:

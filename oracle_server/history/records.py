@@ -45,6 +45,57 @@ class SessionRecord(NamedTuple):
     kind: Kind = "robot"
 
 
+class Elsewhere(NamedTuple):
+    """Which server of those that share a history has a session open; `url` is where monitors reach it, if it is known.
+
+    `here`: it is this one. `lasting`: its lease has not run out, so that it may judge; else another one takes over.
+    """
+
+    node: str
+    url: str | None
+    here: bool
+    lasting: bool
+
+
+class Forwarding(NamedTuple):
+    """Which history is forwarded, by a number of its own, and the last change of it that the centre has for sure."""
+
+    robot: str
+    seq: int
+
+
+class Free(NamedTuple):
+    """Up to which position the centre has a session's steps as they are; `more`: something of it is not there yet."""
+
+    session: int
+    position: int
+    more: bool
+
+
+class PropertyStands(NamedTuple):
+    """How a property of a session stands by what is committed: its outcome, and what is known of its violations."""
+
+    property: str
+    outcome: Outcome
+    violations: int
+    first_violation: int | None
+    pending: int | None
+
+
+class OtherSession(NamedTuple):
+    """A session that another server has open, by what is committed: its last position, and its monitors.
+
+    Of each of these it has the name, whether it is attached, and its clock.
+    """
+
+    record: SessionRecord
+    place: Elsewhere
+    steps: int
+    properties: list[PropertyStands]
+    monitors: list[tuple[str, bool, TimeBase]]
+    trouble: str | None = None
+
+
 class MonitorRecord(NamedTuple):
     """A monitor of a session, the streams that it claimed, and those of them that are bypassed.
 

@@ -8,15 +8,16 @@ from __future__ import annotations
 import asyncio
 from bisect import bisect_right
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import structlog
 
 from oracle_server.core.errors import HistoryError
 from oracle_server.core.spec import Retention
 from oracle_server.history.port import History
-from oracle_server.history.records import Extent
+from oracle_server.history.records import Extent, Free
 
 _CHUNK = 2_000
 """Rows that are deleted with one commit, so that other commits are not delayed."""
@@ -59,6 +60,13 @@ class _Candidate:
         return more
 
 
+class Hold(NamedTuple):
+    """What is not forwarded yet is held back: `free` tells what is, and `most` is the size from which on this ends."""
+
+    free: Callable[[], Awaitable[Sequence[Free]]]
+    most: int
+
+
 class Pruner:
     """Keeps one server's history within the server's limits and those of its specs."""
 
@@ -69,12 +77,15 @@ class Pruner:
         of_specs: Callable[[], dict[str, Retention]],
         now: Callable[[], int],
         save: Callable[[int], None],
+        hold: Hold | None = None,
     ) -> None:
         """Prune by the server's `bounds`, and those `of_specs` by the specs' ids; `now` returns nanoseconds.
 
         `save` takes a snapshot of an open session, by its number, so that earlier events can be deleted.
+        What is not forwarded yet is deleted as `hold` says.
         """
         self._history, self._bounds, self._of_specs, self._now, self._save = history, bounds, of_specs, now, save
+        self._hold = hold
 
     async def run(self, every: float) -> None:
         """Prune every so many seconds, for ever; failures are logged, and tried again the next time."""
@@ -96,8 +107,11 @@ class Pruner:
         older = await self._older(sessions, {b.age for b in (*bounds.values(), self._bounds) if b.age is not None})
         for number in await asyncio.to_thread(self._choose_all, sessions, size, bounds, older):
             self._save(number)
+        tended = await self._history.tended()
+        if self._hold is not None:
+            _hold_back(sessions, {free.session: free for free in await self._hold.free()}, size > self._hold.most)
         for session in sessions:
-            if session.cut:
+            if session.cut and (tended is None or session.extent.number in tended):
                 await self._delete(session)
 
     async def _older(self, sessions: list[_Candidate], ages: set[int]) -> _Older:
@@ -150,6 +164,25 @@ class Pruner:
         if count > session.size:
             await self._history.forget_session(extent.number)
         log.info("history deleted", session=extent.number, events=min(count, session.size))
+
+
+def _hold_back(sessions: Iterable[_Candidate], free: Mapping[int, Free], full: bool) -> None:
+    """Have no session deleted that is not forwarded, nor steps of it; of a `full` history all steps but the last."""
+    for session in sessions:
+        extent, known = session.extent, free.get(session.extent.number)
+        upto = 0 if known is None else known.position - extent.first + 1
+        if not session.cut or (known is not None and not known.more and upto >= session.size):
+            continue
+        if not full:
+            session.cut = max(0, min(session.cut, upto))
+            continue
+        session.cut = max(0, min(session.cut, session.size - 1))
+        lost = session.cut - max(0, upto)
+        if lost > 0:
+            log.error(
+                "steps are deleted that are not forwarded yet: the history has the size up to which they are held",
+                session=extent.number, steps=lost,
+            )  # fmt: skip
 
 
 def _cut(sessions: Iterable[tuple[_Candidate, int]]) -> set[int]:

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import IO
 
@@ -28,7 +28,7 @@ NOT_RUNNING = 3
 _POLL_INTERVAL = 0.05
 _ON_THE_COMMAND_LINE = (
     "specs", "types", "host", "port", "legacy", "legacy_finals", "tls_cert", "tls_key", "tls_client_ca",
-    "insecure", "foxglove", "foxglove_insecure",
+    "insecure", "foxglove", "foxglove_insecure", "forward", "origin",
 )  # fmt: skip
 
 
@@ -43,19 +43,34 @@ def start(settings: Settings, within: float) -> None:
     if other is not None:
         raise DaemonError(f"{folder}: its server runs already (pid {other.pid}); `oracle-server stop` ends it")
     log = settings.log_file or folder / LOG
+    process = launch(_environment(settings, log), log, within)
+    started = running(folder)
+    sys.stdout.write(f"{started.url if started else 'started'}: accepts work (pid {process.pid}, log {log})\n")
+
+
+def launch(environment: Mapping[str, str], log: Path, within: float, *, keep: bool = True) -> subprocess.Popen[bytes]:
+    """Start a server by an environment, in a session of its own, and return once it accepts work.
+
+    Raises `DaemonError` if it does not within `within` seconds; it is ended then, unless it is to be kept.
+    """
     with _open_log(log) as output, _readiness() as (listener, address):
         begin = output.seek(0, os.SEEK_END)
         process = subprocess.Popen(
             [sys.executable, "-m", "oracle_server", "serve"],
-            env=_environment(settings, log) | {VARIABLE: address},
+            env={**environment, VARIABLE: address},
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=output,
             start_new_session=True,
         )
-        _wait_until_ready(process, listener, time.monotonic() + within, log, begin)
-    started = running(folder)
-    sys.stdout.write(f"{started.url if started else 'started'}: accepts work (pid {process.pid}, log {log})\n")
+        try:
+            _wait_until_ready(process, listener, time.monotonic() + within, log, begin)
+        except BaseException:
+            if not keep:
+                process.kill()
+                process.wait()
+            raise
+    return process
 
 
 def stop(folder: Path, within: float) -> None:
@@ -82,8 +97,11 @@ def stop(folder: Path, within: float) -> None:
     sys.stdout.write(f"{server.url or folder}: stopped\n")
 
 
-def status(folder: Path, *, as_json: bool) -> int:
-    """Print the state of a server; returns the exit status: 0 where one runs, `NOT_RUNNING` where none does."""
+def status(folder: Path, *, as_json: bool, ready: bool = False) -> int:
+    """Print the state of a server; returns the exit status: 0 where one runs, `NOT_RUNNING` where none does.
+
+    `ready`: one that is starting or not ready counts as none.
+    """
     server = running(folder)
     state = _state(server)
     if as_json:
@@ -93,7 +111,7 @@ def status(folder: Path, *, as_json: bool) -> int:
         sys.stdout.write(f"{folder}: no server runs\n")
     else:
         sys.stdout.write(f"{server.url or folder}: {state} (pid {server.pid})\n")
-    return NOT_RUNNING if server is None else 0
+    return NOT_RUNNING if server is None or (ready and state not in ("ready", "running")) else 0
 
 
 def _state(server: Running | None) -> str:

@@ -34,12 +34,15 @@ class PidFile:
         """Make the folder and lock it. Raises `PidFileError` where another server has it, or it can't be used."""
         try:
             folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-            self._file = (folder / NAME).open("a+", encoding="utf-8")
+            self._file = open(folder / NAME, "a+", encoding="utf-8", opener=_private)  # noqa: SIM115 -- held
         except OSError as error:
             raise PidFileError(f"{folder}: can't be used as data directory: {error.strerror}") from None
         if not self._locked():
             self._file.close()
-            raise PidFileError(f"{folder}: another server uses this data directory; stop it, or choose another one")
+            raise PidFileError(
+                f"{folder}: another server, or an adapter with --embedded, uses this data directory; stop it, or "
+                "choose another one"
+            )
         self.publish(None)
 
     def _locked(self) -> bool:
@@ -68,6 +71,10 @@ class PidFile:
     def release(self) -> None:
         """Unlock the data directory; the file stays, and is ignored without its lock."""
         self._file.close()
+
+
+def _private(path: str, flags: int) -> int:
+    return os.open(path, flags, 0o600)
 
 
 def running(folder: Path) -> Running | None:

@@ -4,15 +4,23 @@ from __future__ import annotations
 
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
-Show = Callable[[float, "float | None", int], None]
-"""Takes how much is done, of how much (None where that is not known), and how many items that were."""
+
+class Show(Protocol):
+    """Is told how much is done, of how much (None where that is not known), and how many items that were."""
+
+    def __call__(self, done: float, total: float | None, count: int, what: str | None = None) -> None:
+        """`what` it is, where that has changed."""
+        ...
+
+
 _SECOND = 1.0
 
 
@@ -35,9 +43,9 @@ class _Time(TimeRemainingColumn):
         return Text("left ") + super().render(task)
 
 
-def _show_nothing(done: float, total: float | None, count: int) -> None:
+def _show_nothing(done: float, total: float | None, count: int, what: str | None = None) -> None:
     """Nobody watches."""
-    del done, total, count
+    del done, total, count, what
 
 
 @contextmanager
@@ -55,8 +63,12 @@ def progress(what: str, unit: str = "", after: float = _SECOND) -> Iterator[Show
         timer.start()
     else:
         bar.start()
+
+    def show(done: float, total: float | None, count: int, what: str | None = None) -> None:
+        bar.update(task, completed=done, total=total, count=count, description=what)
+
     try:
-        yield lambda done, total, count: bar.update(task, completed=done, total=total, count=count)
+        yield show
     finally:
         timer.cancel()
         if after and timer.is_alive():

@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
+from urllib.parse import urlsplit
 
-from pydantic import BeforeValidator, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from oracle_server.core.errors import OracleError
@@ -15,9 +16,32 @@ from oracle_server.core.units import duration, size
 TOKEN_FILE = "tokens.json"  # noqa: S105 -- the name of a file
 
 
+POSTGRES = ("postgresql://", "postgres://")
+"""How the URL of a history in PostgreSQL begins."""
+
+
 def _data_dir() -> Path:
     state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
     return Path(state) / "oracle-server"
+
+
+def _history(value: str) -> str:
+    if value not in ("sqlite", "memory") and not value.startswith(POSTGRES):
+        raise ValueError("write sqlite, memory, or postgresql://USER@HOST/DATABASE")
+    return value
+
+
+def _forward(value: str) -> str:
+    if not value.startswith(POSTGRES):
+        raise ValueError("write postgresql://USER@HOST/DATABASE, the centre's history")
+    return value
+
+
+def _reached(value: str) -> str:
+    parts = urlsplit(value)
+    if parts.scheme not in ("http", "https", "ws", "wss") or not parts.hostname:
+        raise ValueError("write a URL that monitors reach this server by, such as https://oracle1.example.org:8642")
+    return value.rstrip("/")
 
 
 class Settings(BaseSettings):
@@ -34,8 +58,20 @@ class Settings(BaseSettings):
     legacy: str | None = None
     legacy_finals: bool = False
     """Whether ROSMonitoring's monitors are told `true` and `false`, at which those that only log end."""
-    history: Literal["sqlite", "memory"] = "sqlite"
-    """Where the history is kept: in the data directory, or in memory, where it ends with the process."""
+    history: Annotated[str, AfterValidator(_history)] = Field("sqlite", repr=False)
+    """Where the history is kept: `sqlite`, in the data directory; `memory`, where it ends with the process; a URL."""
+    lease: Annotated[float, Field(ge=0.5, le=60)] = 3.0
+    """Seconds for which a server has its sessions in PostgreSQL without an answer from there."""
+    node: Annotated[str, Field(pattern=r"^[A-Za-z0-9._:-]{1,100}$")] | None = None
+    """The server's name among those that share a history; default its host's name and its port."""
+    advertise: Annotated[str, AfterValidator(_reached)] | None = None
+    """The server's URL, as monitors are told it by other servers."""
+    forward: Annotated[str, AfterValidator(_forward)] | None = Field(None, repr=False)
+    """The URL of the centre's history, to which the one in the data directory is forwarded."""
+    origin: Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,64}$")] | None = None
+    """The robot's name there; default its host's name."""
+    forward_hold: Annotated[int, BeforeValidator(size)] = Field("4GB", validate_default=True)
+    """The size of the history up to which nothing is deleted that is not forwarded yet; parsed to bytes."""
     durability: Literal["full", "normal"] = "full"
     resume_within: Annotated[float, Field(gt=0, le=3600)] = 10.0
     log: Literal["console", "json"] = "console"
@@ -65,6 +101,8 @@ class Settings(BaseSettings):
     """Whether to offer them beyond loopback where clients of the server itself need a token or a certificate."""
     alarms: Path | None = None
     """A file that says who is told of violations."""
+    max_recording: Annotated[int, BeforeValidator(size)] = Field("1GB", validate_default=True)
+    """The size of a recording that clients may send to be judged, such as `500MB`; parsed to bytes."""
     max_connections: Annotated[int, Field(ge=1, le=100_000)] = 2_000
     max_rate: Annotated[float, Field(ge=0)] = 20_000.0
     """Events a second that one monitor may send on average; 0 is no limit."""
@@ -78,6 +116,15 @@ class Settings(BaseSettings):
     def token_file(self) -> Path:
         """The file of the tokens' hashes."""
         return self.tokens or self.data_dir / TOKEN_FILE
+
+    @model_validator(mode="after")
+    def _forwards_what_is_kept(self) -> Self:
+        if self.forward is not None and (self.history != "sqlite" or self.durability != "full"):
+            raise ValueError(
+                "ORACLE_FORWARD forwards the history of the data directory: leave ORACLE_HISTORY out, and have "
+                "ORACLE_DURABILITY=full, so that the centre has nothing that a power cut took from here"
+            )
+        return self
 
     @model_validator(mode="after")
     def _certificates_are_whole(self) -> Self:

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from typing import Any, Protocol
 
 from oracle_server.core.errors import one_line
 from oracle_server.core.revisions import Revision
 from oracle_server.core.session import Session
-from oracle_server.core.verdicts import Judged, Outcome, Verdict
+from oracle_server.core.verdicts import Judged, Outcome, Verdict, explain
 from oracle_server.history.records import SessionRecord
-from oracle_server.sessions.telling import News
 
-GAP = 10**9
-"""Nanoseconds of the steps' time without a violation after which the next one begins an episode."""
 _LONGEST = 2_000
 
 Alarm = dict[str, Any]
@@ -31,15 +28,15 @@ class Sink(Protocol):
         ...
 
 
-class Episodes:
-    """Tells the first of what comes close together from what follows it, for each property."""
+class Degraded:
+    """Tells the first of degraded verdicts less than a gap apart from those that follow it, for each property."""
 
-    def __init__(self, gap: int = GAP) -> None:
+    def __init__(self, gap: int) -> None:
         self._gap = gap
         self._last: dict[str, int] = {}
 
     def begins(self, prop: str, stamp: int) -> bool:
-        """Note what is at a time (ns); whether it begins an episode of a property."""
+        """Note one at a time (ns); whether it is the first."""
         last = self._last.get(prop)
         self._last[prop] = stamp if last is None else max(last, stamp)
         return last is None or stamp - last >= self._gap
@@ -52,19 +49,20 @@ class SessionAlarms:
         """Give alarms to `sink`; what is final of the session already is told no more."""
         order, judge = next(iter(core.judges.items()))
         self._record, self._order, self._sink = record, order, sink
-        self._violated, self._degraded = Episodes(), Episodes()
+        self._degraded = Degraded(core.plan.spec.gap)
         self._final = {s.property.id for s in judge.told.properties if s.outcome is Outcome.FALSE}
         self._wants = {what: sink.wants(what) for what in ("violation", "final", "degraded")}
 
-    def look(self, judged: Iterable[Judged], told: Sequence[News]) -> list[Alarm]:
-        """The alarms of rows, and of what is told of them; to be sent once they are committed."""
+    def look(self, judged: Iterable[Judged]) -> list[Alarm]:
+        """The alarms of rows; to be sent once they are committed."""
         found: list[Alarm] = []
-        if self._wants["violation"]:
-            found += self._violations(told)
-        if self._wants["final"] or self._wants["degraded"]:
-            for item in judged:
-                if item.order == self._order and not isinstance(item, Revision):
-                    found += self._of(item)
+        for item in judged:
+            if item.order != self._order:
+                continue
+            if self._wants["violation"] and item.episodes:
+                found += self._violations(item)
+            if (self._wants["final"] or self._wants["degraded"]) and not isinstance(item, Revision):
+                found += self._of(item)
         return found
 
     def send(self, alarms: Iterable[Alarm]) -> None:
@@ -72,15 +70,21 @@ class SessionAlarms:
         for alarm in alarms:
             self._sink.send(alarm)
 
-    def _violations(self, told: Iterable[News]) -> Iterator[Alarm]:
-        for frame in told:
-            if frame["type"] != "violation" or frame["order"] != self._order:
+    def _violations(self, item: Judged) -> Iterator[Alarm]:
+        """The episodes that begin with a row, or in the pass that it ends."""
+        for change in item.episodes:
+            if change.kind != "begins" or change.moved:
                 continue
-            if self._violated.begins(frame["property"], frame["stamp"]):
-                why = frame["explanation"]
-                text = f"{frame['property']} is violated" if why is None else why["text"]
-                place = {key: frame[key] for key in ("property", "n", "step", "stamp", "outcome")}
-                yield self._alarm("violation", **place, text=one_line(text[:_LONGEST]))
+            name, episode = self._record.properties[change.index], change.episode
+            text, number, stamp = change.text, None, episode.began
+            if text is None:
+                why = explain(item, item.verdicts[change.index])
+                text, number, stamp = why and why["text"], item.number, item.step.stamp
+            outcome = Outcome.FALSE if episode.final else Outcome.CURRENTLY_FALSE
+            place = {"n": episode.first, "step": number, "stamp": stamp, "outcome": outcome.value}
+            yield self._alarm(
+                "violation", property=name, **place, text=one_line((text or f"{name} is violated")[:_LONGEST])
+            )
 
     def _of(self, item: Judged) -> Iterator[Alarm]:
         for verdict in item.verdicts:

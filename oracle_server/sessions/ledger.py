@@ -29,6 +29,7 @@ from oracle_server.sessions.alarms import Alarm, SessionAlarms
 from oracle_server.sessions.backlog import Backlog
 from oracle_server.sessions.commits import Commits
 from oracle_server.sessions.counters import Counters
+from oracle_server.sessions.episodes import EpisodeFeed, ended_frames, episode_frames
 from oracle_server.sessions.lookup import DecisionLookup
 from oracle_server.sessions.monitor import Monitor
 from oracle_server.sessions.shares import Share
@@ -37,7 +38,7 @@ from oracle_server.sessions.standing import Standing
 from oracle_server.sessions.telling import News, for_log, news, tell
 from oracle_server.sessions.violations import ViolationLog
 from oracle_server.wire.errors import WireError
-from oracle_server.wire.frames import VerdictsFrame
+from oracle_server.wire.frames import EpisodeFrame, VerdictsFrame
 from oracle_server.wire.incoming import AnyEvent, Handling, QuickHandling
 
 _WRITE_AFTER = 0.01
@@ -68,9 +69,12 @@ class Ledger:
         self.lookup = DecisionLookup(history, opened.number, [p.id for p in core.plan.spec.properties])
         self.alarms: SessionAlarms | None = None
         """Who is told of violations beside monitors; None where nobody is."""
+        self.episodes = EpisodeFeed()
+        """What was committed of episodes."""
         self.refused = 0
         """How many events were refused."""
         self._session, self._monitors, self._share = opened.number, monitors, share
+        self._record = opened
         self._core, self._history, self._clock, self._counters = core, history, clock, counters
         self._spec, self._names = opened.spec, tuple(p.id for p in core.plan.spec.properties)
         self._width = len(self._names)
@@ -89,11 +93,13 @@ class Ledger:
             self._history.append(self._session, (), _nothing, (), known)
 
     def end(self) -> None:
-        """Write what is left; the episodes that are open end with the session."""
+        """Write what is left; episodes end with the session, which is told once it is committed, as all else."""
         self.write()
         ended = going_on(self._core.judges, self._names, closed=True)
-        if ended:
-            self._history.append(self._session, (), _nothing, (), ended)
+        frames, standing = ended_frames(self._record, self._core.judges), self._standing.ended(self._last_verdict)
+        done = partial(self._share.run, self._committed, [], self._position, [], frames, standing, [])
+        if frames:
+            self._history.append(self._session, (), done, (), ended)
 
     def add(self, judged: list[Judged]) -> None:
         """Queue judged steps; many are written together, within `_WRITE_AFTER`, and all of one call are."""
@@ -175,11 +181,12 @@ class Ledger:
         self._counters.violated.add(self._spec, told, self._deciding)
         self._counters.add_steps([step.outcomes for step in steps if step.revision is None])
         standing, position = self._standing.changed(self._last_verdict), self._position
-        alarms = self.alarms.look(judged, told) if self.alarms else []
-        done = partial(self._share.run, self._committed, used, position, told, standing, alarms)
+        alarms = self.alarms.look(judged) if self.alarms else []
+        pairs = [(item, step.explanations) for item, step in zip(judged, steps, strict=True) if item.episodes]
+        followed = [frame for item, why in pairs for frame in episode_frames(self._record, item, why)]
+        done = partial(self._share.run, self._committed, used, position, told, followed, standing, alarms)
         revisions = [item for item in judged if isinstance(item, Revision)]
-        pairs = zip(judged, steps, strict=True)
-        episodes = [e for item, step in pairs for e in stored_episodes(item, self._names, step.explanations)]
+        episodes = [e for item, why in pairs for e in stored_episodes(item, self._names, why)]
         self._history.append(self._session, steps, done, revisions, episodes)
 
     def _stored(self, item: Judged, used: list[_Used]) -> StoredStep:
@@ -202,13 +209,15 @@ class Ledger:
         return self._position * self._width
 
     def _committed(
-        self, used: list[_Used], position: int, told: list[News], standing: VerdictsFrame | None, alarms: list[Alarm]
-    ) -> None:
+        self, used: list[_Used], position: int, told: list[News], episodes: list[EpisodeFrame],
+        standing: VerdictsFrame | None, alarms: list[Alarm],
+    ) -> None:  # fmt: skip
         self.snapshots.committed(position)
+        self.episodes.add(episodes)
         self.commits.notify()
         self._settle(used)
         self._violations.add(for_log(told))
-        tell(self._monitors.values(), told)
+        tell(self._monitors.values(), told, episodes)
         if self.alarms:
             self.alarms.send(alarms)
         self._announce(standing)

@@ -370,7 +370,7 @@ class LiveSession:
                 monitor = self.monitors[item.step.event.monitor]
                 seq, verdicts = item.step.event.seq, {v.property: v.outcome for v in item.verdicts}
                 decision = monitor.decisions[seq] = decision_frame(seq, item.decision, verdicts)
-                if monitor.outbox:
+                if monitor.outbox and not (self.core.suspended and self._history.adrift):
                     monitor.outbox.send(decision)
                 self._counters.decisions.add(self.clock.now() - item.step.event.came)
         if self.oracles is not None:

@@ -16,7 +16,7 @@ from oracle_server.core.verdicts import DecisionFrame
 from oracle_server.history.records import MonitorRecord
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.frames import Outgoing
-from oracle_server.wire.incoming import REVISIONS, Attach, StreamReport
+from oracle_server.wire.incoming import EPISODES, REVISIONS, Attach, StreamReport
 
 
 class Outbox(Protocol):
@@ -55,6 +55,8 @@ class Monitor:
     """Whether it requested `verdicts` frames."""
     revisions: bool = False
     """Whether it requested `revision` frames."""
+    episodes: bool = False
+    """Whether it requested `episode` frames in place of `violation` ones."""
     lost: int = 0
     """Events that never arrived or could not be read since the last event; the next one carries this count."""
     unsettled: int = 0
@@ -96,7 +98,8 @@ class Monitor:
         else:
             self.numbering.restart()
         self.instance, self.outbox, self.streams, self.detaching = wanted.instance, outbox, streams, False
-        self.clock, self.verdicts, self.revisions = wanted.clock, wanted.verdicts, REVISIONS in wanted.features
+        self.clock, self.verdicts = wanted.clock, wanted.verdicts
+        self.revisions, self.episodes = REVISIONS in wanted.features, EPISODES in wanted.features
 
     def record(self) -> MonitorRecord:
         """A copy of what the history keeps of it."""

@@ -23,13 +23,12 @@ class Presence:
     ) -> None:  # fmt: skip
         """Begin without a monitor since the session was opened; later ones are added to `monitors`.
 
-        `close` is called with the reason after `limit` (ns) without one, not before `watch` was called; a recording,
-        which has none, is left open.
+        `close` is called with the reason after `limit` (ns) without one, not before `watch` was called.
         """
         self.without_since: int | None = record.opened
         """Since when (ns) no monitor is there; None while one is."""
         self._record, self._monitors, self._clock, self._close = record, monitors, clock, close
-        self._limit = limit if record.kind == "robot" else None
+        self._limit = limit
         self._watches = False
         self._timer: asyncio.TimerHandle | None = None
 
@@ -40,7 +39,7 @@ class Presence:
 
     def is_idle(self, now: int) -> bool:
         """Whether the session is without a monitor for long."""
-        return self._record.kind == "robot" and self.without_since is not None and now - self.without_since >= IDLE
+        return self.without_since is not None and now - self.without_since >= IDLE
 
     def note(self, unknown: int | None = None) -> None:
         """Note which monitors are there; one that left at a time that was not kept did so at `unknown` (ns)."""

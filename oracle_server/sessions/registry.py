@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import itertools
-import secrets
-import time
-from collections.abc import Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -20,36 +17,32 @@ from oracle_server.core.spec import By
 from oracle_server.engines.table import make_engines
 from oracle_server.history.port import History
 from oracle_server.history.readers import reading_for
-from oracle_server.history.records import Document, Kind, SessionRecord
+from oracle_server.history.records import Document, SessionRecord
 from oracle_server.process.clock import Clock
 from oracle_server.review.restore import restore
 from oracle_server.sessions.alarms import SessionAlarms, Sink, session_ended
 from oracle_server.sessions.backlog import Backlog
+from oracle_server.sessions.commits import Commits
 from oracle_server.sessions.counters import Counters
+from oracle_server.sessions.elsewhere import Others
 from oracle_server.sessions.endings import BY_REQUEST, Runs, end_of, ended, over
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.monitor import Monitor, Outbox, claimed
-from oracle_server.sessions.plans import Plans
+from oracle_server.sessions.opening import Begun, Records, SessionExistsError
+from oracle_server.sessions.recorded import RecordedSession
+from oracle_server.sessions.restoring import Restoring
 from oracle_server.sessions.shares import Shares
 from oracle_server.sessions.status import session_state
+from oracle_server.sessions.stopping import adrift, leave, let_go, settle, stops
 from oracle_server.sessions.unrestored import Unrestored
 from oracle_server.specfiles.library import Entry, Library, UnknownSpecError
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import Attach
 
-_UNWRITTEN = 1_000
-"""Rows that may wait for a history that fails before no more sessions are opened: each retry of a monitor opens one."""
 _LISTED = 1_000
 """Closed sessions that are listed."""
-_CLOSE_WITHIN = 2.0
-"""Seconds for the connections to be closed when the server stops."""
-_FLUSH_WITHIN = 10.0
 
 log = structlog.get_logger()
-
-
-class SessionExistsError(OracleError):
-    """A session of that name exists already."""
 
 
 class SessionStaysOpenError(OracleError):
@@ -70,46 +63,62 @@ class Registry:
         self.open: dict[str, LiveSession] = {}
         self.unrestored: dict[str, Unrestored] = {}
         """Sessions that are open in the history, and could not be restored."""
+        self.recorded: dict[str, RecordedSession] = {}
+        """Those in which recordings are judged."""
         self.backlog = Backlog()
         self.counters = Counters()
         self._history, self._library, self._clock, self._resume_within = history, library, clock, resume_within
         self.shares, self._alarms = shares or Shares(), alarms
+        self.others = Others(history)
+        """The sessions that other servers have."""
+        self._restoring = Restoring(history, library, clock, self.open, self.unrestored, self._restore)
         self._runs = Runs(history, self.open, self.unrestored)
         self._opening = asyncio.Lock()
         self._builders = ThreadPoolExecutor(1, "session opening")
         self._closing: dict[int, asyncio.Task[None]] = {}
         self._stopping = False
-        self._last = 0
+        self._records = Records(history, clock, self.known)
+        self.demand_free = self._records.demand_free
 
     async def restore_all(self) -> None:
         """Restore the open sessions from the history. One that can't be restored is logged, and among `unrestored`.
 
-        The places of their monitors are kept until `accept_work`, however long this takes.
+        The places of their monitors are kept until `accept_work`, however long this takes. Raises `HistoryError`.
         """
-        self._last = await self._history.last_number()
-        plans = Plans(await self._library.in_thread(self._library.listed))
-        for opened in await self._history.open_sessions():
-            try:
-                await self._restore(opened, await asyncio.to_thread(plans.of, opened))
-            except Exception as error:  # whatever is wrong with it, the others go on
-                failed = self.open.pop(opened.id, None)
-                if failed is not None:
-                    failed.ledger.snapshots.end()
-                known = isinstance(error, OracleError)
-                reason = str(error) if known else f"{type(error).__name__}: {error}"
-                self.unrestored[opened.id] = Unrestored(opened, reason)
-                log.error("a session can't be restored", session=opened.id, reason=reason, exc_info=not known)
+        self._records.last = await self._history.last_number()
+        await self._restoring.restore_each(await self._history.open_sessions())
 
     def accept_work(self) -> None:
         """Begin to count how long the monitors of restored sessions stay away: from now on they can come back."""
         for session in self.open.values():
             session.await_monitors()
 
+    async def take_over(self) -> None:
+        """Go on with the sessions of servers whose lease has run out.
+
+        Raises `HistoryError`: what is not restored by then is by the next call.
+        """
+        if self._stopping:
+            return
+        had = [one.record.number for one in self.open.values()]
+        had += [one.record.number for one in self.unrestored.values()]
+        had += [one.record.number for one in self.recorded.values()]
+        for record in await self._history.take_over(had):
+            await self._restoring.restore_each([record])
+            if record.id in self.open and not self._stopping:
+                self.open[record.id].await_monitors()
+
+    def let_go(self) -> None:
+        """Drop all monitors: another server may have their sessions by now."""
+        let_go(self.open.values(), adrift())
+
     async def attach(self, wanted: Attach, outbox: Outbox) -> tuple[LiveSession, Monitor]:
         """Attach a monitor to the session that it names, or to a new one. Raises a fatal `WireError`."""
         session = await self._session_for(wanted)
         if self._stopping:
-            raise _stops()
+            raise stops()
+        if self._history.adrift:
+            raise adrift()
         if wanted.spec is not None and wanted.spec != session.spec.id:
             message = f"session '{session.id}' judges by '{session.spec.id}', not by '{wanted.spec}'"
             raise WireError("spec_mismatch", message, fatal=True)
@@ -117,10 +126,9 @@ class Registry:
         return session, session.attach(wanted, outbox)
 
     async def create(
-        self, spec_id: str, session_id: str | None, *, private: bool = False, by: By | None = None,
-        kind: Kind = "robot",
-    ) -> LiveSession:  # fmt: skip
-        """Open a new session; `by` overrides the order that its spec asks for, `kind` is what it judges.
+        self, spec_id: str, session_id: str | None, *, private: bool = False, by: By | None = None
+    ) -> LiveSession:
+        """Open a new session; `by` overrides the order that its spec asks for.
 
         Raises `UnknownSpecError`, `SpecError` or `SessionExistsError`, `HistoryError` where the history fails, and
         `WireError` where the server stops.
@@ -129,11 +137,30 @@ class Registry:
             await self._library.find(spec_id)
         async with self._opening:
             with reading_for():  # whoever asks: attaches wait for this, too
-                if session_id is not None and await self.known(session_id) is not None:  # whatever spec is asked for
-                    raise SessionExistsError(f"a session '{session_id}' exists already")
+                await self.demand_free(session_id)  # whatever spec is asked for
                 entry = await self._library.find(spec_id)
-                session_id = session_id or await self._new_name(spec_id)
-            return await self._open(entry, session_id, private, by, kind)
+                session_id = session_id or await self._records.new_name(spec_id)
+            return await self._open(entry, session_id, private, by)
+
+    async def create_recorded(
+        self, entry: Entry, session_id: str | None, begun: Begun, cancel: Callable[[], object]
+    ) -> RecordedSession:
+        """Open a session for a recording that is judged elsewhere by a spec; `cancel` ends that. Raises as `create`."""
+        async with self._opening:
+            with reading_for():
+                await self.demand_free(session_id)
+                session_id = session_id or await self._records.new_name(entry.id)
+            record = await self._records.make(entry, session_id, begun, kind="recording")
+            if self._stopping:
+                raise stops()
+            self.recorded[session_id] = RecordedSession(record, self._history, self.shares.share(), cancel)
+            return self.recorded[session_id]
+
+    async def close_recorded(self, session: RecordedSession, because: str, *, complete: bool) -> None:
+        """Close the session of a recording; one that is not complete says so."""
+        await session.close(self._clock.now(), because, complete=complete)
+        self.recorded.pop(session.record.id, None)
+        session.end()
 
     async def flush(self) -> None:
         """Wait until everything that was written to the history is committed."""
@@ -141,15 +168,25 @@ class Registry:
 
     async def known(self, session_id: str) -> SessionRecord | None:
         """The record of an open or closed session, None where there is none of that name. Raises `HistoryError`."""
-        live = self.open.get(session_id)
+        live = self.open.get(session_id) or self.recorded.get(session_id)
         return live.record if live is not None else await self._history.session(session_id)
+
+    def commits(self, session_id: str) -> Commits | None:
+        """The commits of a session, None where it is closed."""
+        live, recorded = self.open.get(session_id), self.recorded.get(session_id)
+        return live.ledger.commits if live is not None else recorded.commits if recorded is not None else None
 
     async def state(self, session_id: str) -> Document | None:
         """A session's state, as of its end where it is closed; None where it is unknown. Raises `HistoryError`."""
         live, unrestored = self.open.get(session_id), self.unrestored.get(session_id)
         if live is not None:
             return session_state(live, live.clock.now())
-        return unrestored.state if unrestored is not None else await self._history.closed_state(session_id)
+        if unrestored is not None:
+            return unrestored.state
+        recorded = self.recorded.get(session_id)
+        if recorded is not None:
+            return recorded.state
+        return await self._history.closed_state(session_id) or await self.others.state(session_id)
 
     async def states(self) -> list[dict[str, Any]]:
         """The states of all sessions, open ones first, then closed ones, the newest first. Raises `HistoryError`."""
@@ -157,7 +194,9 @@ class Registry:
         for session in [*reversed(self.open.values())]:
             live.append(session_state(session, session.clock.now()))
             await asyncio.sleep(0)  # so that decisions wait for one state, not for a thousand
+        live += [recorded.state for recorded in self.recorded.values()]
         live += [unrestored.state for unrestored in self.unrestored.values()]
+        live += await self.others.states()
         listed = {state["id"] for state in live}  # one of these may be closed meanwhile
         closed = await self._history.closed_states(_LISTED)
         return [*live, *(state for state in closed if state["id"] not in listed)]
@@ -208,11 +247,15 @@ class Registry:
     async def end(self, name: str, within: float) -> bool:
         """Close the session of a name, if it is open, and return whether it is closed within `within` seconds.
 
-        Raises as `closed_within` does.
+        Raises as `closed_within` does, and `OtherServerError` where another server has it.
         """
-        session, unrestored = self.open.get(name), self.unrestored.get(name)
+        session, unrestored, recorded = self.open.get(name), self.unrestored.get(name), self.recorded.get(name)
         if session is not None:
             return await self.closed_within(session, within)
+        if recorded is not None:
+            recorded.cancel()
+            return await recorded.closed_within(within)
+        await self.others.demand_own(name)
         return unrestored is None or await self.abandon(unrestored, within)
 
     async def closed_within(self, session: LiveSession, within: float) -> bool:
@@ -223,7 +266,7 @@ class Registry:
         _, waiting = await asyncio.wait((self._begin_to_close(session, BY_REQUEST),), timeout=within)
         if not waiting and self.open.get(session.id) is session:
             reason = f"session '{session.id}' could not be closed, and stays open; see the server's log"
-            raise _stops() if self._stopping else SessionStaysOpenError(reason)
+            raise stops() if self._stopping else SessionStaysOpenError(reason)
         return not waiting
 
     async def abandon(self, unrestored: Unrestored, within: float) -> bool:
@@ -240,26 +283,14 @@ class Registry:
         return record.id not in self.unrestored
 
     async def shut_down(self) -> None:
-        """Judge what all sessions hold, commit it, and close the connections; in the history the sessions stay open."""
+        """Judge what all sessions hold, commit it, and close the connections; in the history the sessions stay open.
+
+        Where another server may have them, it judges what they hold.
+        """
         self._stopping = True
-        for session in self.open.values():
-            session.close()
-        await asyncio.gather(*(session.settle() for session in self.open.values()))
-        for session in self.open.values():
-            session.ledger.save()
-        try:
-            async with asyncio.timeout(_FLUSH_WITHIN):
-                await self._history.flush()
-        except TimeoutError:
-            log.error("the server stops without its last events in the history; their monitors send them again")
-        for session in self.open.values():
-            session.ledger.commits.end()
-        outboxes = [m.outbox for session in self.open.values() for m in session.monitors.values() if m.outbox]
-        for outbox in outboxes:
-            outbox.drop(_stops())
-        with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(_CLOSE_WITHIN):
-                await asyncio.gather(*(outbox.sent() for outbox in outboxes))
+        if not self._history.adrift:
+            await settle(self.open.values(), self._history)
+        await leave(self.open.values())
 
     async def _session_for(self, wanted: Attach) -> LiveSession:
         """The session that a monitor names, or a new one; a fatal `WireError` where there is none to join."""
@@ -288,11 +319,16 @@ class Registry:
             if live.number not in self._closing:
                 return live
             await asyncio.wait((self._closing[live.number],))  # its successor is not known before
+        if name in self.recorded:
+            raise WireError("session_closed", f"session '{name}' judges a recording; take another name", fatal=True)
         unrestored = self.unrestored.get(name)
         if unrestored is not None:
             why = f"session '{name}' could not be restored, and can only be read or closed: {unrestored.brief}"
             raise WireError("session_closed", why, fatal=True)
         record = await self.known(name)
+        moved = await self.others.moved(name, known=record is not None)
+        if moved is not None and name not in self.open:
+            raise moved
         if record is None and not await self._runs.goes_on(name):
             return None
         state = await self.state(name)
@@ -304,28 +340,16 @@ class Registry:
             raise WireError("session_closed", f"session '{name}' was just forgotten; attach again", fatal=True)
         raise await over(record, state, instance, self._history, self._runs)
 
-    async def _open(
-        self, entry: Entry, session_id: str, private: bool, by: By | None, kind: Kind
-    ) -> LiveSession:  # fmt: skip
-        spec = entry.plan.spec
+    async def _open(self, entry: Entry, session_id: str, private: bool, by: By | None) -> LiveSession:
         ready = judged_by(entry.plan, by)
         core = Session(ready, await asyncio.get_running_loop().run_in_executor(self._builders, make_engines, ready))
+        record = await self._records.make(entry, session_id, Begun(by, next(iter(core.judges))), private=private)
         if self._stopping:
-            raise _stops()
-        failure = self._history.failure
-        if failure is not None and self._history.pending > _UNWRITTEN:
-            raise HistoryError(f"no session is opened while the history can't be written: {failure}")
-        self._last += 1
-        properties = tuple(p.id for p in spec.properties)
-        record = SessionRecord(
-            self._last, session_id, spec.id, entry.file.text, spec.digest, properties, private, self._clock.now(), by,
-            decides=next(iter(core.judges)),
-            kind=kind,
-        )  # fmt: skip
+            raise stops()
         live = self._live(record, core)
         live.presence.watch()
         self._history.open_session(record)
-        log.info("session opened", session=session_id, spec=spec.id)
+        log.info("session opened", session=session_id, spec=record.spec)
         return live
 
     async def _restore(self, opened: SessionRecord, ready: Plan) -> None:
@@ -351,22 +375,11 @@ class Registry:
             live.ledger.alarms = SessionAlarms(record, core, self._alarms)
         return live
 
-    async def _new_name(self, spec_id: str) -> str:
-        """A name that no session has, even where many are opened within a second."""
-        stem = f"{spec_id[:40]}-{time.strftime('%Y%m%d-%H%M%S')}"
-        return await self._first_free(f"{stem}-{secrets.token_hex(2)}" for _ in itertools.count())
-
     async def _successor(self, session: LiveSession) -> str | None:
         """The name of the session that continues one whose simulation was restarted; None for a private one."""
         if session.private:
             return None
         return await self._runs.following(session.id)
-
-    async def _first_free(self, names: Iterator[str]) -> str:
-        for name in names:
-            if await self.known(name) is None:
-                return name
-        raise AssertionError  # all callers give names without end
 
     def _request_close(self, session: LiveSession, because: str) -> None:
         self._begin_to_close(session, because)
@@ -385,7 +398,3 @@ class Registry:
             if not self._stopping:
                 session.go_on()
             log.error("a session can't be closed", session=session.id, exc_info=error)
-
-
-def _stops() -> WireError:
-    return WireError("shutting_down", "the server stops; attach again later", fatal=True)

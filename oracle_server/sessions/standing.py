@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import UTC, datetime
 
+from oracle_server.core.episode import Episode
 from oracle_server.core.property_state import PropertyState
 from oracle_server.core.session import Session
 from oracle_server.core.verdicts import Outcome, worst
-from oracle_server.wire.frames import Level, PropertyStanding, VerdictsFrame
+from oracle_server.wire.frames import EpisodeStanding, Level, PropertyStanding, VerdictsFrame
 
 _WORDING: dict[Outcome, tuple[Level, str]] = {
     Outcome.TRUE: ("ok", "holds for good"),
@@ -25,9 +26,9 @@ def caveats(core: Session, index: int) -> list[str]:
     ]
 
 
-_Mark = tuple[Outcome, int, int | None, bool, bool, tuple[str, ...]]
-"""A property's outcome, its violations and the first one, whether any step could not be judged, whether it waits, and
-its caveats."""
+_Mark = tuple[Outcome, int, int | None, bool, bool, tuple[str, ...], tuple[object, ...] | None]
+"""A property's outcome, its violations and the first one, whether any step could not be judged, whether it waits, its
+caveats, and its episode."""
 
 
 class Standing:
@@ -52,18 +53,31 @@ class Standing:
         before, self._mark = self._mark, self._marked()
         return None if self._mark == before else self._frame(n)
 
+    def ended(self, n: int) -> VerdictsFrame | None:
+        """The frame to send once the session has ended: no episode is open any more; None where nobody wants it."""
+        if self.committed is None:
+            return None
+        frame = self._frame(n)
+        for state in frame["properties"].values():
+            if state["episode"] is not None:
+                state["episode"]["open"] = False
+        return frame
+
     @property
     def _states(self) -> Sequence[PropertyState]:
         return self._judge.told.properties
 
     def _marked(self) -> tuple[_Mark, ...]:
+        told = self._judge.told
+        episodes = told.following.episodes or (None,) * len(told.properties)
         return tuple(
             [
                 (
                     *(state.outcome, state.violations, state.first_violation, state.failures > 0),
                     *(bool(state.pending), self._caveats(i, state)),
+                    None if episode is None else (episode.first, episode.open, episode.final, episode.count),
                 )
-                for i, state in enumerate(self._states)
+                for i, (state, episode) in enumerate(zip(told.properties, episodes, strict=True))
             ]
         )
 
@@ -72,15 +86,17 @@ class Standing:
 
     def _frame(self, n: int) -> VerdictsFrame:
         states = self._states
+        episodes = self._judge.told.following.episodes or (None,) * len(states)
+        pairs = enumerate(zip(states, episodes, strict=True))
         return {
             "type": "verdicts",
             "n": n,
             "worst": worst(state.outcome for state in states).value,
-            "properties": {s.property.id: _standing(s, self._caveats(i, s)) for i, s in enumerate(states)},
+            "properties": {s.property.id: _standing(s, e, self._caveats(i, s)) for i, (s, e) in pairs},
         }
 
 
-def _standing(state: PropertyState, caveats: Sequence[str]) -> PropertyStanding:
+def _standing(state: PropertyState, episode: Episode | None, caveats: Sequence[str]) -> PropertyStanding:
     level, text = _WORDING.get(state.outcome) or _unknown(state)
     if state.pending:
         text = f"{text}; answers are awaited"
@@ -95,7 +111,12 @@ def _standing(state: PropertyState, caveats: Sequence[str]) -> PropertyStanding:
         "first_violation": state.first_violation,
         "first_violation_step": state.first_violation_step,
         "first_violation_at": state.first_violation_at,
+        "episode": None if episode is None else _episode(episode),
     }
+
+
+def _episode(e: Episode) -> EpisodeStanding:
+    return {"first": e.first, "began": e.began, "open": e.open, "final": e.final, "count": e.count}
 
 
 def _unknown(state: PropertyState) -> tuple[Level, str]:

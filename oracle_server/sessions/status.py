@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from itertools import accumulate
 from typing import Any
 
-from oracle_server.core.events import Step
-from oracle_server.core.reorder import Source
+from oracle_server.core.events import Source, Step
 from oracle_server.core.revise.lateness import Lateness
 from oracle_server.core.session import Session
 from oracle_server.core.tally import BOUNDS, HoldTimes, StreamCounts
 from oracle_server.core.verdicts import json_number
+from oracle_server.sessions.counters import counted
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.runs import run_of
 from oracle_server.sessions.standing import caveats
@@ -20,24 +20,32 @@ from oracle_server.sessions.standing import caveats
 
 def session_state(session: LiveSession, now: int) -> dict[str, Any]:
     """An open session's state; times in nanoseconds since the epoch, durations in nanoseconds."""
-    core = session.core
     return {
         "id": session.id,
         "spec": session.spec.id,
         "spec_digest": session.spec.digest,
+        "gap": session.spec.gap,
         "kind": session.record.kind,
+        "origin": None,
         "run": run_of(session.id)[1],
         "status": "open",
         "live": session.presence.is_live,
         "idle": session.presence.is_idle(session.clock.now()),
         "without_monitor_since": session.presence.without_since,
-        "clock": "wall" if core.simulated is None else "sim",
         "opened": session.opened,
-        "begun": core.begun,
         "closed": None,
         "closed_because": None,
         "trouble": None if session.trouble is None else f"nothing more of it can be kept: {session.trouble}",
         "monitors": list(_monitors(session)),
+        **judged_state(session.core, now, session.ledger.refused),
+    }
+
+
+def judged_state(core: Session, now: int, refused: int) -> dict[str, Any]:
+    """What of a state its judges and its order tell, at a time (ns); so many events were refused."""
+    return {
+        "clock": "wall" if core.simulated is None else "sim",
+        "begun": core.begun,
         "streams": list(_streams(core, now)),
         "awaited": _awaited(core.buffer.awaited),
         "waiting": _waiting(core, now),
@@ -45,7 +53,7 @@ def session_state(session: LiveSession, now: int) -> dict[str, Any]:
         "revising": None if core.lateness is None else _revising(core.lateness),
         "properties": list(_properties(core)),
         "disagree": _disagree(core),
-        "counters": _counters(session),
+        "counters": _counters(core, refused),
     }
 
 
@@ -82,9 +90,9 @@ def _properties(core: Session) -> Iterator[dict[str, Any]]:
             }
 
 
-def _counters(session: LiveSession) -> dict[str, int]:
+def _counters(core: Session, refused: int) -> dict[str, int]:
     """The counts of the order that decides, as in the metrics: each event once."""
-    core, counts = session.core, session.counts()
+    counts = counted(core, refused)
     return {
         "steps": max(judge.told.counters.steps for judge in core.judges.values()),
         "held": len(core.buffer),

@@ -11,8 +11,8 @@ _ROWS = {"properties": ("id", "order"), "streams": ("monitor", "stream", "kind")
 """The lists of a state, and what tells their rows apart."""
 
 _BRIEF = (
-    "id", "spec", "kind", "run", "status", "live", "idle", "without_monitor_since", "clock", "opened", "closed",
-    "closed_because", "continued_by", "trouble",
+    "id", "spec", "kind", "origin", "run", "status", "live", "idle", "without_monitor_since", "clock", "opened",
+    "closed", "closed_because", "continued_by", "trouble",
 )  # fmt: skip
 
 

@@ -1,13 +1,13 @@
-"""What monitors are told of a row once it is committed: violations, and what was revised."""
+"""What monitors are told of a row once it is committed: violations, what was revised, and episodes."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from oracle_server.core.revisions import Revision, revision_record
 from oracle_server.core.verdicts import Judged, record
 from oracle_server.sessions.monitor import Monitor
-from oracle_server.wire.frames import RevisionFrame, ViolationFrame
+from oracle_server.wire.frames import EpisodeFrame, RevisionFrame, ViolationFrame
 
 News = ViolationFrame | RevisionFrame
 
@@ -34,9 +34,17 @@ def for_log(frames: Iterable[News]) -> list[News]:
     return [frame for frame in frames if frame["type"] == "violation" or frame.get("retracted")]
 
 
-def tell(monitors: Iterable[Monitor], frames: Iterable[News]) -> None:
-    """Send frames to the monitors that are connected; those of revisions to the ones that requested them."""
-    for frame in frames:
-        for monitor in monitors:
-            if monitor.outbox and (frame["type"] == "violation" or monitor.revisions):
+def tell(monitors: Iterable[Monitor], frames: Iterable[News], episodes: Sequence[EpisodeFrame] = ()) -> None:
+    """Send frames to the monitors that are connected: of revisions and episodes to the ones that requested them.
+
+    Who is told of episodes is told of no violations.
+    """
+    for monitor in monitors:
+        if not monitor.outbox:
+            continue
+        for frame in frames:
+            if monitor.revisions if frame["type"] == "revision" else not monitor.episodes:
                 monitor.outbox.send(frame)
+        if monitor.episodes:
+            for each in episodes:
+                monitor.outbox.send(each)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from oracle_server.core.errors import one_line
+from oracle_server.history.origins import origin_of, own_name
 from oracle_server.history.records import Document, SessionRecord
 from oracle_server.sessions.runs import run_of
 
@@ -25,31 +26,37 @@ class Unrestored(NamedTuple):
 
     @property
     def state(self) -> Document:
-        """Its state, with the keys of an open session's; what is not known is None or left out."""
-        record = self.record
-        return {
-            "id": record.id,
-            "spec": record.spec,
-            "spec_digest": record.digest,
-            "kind": record.kind,
-            "run": run_of(record.id)[1],
-            "status": "unrestored",
-            "live": False,
-            "idle": False,
-            "without_monitor_since": None,
-            "clock": None,
-            "opened": record.opened,
-            "begun": record.begun,
-            "closed": None,
-            "closed_because": None,
-            "trouble": f"it could not be restored: {self.reason}",
-            "monitors": [],
-            "streams": [],
-            "awaited": None,
-            "waiting": None,
-            "hold": {"count": 0, "sum": 0, "buckets": []},
-            "revising": None,
-            "properties": [],
-            "disagree": [],
-            "counters": dict.fromkeys(_COUNTED),
-        }
+        """Its state."""
+        return bare(self.record) | {"status": "unrestored", "trouble": f"it could not be restored: {self.reason}"}
+
+
+def bare(record: SessionRecord) -> Document:
+    """A state with the keys of an open session's; what its judges tell is None or left out."""
+    return {
+        "id": record.id,
+        "spec": record.spec,
+        "spec_digest": record.digest,
+        "gap": None,
+        "kind": record.kind,
+        "origin": origin_of(record.id),
+        "run": run_of(own_name(record.id))[1],
+        "status": "open",
+        "live": False,
+        "idle": False,
+        "without_monitor_since": None,
+        "clock": None,
+        "opened": record.opened,
+        "begun": record.begun,
+        "closed": None,
+        "closed_because": None,
+        "trouble": None,
+        "monitors": [],
+        "streams": [],
+        "awaited": None,
+        "waiting": None,
+        "hold": {"count": 0, "sum": 0, "buckets": []},
+        "revising": None,
+        "properties": [],
+        "disagree": [],
+        "counters": dict.fromkeys(_COUNTED),
+    }

@@ -46,7 +46,7 @@ Session.rejudge = perhaps
 """
 _COMMITS_SLOWLY = """
 import random, time
-from oracle_server.history.sqlite.writer import Writer
+from oracle_server.history.sql.writer import Writer
 write = Writer._write
 def slowly(self, batch):
     time.sleep(random.uniform(0, 0.05))
@@ -139,9 +139,11 @@ async def run_round(
         async with Mortal(specs(layout, folder), data, prelude=kind.prelude, resume_within="600") as served:
             async with reviving(served):
                 async with asyncio.TaskGroup() as tasks:
-                    strike = _strike(served, disk, tasks, chance)
-                    run = _with_robots if kind.robots else _by_wire
+                    over = tasks.create_task(asyncio.Event().wait())
+                    strike = _strike(served, disk, tasks, over, chance)
+                    run = _with_robots if kind.robots else partial(_by_wire, skips=kind.full)
                     decisions, again = await run(served, layout, trace, chance, kills, strike)
+                    over.cancel()
                 await served.up.wait()
             count = Count(served.starts - 1, len(trace), twice=again)
             records = await served.records(SESSION)
@@ -193,7 +195,10 @@ def _standing(record: Frame) -> Frame:
     return {name: record[name] for name in _STANDING} | {"outcome": outcome}
 
 
-def _strike(served: Served, disk: Disk | None, tasks: asyncio.TaskGroup, chance: random.Random) -> Callable[[], None]:
+def _strike(
+    served: Served, disk: Disk | None, tasks: asyncio.TaskGroup, over: asyncio.Task[object], chance: random.Random
+) -> Callable[[], None]:
+    """What strikes the server; once all is `over`, and nothing left to write, no full disk is noticed any more."""
     if disk is None:
         return served.kill
     one_by_one, fulls = asyncio.Lock(), 0
@@ -204,7 +209,12 @@ def _strike(served: Served, disk: Disk | None, tasks: asyncio.TaskGroup, chance:
             await served.up.wait()
             disk.fill()
             fulls += 1
-            await served.said(_NOT_WRITTEN, fulls)
+            noticed = tasks.create_task(served.said(_NOT_WRITTEN, fulls))
+            await asyncio.wait((noticed, over), return_when=asyncio.FIRST_COMPLETED)
+            if not noticed.done():
+                noticed.cancel()
+                disk.free()
+                return
             if chance.random() < 0.5:
                 served.kill()
                 disk.free()
@@ -217,10 +227,17 @@ def _strike(served: Served, disk: Disk | None, tasks: asyncio.TaskGroup, chance:
 
 
 async def _by_wire(
-    served: Served, layout: Layout, trace: list[Frame], chance: random.Random, kills: int, strike: Callable[[], None]
+    served: Served,
+    layout: Layout,
+    trace: list[Frame],
+    chance: random.Random,
+    kills: int,
+    strike: Callable[[], None],
+    *,
+    skips: bool,
 ) -> tuple[dict[tuple[str, int], str], int]:
     points = _points(told(trace), chance, kills)
-    links = await stream_through(served, layout, trace, chance, points, lambda _: strike())
+    links = await stream_through(served, layout, trace, chance, points, lambda _: strike(), skips=skips)
     return {(link.attach["monitor"], s): f["decision"] for link in links for s, f in link.decisions.items()}, 0
 
 

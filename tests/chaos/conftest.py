@@ -9,6 +9,9 @@ import pytest
 
 from tests.chaos.link import Frame
 from tests.chaos.runs import observed
+from tests.history.backends import postgres, relay
+
+__all__ = ["postgres", "relay"]
 
 
 @pytest.fixture

@@ -5,21 +5,33 @@ from __future__ import annotations
 import asyncio
 import json
 import random
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import WebSocketException
 
-from tests.chaos.served import Served
-from tests.chaos.tunnel import Tunnel
+from tests.chaos.pace import Pace
 
 WINDOW = 300
 """Events that may be on their way: sent, and not acked yet."""
+NOT_HERE = ("moved", "history_unavailable", "shutting_down")
+"""What a server answers that does not have a session, or not any more."""
 LOST = (OSError, EOFError, WebSocketException)
 """What a connection fails with when its other end is gone."""
 Frame = dict[str, Any]
+
+
+class Place(Protocol):
+    """Where a monitor attaches, once it is up."""
+
+    @property
+    def up(self) -> asyncio.Event: ...
+
+    @property
+    def attach_url(self) -> str: ...
 
 
 @dataclass
@@ -30,7 +42,7 @@ class Link:
     decisions newly made, as they become known; and with 0 after each attach. `end` is a stamp beyond all events.
     """
 
-    served: Served | Tunnel
+    served: Place
     attach: Frame
     events: list[Frame]
     end: int
@@ -39,6 +51,16 @@ class Link:
     moved: Callable[[int], None]
     waited_for: bool = True
     """Whether events are in order whatever comes when, so that one is decided as it was where that was not kept."""
+    moves: bool = False
+    """Whether another server may go on with its session."""
+    skips: bool = False
+    """Whether events may be skipped for want of space, also where they were decided before that was not kept."""
+    pace: Pace | None = None
+    """How far it may go; without one, to the end."""
+    pause: float = 0.02
+    """Seconds before another server is asked, as adapters pause."""
+    decided: Callable[[int, float], None] = lambda seq, asked: None
+    """Called as a decision is read, with the number of its event and when that was sent last (s, monotonic)."""
     acked: int = 0
     attaches: int = 0
     decisions: dict[int, Frame] = field(default_factory=dict)
@@ -47,6 +69,7 @@ class Link:
 
     def __post_init__(self) -> None:
         self._undecided = {event["seq"] for event in self.events if event["ask"]}
+        self._asked: dict[int, float] = {}
         self._claimed: list[Frame] = []
         self._room = asyncio.Event()
         self._socket: ClientConnection | None = None
@@ -82,6 +105,9 @@ class Link:
         answer = json.loads(await socket.recv())
         if answer.get("code") == "replaced":
             return  # overtaken before it was told that it is attached
+        if self.moves and answer.get("code") in NOT_HERE:
+            await asyncio.sleep(self.pause)
+            return
         assert answer["type"] == "attached", answer
         assert answer["next"] > self.acked, f"{answer['next']} is next, though {self.acked} was acked"
         self._claimed = answer["streams"]
@@ -103,11 +129,15 @@ class Link:
         """Ask again what was never answered, then send all from number `upcoming` on, and the last clock."""
         await self.gate.wait()
         for seq in sorted(seq for seq in self._undecided if seq < upcoming):
-            await socket.send(json.dumps(self.events[seq - 1]))
+            await self._send_events(socket, [self.events[seq - 1]])
         while upcoming <= len(self.events):
             size = self.random.choice((1, 1, 1, 8, 64))
             batch = self.events[upcoming - 1 : upcoming - 1 + size]
-            await socket.send(json.dumps(batch[0] if size == 1 else {"type": "events", "events": batch}))
+            if self.pace is not None and not (batch := self.pace.allows(batch)):
+                await self._tell_time(socket, upcoming)
+                await self.pace.reaches(self.events[upcoming - 1]["stamp"])
+                continue
+            await self._send_events(socket, batch)
             upcoming += len(batch)
             full = upcoming - self.acked > WINDOW
             if full or self.random.random() < 0.3:
@@ -116,6 +146,10 @@ class Link:
                 self._room.clear()
                 await self._room.wait()
         await self._tell_time(socket, upcoming)
+
+    async def _send_events(self, socket: ClientConnection, batch: list[Frame]) -> None:
+        self._asked |= {event["seq"]: time.monotonic() for event in batch if event["ask"]}
+        await socket.send(json.dumps(batch[0] if len(batch) == 1 else {"type": "events", "events": batch}))
 
     async def _tell_time(self, socket: ClientConnection, upcoming: int) -> None:
         """Say that nothing older than the next event will come."""
@@ -129,15 +163,20 @@ class Link:
                 assert upto >= self.acked, f"acked back from {self.acked} to {upto}"
                 self._move_on(upto)
             case {"type": "decision", "seq": seq}:
+                self.decided(seq, self._asked[seq])
                 known = self.decisions.setdefault(seq, frame)
-                if set(known["verdicts"].values()) == {"unknown"} or not self.waited_for:
-                    self.decisions[seq] = known = frame  # it was not judged, or not kept: it was sent again
+                unjudged = set(known["verdicts"].values()) == {"unknown"}
+                if unjudged or self.skips or not self.waited_for:
+                    # It was not judged, or sent again when it or one before it could not be kept.
+                    self.decisions[seq] = known = frame
                 assert frame == known, f"an event was decided differently the second time: {known}, {frame}"
                 await socket.send(json.dumps({"type": "outcome", "seq": seq, "passed": True, "why": "decision"}))
                 if seq in self._undecided:
                     self._undecided.discard(seq)
                     self._settle(1)
             case {"type": "error", "code": "replaced" | "shutting_down"} | {"type": "violation" | "credit"}:
+                pass
+            case {"type": "error", "code": "history_unavailable"} if self.moves:
                 pass
             case _:
                 raise AssertionError(frame)

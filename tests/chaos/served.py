@@ -19,7 +19,7 @@ from tests.processes import PATIENCE, reserved_port
 __all__ = ["PATIENCE", "Ended", "Served", "reviving"]
 
 _MAIN = "from oracle_server.cli.commands import main; main()"
-_OFTEN = "from oracle_server.history.sqlite import writer; writer.PERIOD = 0"
+_OFTEN = "from oracle_server.history.sql import writer; writer.PERIOD = 0"
 """Commits as they come and not gathered: there are the more moments to strike at."""
 _LONGEST = 2**24
 """Bytes of a line of the log: with a longer one its reading would end, and then the server would wait for it."""
@@ -43,8 +43,8 @@ class Served:
         self.log: list[dict[str, Any]] = []
         self._said = asyncio.Condition()
         self._arguments = ("--specs", str(specs), "--data-dir", str(data))
-        outer = {name: value for name, value in os.environ.items() if not name.startswith("ORACLE_")}
-        self._environment = outer | {"ORACLE_LOG": "json"} | {f"ORACLE_{k.upper()}": v for k, v in settings.items()}
+        self._environment = {name: value for name, value in os.environ.items() if not name.startswith("ORACLE_")}
+        self.set(log="json", **settings)
         self._place = reserved_port()
         self._died = asyncio.Event()
         self._process: asyncio.subprocess.Process
@@ -64,6 +64,15 @@ class Served:
     def port(self) -> int:
         """The port, which nobody else gets while no process serves it."""
         return int(self._place.getsockname()[1])
+
+    @property
+    def pid(self) -> int:
+        """The process, or the last one."""
+        return self._process.pid
+
+    def set(self, **settings: str) -> None:
+        """Have processes that are started from now on take settings, besides those that they have already."""
+        self._environment |= {f"ORACLE_{name.upper()}": value for name, value in settings.items()}
 
     async def start(self) -> None:
         """Start a process, the first one or once the last one is killed, and return once it accepts work."""

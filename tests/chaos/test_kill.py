@@ -29,7 +29,7 @@ from tests.chaos.runs import (
 )
 from tests.chaos.served import Served, reviving
 
-KILLS = 10
+KILLS = 5
 
 
 @pytest.mark.parametrize(
@@ -37,7 +37,7 @@ KILLS = 10
     [(ALONE, "full"), (PAIR, "full"), (ALONE, "normal")],
     ids=["one monitor", "two monitors", "durability normal"],
 )
-async def test_ten_kills_in_a_row(
+async def test_kills_in_a_row(
     layout: Layout,
     durability: str,
     trace: list[Frame],

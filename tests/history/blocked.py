@@ -17,12 +17,12 @@ from oracle_server.core.verdicts import Decision, Outcome
 from oracle_server.history.blocks import BEFORE
 from oracle_server.history.letters import LETTERS
 from oracle_server.history.records import SessionRecord, StoredStep, restated, stored_revision
-from oracle_server.history.sqlite.batch import Work, restating, write
-from oracle_server.history.sqlite.blocks import BlockWriter, catching, forgetting
+from oracle_server.history.sql.batch import Work, restating, write
+from oracle_server.history.sql.blocks import BlockWriter, catching, forgetting
+from oracle_server.history.sql.rows import session_row, step_row
+from oracle_server.history.sql.schema import SESSION_COLUMNS
+from oracle_server.history.sql.timeline import asked
 from oracle_server.history.sqlite.migrations import migrate
-from oracle_server.history.sqlite.rows import session_row, step_row
-from oracle_server.history.sqlite.schema import SESSION_COLUMNS
-from oracle_server.history.sqlite.timeline import asked
 from oracle_server.history.timeline import Question
 from tests.history.making import opened, revision, step
 

@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable
-from pathlib import Path
+from collections.abc import AsyncIterator, Iterator
 
 import pytest
 
-from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.port import History
-from oracle_server.history.sqlite.history import SqliteHistory
+from tests.history.backends import BACKENDS, Make, make, postgres, relay
+from tests.history.reader import shared_reader
 
-BACKENDS: dict[str, Callable[[Path], History]] = {
-    "sqlite": SqliteHistory,
-    "memory": lambda _: MemoryHistory(),
-}
+__all__ = ["history", "make", "postgres", "relay"]
 
 
-@pytest.fixture(params=sorted(BACKENDS))
-async def history(request: pytest.FixtureRequest, tmp_path: Path) -> AsyncIterator[History]:
+@pytest.fixture(params=BACKENDS)
+async def history(request: pytest.FixtureRequest, make: Make) -> AsyncIterator[History]:
     """An empty history; the same tests run over each backend."""
-    made = BACKENDS[request.param](tmp_path)
+    made = make(request.param)
     made.start(asyncio.get_running_loop())
     yield made
     await asyncio.to_thread(made.close)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def reader() -> Iterator[None]:
+    """One process for all questions."""
+    with shared_reader():
+        yield

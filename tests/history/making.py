@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import msgspec
 from hypothesis import strategies as st
 
 from oracle_server.core.events import REVISIONS, Event, Step, StreamKey
@@ -11,9 +12,11 @@ from oracle_server.core.kinds import StepKind
 from oracle_server.core.records import ExplanationRecord, VerdictRecord
 from oracle_server.core.revisions import Change, Revision, Standing
 from oracle_server.core.verdicts import Decision, Outcome
+from oracle_server.history import pages
 from oracle_server.history.port import History
 from oracle_server.history.query import Query
 from oracle_server.history.records import SessionRecord, StoredStep
+from oracle_server.history.views import Doubts
 
 PROPERTIES = ("p", "q")
 
@@ -95,6 +98,16 @@ def asked_for(found: Sequence[VerdictRecord], query: Query) -> list[VerdictRecor
         ):
             wanted.append(record)
     return wanted if query.order == "asc" else wanted[::-1]
+
+
+async def find(
+    history: History, session: SessionRecord, query: Query, doubts: Doubts | None = None
+) -> tuple[list[VerdictRecord], int | None]:
+    """A page of verdict records, and the `n` to go on after."""
+    found, after = await pages.find(history, session, query, doubts)
+    records: list[VerdictRecord] = [msgspec.json.decode(text) for _, text in found]
+    assert [record["n"] for record in records] == [n for n, _ in found]
+    return records, after
 
 
 async def add(history: History, *steps: StoredStep, session: int = 1) -> None:

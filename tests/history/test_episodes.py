@@ -115,6 +115,16 @@ async def test_what_does_not_stand_is_gone(filled: History) -> None:
     assert await firsts(filled, EpisodeQuery(session=1)) == [13, 12, 31]
 
 
+async def test_one_that_changes_twice_in_a_batch_is_kept_as_it_is_last(filled: History) -> None:
+    changes = [StoredEpisode("p", "publication", episode(15, 100, until=100 + n, count=n)) for n in (1, 2)]
+    begun, last = changes[0]._replace(text="why"), changes[1]
+    gone = [each._replace(episode=episode(17, 100), gone=each is last) for each in (begun, last)]
+    await keep(filled, 1, begun, *gone, last)
+    found = {record["first"]: record for record in (await filled.episodes(EpisodeQuery(session=1)))[0]}
+    assert (found[15]["count"], found[15]["explanation"]) == (2, "why")
+    assert 17 not in found
+
+
 async def test_none_is_open_in_a_closed_session(filled: History) -> None:
     filled.close_session(1, 500, {"id": "s"})
     await filled.flush()

@@ -12,13 +12,12 @@ import msgspec
 import pytest
 
 from oracle_server.core.verdicts import Outcome
-from oracle_server.history.pages import find
 from oracle_server.history.query import Query
 from oracle_server.history.records import MonitorRecord, SessionRecord, stored_revision
+from oracle_server.history.sql.schema import STEP_COLUMNS, VERSION
 from oracle_server.history.sqlite.history import SqliteHistory
-from oracle_server.history.sqlite.schema import STEP_COLUMNS, VERSION
 from oracle_server.history.views import View, records
-from tests.history.making import PROPERTIES, add, opened, revision, step
+from tests.history.making import PROPERTIES, add, find, opened, revision, step
 from tests.history.test_port import collected
 from tests.history.test_standing import change, stands, told
 

@@ -19,7 +19,7 @@ from oracle_server.core.events import StreamKey
 from oracle_server.core.spec import By
 from oracle_server.core.verdicts import FINAL, Decision, Outcome
 from oracle_server.history.memory import MemoryHistory
-from oracle_server.history.pages import find, latest
+from oracle_server.history.pages import latest
 from oracle_server.history.port import History
 from oracle_server.history.query import Query
 from oracle_server.history.records import (
@@ -31,7 +31,7 @@ from oracle_server.history.records import (
 )
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.history.views import records
-from tests.history.making import PROPERTIES, add, asked_for, opened, some_steps, step
+from tests.history.making import PROPERTIES, add, asked_for, find, opened, some_steps, step
 
 Direction = Literal["asc", "desc"]
 FALSE, TRUE, HELD = Outcome.CURRENTLY_FALSE, Outcome.TRUE, Outcome.CURRENTLY_TRUE
@@ -346,14 +346,14 @@ def test_backends_answer_a_query_as_it_says(
 
 
 def test_no_statement_stands_outside_a_backend() -> None:
-    """A second backend needs no other file than its own."""
+    """A further backend needs no other files than its own, and to copy or forward it those that know two databases."""
     package = Path(oracle_server.__file__).parent
     statement = re.compile(r"\b(SELECT .* FROM|INSERT INTO|UPDATE \w+ SET|DELETE FROM|CREATE TABLE|PRAGMA)\b")
-    backends = package / "history" / "sqlite"
+    backends = {package / "history" / name for name in ("sql", "sqlite", "postgres", "copying", "forwarding")}
     bags = package / "replay" / "sqlitefile.py"  # a recording of rosbag2 is such a database
     assert [
         path
         for path in package.rglob("*.py")
-        if backends not in path.parents and path != bags and statement.search(path.read_text(encoding="utf-8"))
+        if path.parent not in backends and path != bags and statement.search(path.read_text(encoding="utf-8"))
     ] == []
-    assert statement.search((backends / "history.py").read_text(encoding="utf-8"))
+    assert statement.search((package / "history" / "sql" / "history.py").read_text(encoding="utf-8"))

@@ -15,7 +15,6 @@ from oracle_server.core.records import VerdictRecord
 from oracle_server.core.revisions import Revision
 from oracle_server.core.verdicts import Judged
 from oracle_server.history.memory import MemoryHistory
-from oracle_server.history.pages import find
 from oracle_server.history.port import History
 from oracle_server.history.query import Query
 from oracle_server.history.records import StoredStep, stored, stored_revision
@@ -26,7 +25,7 @@ from oracle_server.replay.run import Replay
 from oracle_server.review.trace import trace_lines
 from oracle_server.wire.json import encode_bytes
 from tests.core.revising import Book, Run, case
-from tests.history.making import PROPERTIES, opened
+from tests.history.making import PROPERTIES, find, opened
 from tests.strategies import START
 
 WIDTH = len(PROPERTIES)

@@ -17,26 +17,25 @@ import pytest
 
 from oracle_server.core.errors import HistoryError
 from oracle_server.core.verdicts import Decision
-from oracle_server.history.pages import find
 from oracle_server.history.query import Query
 from oracle_server.history.readers import THREADS, Readers, reading_for
 from oracle_server.history.records import MonitorRecord, SnapshotRecord, StoredStep
-from oracle_server.history.sqlite import writer
-from oracle_server.history.sqlite.batch import Work, write
+from oracle_server.history.sql import matching, writer
+from oracle_server.history.sql.batch import Work, write
+from oracle_server.history.sql.rows import step_row
 from oracle_server.history.sqlite.history import SqliteHistory
-from oracle_server.history.sqlite.reader import Reader
-from oracle_server.history.sqlite.rows import step_row
-from oracle_server.history.sqlite.writer import Durability, Writer
-from tests.history.making import add, opened, step
+from oracle_server.history.sqlite.reader import SqliteReader
+from oracle_server.history.sqlite.store import Durability, SqliteStore
+from tests.history.making import add, find, opened, step
 from tests.whole.harness import PATIENCE, failed
 
 
 @pytest.mark.parametrize(("durability", "synchronous"), [("normal", 1), ("full", 2)])
 def test_the_database_waits_for_the_disk_as_is_asked(tmp_path: Path, durability: Durability, synchronous: int) -> None:
     """SQLite waits for the disk at each commit where `synchronous` is 2, and at checkpoints only where it is 1."""
-    with closing(Writer(tmp_path / "history.sqlite", durability)) as writer:
-        assert writer._writer.execute("PRAGMA synchronous").fetchone() == (synchronous,)
-        assert writer._writer.execute("PRAGMA journal_mode").fetchone() == ("wal",)
+    with closing(SqliteStore(tmp_path / "history.sqlite", durability)) as store:
+        assert store.database.execute("PRAGMA synchronous").fetchone() == (synchronous,)
+        assert store.database.execute("PRAGMA journal_mode").fetchone() == ("wal",)
 
 
 def test_a_durability_that_there_is_not_is_told(tmp_path: Path) -> None:
@@ -126,7 +125,7 @@ def test_many_rows_are_one_statement_unless_they_are_long(tmp_path: Path) -> Non
             lengths.append(sum(len(value) for value in values if isinstance(value, str)))
             return super().execute(statement, values)
 
-    with closing(Writer(tmp_path / "history.sqlite", "normal")):
+    with closing(SqliteStore(tmp_path / "history.sqlite", "normal")):
         pass
     with closing(sqlite3.connect(tmp_path / "history.sqlite", factory=Noted)) as database:
         small = [step(p) for p in range(1, 65)]
@@ -200,7 +199,7 @@ async def test_no_connection_is_closed_that_a_thread_still_reads_with(tmp_path: 
         tmp_path / "history.sqlite", isolation_level=None, check_same_thread=False, factory=Watched
     )
 
-    class Given(Reader):
+    class Given(SqliteReader):
         def _connect(self) -> sqlite3.Connection:
             return watched
 
@@ -259,7 +258,7 @@ async def test_the_ends_of_sessions_are_found_without_a_look_at_what_is_between(
     """Else the start of a server takes minutes where much is kept, and each page of a reader a second."""
     history, looks = SqliteHistory(tmp_path), 0
 
-    class Counted(Reader):
+    class Counted(SqliteReader):
         def _connect(self) -> sqlite3.Connection:
             def looked() -> None:
                 nonlocal looks
@@ -301,7 +300,7 @@ async def test_what_sorts_a_long_history_keeps_no_page_waiting(tmp_path: Path) -
             for i in range(THREADS + 1):
                 with reading_for(f"client {i}"):
                     downloads.append(asyncio.ensure_future(anext(history.by_arrival(1))))
-            assert len((await find(history, opened(), Query()))[0]) == 4
+            assert await history.step(1, 1) is not None
             going.set()
             assert [len(page) for page in await asyncio.gather(*downloads)] == [2] * (THREADS + 1)
     finally:
@@ -315,26 +314,23 @@ async def test_a_search_is_cut_into_turns_and_finds_the_same(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, order: Literal["asc", "desc"]
 ) -> None:
     """Else one that finds nothing would read all of a session at one turn."""
-    monkeypatch.setattr("oracle_server.history.sqlite.history._SCAN", 5)
-    monkeypatch.setattr("oracle_server.history.sqlite.history._PAGE", 3)
+    monkeypatch.setattr(matching, "_SCAN", 5)
+    monkeypatch.setattr(matching, "_PAGE", 3)
     history = SqliteHistory(tmp_path)
     history.start(asyncio.get_running_loop())
     history.open_session(opened())
     await add(history, *(step(i, stream="/b" if i in (1, 2, 30, 60) else "/a") for i in range(1, 61)))
-    turns = 0
-
-    class Counted(Reader):
-        async def run(self, work: Any) -> Any:
-            nonlocal turns
-            turns += 1
-            return await super().run(work)
-
-    history._reader = Counted(history.path, history._readers)
-    for stream, positions in (("/b", {1, 2, 30, 60}), ("/c", set()), (None, set(range(1, 61)))):
-        turns = 0
-        found, after = await find(history, opened(), Query(stream=stream, order=order, limit=1000))
-        numbers = {n for position in positions for n in (2 * position - 1, 2 * position)}
-        assert [record["n"] for record in found] == sorted(numbers, reverse=order == "desc")
-        assert after is None
-        assert turns >= 10
+    with closing(sqlite3.connect(history.path)) as reader:
+        for stream, positions in (("/b", {1, 2, 30, 60}), ("/c", set()), (None, set(range(1, 61)))):
+            query = Query(stream=stream, order=order, limit=1000)
+            found, turns = [], 0
+            position: int | None = query.start(2)
+            while position is not None:
+                records, position = matching.told(reader, opened(), query, position, None)
+                found += [n for n, _ in records]
+                turns += 1
+            numbers = {n for position in positions for n in (2 * position - 1, 2 * position)}
+            assert found == sorted(numbers, reverse=order == "desc")
+            assert turns >= 10
+            assert [record["n"] for record in (await find(history, opened(), query))[0]] == found
     await asyncio.to_thread(history.close)

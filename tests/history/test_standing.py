@@ -16,19 +16,30 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from oracle_server.core.events import StreamKey
 from oracle_server.core.records import VerdictRecord
 from oracle_server.core.revisions import Change, Revision, Standing
 from oracle_server.core.verdicts import Outcome
 from oracle_server.history.memory import MemoryHistory
-from oracle_server.history.pages import find, find_as
 from oracle_server.history.port import History
 from oracle_server.history.query import Query
 from oracle_server.history.records import Restated, StoredStep, restated, stored_revision
-from oracle_server.history.sqlite import batch
+from oracle_server.history.sql import batch
+from oracle_server.history.sql.standing import RESTATE
 from oracle_server.history.sqlite.history import SqliteHistory
-from oracle_server.history.sqlite.standing import RESTATE
 from oracle_server.history.views import Doubts, View, records
-from tests.history.making import OUTCOMES, PROPERTIES, add, asked_for, explanation, opened, revision, some_steps, step
+from tests.history.making import (
+    OUTCOMES,
+    PROPERTIES,
+    add,
+    asked_for,
+    explanation,
+    find,
+    opened,
+    revision,
+    some_steps,
+    step,
+)
 from tests.history.test_port import collected, queries
 
 WIDTH = len(PROPERTIES)
@@ -228,15 +239,21 @@ async def test_why_an_event_was_released_and_what_was_not_heard_is_kept(history:
     made[0] = _released(made[0], "clock")
     made[1] = _released(made[1], "max_delay", "/b", "/a")
     made[2] = _released(made[2], "max_delay", "/a")
+    arm, base = ("arm", StreamKey("/b", "topic")), ("base", StreamKey("/dock", "request"))
+    for i, waited in enumerate(((arm,), (arm, base), ())):
+        made[i] = msgspec.structs.replace(made[i], step=msgspec.structs.replace(made[i].step, waited=waited))
     await add(history, *made)
     assert await collected(history.steps(1, 0)) == made
     found = await told(history)
+    told_of = [[each["monitor"] for each in r.get("waited", ())] for r in found]
+    assert told_of == [["arm"]] * 2 + [["arm", "base"]] * 2 + [[]] * 2
+    assert found[2]["waited"][1] == {"monitor": "base", "stream": "/dock", "kind": "request"}
     assert [r.get("released") for r in found] == ["clock"] * 2 + ["max_delay"] * 4
     assert not any("unheard" in r for r in found)
     doubts = Doubts(20, {"/a": frozenset({0, 1}), "/b": frozenset({1})})
-    found, _ = await find_as(history, opened(), Query(), lambda record: record, doubts)
+    found, _ = await find(history, opened(), Query(), doubts)
     assert [r.get("unheard") for r in found] == [None, None, ["/a"], ["/a", "/b"], ["/a"], ["/a"]]
-    found, _ = await find_as(history, opened(), Query(), lambda record: record, doubts._replace(since=21))
+    found, _ = await find(history, opened(), Query(), doubts._replace(since=21))
     assert [r.get("unheard") for r in found] == [None] * 4 + [["/a"]] * 2
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import random
+import sqlite3
 from typing import Any
 
 import pytest
@@ -112,6 +113,31 @@ def test_what_was_deleted_is_not_told(seed: int) -> None:
         blocks = [(level, block) for _, level, block, *_ in session.kept_blocks]
         first = session.steps[0].position if session.steps else session.last + 1
         assert all(block * SIZE * 8**level + 1 >= first for level, block in blocks)
+
+
+@pytest.mark.parametrize("kept", [2, 32, 33, 256, 257, 1025])
+def test_blocks_tell_what_rows_tell_once_the_beginning_was_deleted(kept: int) -> None:
+    """At the edges of blocks and beside them, with what is written, revised and deleted after that."""
+    rng = random.Random(kept)
+    session = Session()
+    session.add(some(rng, 1, 1500, 10**6))
+    for go in range(3):
+        session.forget(kept + 32 * go)
+        if rng.random() < 0.5:
+            session.restart()
+        session.add(some(rng, session.last + 1, rng.choice([1, 31, 300]), session.steps[-1].step.time))
+        first = next(each.position for each in session.steps if each.revision is None)
+        session.revise({first: Standing((Outcome.FALSE, Outcome.UNKNOWN), (True, False), {})})
+        alone = Session(database=sqlite3.connect(":memory:", isolation_level=None), steps=session.steps)
+        session.database.backup(alone.database)
+        alone.database.execute("DELETE FROM blocks")
+        for question in (Question(signals=SIGNALS), Question(buckets=2000), *(window(rng, session) for _ in range(3))):
+            found, by_rows = session.ask(question), alone.ask(question)
+            check(found, session.steps, session.decides)
+            check(by_rows, session.steps, session.decides)
+            same = ("since", "width", "buckets", "position")
+            assert [found[key] for key in same] == [by_rows[key] for key in same]
+            assert "F" in found["lanes"]["p"] or question.since is not None
 
 
 @pytest.mark.parametrize("seed", range(5))

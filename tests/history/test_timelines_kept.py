@@ -16,9 +16,10 @@ from oracle_server.core.revisions import Revision
 from oracle_server.core.verdicts import Outcome
 from oracle_server.history.port import History
 from oracle_server.history.records import MonitorRecord, StoredStep, stored_revision
-from oracle_server.history.sqlite import timeline
+from oracle_server.history.sql import asking, timeline
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.history.timeline import Question
+from oracle_server.process.worker import Worker
 from tests.history.blocked import SIGNALS, check, some
 from tests.history.making import add, opened, revision
 from tests.history.test_port import collected
@@ -83,18 +84,19 @@ async def test_how_long_asks_waited_is_not_known_in_simulated_time(history: Hist
     assert (await told(history))["hold"] is None
 
 
-async def test_a_reader_that_was_killed_is_started_anew(tmp_path: Path) -> None:
+async def test_a_reader_that_was_killed_is_started_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(asking, "Worker", Worker)  # one of its own
     history = await begun(tmp_path)
     history.open_session(opened())
     await add(history, *steps(50))
     await held_against_rows(history)
-    reader = history._asking._process
+    reader = history._asking.worker.process
     assert reader is not None
     reader.kill()
     reader.wait()
     await held_against_rows(history)
     await asyncio.to_thread(history.close)
-    assert history._asking._process is None
+    assert history._asking.worker.process is None
 
 
 async def test_a_database_that_cannot_be_read_is_told_of(tmp_path: Path) -> None:

@@ -9,18 +9,19 @@ from typing import Any
 import pytest
 
 from oracle_server.core.spec import Retention
-from oracle_server.history.pages import find
 from oracle_server.history.port import History
 from oracle_server.history.query import Query
 from oracle_server.history.retention import Pruner
 from oracle_server.process.clock import Clock
-from oracle_server.review.explanation import NoExplanationError, explained
+from oracle_server.review.again import NoExplanationError
+from oracle_server.review.explanation import explained
 from oracle_server.review.trace import trace_lines
 from oracle_server.sessions.registry import Registry
 from oracle_server.specfiles.library import Library
 from oracle_server.wire.errors import WireError
 from oracle_server.wire.incoming import Handling
-from tests.history.conftest import BACKENDS
+from tests.history.backends import BACKENDS, Make
+from tests.history.making import find
 from tests.processes import PATIENCE
 from tests.sessions.making import Kept, attach, event
 
@@ -124,17 +125,17 @@ async def run(history: History, folder: Path, by: str) -> list[Any]:
 
 
 @pytest.mark.parametrize("by", ["publication", "both"])
-async def test_sessions_are_the_same_over_every_backend(tmp_path: Path, by: str) -> None:
+async def test_sessions_are_the_same_over_every_backend(tmp_path: Path, make: Make, by: str) -> None:
     found = {}
-    for name, backend in BACKENDS.items():
+    for name in BACKENDS:
         (tmp_path / name).mkdir()
-        history = backend(tmp_path / name)
+        history = make(name)
         history.start(asyncio.get_running_loop())
         async with asyncio.timeout(PATIENCE):
             found[name] = await run(history, tmp_path / name, by)
         await asyncio.to_thread(history.close)
-    for sqlite, memory in zip(found["sqlite"], found["memory"], strict=True):
-        assert sqlite == memory
+    for told in zip(*found.values(), strict=True):
+        assert all(each == told[0] for each in told), told
     answers = [frame["seq"] for frame in found["sqlite"][-2][1] if frame["type"] == "decision"]
     assert sorted(answers) == [1, 2, 8, 10, 14], "what was sent again is answered again"
     seqs = [line["seq"] for line in found["sqlite"][0][2] if line["monitor"]]

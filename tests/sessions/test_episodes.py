@@ -9,21 +9,23 @@ from pathlib import Path
 
 import pytest
 
+from oracle_server.core.episode import EpisodeRecord
 from oracle_server.core.events import Order
 from oracle_server.core.records import VerdictRecord
 from oracle_server.core.verdicts import Outcome
-from oracle_server.history.episodes import EpisodeQuery, EpisodeRecord
+from oracle_server.history.episodes import EpisodeQuery
 from oracle_server.history.memory import MemoryHistory
-from oracle_server.history.pages import find
 from oracle_server.history.port import History
 from oracle_server.history.query import Query
 from oracle_server.process.clock import Clock
 from oracle_server.sessions.registry import Registry
 from oracle_server.specfiles.library import Library
+from oracle_server.wire.incoming import EPISODES
 from tests.episodes import Line, expected
-from tests.history.conftest import BACKENDS
+from tests.history.backends import BACKENDS, Make
+from tests.history.making import find
 from tests.processes import PATIENCE
-from tests.sessions.making import Kept, attach, event
+from tests.sessions.making import Kept, attach, event, registry
 
 SPEC = """
 id: spec
@@ -97,14 +99,16 @@ def lines(records: Iterable[VerdictRecord], *, by_place: bool) -> list[Line]:
 @pytest.mark.parametrize(
     ("by", "late"), [("arrival", "judge"), ("publication", "judge"), ("publication", "revise"), ("both", "judge")]
 )
-@pytest.mark.parametrize("backend", sorted(BACKENDS))
-async def test_a_history_has_the_episodes_of_its_records(tmp_path: Path, backend: str, by: str, late: str) -> None:
+@pytest.mark.parametrize("backend", BACKENDS)
+async def test_a_history_has_the_episodes_of_its_records(
+    tmp_path: Path, make: Make, backend: str, by: str, late: str
+) -> None:
     found = 0
-    for seed in range(12):
+    for seed in range(5):
         rng = random.Random(f"{by} {late} {seed}")
         folder = tmp_path / str(seed)
         folder.mkdir()
-        history = BACKENDS[backend](folder)
+        history = make(backend)
         served = Served(
             history,
             folder / "specs",
@@ -133,7 +137,7 @@ async def test_a_history_has_the_episodes_of_its_records(tmp_path: Path, backend
         found += await check(served, by, late, closed=True)
         assert not any(episode["open"] for episode in await served.episodes())
         await asyncio.to_thread(history.close)
-    assert found > 20
+    assert found > 8
 
 
 async def check(served: Served, by: str, late: str, *, closed: bool) -> int:
@@ -179,4 +183,32 @@ async def test_what_an_older_version_saved_goes_on_with_the_episodes_of_the_hist
     assert [(e["property"], e["first"], e["open"]) for e in await served.episodes() if e["property"] == "small"] == [
         ("small", 1, False)
     ]
+    await asyncio.to_thread(history.close)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+async def test_episodes_that_may_go_on_end_with_their_session_for_all_who_are_told_of_them(
+    tmp_path: Path, make: Make, backend: str
+) -> None:
+    """Before the connection ends: monitors, and those who follow what was committed."""
+    history = make(backend)
+    sessions = registry(history, tmp_path / "specs", SPEC.replace("BY", "arrival").replace("LATE", "judge"))
+    outbox, older = Kept(), Kept()
+    wanted = attach("s", "spec").model_copy(update={"features": [EPISODES], "verdicts": True})
+    live, monitor = await sessions.attach(wanted, outbox)
+    await sessions.attach(attach("s", "spec", "older", "j"), older)
+    live.ingest(monitor, event(1, "/a", v=7))
+    await outbox.expect("episode")
+    async with asyncio.timeout(PATIENCE):
+        assert await sessions.closed_within(live, PATIENCE)
+    told = [frame for frame in outbox.frames if frame["type"] == "episode"]
+    assert [(e["event"], e["property"], e["open"], e["last"]) for e in told] == [
+        ("begun", "small", True, None), ("begun", "rising", True, None),
+        ("ended", "small", False, 1), ("ended", "rising", False, 2),
+    ]  # fmt: skip
+    standing = [frame for frame in outbox.frames if frame["type"] == "verdicts"][-1]
+    assert standing["properties"]["small"]["episode"]["open"] is False
+    assert outbox.frames[-1]["type"] == "error"
+    assert live.ledger.episodes.since(2) == told[2:]
+    assert "episode" not in {frame["type"] for frame in older.frames}
     await asyncio.to_thread(history.close)

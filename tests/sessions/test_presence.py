@@ -78,20 +78,6 @@ async def test_a_session_is_live_with_a_monitor_and_idle_ten_minutes_after_the_l
     assert (state(live)["idle"], state(live)["status"]) == (True, "open")
 
 
-async def test_a_recording_is_never_idle_and_not_closed(tmp_path: Path) -> None:
-    clock = Set()
-    history = MemoryHistory()
-    sessions = registry(history, tmp_path, BRIEF, clock=clock)
-    live = await sessions.create("guard", "s", kind="recording")
-    clock.time += HOUR
-    assert (state(live)["kind"], state(live)["idle"]) == ("recording", False)
-    assert live.presence._timer is None
-    await sessions.flush()
-    later = Registry(history, Library(None, tmp_path), clock, resume_within=0.0)
-    await later.restore_all()
-    assert state(later.open["s"])["kind"] == "recording"
-
-
 async def test_a_session_is_closed_once_it_was_without_a_monitor_for_so_long(tmp_path: Path) -> None:
     sessions = registry(MemoryHistory(), tmp_path, BRIEF)
     live, monitor = await sessions.attach(attach("s", "guard"), Kept())

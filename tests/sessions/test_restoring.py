@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Collection
 from pathlib import Path
 from typing import Any
 
 import pytest
 import structlog
 
+from oracle_server.core.errors import UnansweredError
+from oracle_server.core.plan import Plan
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.records import SessionRecord
 from oracle_server.process.clock import Clock
-from oracle_server.review.restore import restore
+from oracle_server.review.restore import Restored, restore
 from oracle_server.sessions import plans as plans_module
+from oracle_server.sessions import registry as registry_module
 from oracle_server.sessions.registry import Registry
 from oracle_server.specfiles.library import Library
 from oracle_server.wire.errors import WireError
@@ -172,3 +175,37 @@ async def test_a_spec_is_read_once_for_all_its_sessions(tmp_path: Path, monkeypa
     await second.restore_all()
     assert len(second.open) == 3
     assert len(read) == 1
+
+
+@pytest.mark.usefixtures("within")
+async def test_one_of_which_the_history_does_not_answer_is_restored_by_the_next_try(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    history, private = await left(tmp_path)
+    second = Registry(history, Library(None, tmp_path), Clock(), resume_within=3600)
+    away = True
+
+    async def taken(known: Collection[int]) -> list[SessionRecord]:
+        return [record for record in await history.open_sessions() if record.number not in known]
+
+    async def read(history: MemoryHistory, number: int, ready: Plan) -> Restored:
+        record = await history.session("two")
+        assert record
+        if away and number == record.number:
+            raise UnansweredError("PostgreSQL: the connection is closed")
+        return await restore(history, number, ready)
+
+    monkeypatch.setattr(history, "take_over", taken)
+    monkeypatch.setattr(registry_module, "restore", read)
+    with pytest.raises(UnansweredError):
+        await second.take_over()
+    assert "one" in second.open
+    assert "two" not in second.open
+    assert second.unrestored == {}
+    one = second.open["one"]
+    away = False
+    await second.take_over()
+    assert set(second.open) == {"one", "two", private}
+    assert second.open["one"] is one
+    live, _ = await second.attach(attach("two", "guard"), Kept())
+    assert live.core.judges

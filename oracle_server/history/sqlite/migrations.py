@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import sqlite3
 
-from oracle_server.core.errors import HistoryError
+from oracle_server.history.sql.schema import DDL, VERSION, FormatError
 from oracle_server.history.sqlite.remaking import remake
-from oracle_server.history.sqlite.schema import DDL, VERSION
 
 _STEPS = {
     1: "ALTER TABLE monitors ADD COLUMN clock TEXT NOT NULL DEFAULT 'wall';",
@@ -45,16 +44,12 @@ _EPISODES = 10
 """The first format with episodes."""
 
 
-class FormatError(HistoryError):
-    """A history in a format that this version of the server does not read."""
-
-
 def migrate(database: sqlite3.Connection) -> int:
     """Bring a database to this version's format, a new one too; the version it had. Raises `FormatError`."""
     (found,) = database.execute("PRAGMA user_version").fetchone()
     version: int = found
     if version and not min(_STEPS) <= version <= VERSION:
-        raise FormatError(f"the history has format {version}, and this version of the server reads up to {VERSION}")
+        raise FormatError(version)
     steps = "".join(_STEPS[v] for v in range(version, VERSION)) if version else ""
     try:
         database.executescript(f"BEGIN IMMEDIATE; {steps} {DDL} PRAGMA user_version = {VERSION};")

@@ -1,99 +1,28 @@
-"""Reading from SQLite: each query on a connection of its own and in a thread, so that nothing waits for it."""
+"""Reading from SQLite."""
 
 from __future__ import annotations
 
-import asyncio
-import contextlib
 import sqlite3
-import threading
-from collections.abc import AsyncGenerator, Callable, Sequence
-from functools import partial
 from pathlib import Path
-from typing import TypeVar
 
-from oracle_server.core.errors import HistoryError
 from oracle_server.history.readers import Readers
-from oracle_server.history.sqlite.rows import Row
-
-T = TypeVar("T")
-R = TypeVar("R")
-Values = Sequence[object]
+from oracle_server.history.sql.reader import Reader
 
 
-class Reader:
-    """Reads what is committed. Every method raises `HistoryError` where the database can't be read."""
+def connect(path: str) -> sqlite3.Connection:
+    """A connection that reads a database, whose file is there."""
+    return sqlite3.connect(f"file:{path}?mode=ro", uri=True, isolation_level=None, check_same_thread=False)
+
+
+class SqliteReader(Reader):
+    """Reads a database's file."""
+
+    errors = (sqlite3.Error,)
 
     def __init__(self, path: Path, threads: Readers, sorting: Readers | None = None) -> None:
         """Read a database, whose file is there, in some threads; put much of it in order in others, where given."""
-        self._uri = f"file:{path}?mode=ro"
-        self._threads, self._sorting = threads, sorting or threads
-
-    async def all(self, make: Callable[[Row], T], sql: str, values: Values = ()) -> list[T]:
-        """What is made of each row, in the thread that reads them."""
-        return await self.run(lambda reader: [make(row) for row in reader.execute(sql, values)])
-
-    async def one(self, make: Callable[[Row], T], sql: str, values: Values = ()) -> T | None:
-        """What is made of the first row, None where there is none."""
-        found = await self.all(make, sql, values)
-        return found[0] if found else None
-
-    async def row(self, sql: str, values: Values = ()) -> Row:
-        """The row of a query that always has one."""
-        return (await self.all(tuple, sql, values))[0]
-
-    async def run(self, work: Callable[[sqlite3.Connection], T]) -> T:
-        """Read with a connection that is closed afterwards, in a thread; cancelled, it ends what it reads."""
-        used: list[sqlite3.Connection] = []
-
-        def run() -> T:
-            with contextlib.closing(self._connect()) as reader:
-                used.append(reader)
-                return work(reader)
-
-        try:
-            return await self._in_thread(run)
-        except asyncio.CancelledError:
-            for reader in used:
-                with contextlib.suppress(sqlite3.ProgrammingError):  # it is closed already
-                    reader.interrupt()
-            raise
-
-    async def pages(
-        self, make: Callable[[Row], T], order: str, page: str, values: Values, size: int
-    ) -> AsyncGenerator[list[T], None]:
-        """What is made of rows, by pages, in an order that no index has.
-
-        `order` selects the rows' keys, which are put into a temporary table of this reader's own; `page` selects rows
-        with those keys whose places there are from one number to another. So no read stays open between two pages: the
-        database's log could not be taken in meanwhile, and would grow without bound.
-        """
-        reader = await self._in_thread(self._connect)
-        in_use = threading.Lock()
-
-        def read(make: Callable[[Row], R], sql: str, values: Values = ()) -> list[R]:
-            with in_use:
-                return [make(row) for row in reader.execute(sql, values)]
-
-        try:
-            # this takes seconds of a long session, and needs the interpreter for none of them
-            await self._in_thread(lambda: read(tuple, f"CREATE TEMP TABLE sorted AS {order}", values), self._sorting)
-            ((count,),) = await self._in_thread(lambda: read(tuple, "SELECT count(*) FROM sorted"))
-            for first in range(1, count + 1, size):
-                yield await self._in_thread(partial(read, make, page, (*values, first, first + size - 1)))
-        finally:  # where this is cancelled, a thread still reads: SQLite would crash, were it closed meanwhile
-            reader.interrupt()
-            self._threads.start(partial(_close, reader, in_use))
-
-    async def _in_thread(self, work: Callable[[], R], threads: Readers | None = None) -> R:
-        try:
-            return await (threads or self._threads).start(work)
-        except sqlite3.Error as error:
-            raise HistoryError(f"the history can't be read: {error}") from None
+        super().__init__(threads, sorting)
+        self._path = path
 
     def _connect(self) -> sqlite3.Connection:
-        return sqlite3.connect(self._uri, uri=True, isolation_level=None, check_same_thread=False)
-
-
-def _close(reader: sqlite3.Connection, in_use: threading.Lock) -> None:
-    with in_use:
-        reader.close()
+        return connect(str(self._path))

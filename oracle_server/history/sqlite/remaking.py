@@ -9,11 +9,12 @@ import msgspec
 from oracle_server.core.episode import Following
 from oracle_server.core.following import Said, follow_said
 from oracle_server.core.kinds import TICK
+from oracle_server.core.records import ExplanationRecord
 from oracle_server.core.spec import GAP
 from oracle_server.core.verdicts import Outcome
 from oracle_server.history.episodes import StoredEpisode
-from oracle_server.history.sqlite.episodes import END, keeping
-from oracle_server.history.sqlite.standing import outcomes_of, whys_of
+from oracle_server.history.sql.episodes import END, keeping
+from oracle_server.history.sql.standing import outcomes_of, whys_of
 
 MOST = 2_000_000
 """Rows that are looked at, those of the newest sessions: some 4 s."""
@@ -52,12 +53,7 @@ def _of(database: sqlite3.Connection, session: int, properties: list[str]) -> li
         if not before.episodes and not ("f" in outcomes or "F" in outcomes):
             continue  # its time matters only to what is open, or begins
         whys = whys_of(explanations)
-        said = [
-            Said(
-                outcome or Outcome.UNKNOWN, max(1, whys[i].get("about_count", 1)) if i in whys else 0, None, whys.get(i)
-            )
-            for i, outcome in enumerate(outcomes_of(outcomes))
-        ]
+        said = [_said(outcome or Outcome.UNKNOWN, whys.get(i)) for i, outcome in enumerate(outcomes_of(outcomes))]
         instant = kind != TICK and number == 0 and decision == "deny"
         first = (position - 1) * len(properties) + 1
         entries = before.episodes or (None,) * len(properties)
@@ -76,3 +72,10 @@ def _of(database: sqlite3.Connection, session: int, properties: list[str]) -> li
                 text = found[key].text if key in found else text
                 found[key] = StoredEpisode(name, order, change.episode, text)
     return [*found.values()]
+
+
+def _said(outcome: Outcome, why: ExplanationRecord | None) -> Said:
+    if why is None:
+        return Said(outcome)
+    violations = max(1, why.get("about_count", 1))
+    return Said(outcome, violations, None, why, why["formula"], why["event"]["signals"])

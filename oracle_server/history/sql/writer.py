@@ -1,35 +1,31 @@
-"""Writes to SQLite in WAL mode: one thread, which commits all waiting rows together.
+"""Writes to a database: one thread, which commits all waiting rows together.
 
 One statement inserts many rows, since the writer thread needs the interpreter for each statement, and may have to wait
-until the event loop releases it. A disk that fails keeps all waiting; a row that SQLite refuses ends the history of its
-own session, and of no other.
+until the event loop releases it. A disk that fails keeps all waiting; a row that the database refuses ends the history
+of its own session, and of no other.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-import os
-import sqlite3
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Literal
 
 import structlog
 
-from oracle_server.core.errors import HistoryError
-from oracle_server.history.sqlite.batch import REFUSED, Refused, Then, Work, write, write_apart
-from oracle_server.history.sqlite.blocks import BlockWriter
-from oracle_server.history.sqlite.migrations import migrate
-from oracle_server.history.sqlite.rows import Row
-from oracle_server.history.sqlite.schema import STEP_COLUMNS, VERSION
+from oracle_server.history.sql.batch import REFUSED, Refused, Then, Work, write, write_apart
+from oracle_server.history.sql.blocks import BlockWriter
+from oracle_server.history.sql.database import Database, Insert, Store
+from oracle_server.history.sql.rows import Row
+from oracle_server.history.sql.schema import STEP_COLUMNS
 
-_Way = Callable[[sqlite3.Connection, list[Work]], tuple[list[Work], list[Refused]]]
-Durability = Literal["full", "normal"]
+_Written = tuple[list[Work], list[Refused]]
+_Way = Callable[[Database, list[Work], Insert], _Written]
 MAX_PENDING = 20_000
 """Rows that may wait for their commit; beyond this limit, monitors are not read until there is room."""
 _OF_ONE = 4_096
@@ -58,17 +54,9 @@ class _Batch:
 class Writer:
     """Queues rows and statements from the event loop's thread; each may have a callback for after its commit."""
 
-    def __init__(self, path: Path, durability: Durability) -> None:
-        """Open a database that no other process uses. Raises `HistoryError` where it can't be used."""
-        self.path = path
-        try:
-            _make_private(self.path)
-            self._writer = sqlite3.connect(self.path, isolation_level=None, check_same_thread=False)
-            _prepare(self._writer, durability)
-        except OSError as error:
-            raise HistoryError(f"{self.path}: can't be used as a database: {error.strerror}") from None
-        except sqlite3.Error as error:
-            raise HistoryError(f"{self.path}: can't be used as a database: {error}") from None
+    def __init__(self, store: Store) -> None:
+        """Write with a connection, which nobody else uses and which this closes."""
+        self._store = store
         self._loop: asyncio.AbstractEventLoop | None = None
         self._room = asyncio.Event()
         self._batch = _Batch()
@@ -81,8 +69,7 @@ class Writer:
         self._uncommitted: deque[float] = deque()
         self._blocks = BlockWriter()
         self._thread = threading.Thread(target=self._run, name="history writer", daemon=True)
-        self.failure: str | None = None
-        """Why the history can't be written at present; None where it can."""
+        self._failure: str | None = None
         self.failures: dict[int, str] = {}
         """Why nothing more is written of a session, by its number."""
 
@@ -91,6 +78,11 @@ class Writer:
         self._loop = loop
         self._room.set()
         self._thread.start()
+
+    @property
+    def failure(self) -> str | None:
+        """Why the history can't be written at present; None where it can."""
+        return self._failure or self._store.overdue
 
     async def room(self) -> None:
         """Wait until no more than `MAX_PENDING` rows wait for their commit."""
@@ -150,7 +142,7 @@ class Writer:
             self._wake.notify()
         if self._thread.is_alive():
             self._thread.join()
-        self._writer.close()
+        self._store.close()
 
     def _schedule(self) -> None:
         if self._batch.work and self._handing_over is None and self._loop is not None:
@@ -171,39 +163,48 @@ class Writer:
     def _run(self) -> None:
         while True:
             with self._wake:
-                while self._next is None and not self._stopping:
-                    self._wake.wait()
+                due = True
+                while self._next is None and not self._stopping and due:
+                    due = self._wake.wait(self._store.renewal)
                 batch, self._next = self._next, None
-                if batch is None and self._batch.work:
+                stopping = self._stopping
+                if batch is None and stopping and self._batch.work:
                     batch, self._batch = self._batch, _Batch()
-            if batch is None or not self._commit(batch):
+            if batch is None and not stopping:
+                self._attempt(self._store.renew)
+            elif batch is None or not self._commit(batch):
                 return  # a later batch without this one would leave a gap
 
     def _commit(self, batch: _Batch) -> bool:
         """Write a batch, with retries until the writer is closed; returns whether it is written."""
-        while True:
-            try:
-                written, refused = self._write(batch)
-            except Exception as error:  # noqa: BLE001 -- without this thread, nothing would be written or reported
-                known, self.failure = self.failure, _reason(error)
-                if known is None:
-                    log.error("the history can't be written", reason=self.failure, path=str(self.path))
-                with self._wake:
-                    if self._stopping:
-                        return False
-                    self._wake.wait(_RETRY_AFTER)
-            else:
-                break
-        if self.failure is not None:
-            self.failure = None
-            log.info("the history can be written again")
+        found: list[_Written] = []
+        while not self._attempt(lambda: found.append(self._write(batch))):
+            with self._wake:
+                if self._stopping:
+                    return False
+                self._wake.wait(_RETRY_AFTER)
+        ((written, refused),) = found
         self._report(refused)
         assert self._loop is not None  # noqa: S101 -- the thread starts with the loop
         with contextlib.suppress(RuntimeError):  # the loop is closed, and with it those that wait
             self._loop.call_soon_threadsafe(self._committed, batch, written)
         return True
 
-    def _write(self, batch: _Batch) -> tuple[list[Work], list[Refused]]:
+    def _attempt(self, work: Callable[[], object]) -> bool:
+        """Do what needs the database, and note whether it can be written; returns whether it could."""
+        try:
+            work()
+        except Exception as error:  # noqa: BLE001 -- without this thread, nothing would be written or reported
+            known, self._failure = self._failure, self._store.reason(error)
+            if known is None:
+                log.error("the history can't be written", reason=self._failure, path=self._store.where)
+            return False
+        if self._failure is not None:
+            self._failure = None
+            log.info("the history can be written again")
+        return True
+
+    def _write(self, batch: _Batch) -> _Written:
         """Write a batch, apart from what is refused; returns what is written, and what is refused."""
         work = [one for one in batch.work if one.always or one.session not in self.failures]
         try:
@@ -211,18 +212,17 @@ class Writer:
         except REFUSED:
             return self._transact(write_apart, work)
 
-    def _transact(self, way: _Way, work: list[Work]) -> tuple[list[Work], list[Refused]]:
-        self._writer.execute("BEGIN IMMEDIATE")
+    def _transact(self, way: _Way, work: list[Work]) -> _Written:
+        def transact(database: Database) -> _Written:
+            written, refused = way(database, work, self._store.insert)
+            self._blocks.follow(database, written)
+            return written, refused
+
         try:
-            written, refused = way(self._writer, work)
-            self._blocks.follow(self._writer, written)
-            self._writer.execute("COMMIT")
+            return self._store.transact(transact)
         except BaseException:
             self._blocks.forget()
-            with contextlib.suppress(sqlite3.Error):
-                self._writer.execute("ROLLBACK")
             raise
-        return written, refused
 
     def _report(self, refused: list[Refused]) -> None:
         """Note the sessions of which nothing more is written, and log what is refused."""
@@ -245,29 +245,6 @@ class Writer:
                 self._loop.call_soon(work.done)  # where one fails, the others are called all the same
 
 
-def _write_together(database: sqlite3.Connection, work: list[Work]) -> tuple[list[Work], list[Refused]]:
-    write(database, work)
+def _write_together(database: Database, work: list[Work], insert: Insert) -> _Written:
+    write(database, work, insert)
     return work, []
-
-
-def _reason(error: Exception) -> str:
-    if getattr(error, "sqlite_errorname", "").startswith("SQLITE_IOERR"):
-        return f"{error}: the disk fails, or is read-only; see the system's log"
-    return str(error)
-
-
-def _make_private(path: Path) -> None:
-    """Let no other user read the database or what SQLite writes beside it, to which it gives the same rights."""
-    os.close(os.open(path, os.O_RDONLY | os.O_CREAT, 0o600))
-    for file in (path, *(path.with_name(path.name + suffix) for suffix in ("-wal", "-shm"))):
-        with contextlib.suppress(FileNotFoundError, PermissionError):  # a file of another owner
-            if file.stat().st_mode & 0o077:
-                file.chmod(0o600)
-
-
-def _prepare(writer: sqlite3.Connection, durability: Durability) -> None:
-    writer.execute("PRAGMA journal_mode = WAL")
-    writer.execute(f"PRAGMA synchronous = {durability.upper()}")
-    version = migrate(writer)
-    if version not in (0, VERSION):
-        log.info("the history was migrated to a newer format", was=version, now=VERSION)

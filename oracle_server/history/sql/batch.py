@@ -1,4 +1,4 @@
-"""The work of one commit: written together, or piece by piece where SQLite refuses a value in it."""
+"""The work of one commit: written together, or piece by piece where the database refuses a value in it."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ import msgspec
 
 from oracle_server.core.revisions import Revision
 from oracle_server.history.records import restated
-from oracle_server.history.sqlite.rows import Row
-from oracle_server.history.sqlite.schema import REFUSED_COLUMNS, STEP_COLUMNS
-from oracle_server.history.sqlite.standing import RESTATE, restate_text
+from oracle_server.history.sql.database import Database, Insert
+from oracle_server.history.sql.rows import Row
+from oracle_server.history.sql.schema import REFUSED_COLUMNS, STEP_COLUMNS
+from oracle_server.history.sql.standing import RESTATE, restate_text
 
 COLUMNS = {"steps": STEP_COLUMNS, "refused": REFUSED_COLUMNS}
 """The tables into which rows are inserted many to a statement."""
@@ -70,18 +71,43 @@ class Refused(NamedTuple):
     reason: str
 
 
-def write(database: sqlite3.Connection, work: Sequence[Work]) -> None:
-    """Write all work. Raises what SQLite raises, `REFUSED` for a value that can't be kept."""
+def insert_rows(database: Database, table: str, rows: list[Row]) -> None:
+    """Insert rows into one of `COLUMNS`, many to a statement."""
+    start = 0
+    while start < len(rows):
+        size = min(_CHUNK, 1 << ((len(rows) - start).bit_length() - 1))  # few sizes, so that statements are cached
+        while size > 1 and table == "steps" and _length(rows[start : start + size]) > _LONG:
+            size //= 2
+        _insert_at_once(database, table, rows[start : start + size])
+        start += size
+
+
+def _insert_at_once(database: Database, table: str, rows: list[Row]) -> None:
+    """Insert with one statement, which names no column without values: binding NULL takes ten times as long as 0."""
+    columns = zip(COLUMNS[table], zip(*rows, strict=True), strict=True)
+    filled = [(name, values) for name, values in columns if any(value is not None for value in values)]
+    place = f"({','.join('?' * len(filled))})"
+    names = ",".join([name for name, _ in filled])
+    statement = f"INSERT INTO {table} ({names}) VALUES {','.join([place] * len(rows))}"  # noqa: S608
+    database.execute(statement, [*chain.from_iterable(zip(*[values for _, values in filled], strict=True))])
+
+
+def _length(rows: list[Row]) -> int:
+    return sum(len(row[place] or "") for row in rows for place in _TEXTS)
+
+
+def write(database: Database, work: Sequence[Work], insert: Insert = insert_rows) -> None:
+    """Write all work. Raises what the database raises, `REFUSED` for a value that can't be kept."""
     for what, values in _merged(work):
         if isinstance(what, Exception):
             raise what
         if what in COLUMNS:
-            _insert(database, what, values)
+            insert(database, what, values)
         else:
             database.executemany(what, values)
 
 
-def write_apart(database: sqlite3.Connection, work: Sequence[Work]) -> tuple[list[Work], list[Refused]]:
+def write_apart(database: Database, work: Sequence[Work], insert: Insert) -> tuple[list[Work], list[Refused]]:
     """Write all work but what is refused, and what is behind that in its session.
 
     Returns what is written, and what is refused.
@@ -94,7 +120,7 @@ def write_apart(database: sqlite3.Connection, work: Sequence[Work]) -> tuple[lis
             continue
         database.execute("SAVEPOINT piece")
         try:
-            write(database, [one])
+            write(database, [one], insert)
         except REFUSED as error:
             database.execute("ROLLBACK TO piece")
             refused.append(Refused(one, _name(database, one.session), str(error) or type(error).__name__))
@@ -106,7 +132,7 @@ def write_apart(database: sqlite3.Connection, work: Sequence[Work]) -> tuple[lis
     return written, refused
 
 
-def _name(database: sqlite3.Connection, session: int) -> str:
+def _name(database: Database, session: int) -> str:
     try:
         found = database.execute("SELECT id FROM sessions WHERE number = ?", (session,)).fetchone()
     except REFUSED:
@@ -132,30 +158,6 @@ def _values(then: Then) -> Sequence[Any]:
         return then.make()
     except Exception as error:
         raise ValueError(f"{type(error).__name__}: {error}") from error
-
-
-def _insert(database: sqlite3.Connection, table: str, rows: list[Row]) -> None:
-    start = 0
-    while start < len(rows):
-        size = min(_CHUNK, 1 << ((len(rows) - start).bit_length() - 1))  # few sizes, so that statements are cached
-        while size > 1 and table == "steps" and _length(rows[start : start + size]) > _LONG:
-            size //= 2
-        _insert_at_once(database, table, rows[start : start + size])
-        start += size
-
-
-def _insert_at_once(database: sqlite3.Connection, table: str, rows: list[Row]) -> None:
-    """Insert with one statement, which names no column without values: binding NULL takes ten times as long as 0."""
-    columns = zip(COLUMNS[table], zip(*rows, strict=True), strict=True)
-    filled = [(name, values) for name, values in columns if any(value is not None for value in values)]
-    place = f"({','.join('?' * len(filled))})"
-    names = ",".join([name for name, _ in filled])
-    statement = f"INSERT INTO {table} ({names}) VALUES {','.join([place] * len(rows))}"  # noqa: S608
-    database.execute(statement, [*chain.from_iterable(zip(*[values for _, values in filled], strict=True))])
-
-
-def _length(rows: list[Row]) -> int:
-    return sum(len(row[place] or "") for row in rows for place in _TEXTS)
 
 
 def restating(session: int, revisions: Sequence[Revision]) -> Then:

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-import sqlite3
 
 import structlog
 
 from oracle_server.core.errors import HistoryError
 from oracle_server.history.blocks import SIZE
-from oracle_server.history.sqlite.blocks import EXTENT, catching
-from oracle_server.history.sqlite.reader import Reader
-from oracle_server.history.sqlite.writer import Writer
+from oracle_server.history.sql.blocks import EXTENT, catching
+from oracle_server.history.sql.database import Database
+from oracle_server.history.sql.reader import Reader
+from oracle_server.history.sql.writer import Writer
 
 _PAUSE = 0.05
 """Seconds between two turns: the writer has others to serve."""
@@ -42,13 +42,13 @@ async def _catch_up_one(reader: Reader, writer: Writer, session: int) -> None:
         await asyncio.sleep(_PAUSE)
 
 
-def _behind(reader: sqlite3.Connection) -> list[int]:
+def _behind(reader: Database) -> list[int]:
     """The sessions that have blocks to be made."""
     numbers = [number for (number,) in reader.execute("SELECT number FROM sessions ORDER BY number DESC")]
     return [number for number in numbers if _missing(reader, number)[0] >= SIZE]
 
 
-def _missing(reader: sqlite3.Connection, session: int) -> tuple[int, int]:
+def _missing(reader: Database, session: int) -> tuple[int, int]:
     """How many rows of a session are behind its last block of level 0, and the number of the next one."""
     found: tuple[int, int, int | None, int | None] = reader.execute(EXTENT, (session,)).fetchone()
     first, last, _, block = found

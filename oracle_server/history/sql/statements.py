@@ -1,8 +1,10 @@
-"""Statements that read the history, and the tables that a session has rows in."""
+"""Statements that read the history or add to it, and the tables that a session has rows in."""
 
 from __future__ import annotations
 
-from oracle_server.history.sqlite.schema import SESSION_COLUMNS, STEP_COLUMNS
+from collections.abc import Sequence
+
+from oracle_server.history.sql.schema import SESSION_COLUMNS, STEP_COLUMNS
 
 STEPS = f"SELECT {','.join(STEP_COLUMNS)} FROM steps"  # noqa: S608 -- no value is written into a statement
 SESSIONS = f"SELECT {','.join(SESSION_COLUMNS)} FROM sessions"  # noqa: S608
@@ -13,9 +15,10 @@ EXTENT = (  # each end by itself: one query for both would read all that is betw
 )
 LAST_TIME = (
     "SELECT coalesce(max((SELECT judged FROM steps WHERE session = s.number ORDER BY position DESC LIMIT 1)), 0) "
-    "FROM sessions s"
+    "FROM sessions s WHERE kind = 'robot' AND id NOT LIKE '%@%'"
 )
-"""A session's last step was judged last; all of them would be looked at otherwise."""
+"""A session's last step was judged last; all of them would be looked at otherwise. Recordings, and robots that
+forward, have a time of theirs."""
 KEPT = (
     "SELECT s.number, s.spec, s.closed, coalesce(saved.settled, 0) "
     "FROM sessions s LEFT JOIN snapshots saved ON saved.session = s.number ORDER BY s.number"
@@ -29,3 +32,14 @@ SIZE = (
     "SELECT (p.page_count - f.freelist_count) * s.page_size FROM pragma_page_count p, pragma_freelist_count f, "
     "pragma_page_size s"
 )
+
+
+def insertion(table: str, columns: Sequence[str]) -> str:
+    """Inserts a row."""
+    return f"INSERT INTO {table} ({','.join(columns)}) VALUES ({','.join('?' * len(columns))})"  # noqa: S608
+
+
+def upsert(table: str, columns: Sequence[str], key: Sequence[str]) -> str:
+    """Inserts a row, in place of the one with its key where there is one."""
+    others = ",".join(f"{name} = excluded.{name}" for name in columns if name not in key)
+    return f"{insertion(table, columns)} ON CONFLICT ({','.join(key)}) DO UPDATE SET {others}"

@@ -2,7 +2,23 @@
 
 from __future__ import annotations
 
+from oracle_server.core.errors import HistoryError
+
 VERSION = 10
+UNFINISHED = -VERSION
+"""Instead of it while not all of another history is copied into this one: no server may begin with a part."""
+
+
+class FormatError(HistoryError):
+    """A history in a format that this version of the server does not read."""
+
+    def __init__(self, version: int) -> None:
+        super().__init__(
+            "not all of another history is copied into this one yet: go on with `oracle-server history copy`"
+            if version < 0
+            else f"the history has format {version}, and this version of the server reads up to {VERSION}"
+        )
+
 
 DDL = """
 CREATE TABLE IF NOT EXISTS sessions (
@@ -52,7 +68,7 @@ CREATE TABLE IF NOT EXISTS steps (
     explanations TEXT,           -- JSON, by the property's place; NULL where none became negative, nor any stands so
     robustness TEXT,             -- JSON: a number, "Infinity", "-Infinity" or null a property; NULL where there is none
     released TEXT,               -- why the order of publication released it: frontier, clock, max_delay or capacity
-    unheard TEXT,                -- JSON: the streams that had not been heard beyond it; NULL where there are none
+    unheard TEXT,                -- JSON: streams not heard beyond it, or an object with what it `waited` for; or NULL
     place INTEGER,               -- among the steps, of a late event that was put there
     standing TEXT,               -- as `outcomes`, since it was revised; -: the deadline is retracted
     standing_degraded TEXT,      -- as `degraded`, since it was revised

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Any, cast
 
 import msgspec
 
 from oracle_server.core.bypass import Bypass
-from oracle_server.core.events import Event, Step, StreamKey
+from oracle_server.core.events import Event, Source, Step, StreamKey
 from oracle_server.core.kinds import GOAL_ID, KINDS, STATUS
 from oracle_server.core.verdicts import Decision, Outcome, json_number
 from oracle_server.history.letters import LETTERS, letters
 from oracle_server.history.query import Query
 from oracle_server.history.records import Document, MonitorRecord, SessionRecord, SnapshotRecord, StoredStep
-from oracle_server.history.sqlite.schema import STEP_COLUMNS
-from oracle_server.history.sqlite.standing import (
+from oracle_server.history.sql.schema import STEP_COLUMNS
+from oracle_server.history.sql.standing import (
     degraded_of,
     outcomes_of,
     revised_of,
@@ -31,7 +32,7 @@ Row = tuple[Any, ...]
 
 _BYPASSED = "2"
 """Stands for `degraded` where that ends with a bypass."""
-_NONE = frozenset[str]()
+_UNNAMED: tuple[frozenset[str], tuple[Source, ...]] = frozenset(), ()
 _UNREVISED: Mapping[int, int] = {}
 _PLAIN = (None,) * 5
 """The columns of a step that was not revised."""
@@ -59,7 +60,7 @@ def step_row(session: int, stored: StoredStep) -> Row:
         letters(stored.outcomes if plain else _told(stored)), _degraded(stored),
         whys_text(stored.explanations) if stored.explanations or (not plain and stored.tells_violations) else None,
         None if stored.robustness is None else text([json_number(value) for value in stored.robustness]),
-        step.released, text(sorted(step.unheard)) if step.unheard else None, stored.place,
+        step.released, _streams_text(step.unheard, step.waited) if step.waited or step.unheard else None, stored.place,
         *(_PLAIN if plain else standing_columns(stored)),
         text({str(i): count for i, count in stored.pending.items()}) if stored.pending else None,
     )  # fmt: skip
@@ -74,10 +75,10 @@ def step_of(row: Row) -> StoredStep:
         r["call"], r["lost"], bool(r["ask"]), None, signals[GOAL_ID] if GOAL_ID in marks else None,
         signals[STATUS] if STATUS in marks else None,
     )  # fmt: skip
+    unheard, waited = _streams_of(r["unheard"]) if r["unheard"] else _UNNAMED
     step = Step(
         event, signals, frozenset(_decode(r["failed"])), r["stamp"], bool(r["skewed"]), bool(r["late"]),
-        bool(r["forced"]), r["number"] is None, r["released"],
-        frozenset(_decode(r["unheard"])) if r["unheard"] else _NONE,
+        bool(r["forced"]), r["number"] is None, r["released"], unheard, waited,
     )  # fmt: skip
     revision = None if r["revision"] is None else revision_of(r["revision"])
     return StoredStep(
@@ -90,6 +91,25 @@ def step_of(row: Row) -> StoredStep:
         revision,
         {int(i): count for i, count in _decode(r["pending"]).items()} if r["pending"] else {},
     )  # fmt: skip
+
+
+@lru_cache(1_000)
+def _streams_text(unheard: frozenset[str], waited: tuple[Source, ...]) -> str:
+    """The names of streams that were not heard, with what was waited for beside them where there is any."""
+    if not waited:
+        return text(sorted(unheard))
+    told = {"waited": [[monitor, *stream] for monitor, stream in waited]}
+    return text({"unheard": sorted(unheard), **told} if unheard else told)
+
+
+@lru_cache(1_000)
+def _streams_of(kept: str) -> tuple[frozenset[str], tuple[Source, ...]]:
+    """The same, back."""
+    found = _decode(kept)
+    if isinstance(found, list):
+        return frozenset(found), ()
+    waited = [(monitor, StreamKey(name, kind)) for monitor, name, kind in found.get("waited", ())]
+    return frozenset(found.get("unheard", ())), tuple(waited)
 
 
 def _told(stored: StoredStep) -> Sequence[Outcome | None]:
@@ -174,7 +194,7 @@ def conditions(session: int, query: Query, lower: int, upper: int) -> tuple[str,
         wanted.append(("stamp <= ?", query.until))
     if query.outcomes:
         column = "coalesce(standing, outcomes)" if query.view == "standing" else "outcomes"
-        wanted.append((f"{column} GLOB ?", f"*[{''.join(sorted(LETTERS[o] for o in query.outcomes))}]*"))
+        wanted.append((f"{column} GLOB '*' || ? || '*'", f"[{''.join(sorted(LETTERS[o] for o in query.outcomes))}]"))
     where = " AND ".join(condition for condition, _ in wanted)
     where += " AND explanations IS NOT NULL" * query.violations + " AND revision IS NULL" * (not query.revisions)
     return where, [value for _, value in wanted]

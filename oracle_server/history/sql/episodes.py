@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import sqlite3
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import msgspec
 
 from oracle_server.core.episode import Episode
 from oracle_server.history.episodes import Cursor, EpisodeQuery, Page, StoredEpisode, told, worst_of
+from oracle_server.history.sql.database import Database
 
 KEEP = """
 INSERT INTO episodes (session, property, first, ord, began, last, until, open, final, count, worst, explanation)
@@ -21,7 +21,7 @@ FROM json_each(?) WHERE true
 ON CONFLICT (session, property, first) DO UPDATE SET
     began = excluded.began, last = excluded.last, until = excluded.until, open = excluded.open,
     final = excluded.final, count = excluded.count, worst = excluded.worst,
-    explanation = coalesce(explanation, excluded.explanation)
+    explanation = coalesce(episodes.explanation, excluded.explanation)
 """
 """Keep episodes, given as one text: the writer needs the interpreter once a statement."""
 FORGET_GONE = """
@@ -29,7 +29,7 @@ DELETE FROM episodes WHERE (session, property, first) IN
     (SELECT json_extract(value, '$[0]'), json_extract(value, '$[1]'), json_extract(value, '$[2]') FROM json_each(?))
 """
 """Forget episodes of which nothing stands any more, given as one text."""
-END = "UPDATE episodes SET open = 0 WHERE session = ? AND open"
+END = "UPDATE episodes SET open = false WHERE session = ? AND open"
 """Have none of a session open: it is closed."""
 FORGET = """
 DELETE FROM episodes WHERE session = ?1 AND NOT open AND last <=
@@ -46,9 +46,19 @@ _encode = msgspec.json.Encoder().encode
 def keeping(session: int, episodes: Sequence[StoredEpisode]) -> list[tuple[str, tuple[str]]]:
     """The statements that keep episodes, and forget those that are gone, with their values."""
     gone = [(session, e.property, e.episode.first) for e in episodes if e.gone]
-    kept = [_row(session, e) for e in episodes if not e.gone]
+    kept = [_row(session, e) for e in _latest(episodes) if not e.gone]
     statements = [(FORGET_GONE, (_encode(gone).decode(),))] if gone else []
     return statements + ([(KEEP, (_encode(kept).decode(),))] if kept else [])
+
+
+def _latest(episodes: Sequence[StoredEpisode]) -> Iterable[StoredEpisode]:
+    """Each episode once, for it to be one row: as it is given last, with the explanation that it is given first."""
+    latest: dict[tuple[str, int], StoredEpisode] = {}
+    for each in episodes:
+        key = each.property, each.episode.first
+        known = latest.pop(key, None)
+        latest[key] = each if known is None or known.text is None or known.gone else each._replace(text=known.text)
+    return latest.values()
 
 
 def _row(session: int, stored: StoredEpisode) -> tuple[Any, ...]:
@@ -60,7 +70,7 @@ def _row(session: int, stored: StoredEpisode) -> tuple[Any, ...]:
     )  # fmt: skip
 
 
-def read(reader: sqlite3.Connection, query: EpisodeQuery) -> Page:
+def read(reader: Database, query: EpisodeQuery) -> Page:
     """A page of the episodes that a query asks for."""
     where, values = _conditions(query)
     direction = query.order.upper()
@@ -90,7 +100,7 @@ def _conditions(query: EpisodeQuery) -> tuple[str, list[Any]]:
         wanted.append(("e.session = ?", (query.session,)))
     for column, names in (("e.property", query.properties), ("s.spec", query.specs), ("s.id", query.sessions)):
         if names or (names is not None and column != "e.property"):
-            wanted.append((f"{column} IN ({','.join('?' * len(names))})", sorted(names)))
+            wanted.append((f"{column} IN ({','.join('?' * len(names))})" if names else "false", sorted(names)))
     if query.since is not None:
         wanted.append(("(e.open OR e.until >= ?)", (query.since,)))
     if query.until is not None:

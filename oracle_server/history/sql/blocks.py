@@ -6,7 +6,6 @@ an older version has written are caught up with, some at a time.
 
 from __future__ import annotations
 
-import sqlite3
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -28,9 +27,11 @@ from oracle_server.history.blocks import (
     of_rows,
     positions,
 )
-from oracle_server.history.sqlite.batch import REFUSED, Work
-from oracle_server.history.sqlite.rows import Row
-from oracle_server.history.sqlite.schema import STEP_COLUMNS
+from oracle_server.history.sql.batch import REFUSED, Work
+from oracle_server.history.sql.database import Database
+from oracle_server.history.sql.rows import Row
+from oracle_server.history.sql.schema import STEP_COLUMNS
+from oracle_server.history.sql.statements import upsert
 
 CATCH_UP = 1_024
 """Rows without blocks that are caught up with at once; with more a session waits for those who catch up."""
@@ -48,7 +49,8 @@ EXTENT = (
     "(SELECT max(block) FROM blocks WHERE session = ?1 AND level = 0)"
 )
 """The first and the last position of a session's steps, and the first and the last block of level 0, NULL without."""
-_INSERT = "INSERT OR REPLACE INTO blocks VALUES (?,?,?,?,?,?,?,?)"
+_COLUMNS = ("session", "level", "block", "since", "until", "worst", "degraded", "data")
+_INSERT = upsert("blocks", _COLUMNS, _COLUMNS[:3])
 _FORGET = "DELETE FROM blocks WHERE session = ? AND level = ? AND block < ?"
 _DECIDES = "SELECT decides FROM sessions WHERE number = ?"
 
@@ -95,7 +97,7 @@ class BlockWriter:
         """What was followed last is not committed: read what is there, the next time."""
         self._tails.clear()
 
-    def follow(self, database: sqlite3.Connection, work: Sequence[Work]) -> None:
+    def follow(self, database: Database, work: Sequence[Work]) -> None:
         """Make the blocks that written work completes, or touches. Raises what SQLite raises of disks that fail."""
         added: defaultdict[int, list[Row]] = defaultdict(list)
         touched: defaultdict[int, set[int]] = defaultdict(set)
@@ -118,7 +120,7 @@ class BlockWriter:
                     log.error("a session's timeline can't be kept", session=session, reason=reason)
 
     def _follow_one(
-        self, database: sqlite3.Connection, session: int, rows: list[Row], touched: set[int], *, anyway: bool
+        self, database: Database, session: int, rows: list[Row], touched: set[int], *, anyway: bool
     ) -> None:
         if touched or session not in self._tails:
             self._load(database, session, len(rows), anyway=anyway or bool(touched))
@@ -134,7 +136,7 @@ class BlockWriter:
         if touched or tail.behind:  # what waits for blocks above it is another, or rows are missing
             self._tails.pop(session)
 
-    def _load(self, database: sqlite3.Connection, session: int, added: int, *, anyway: bool) -> None:
+    def _load(self, database: Database, session: int, added: int, *, anyway: bool) -> None:
         """Read a session's tail, unless it is too far behind to be caught up with now, and that is not wanted."""
         self._tails.pop(session, None)
         found = database.execute(_DECIDES, (session,)).fetchone()
@@ -188,7 +190,7 @@ def _rise(session: int, tail: _Tail, number: int, block: Block, made: list[tuple
         number, block = number // FANOUT, merged(blocks)
 
 
-def _make_anew(database: sqlite3.Connection, session: int, tail: _Tail, touched: set[int]) -> None:
+def _make_anew(database: Database, session: int, tail: _Tail, touched: set[int]) -> None:
     """Make blocks of level 0 anew, and those above them; as far as they are there."""
     made = []
     for number in sorted(touched):

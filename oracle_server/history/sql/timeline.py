@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import sqlite3
-
 import msgspec
 
 from oracle_server.core.errors import UnpreparedError
 from oracle_server.history.blocks import SIZE, Block, BlockRow
 from oracle_server.history.records import SessionRecord
-from oracle_server.history.sqlite.blocks import BLOCKS, EXTENT, ROWS
-from oracle_server.history.sqlite.standing import revision_of
+from oracle_server.history.sql.blocks import BLOCKS, EXTENT, ROWS
+from oracle_server.history.sql.database import Database
+from oracle_server.history.sql.standing import revision_of
 from oracle_server.history.timeline import Question, answer
 
 _REVISIONS = "SELECT revision FROM steps WHERE session = ? AND position > ? AND revision IS NOT NULL"
@@ -21,7 +20,7 @@ MOST_ROWS = 50_000
 class SqliteSource:
     """A session in a database, as it is when this is made. Raises `UnpreparedError`."""
 
-    def __init__(self, reader: sqlite3.Connection, session: SessionRecord) -> None:
+    def __init__(self, reader: Database, session: SessionRecord) -> None:
         self._reader, self._session, self.decides = reader, session.number, session.decides
         reader.execute("BEGIN")  # so that all that follows is of one commit
         found: tuple[int, int, int | None, int] = reader.execute(EXTENT, (session.number,)).fetchone()
@@ -53,6 +52,6 @@ class SqliteSource:
         return min([(c.first - 1) // len(each) + 1 for each in changes for c in each if c is not None], default=None)
 
 
-def asked(reader: sqlite3.Connection, session: SessionRecord, question: Question) -> bytes:
+def asked(reader: Database, session: SessionRecord, question: Question) -> bytes:
     """The answer to a question as JSON. Raises `UnpreparedError`."""
     return msgspec.json.encode(answer(SqliteSource(reader, session), question, session.properties))

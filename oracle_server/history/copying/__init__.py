@@ -1,0 +1,1 @@
+"""Histories copied from one database to another."""

@@ -1,0 +1,224 @@
+"""The centre's history, into which a robot's is brought: each chunk in one transaction, with how far that is.
+
+Sessions have numbers of the centre's own, and names with the robot's. What is brought again takes the place of what is
+there; what was deleted at the centre stays deleted.
+"""
+
+from __future__ import annotations
+
+import secrets
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
+
+import msgspec
+
+from oracle_server.core.errors import HistoryError
+from oracle_server.history.copying.tables import Table
+from oracle_server.history.forwarding.robot import BY_NAME, Change, Chunk, Known, Page
+from oracle_server.history.origins import forwarded_name, missing_text
+from oracle_server.history.postgres.connection import Connection
+from oracle_server.history.postgres.schema import prepare
+from oracle_server.history.sql.rows import Row, text
+from oracle_server.history.sql.schema import VERSION, FormatError
+
+_PATIENCE = 60.0
+"""Seconds for an answer: a robot's network may be slow."""
+_MADE = "SELECT to_regclass('format') IS NOT NULL AND to_regclass('forwarded') IS NOT NULL"
+_CLAIM = """
+INSERT INTO origins (origin, robot, writer, seq) VALUES (?, ?, ?, 0)
+ON CONFLICT (origin, robot) DO UPDATE SET writer = excluded.writer RETURNING seq
+"""
+"""It waits for what a process before this one has begun."""
+_HOLD = "UPDATE origins SET seq = ?, heard = clock_timestamp() WHERE origin = ? AND robot = ? AND writer = ?"
+_HELD = "SELECT 1 FROM origins WHERE origin = ? AND robot = ? AND writer = ?"
+_KNOWN = """
+SELECT f.number, f.session, s.opened, f.position, last.judged, f.gaps
+FROM forwarded f LEFT JOIN sessions s ON s.number = f.session
+LEFT JOIN steps last ON last.session = f.session AND last.position = f.position
+WHERE f.origin = ? AND f.robot = ?
+"""
+_ANEW = "UPDATE forwarded SET position = 0 WHERE origin = ? AND robot = ?"
+_NUMBER = "SELECT nextval('session_numbers')"
+_TAKEN = "SELECT 1 FROM sessions WHERE id = ?"
+_NEW = "INSERT INTO forwarded (session, origin, robot, number, position, gaps) VALUES (?, ?, ?, ?, 0, '[]')"
+_REACHED = "UPDATE forwarded SET position = ?, gaps = ? WHERE session = ?"
+_THERE = "SELECT number FROM sessions WHERE number = ANY(?::bigint[])"
+_FIRST_OF = "DELETE FROM steps WHERE session = ? AND position BETWEEN ? AND ?"
+_REPLACED = "DELETE FROM steps WHERE session = ? AND position = ANY(?::bigint[]) RETURNING position"
+_SESSION = "DELETE FROM sessions WHERE number = ? RETURNING id"
+_BEFORE = "SELECT coalesce(max(position), 0) FROM steps WHERE session = ? AND position < ?"
+
+_decode = msgspec.json.decode
+
+
+class _Place(NamedTuple):
+    """How far a session is there: its number, the last step's position, and the first and last ones of each gap."""
+
+    session: int
+    position: int
+    gaps: list[tuple[int, int]]
+
+
+class Centre:
+    """A connection. All of it raises `HistoryError`, or `ValueError` for a row that is refused; it is of no use then.
+
+    `places` are by the robot's numbers of its sessions.
+    """
+
+    def __init__(self, url: str, origin: str, robot: str) -> None:
+        """Bring what a `robot` has, by the name of `origin`; no other process brings it any more."""
+        self._origin, self._robot, self._writer = origin, robot, secrets.token_hex(8)
+        self._database = Connection(url, f"oracle-server forwarding {origin}", _PATIENCE)
+        try:
+            self._demand_format()
+            values = (origin, robot, self._writer)
+            self.seq: int = self._database.execute(_CLAIM, values).fetchone()[0]
+            rows = self._database.execute(_KNOWN, (origin, robot)).fetchall()
+        except BaseException:
+            self.close()
+            raise
+        self.known = {number: Known(opened, at, judged) for number, _, opened, at, judged, _ in rows}
+        self.places = {number: _Place(session, at, _gaps(gaps)) for number, session, _, at, _, gaps in rows}
+
+    @property
+    def cursors(self) -> dict[int, int]:
+        """The position of each session's last step."""
+        return {number: place.position for number, place in self.places.items()}
+
+    def begin_anew(self) -> None:
+        """Have all steps brought again."""
+        self._database.execute(_ANEW, (self._origin, self._robot))
+
+    def demand_held(self) -> None:
+        """Raise `HistoryError` where the centre does not answer, or would take nothing."""
+        if not self._database.execute(_HELD, (self._origin, self._robot, self._writer)).fetchone():
+            raise self._fenced()
+
+    def _fenced(self) -> HistoryError:
+        return HistoryError(f"another process forwards this history as '{self._origin}'")
+
+    def write(self, chunk: Chunk) -> int:
+        """Write what a robot has, and how far it is; returns how many steps are missing before those that are new."""
+        self._database.execute("BEGIN")
+        held: Any = self._database.execute(_HOLD, (chunk.seq, self._origin, self._robot, self._writer))
+        if held.rowcount != 1:
+            raise self._fenced()
+        places = self.places | {number: self._begin(row) for number, row in chunk.sessions.items()}
+        names = {page.session for page in chunk.pages} | {change.key[0] for change in chunk.changes}
+        there = self._there(places[number].session for number in names)
+        lost = 0
+        for page in chunk.pages:
+            was = places[page.session]
+            places[page.session] = self._append(was, page, there=was.session in there)
+            lost += _missing(places[page.session]) - _missing(was)
+        for (table, number), changes in _grouped(chunk.changes).items():
+            if places[number].session in there:
+                self._replace(BY_NAME[table], places[number], changes)
+        self._database.commit()
+        self.places, self.seq = places, chunk.seq
+        return lost
+
+    def close(self) -> None:
+        """Let go of it."""
+        self._database.close()
+
+    def _demand_format(self) -> None:
+        if not self._database.execute(_MADE).fetchone()[0]:
+            if self._format() not in (None, VERSION):
+                raise FormatError(self._format() or 0)
+            prepare(self._database)
+        version = self._format()
+        if version != VERSION:
+            raise FormatError(version or 0)
+
+    def _format(self) -> int | None:
+        if not self._database.execute("SELECT to_regclass('format') IS NOT NULL").fetchone()[0]:
+            return None
+        found = self._database.execute("SELECT version FROM format").fetchone()
+        return None if found is None else int(found[0])
+
+    def _begin(self, row: Row) -> _Place:
+        """Have a session there, by a number and a name that are free."""
+        table = BY_NAME["sessions"]
+        session: int = self._database.execute(_NUMBER).fetchone()[0]
+        number, own = row[0], row[table.columns.index("id")]
+        names = (own, f"{own}.{number}", f"{own}.{self._robot[:8]}.{number}")
+        free = (forwarded_name(name, self._origin) for name in names)
+        name = next((each for each in free if not self._database.execute(_TAKEN, (each,)).fetchone()), None)
+        if name is None:
+            raise HistoryError(f"the centre has another session of the name '{forwarded_name(own, self._origin)}'")
+        self._database.insert(table.name, [self._session_row(row, session, name, [])], table.columns)
+        self._database.execute(_NEW, (session, self._origin, self._robot, number))
+        return _Place(session, 0, [])
+
+    def _there(self, sessions: Iterable[int]) -> set[int]:
+        """Those that were not deleted."""
+        asked = _array(sessions)
+        return {number for (number,) in self._database.execute(_THERE, (asked,)).fetchall()}
+
+    def _append(self, place: _Place, page: Page, *, there: bool) -> _Place:
+        table = BY_NAME["steps"]
+        first, last = page.rows[0][1], page.rows[-1][1]
+        gaps = place.gaps
+        if there:
+            before = place.position
+            if first > before + 1:
+                (before,) = self._database.execute(_BEFORE, (place.session, first)).fetchone()
+            if first > before + 1 and (before + 1, first - 1) not in gaps:
+                gaps = [*gaps, (before + 1, first - 1)]
+            self._database.execute(_FIRST_OF, (place.session, first, last))
+            self._database.insert(table.name, [(place.session, *row[1:]) for row in page.rows], table.columns)
+        self._database.execute(_REACHED, (last, text(gaps), place.session))
+        return _Place(place.session, last, gaps)
+
+    def _replace(self, table: Table, place: _Place, changes: Sequence[Change]) -> None:
+        """Have rows as they are at the robot; steps and the session itself only where they are there still."""
+        rows = [change.row for change in changes if change.row is not None]
+        if table.name == "sessions":
+            found = self._database.execute(_SESSION, (place.session,)).fetchall()
+            rows = [self._session_row(row, place.session, name, place.gaps) for row in rows[-1:] for (name,) in found]
+        elif table.name == "steps":
+            positions = _array(row[1] for row in rows)
+            found = self._database.execute(_REPLACED, (place.session, positions)).fetchall()
+            kept = {position for (position,) in found}
+            rows = [(place.session, *row[1:]) for row in rows if row[1] in kept]
+        else:
+            where = " AND ".join(f"{name} = ?" for name in table.columns[: table.keys])
+            keys = [(place.session, *change.key[1:]) for change in changes]
+            self._database.executemany(f"DELETE FROM {table.name} WHERE {where}", keys)  # noqa: S608
+            rows = [(place.session, *row[1:]) for row in rows]
+        self._database.insert(table.name, rows, table.columns)
+
+    def _session_row(self, row: Row, session: int, name: str, gaps: Sequence[tuple[int, int]]) -> Row:
+        """A session's row at the centre: its end tells its name there, and what is missing of it."""
+        columns = BY_NAME["sessions"].columns
+        values = dict(zip(columns, row, strict=True)) | {"number": session, "id": name}
+        if values["state"] is not None:
+            state = _decode(values["state"]) | {"id": name, "origin": self._origin}
+            if state.get("continued_by"):
+                state["continued_by"] = forwarded_name(state["continued_by"], self._origin)
+            if gaps:
+                state["trouble"] = "; ".join(filter(None, (state.get("trouble"), missing_text(gaps))))
+            values["state"] = text(state)
+        return tuple([values[column] for column in columns])
+
+
+def _missing(place: _Place) -> int:
+    return sum(last - first + 1 for first, last in place.gaps)
+
+
+def _gaps(told: str) -> list[tuple[int, int]]:
+    return _decode(told, type=list[tuple[int, int]])
+
+
+def _grouped(changes: Iterable[Change]) -> dict[tuple[str, int], list[Change]]:
+    """Changes by table and session, each in their sequence."""
+    found = defaultdict(list)
+    for change in changes:
+        found[change.table, change.key[0]].append(change)
+    return found
+
+
+def _array(numbers: Iterable[int]) -> str:
+    return "{" + ",".join(str(number) for number in numbers) + "}"

@@ -1,0 +1,29 @@
+"""The names of sessions that another server forwards: `s1@robot7`. No session is opened by such a name here."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+_AT = "@"
+
+
+def origin_of(name: str) -> str | None:
+    """Which robot a session is forwarded from, by its name; None where it is of this history."""
+    _, mark, origin = name.rpartition(_AT)
+    return origin if mark else None
+
+
+def own_name(name: str) -> str:
+    """What a session is called where it is forwarded from."""
+    return name.rpartition(_AT)[0] or name
+
+
+def forwarded_name(name: str, origin: str) -> str:
+    """What a session is called at the centre."""
+    return f"{name}{_AT}{origin}"
+
+
+def missing_text(gaps: Iterable[Sequence[int]]) -> str:
+    """What people are told of steps that were deleted at a robot before they were forwarded."""
+    told = ", ".join(f"{first} to {last}" for first, last in gaps)
+    return f"steps at the positions {told} are missing: they were deleted at the robot before they were forwarded"

@@ -1,0 +1,192 @@
+"""Connections to PostgreSQL, which take statements as SQLite has them."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import threading
+import time
+import weakref
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, TypeVar
+
+import psycopg
+from psycopg.abc import Buffer
+from psycopg.adapt import Dumper
+from psycopg.conninfo import conninfo_to_dict
+from psycopg.types.string import StrDumperUnknown, TextLoader
+
+from oracle_server.core.errors import HistoryError, UnansweredError
+from oracle_server.history.postgres.dialect import decoded, encoded, translated, values_of
+from oracle_server.history.sql.batch import COLUMNS
+from oracle_server.history.sql.database import Cursor
+from oracle_server.history.sql.rows import Row
+
+T = TypeVar("T")
+_CONNECT_WITHIN = 5
+"""Seconds for a connection to be made."""
+_LOOK_EVERY = 0.5
+"""Seconds between two looks for connections that have waited for too long."""
+_SESSION = "-c client_encoding=UTF8 -c standard_conforming_strings=on -c client_connection_check_interval=1000"
+"""A backend whose client is gone ends what it does within a second."""
+_OF_THE_NETWORK: dict[str, Any] = {
+    "connect_timeout": _CONNECT_WITHIN, "keepalives": 1, "keepalives_idle": 5, "keepalives_interval": 2,
+    "keepalives_count": 3, "tcp_user_timeout": 10_000,
+}  # fmt: skip
+UNFIT = (psycopg.DataError, psycopg.IntegrityError, psycopg.errors.ProgramLimitExceeded)
+"""What is raised for a value that can't be kept, now or ever."""
+
+
+class _Text(StrDumperUnknown):
+    def dump(self, obj: str) -> Buffer | None:
+        return super().dump(encoded(obj))
+
+
+class _Bool(Dumper):
+    """A truth value for a column of numbers or of truth values."""
+
+    def dump(self, obj: bool) -> Buffer:
+        return b"1" if obj else b"0"
+
+
+class _Loaded(TextLoader):
+    def load(self, data: Buffer) -> str:
+        return decoded(str(super().load(data)))
+
+
+class Connection:
+    """One connection. What it raises is a `HistoryError`, or a `ValueError` for a value that can't be kept."""
+
+    def __init__(self, url: str, name: str, patience: float) -> None:
+        """Connect, as `name` among the server's activities; end what takes longer than `patience` seconds.
+
+        Raises `HistoryError`.
+        """
+        self._patience, self._since = patience, 0.0
+        self._severing, self._severed = threading.Lock(), False
+        given = conninfo_to_dict(url)
+        options = f"{given.get('options') or ''} {_SESSION}".strip()
+        with _told():
+            raw = psycopg.connect(
+                **(_OF_THE_NETWORK | dict(given) | {"application_name": name, "options": options}),
+                autocommit=True,
+                cursor_factory=psycopg.RawCursor,
+            )
+        raw.adapters.register_dumper(str, _Text)
+        raw.adapters.register_dumper(bool, _Bool)
+        raw.adapters.register_loader("text", _Loaded)
+        self.raw = raw
+        _watch.add(self)
+
+    @property
+    def lost(self) -> bool:
+        """Whether nothing can be done with it any more."""
+        return self._severed or self.raw.closed or self.raw.broken
+
+    def execute(self, sql: str, values: Sequence[Any] = (), /) -> Cursor:
+        """Execute a statement."""
+        return self._timed(lambda: self.raw.execute(translated(sql).encode(), values_of(sql, values) or None))
+
+    def executemany(self, sql: str, rows: Iterable[Sequence[Any]], /) -> None:
+        """Execute a statement once for the values of each row."""
+        made = [values_of(sql, row) for row in rows]
+        if made:
+            self._timed(lambda: self.raw.cursor().executemany(translated(sql).encode(), made))
+
+    def insert(self, table: str, rows: list[Row], columns: Sequence[str] = ()) -> None:
+        """Insert rows into a table, all of its columns in the history's order or those that are named."""
+        names = ",".join(columns or COLUMNS[table])
+
+        def insert() -> None:
+            with self.raw.cursor().copy(f"COPY {table} ({names}) FROM STDIN".encode()) as copy:
+                for row in rows:
+                    copy.write_row(row)
+
+        if rows:
+            self._timed(insert)
+
+    def commit(self) -> None:
+        """Commit. Raises `HistoryError`, also where the transaction had failed already: its end is none then."""
+        tag = self._timed(lambda: self.raw.execute(b"COMMIT").statusmessage)
+        if tag != "COMMIT":
+            raise HistoryError("the history's transaction had failed, and is not committed")
+
+    def rollback(self) -> None:
+        """Give the transaction up, as far as there is one and it can be told."""
+        with contextlib.suppress(HistoryError, ValueError):
+            self._timed(lambda: self.raw.execute(b"ROLLBACK"))
+
+    def interrupt(self) -> None:
+        """End what another thread does with it, and the connection with it."""
+        with self._severing, contextlib.suppress(OSError, psycopg.Error):
+            if self.raw.closed:
+                return
+            self._severed = True
+            with socket.socket(fileno=os.dup(self.raw.pgconn.socket)) as end:
+                end.shutdown(socket.SHUT_RDWR)
+
+    def close(self) -> None:
+        """Let go of it."""
+        with self._severing:
+            self.raw.close()
+
+    def sever_if_silent(self) -> None:
+        """End it where it has waited for an answer for too long."""
+        if self._since and time.monotonic() - self._since > self._patience:
+            self.interrupt()
+
+    def _timed(self, work: Callable[[], T]) -> T:
+        self._since = time.monotonic()
+        try:
+            with _told():
+                return work()
+        finally:
+            self._since = 0.0
+
+
+@contextlib.contextmanager
+def _told() -> Iterator[None]:
+    """Raise what is told of PostgreSQL's errors in one line."""
+    try:
+        yield
+    except UNFIT as error:
+        raise ValueError(_line(error)) from None
+    except psycopg.errors.QueryCanceled as error:  # by a setting, which will do so again
+        raise HistoryError(f"PostgreSQL: {_line(error)}") from None
+    except (psycopg.OperationalError, psycopg.InterfaceError) as error:
+        raise UnansweredError(f"PostgreSQL: {_line(error)}") from None
+    except psycopg.Error as error:
+        raise HistoryError(f"PostgreSQL: {_line(error)}") from None
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+class _Watch:
+    """A thread that ends connections whose server is silent: what waits for it would wait for ever."""
+
+    def __init__(self) -> None:
+        self._all: weakref.WeakSet[Connection] = weakref.WeakSet()
+        self._lock = threading.Lock()
+        self._thread: threading.Thread | None = None
+
+    def add(self, connection: Connection) -> None:
+        with self._lock:
+            self._all.add(connection)
+            if self._thread is None:
+                self._thread = threading.Thread(target=self._run, name="history watch", daemon=True)
+                self._thread.start()
+
+    def _run(self) -> None:
+        while True:
+            time.sleep(_LOOK_EVERY)
+            with self._lock:
+                all_of_them = [*self._all]
+            for connection in all_of_them:
+                connection.sever_if_silent()
+            del all_of_them
+
+
+_watch = _Watch()

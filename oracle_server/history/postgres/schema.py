@@ -1,0 +1,132 @@
+"""The tables in a database, in this version's format; whether the server's settings keep what is committed."""
+
+from __future__ import annotations
+
+import structlog
+
+from oracle_server.core.errors import HistoryError
+from oracle_server.history.postgres.connection import Connection
+from oracle_server.history.postgres.dialect import tables
+from oracle_server.history.sql.schema import VERSION, FormatError
+
+FIRST = 10
+"""The first format that was ever kept in PostgreSQL."""
+_STEPS: dict[int, str] = {}
+"""By the version that they start from: statements that lead to the next one."""
+_LOCK = 7_215_642_218
+"""A number for the lock under which tables are made."""
+_OWN = """
+CREATE TABLE IF NOT EXISTS format (version BIGINT NOT NULL);
+CREATE TABLE IF NOT EXISTS nodes (
+    node TEXT COLLATE "C" PRIMARY KEY,
+    owner TEXT NOT NULL,         -- a process, by a number of its own
+    epoch BIGINT NOT NULL,       -- of its connections: what is written with an older one is refused
+    until TIMESTAMPTZ NOT NULL,  -- by the database's clock
+    batch BIGINT NOT NULL,       -- the last one that was committed
+    place TEXT NOT NULL,         -- host and process, for people
+    url TEXT                     -- where monitors reach it
+);
+ALTER TABLE nodes ADD COLUMN IF NOT EXISTS url TEXT;
+CREATE SEQUENCE IF NOT EXISTS session_numbers;
+CREATE TABLE IF NOT EXISTS owners (  -- of sessions that are open, or about to be
+    session BIGINT PRIMARY KEY DEFAULT nextval('session_numbers'),
+    id TEXT COLLATE "C" NOT NULL UNIQUE,
+    node TEXT COLLATE "C" NOT NULL
+);
+CREATE INDEX IF NOT EXISTS owners_by_node ON owners (node);
+"""
+_FORWARDED = """
+CREATE TABLE IF NOT EXISTS origins (
+    origin TEXT COLLATE "C" NOT NULL,
+    robot TEXT COLLATE "C" NOT NULL,   -- the robot's history, by a number of its own
+    writer TEXT COLLATE "C" NOT NULL,  -- the process that brings it: what an older one writes is refused
+    seq BIGINT NOT NULL,               -- the last change of it that is there
+    heard TIMESTAMPTZ NOT NULL DEFAULT clock_timestamp(),
+    PRIMARY KEY (origin, robot)
+);
+CREATE TABLE IF NOT EXISTS forwarded (
+    session BIGINT PRIMARY KEY,
+    origin TEXT COLLATE "C" NOT NULL,
+    robot TEXT COLLATE "C" NOT NULL,
+    number BIGINT NOT NULL,            -- of the session, at the robot
+    position BIGINT NOT NULL,          -- of its last step that is there
+    gaps TEXT NOT NULL,                -- JSON: the first and last positions that were deleted before they came
+    UNIQUE (origin, robot, number)
+);
+"""
+"""Of sessions that robots forward: each chunk is one transaction with how far it is."""
+_SHARED = "SELECT to_regclass('owners') IS NOT NULL"
+_SHARE = """
+INSERT INTO owners (session, id, node) SELECT number, id, 'server' FROM sessions WHERE closed IS NULL
+ON CONFLICT DO NOTHING
+"""
+"""What a server had that held its database alone is its own, by the name that each of these had."""
+_COUNT_ON = """
+SELECT setval('session_numbers', last.number)
+FROM (SELECT max(number) AS number FROM sessions) AS last, session_numbers AS counter
+WHERE last.number > counter.last_value
+"""
+"""Numbers that were given before there was a counter."""
+_SETTINGS = ("fsync", "full_page_writes", "synchronous_commit")
+_STANDBYS = "SELECT count(*) FROM pg_stat_replication WHERE sync_state IN ('sync', 'quorum')"
+
+log = structlog.get_logger()
+
+
+def prepare(database: Connection) -> None:
+    """Make the tables, or bring them to this version's format. Raises `HistoryError`, `FormatError` of a newer one."""
+    check(database)
+    database.execute("BEGIN")
+    try:
+        database.execute("SELECT pg_advisory_xact_lock(?)", (_LOCK,))  # two servers may begin at once
+        (shared,) = database.execute(_SHARED).fetchone()
+        found = database.execute("SELECT version FROM format").fetchone() if shared else None
+        version = VERSION
+        if found is None or found[0] != VERSION:  # else nothing is locked that servers write which run
+            database.execute(_OWN)
+            version = _migrated(database)
+        if not shared:
+            database.execute(_SHARE)
+        if not database.execute("SELECT to_regclass('forwarded') IS NOT NULL").fetchone()[0]:
+            database.execute(_FORWARDED)
+        database.execute(_COUNT_ON)
+        database.commit()
+    except BaseException:
+        database.rollback()
+        raise
+    if version != VERSION:
+        log.info("the history was migrated to a newer format", was=version, now=VERSION)
+
+
+def _migrated(database: Connection) -> int:
+    found = database.execute("SELECT version FROM format").fetchone()
+    version: int = VERSION if found is None else found[0]
+    if not FIRST <= version <= VERSION:
+        raise FormatError(version)
+    for step in range(version, VERSION):
+        database.execute(_STEPS[step])
+    database.execute(tables())
+    sql = "INSERT INTO format VALUES (?)" if found is None else "UPDATE format SET version = ?"
+    database.execute(sql, (VERSION,))
+    return version
+
+
+def check(database: Connection) -> None:
+    """Raise `HistoryError` where a commit may be lost, or texts may be changed; log whether a standby has it too."""
+    for name in _SETTINGS:
+        (value,) = database.execute("SELECT current_setting(?)", (name,)).fetchone()
+        if value == "off":
+            raise HistoryError(
+                f"PostgreSQL has {name} = off: what is acked could be lost; set {name} = on in postgresql.conf, or for "
+                "the role or database"
+            )
+    (encoding,) = database.execute("SELECT current_setting('server_encoding')").fetchone()
+    if encoding != "UTF8":
+        raise HistoryError(f"the database has the encoding {encoding}: make one with ENCODING 'UTF8'")
+    (waits,) = database.execute("SELECT current_setting('synchronous_commit')").fetchone()
+    (names,) = database.execute("SELECT current_setting('synchronous_standby_names')").fetchone()
+    (standbys,) = database.execute(_STANDBYS).fetchone()
+    if names and standbys and waits != "local":
+        log.info("the history is committed on a standby too", standbys=standbys)
+    else:
+        log.info("the history has no synchronous standby: what is acked ends with PostgreSQL's disk")

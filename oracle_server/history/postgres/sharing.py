@@ -1,0 +1,83 @@
+"""Which server has which session, by the tables `nodes` and `owners`: as statements.
+
+An open session has the node in `owners` that may write it, and that alone may be asked for decisions on it. It changes
+only where that node's lease has run out by the database's clock, in a transaction that takes the lease away for good.
+"""
+
+from __future__ import annotations
+
+from oracle_server.history.sql.schema import SESSION_COLUMNS
+
+_COLUMNS = ",".join(f"s.{name}" for name in SESSION_COLUMNS)
+
+RESERVE = "INSERT INTO owners (id, node) VALUES (?, ?) ON CONFLICT DO NOTHING"
+RESERVED = (
+    "SELECT o.session, o.node, EXISTS (SELECT 1 FROM sessions s WHERE s.id = o.id), "
+    "EXISTS (SELECT 1 FROM sessions s WHERE s.number = o.session) FROM owners o WHERE o.id = ?"
+)
+UNRESERVE = "DELETE FROM owners WHERE session = ? AND node = ? AND id NOT IN (SELECT id FROM sessions WHERE number = ?)"
+"""Give a number up that no session got."""
+OWN = "INSERT INTO owners (session, id, node) VALUES (?, ?, ?) ON CONFLICT DO NOTHING"
+DISOWN = "DELETE FROM owners WHERE session IN (SELECT number FROM sessions WHERE number = ? AND closed IS NOT NULL)"
+OWN_OPEN = (
+    f"SELECT {_COLUMNS} FROM sessions s JOIN owners o ON o.session = s.number "  # noqa: S608 -- no value is in it
+    "WHERE o.node = ? AND s.closed IS NULL ORDER BY s.number"
+)
+OTHERS_OPEN = (
+    f"SELECT {_COLUMNS}, o.node, n.url, coalesce(n.until > clock_timestamp(), false), "  # noqa: S608
+    """
+    coalesce(last.position, 0), coalesce(last.standing, last.outcomes), last.pending, e.told::text, m.them::text
+FROM sessions s LEFT JOIN owners o ON o.session = s.number LEFT JOIN nodes n ON n.node = o.node
+LEFT JOIN LATERAL (
+    SELECT position, standing, outcomes, pending FROM steps
+    WHERE session = s.number AND ord = s.decides AND revision IS NULL ORDER BY position DESC LIMIT 1
+) AS last ON true
+LEFT JOIN LATERAL (
+    SELECT json_object_agg(property, json_build_array(violations, first)) AS told FROM (
+        SELECT property, sum(count)::bigint AS violations, min(first) AS first FROM episodes
+        WHERE session = s.number AND ord = s.decides GROUP BY property
+    ) AS each
+) AS e ON true
+LEFT JOIN LATERAL (
+    SELECT json_agg(json_build_array(name, attached > 0, clock)) AS them FROM monitors WHERE session = s.number
+) AS m ON true
+WHERE s.closed IS NULL AND (s.id = ?2::text OR (?2::text IS NULL AND o.node IS DISTINCT FROM ?1))
+ORDER BY s.number DESC LIMIT 1000
+"""
+)
+WHERE_IS = (
+    "SELECT o.node, n.url, coalesce(n.until > clock_timestamp(), false) "
+    "FROM owners o LEFT JOIN nodes n ON n.node = o.node WHERE o.id = ? "
+    "AND NOT EXISTS (SELECT 1 FROM sessions s WHERE s.number = o.session AND s.closed IS NOT NULL)"
+)
+"""Nobody has a closed session, though a server that was killed may have left its row."""
+FORWARDED_OPEN = "SELECT 1 FROM sessions WHERE id = ? AND closed IS NULL"
+GAPS = """
+SELECT f.session, f.gaps FROM forwarded f JOIN sessions s ON s.number = f.session
+WHERE f.gaps <> '[]' AND s.closed IS NULL
+"""
+"""What is missing of sessions that robots forward, and that are open there."""
+NODES = (
+    "SELECT node, owner, until <= clock_timestamp(), EXISTS (SELECT 1 FROM owners o WHERE o.node = nodes.node) "
+    "FROM nodes WHERE node <> ?"
+)
+"""The other nodes: whether their lease has run out, and whether they have sessions."""
+TAKE_OVER = """
+WITH fenced AS (
+    UPDATE nodes SET owner = '', epoch = epoch + 1 WHERE node IN (
+        SELECT node FROM nodes WHERE node = ?2 AND until <= clock_timestamp() FOR UPDATE SKIP LOCKED
+    ) RETURNING node
+)
+UPDATE owners SET node = ?1 WHERE node IN (SELECT node FROM fenced)
+"""
+"""Take the sessions of a node whose lease has run out.
+
+Whoever writes as that node has its row locked. It is not waited for: it may stand still, and the next try is soon.
+"""
+TENDED = """
+SELECT s.number FROM sessions s LEFT JOIN owners o ON o.session = s.number
+WHERE o.node = ?1 OR (
+    s.closed IS NOT NULL AND ?1 = (SELECT min(node) FROM nodes WHERE until > clock_timestamp())
+)
+"""
+"""This node's own sessions; what is closed is one node's, so that two never delete the same."""

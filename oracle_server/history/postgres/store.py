@@ -1,0 +1,249 @@
+"""The connection that alone writes for a server: each transaction shows that this is still a node of the database."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import socket
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar
+
+import structlog
+
+from oracle_server.core.errors import HistoryError
+from oracle_server.history.postgres.connection import Connection
+from oracle_server.history.postgres.schema import prepare
+from oracle_server.history.sql.rows import Row
+
+T = TypeVar("T")
+PATIENCE = 10.0
+"""Seconds for an answer; after them the connection is taken to be dead, and another one made."""
+_POLL = 0.1
+"""Seconds between two looks at whether another process's lease has run out."""
+
+_CLAIM = """
+INSERT INTO nodes (node, owner, epoch, until, batch, place, url)
+VALUES (?1, ?2, 1, clock_timestamp() + ?3 * interval '1 second', 0, ?4, ?5)
+ON CONFLICT (node) DO UPDATE SET owner = excluded.owner, epoch = nodes.epoch + 1, until = excluded.until,
+    place = excluded.place, url = excluded.url
+WHERE nodes.until <= clock_timestamp()
+RETURNING epoch, batch
+"""
+"""Become a node, where no other process is it."""
+_CLAIM_AGAIN = """
+UPDATE nodes SET epoch = epoch + 1, until = clock_timestamp() + ? * interval '1 second'
+WHERE node = ? AND owner = ?
+RETURNING epoch, batch
+"""
+"""Go on by another connection, unless another node has taken over: then there is no such owner."""
+_HOLD = """
+UPDATE nodes SET until = clock_timestamp() + ? * interval '1 second', batch = ?
+WHERE node = ? AND owner = ? AND epoch = ?
+"""
+_FORGET = """
+DELETE FROM nodes
+WHERE until < clock_timestamp() - interval '1 day' AND NOT EXISTS (SELECT 1 FROM owners WHERE owners.node = nodes.node)
+"""
+"""Nodes that will not come back; what stood still for so long finds no row, and ends."""
+_RELEASE = "UPDATE nodes SET until = clock_timestamp() WHERE node = ? AND owner = ? AND epoch = ?"
+_HOLDER = "SELECT owner, epoch, until::text, place, until <= clock_timestamp() FROM nodes WHERE node = ?"
+END_WRITER = """
+SELECT pg_terminate_backend(pid) FROM pg_stat_activity
+WHERE application_name = ? AND datname = current_database() AND pid <> pg_backend_pid()
+"""
+"""A backend whose client is gone, or stands still, keeps the row of the lease locked otherwise."""
+
+log = structlog.get_logger()
+
+
+class Node(NamedTuple):
+    """A server among those that share a database: its name, and where monitors reach it, if that is known."""
+
+    name: str
+    url: str | None = None
+
+
+class FencedError(HistoryError):
+    """Another server has taken over this one's sessions."""
+
+
+class _Doubt(NamedTuple):
+    """A transaction of which it is not known whether it is committed: its number, and what its work gave."""
+
+    batch: int
+    result: Any
+
+
+class PostgresStore:
+    """A node of a database, which this server is for as long as it says so again within `lease` seconds."""
+
+    def __init__(self, url: str, lease: float, end: Callable[[], object], node: Node) -> None:
+        """Become a node; `end` is called where another one has taken over what this one had.
+
+        Raises `HistoryError` where the database can't be used, or another process is this node.
+        """
+        self._url, self._lease, self._end, self._node = url, lease, end, node
+        self.renewal: float | None = lease / 3
+        self._owner = secrets.token_hex(8)
+        self._place = f"{socket.gethostname()}, process {os.getpid()}"
+        self._database: Connection | None = None
+        self._epoch = self._batch = 0
+        self._doubt: _Doubt | None = None
+        self._held = time.monotonic()
+        self._steady = self._held - lease
+        self.fenced: str | None = None
+        """Why this server is no node any more."""
+        database = self._connected()
+        try:
+            self.where = f"database {database.raw.info.dbname} at {database.raw.info.host or 'the local socket'}"
+            prepare(database)
+            self._take(database)
+        except BaseException:
+            database.close()
+            raise
+        self._database = database
+
+    @property
+    def overdue(self) -> str | None:
+        """Why nothing may be decided: another server may have the database by now."""
+        silent = time.monotonic() - self._held
+        if self.fenced is not None or silent <= self._lease:
+            return self.fenced
+        return f"PostgreSQL has not answered for {silent:.0f} s"
+
+    @property
+    def steady(self) -> bool:
+        """Whether it has held its lease for as long as one lasts.
+
+        Else it was PostgreSQL that was gone, or this server that stood still: others have had no time to renew theirs.
+        """
+        return self.overdue is None and time.monotonic() - self._steady >= self._lease
+
+    def insert(self, database: Connection, table: str, rows: list[Row]) -> None:
+        """Insert rows into a table."""
+        database.insert(table, rows)
+
+    def transact(self, work: Callable[[Connection], T]) -> T:
+        """Do work in a transaction, and return what it gives once that is committed."""
+        begun = time.monotonic()
+        database = self._again()
+        if self._doubt is not None:
+            doubt, self._doubt = self._doubt, None
+            if doubt.batch == self._batch:
+                result: T = doubt.result
+                return result
+        batch = self._batch + 1
+        database.execute("BEGIN")
+        try:
+            self._hold(database, batch)
+            result = work(database)
+            self._doubt = _Doubt(batch, result)
+            database.commit()
+        except BaseException:
+            if database.lost:
+                self._drop(database)
+            else:  # the server has said that it is not committed
+                self._doubt = None
+                database.rollback()
+            raise
+        self._doubt, self._batch = None, batch
+        self._renewed(begun)
+        return result
+
+    def renew(self) -> None:
+        """Show that this server is there. Raises `HistoryError`."""
+        begun = time.monotonic()
+        database = self._again()
+        try:
+            self._hold(database, self._batch)
+        except BaseException:
+            if database.lost:
+                self._drop(database)
+            raise
+        self._renewed(begun)
+
+    def reason(self, error: Exception) -> str:
+        """What people are told of an error."""
+        return str(error)
+
+    def close(self) -> None:
+        """Be no node any more: other ones may have the sessions."""
+        if self._database is not None:
+            try:
+                self._database.execute(_RELEASE, (self._node.name, self._owner, self._epoch))
+            except (HistoryError, ValueError):
+                log.warning("the lease is not given back; other servers go on with the sessions a little later")
+            self._database.close()
+
+    def _connected(self) -> Connection:
+        return Connection(self._url, writer(self._owner), PATIENCE)
+
+    def _again(self) -> Connection:
+        """The connection; a new one where that is lost, by which no other can write any more."""
+        if self.fenced is not None:
+            raise FencedError(self.fenced)
+        if self._database is not None:
+            if not self._database.lost:
+                return self._database
+            self._drop(self._database)
+        database = self._connected()
+        try:
+            database.execute(END_WRITER, (writer(self._owner),))
+            # it waits for what another connection of this server has begun: then it is known what was committed
+            again = database.execute(_CLAIM_AGAIN, (self._lease, self._node.name, self._owner)).fetchone()
+            self._epoch, self._batch = again or self._fence()
+        except BaseException:
+            database.close()
+            raise
+        self._database = database
+        return database
+
+    def _renewed(self, at: float) -> None:
+        if at - self._held > self._lease:
+            self._steady = at
+        self._held = at
+
+    def _drop(self, database: Connection) -> None:
+        self._database = None
+        database.close()
+
+    def _hold(self, database: Connection, batch: int) -> None:
+        held: Any = database.execute(_HOLD, (self._lease, batch, self._node.name, self._owner, self._epoch))
+        if held.rowcount != 1:
+            self._fence()
+
+    def _fence(self) -> Any:
+        self.fenced = "another server has taken over this server's sessions; this one ends"
+        self._end()
+        raise FencedError(self.fenced)
+
+    def _take(self, database: Connection) -> None:
+        """Become the node, once the process that was it is known to have ended. Raises `HistoryError`."""
+        name, url = self._node
+        database.execute(_FORGET)
+        known = holder = database.execute(_HOLDER, (name,)).fetchone()
+        renewals = 0
+        while holder is not None and not holder[-1]:
+            if holder[:3] != known[:3]:
+                known, renewals = holder, renewals + 1
+            if renewals > 1:  # one may be of a server that was killed: what it had begun is committed behind it
+                raise HistoryError(
+                    f"another server is the node '{name}' of this database ({holder[3]}): stop it, or name this one "
+                    "by ORACLE_NODE"
+                )
+            time.sleep(_POLL)
+            holder = database.execute(_HOLDER, (name,)).fetchone()
+        if holder is not None:
+            database.execute(END_WRITER, (writer(holder[0]),))
+        values = (name, self._owner, self._lease, self._place, url)
+        found = database.execute(_CLAIM, values).fetchone()
+        if found is None:
+            raise HistoryError(f"another server has become the node '{name}' of this database; name this one otherwise")
+        self._epoch, self._batch = found
+        self._held = time.monotonic()
+
+
+def writer(owner: str) -> str:
+    """What the writing connection of a process is called among the database's activities."""
+    return f"oracle-server writer {owner}"

@@ -1,0 +1,105 @@
+"""Reading: each query on a connection of its own and in a thread, so that nothing waits for it."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import threading
+from collections.abc import AsyncGenerator, Callable, Sequence
+from functools import partial
+from typing import ClassVar, TypeVar
+
+from oracle_server.core.errors import HistoryError
+from oracle_server.history.readers import Readers
+from oracle_server.history.sql.database import Database
+from oracle_server.history.sql.rows import Row
+
+T = TypeVar("T")
+R = TypeVar("R")
+Values = Sequence[object]
+
+
+class Reader:
+    """Reads what is committed. Every method raises `HistoryError` where the database can't be read."""
+
+    errors: ClassVar[tuple[type[Exception], ...]] = ()
+    """What a connection raises where the database can't be read, besides `HistoryError`."""
+
+    def __init__(self, threads: Readers, sorting: Readers | None = None) -> None:
+        """Read in some threads; put much in order in others, where given."""
+        self._threads, self._sorting = threads, sorting or threads
+
+    async def all(self, make: Callable[[Row], T], sql: str, values: Values = ()) -> list[T]:
+        """What is made of each row, in the thread that reads them."""
+        return await self.run(lambda reader: [make(row) for row in reader.execute(sql, values)])
+
+    async def one(self, make: Callable[[Row], T], sql: str, values: Values = ()) -> T | None:
+        """What is made of the first row, None where there is none."""
+        found = await self.all(make, sql, values)
+        return found[0] if found else None
+
+    async def row(self, sql: str, values: Values = ()) -> Row:
+        """The row of a query that always has one."""
+        return (await self.all(tuple, sql, values))[0]
+
+    async def run(self, work: Callable[[Database], T]) -> T:
+        """Read with a connection that is closed afterwards, in a thread; cancelled, it ends what it reads."""
+        used: list[Database] = []
+
+        def run() -> T:
+            with contextlib.closing(self._connect()) as reader:
+                used.append(reader)
+                return work(reader)
+
+        try:
+            return await self._in_thread(run)
+        except asyncio.CancelledError:
+            for reader in used:
+                with contextlib.suppress(*self.errors):  # it is closed already
+                    reader.interrupt()
+            raise
+
+    async def pages(
+        self, make: Callable[[Row], T], order: str, page: str, values: Values, size: int
+    ) -> AsyncGenerator[list[T], None]:
+        """What is made of rows, by pages, in an order that no index has.
+
+        `order` selects the rows' keys, which are put into a temporary table of this reader's own; `page` selects rows
+        with those keys whose places there are from one number to another. So no read stays open between two pages: the
+        database's log could not be taken in meanwhile, and would grow without bound.
+        """
+        reader = await self._in_thread(self._connect)
+        in_use = threading.Lock()
+
+        def read(make: Callable[[Row], R], sql: str, values: Values = ()) -> list[R]:
+            with in_use:
+                return [make(row) for row in reader.execute(sql, values)]
+
+        try:
+            # this takes seconds of a long session, and needs the interpreter for none of them
+            await self._in_thread(lambda: self._sort(reader, order, values), self._sorting)
+            ((count,),) = await self._in_thread(lambda: read(tuple, "SELECT count(*) FROM sorted"))
+            for first in range(1, count + 1, size):
+                yield await self._in_thread(partial(read, make, page, (*values, first, first + size - 1)))
+        finally:  # where this is cancelled, a thread still reads: SQLite would crash, were it closed meanwhile
+            reader.interrupt()
+            self._threads.start(partial(_close, reader, in_use))
+
+    def _sort(self, reader: Database, order: str, values: Values) -> None:
+        """Keep what is selected in a table `sorted` of the connection's own, with its places as `rowid`."""
+        reader.execute(f"CREATE TEMP TABLE sorted AS {order}", values)
+
+    async def _in_thread(self, work: Callable[[], R], threads: Readers | None = None) -> R:
+        try:
+            return await (threads or self._threads).start(work)
+        except self.errors as error:
+            raise HistoryError(f"the history can't be read: {error}") from None
+
+    def _connect(self) -> Database:
+        """A connection that any thread may use, and this alone."""
+        raise NotImplementedError
+
+
+def _close(reader: Database, in_use: threading.Lock) -> None:
+    with in_use:
+        reader.close()

@@ -1,0 +1,115 @@
+"""Sessions that other servers over the same history have: who asks for one here is told where it is, and how it stands.
+
+Nothing of them is judged here. How they stand is read from what is committed.
+"""
+
+from __future__ import annotations
+
+from oracle_server.core.errors import OracleError
+from oracle_server.history.origins import origin_of, own_name
+from oracle_server.history.port import History
+from oracle_server.history.records import Document, Elsewhere, OtherSession, PropertyStands
+from oracle_server.sessions.unrestored import bare
+from oracle_server.wire.errors import WireError
+
+
+class OtherServerError(OracleError):
+    """A session that another server has, which alone can do what is asked for."""
+
+
+class Others:
+    """The sessions of other servers."""
+
+    def __init__(self, history: History) -> None:
+        self._history = history
+
+    async def has(self, name: str) -> bool:
+        """Whether a session is open that this server does not have. Raises `HistoryError`."""
+        return await self._history.elsewhere(name) is not None
+
+    async def moved(self, name: str, *, known: bool) -> WireError | None:
+        """What who wants to join a session is told, None where no other server has it; `known`: it has a record.
+
+        It names the other one's address, if it is known. A session of this server that has no record yet is one that
+        is being opened. Raises `HistoryError`.
+        """
+        place = await self._history.elsewhere(name)
+        if place is None or (place.here and not known):
+            return None
+        if origin_of(name) is not None:
+            return WireError("session_closed", _forwarded(name), fatal=True)
+        url = place.url if place.lasting and not place.here else None
+        return WireError("moved", f"session '{name}' is {_where(place)}", fatal=True, url=url)
+
+    async def demand_own(self, name: str) -> None:
+        """Raise `OtherServerError` where another server has a session."""
+        place = await self._history.elsewhere(name)
+        if place is not None and not place.here:
+            if origin_of(name) is not None:
+                raise OtherServerError(_forwarded(name))
+            raise OtherServerError(f"session '{name}' is {_where(place)}; only that one can do this")
+
+    async def state(self, name: str) -> Document | None:
+        """How a session stands that another server has, by what is committed; None where none has it."""
+        found = await self._history.open_elsewhere(name)
+        return _state(found[0]) if found else None
+
+    async def states(self) -> list[Document]:
+        """How all of them stand, the newest first."""
+        return [_state(other) for other in await self._history.open_elsewhere()]
+
+
+def _state(other: OtherSession) -> Document:
+    """With the keys of an open session's, and its server's name; what only that one knows is None, 0 or left out."""
+    record, place = other.record, other.place
+    there = [name for name, attached, _ in other.monitors if attached and place.lasting]
+    silent = f"its server '{place.node}' does not answer; another one takes over"
+    return bare(record) | {
+        "live": bool(there),
+        "clock": next((clock for _, _, clock in other.monitors), None),
+        "node": None if origin_of(record.id) else place.node,
+        "trouble": other.trouble if place.lasting or not place.node else silent,
+        "monitors": [_monitor(name, attached, name in there) for name, attached, _ in other.monitors],
+        "properties": [_property(stands, record.decides) for stands in other.properties],
+        "counters": bare(record)["counters"] | {"steps": other.steps},
+    }
+
+
+def _monitor(name: str, attached: bool, connected: bool) -> Document:
+    return {"name": name, "attached": attached, "connected": connected, "next": None, "credit": None, "streams": []}
+
+
+def _property(stands: PropertyStands, order: str) -> Document:
+    return {
+        "id": stands.property,
+        "order": order,
+        "outcome": stands.outcome.value,
+        "first_violation": stands.first_violation,
+        "first_violation_step": None,
+        "first_violation_at": None,
+        "violations": stands.violations,
+        "pending": stands.pending,
+        "unknown": 0,
+        "broken": None,
+        "complaint": None,
+        "caveats": [],
+        "robustness": None,
+    }
+
+
+def _forwarded(name: str) -> str:
+    return (
+        f"session '{name}' is forwarded from '{origin_of(name)}': only the server there can do this, where it is "
+        f"'{own_name(name)}'"
+    )
+
+
+def _where(place: Elsewhere) -> str:
+    """In words, and what to do."""
+    if place.here:
+        return "just being taken over by this server; try again"
+    if not place.lasting:
+        return f"at the server '{place.node}', which does not answer; another one takes over: try again"
+    if place.url is None:
+        return f"at the server '{place.node}', which does not tell its address (ORACLE_ADVERTISE)"
+    return f"at the server '{place.node}', {place.url}"

@@ -1,0 +1,100 @@
+"""A session in which a recording is judged, elsewhere: what comes of it is kept here, as it comes."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import structlog
+
+from oracle_server.core.errors import HistoryError
+from oracle_server.core.revisions import Revision
+from oracle_server.history.episodes import StoredEpisode
+from oracle_server.history.port import History
+from oracle_server.history.records import Document, SessionRecord, StoredStep
+from oracle_server.sessions.commits import Commits
+from oracle_server.sessions.endings import end_of
+from oracle_server.sessions.shares import Share
+from oracle_server.sessions.unrestored import bare
+
+log = structlog.get_logger()
+
+_CUT_OFF = "the server ended while it was judged: only a part of the recording was"
+
+
+class RecordedSession:
+    """Keeps what is judged of a recording. Its state is what was told of it last, and incomplete until it is closed."""
+
+    def __init__(self, record: SessionRecord, history: History, share: Share, cancel: Callable[[], object]) -> None:
+        """Begin a session, which is kept in the history; `cancel` ends the judging before its time."""
+        self.record, self.cancel = record, cancel
+        self._share = share
+        self.commits, self._closed = Commits(), asyncio.Event()
+        self._history = history
+        self._told: Document = {}
+        history.open_session(record)
+        log.info("session of a recording opened", session=record.id, spec=record.spec)
+
+    @property
+    def state(self) -> Document:
+        """How it stands."""
+        return bare(self.record) | self._told
+
+    def tell(self, told: Document) -> None:
+        """Take in what is known of the state, in place of what was known of it before."""
+        self._told |= told
+
+    async def keep(
+        self, steps: Sequence[StoredStep], revisions: Sequence[Revision], episodes: Sequence[StoredEpisode]
+    ) -> None:
+        """Keep what was judged next; returns once it is committed. Raises `HistoryError` where it can't be kept."""
+        committed = asyncio.get_running_loop().create_future()
+        await self._share.rested()
+        done = partial(_set, committed)
+        self._share.run(self._history.append, self.record.number, steps, done, revisions, episodes)
+        while not (await asyncio.wait((committed,), timeout=0.5))[0]:
+            self.check_kept()
+        self.commits.notify()
+
+    def check_kept(self) -> None:
+        """Raise `HistoryError` where nothing more of it can be kept."""
+        trouble = self._history.failure_of(self.record.number)
+        if trouble is not None:
+            raise HistoryError(f"what was judged can't be kept: {trouble}")
+
+    async def close(self, now: int, because: str, *, complete: bool) -> None:
+        """Keep that the session is over, and how it stands. One that is not complete says so as its trouble."""
+        state = self.state | end_of(now, because) | {"continued_by": None, "clock_went_back": False}
+        if not complete:
+            state["trouble"] = f"incomplete: {because}"
+        committed = asyncio.get_running_loop().create_future()
+        self._history.close_session(self.record.number, now, state, partial(_set, committed))
+        await committed
+
+    def end(self) -> None:
+        """Tell those who wait that it is closed."""
+        self.commits.end()
+        self._closed.set()
+
+    async def closed_within(self, within: float) -> bool:
+        """Wait so many seconds until it is closed; returns whether it is."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(within):
+                await self._closed.wait()
+        return self._closed.is_set()
+
+
+def cut_off(record: SessionRecord, history: History, now: int) -> None:
+    """Close a session whose recording was being judged when the server ended."""
+    state = bare(record) | end_of(now, _CUT_OFF) | {
+        "trouble": f"incomplete: {_CUT_OFF}", "continued_by": None, "clock_went_back": False,
+    }  # fmt: skip
+    history.close_session(record.number, now, state)
+    log.warning("a recording was judged in part only", session=record.id)
+
+
+def _set(committed: asyncio.Future[None]) -> None:
+    if not committed.done():
+        committed.set_result(None)

@@ -1,0 +1,63 @@
+"""How open sessions are left: because the server stops, or because another one may have them by now."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Collection, Iterable
+
+import structlog
+
+from oracle_server.history.port import History
+from oracle_server.sessions.live import LiveSession
+from oracle_server.sessions.monitor import Outbox
+from oracle_server.wire.errors import WireError
+
+_CLOSE_WITHIN = 2.0
+"""Seconds for the connections to be closed when the server stops."""
+_FLUSH_WITHIN = 10.0
+
+log = structlog.get_logger()
+
+
+def stops() -> WireError:
+    """What monitors are told of a server that stops."""
+    return WireError("shutting_down", "the server stops; attach again later", fatal=True)
+
+
+def adrift() -> WireError:
+    """What they are told of one that can't know whether it has their sessions still."""
+    message = "the database does not answer this server, and another one may have the session: attach there"
+    return WireError("history_unavailable", message, fatal=True)
+
+
+def let_go(sessions: Iterable[LiveSession], reason: WireError) -> list[Outbox]:
+    """Drop all monitors; returns their connections."""
+    outboxes = [m.outbox for session in sessions for m in session.monitors.values() if m.outbox]
+    for outbox in outboxes:
+        outbox.drop(reason)
+    return outboxes
+
+
+async def settle(sessions: Collection[LiveSession], history: History) -> None:
+    """Judge what sessions hold, and commit it; in the history they stay open."""
+    for session in sessions:
+        session.close()
+    await asyncio.gather(*(session.settle() for session in sessions))
+    for session in sessions:
+        session.ledger.save()
+    try:
+        async with asyncio.timeout(_FLUSH_WITHIN):
+            await history.flush()
+    except TimeoutError:
+        log.error("the server stops without its last events in the history; their monitors send them again")
+
+
+async def leave(sessions: Collection[LiveSession]) -> None:
+    """Close all connections."""
+    for session in sessions:
+        session.ledger.commits.end()
+    outboxes = let_go(sessions, stops())
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(_CLOSE_WITHIN):
+            await asyncio.gather(*(outbox.sent() for outbox in outboxes))

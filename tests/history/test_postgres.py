@@ -1,0 +1,273 @@
+"""What is PostgreSQL's own: who holds a database, and what becomes of commits of which nobody has heard."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import psycopg
+import pytest
+from structlog.testing import capture_logs
+
+from oracle_server.core.errors import HistoryError
+from oracle_server.core.events import StreamKey
+from oracle_server.history.postgres import connection, store
+from oracle_server.history.postgres.dialect import decoded, encoded
+from oracle_server.history.postgres.history import PostgresHistory
+from oracle_server.history.records import MonitorRecord, Refusal, StoredStep
+from tests.history.making import add, opened, step
+from tests.history.test_port import collected
+from tests.postgres import Postgres, Relay
+from tests.processes import PATIENCE
+
+
+async def begun(url: str, lease: float = 3.0, end: Callable[[], object] = lambda: None) -> PostgresHistory:
+    history = await asyncio.to_thread(PostgresHistory, url, lease, end)
+    history.start(asyncio.get_running_loop())
+    return history
+
+
+async def until(good: Callable[[], object]) -> None:
+    async with asyncio.timeout(PATIENCE):
+        while not good():
+            await asyncio.sleep(0.01)
+
+
+async def told(history: PostgresHistory, *steps: StoredStep) -> None:
+    """Keep steps, and wait until that is told."""
+    done = asyncio.Event()
+    history.append(1, steps, done.set)
+    async with asyncio.timeout(PATIENCE):
+        await done.wait()
+
+
+@pytest.mark.parametrize("name", ["synchronous_commit", "full_page_writes", "fsync"])
+def test_a_server_by_which_what_is_acked_could_be_lost_is_refused(postgres: Postgres, name: str) -> None:
+    url = postgres.empty()
+    if name == "synchronous_commit":
+        url += "%20-c%20synchronous_commit%3Doff"
+    else:
+        postgres.do(f"ALTER SYSTEM SET {name} = off")
+        postgres.reload(name, "off")
+    try:
+        with pytest.raises(HistoryError, match=f"PostgreSQL has {name} = off: what is acked could be lost"):
+            PostgresHistory(url)
+    finally:
+        if name != "synchronous_commit":
+            postgres.do(f"ALTER SYSTEM RESET {name}")
+            postgres.reload(name, "on")
+
+
+def test_it_is_told_whether_a_standby_has_what_is_committed(postgres: Postgres) -> None:
+    with capture_logs() as logs:
+        PostgresHistory(postgres.empty()).close()
+    assert [line["event"] for line in logs] == [
+        "the history has no synchronous standby: what is acked ends with PostgreSQL's disk"
+    ]
+
+
+def test_a_server_that_is_not_there_is_told_in_one_line() -> None:
+    with pytest.raises(HistoryError) as raised:
+        PostgresHistory("postgresql://nobody@/nothing?host=/nowhere")
+    assert "/nowhere" in str(raised.value)
+    assert "\n" not in str(raised.value)
+
+
+def test_a_format_of_a_newer_version_is_refused(postgres: Postgres) -> None:
+    url = postgres.empty()
+    PostgresHistory(url).close()
+    postgres.do("UPDATE format SET version = 99", url)
+    with pytest.raises(HistoryError, match="has format 99, and this version of the server reads up to"):
+        PostgresHistory(url)
+
+
+@pytest.mark.parametrize("text", ["", "a", "\0", "\1", "\0\1\0", "\1" + "0", "a\0b\1\1" + "1", "\\u0000", "0\0001"])
+def test_a_text_comes_back_as_it_was(text: str) -> None:
+    assert decoded(encoded(text)) == text
+    assert "\0" not in encoded(text)
+
+
+async def test_a_text_may_have_any_character(postgres: Postgres) -> None:
+    strange = "\0a\1b\0" + "\\u0000\t\n'\"%s$1?é😀"
+    history = await begun(postgres.empty())
+    session = opened(1, f"s{strange}")._replace(text=strange, properties=(strange, "q"))
+    history.open_session(session)
+    monitor = MonitorRecord(strange, strange, (StreamKey(strange, "topic"),), attached=True, clock="wall")
+    history.set_monitor(1, monitor)
+    refusal = Refusal(strange, 5, 0, 7, strange, strange)
+    history.refuse(1, refusal, lambda: None)
+    made = step(1, monitor=strange, stream=strange, violated=[0])
+    await add(history, made)
+    assert await history.session(session.id) == session
+    assert await history.names("s\0a") == [session.id]
+    assert await history.monitors(1) == [monitor]
+    assert await history.refusals(1) == [refusal]
+    assert await collected(history.steps(1, 0)) == [made]
+    await asyncio.to_thread(history.close)
+
+
+async def test_a_second_server_of_the_same_name_is_refused(postgres: Postgres) -> None:
+    url = postgres.empty()
+    first = await begun(url, 0.5)
+    with pytest.raises(HistoryError, match=rf"is the node 'server' of this database \({socket.gethostname()}, process"):
+        await begun(url)
+    await asyncio.to_thread(first.close)
+    second = await begun(url)
+    await asyncio.to_thread(second.close)
+
+
+async def test_a_server_that_stood_still_for_too_long_decides_and_writes_nothing_more(postgres: Postgres) -> None:
+    url, ended = postgres.empty(), threading.Event()
+    first = await asyncio.to_thread(PostgresHistory, url, 0.5, ended.set)  # and its writer does not run yet
+    first.open_session(opened())
+    await until(lambda: first.failure is not None)
+    second = await begun(url)
+    second.open_session(opened(2, "other"))
+    await second.flush()
+    first.start(asyncio.get_running_loop())
+    assert await asyncio.to_thread(ended.wait, PATIENCE)
+    assert "another server has taken over" in str(first.failure)
+    assert first.adrift
+    assert first.fenced
+    assert [session.id for session in await second.open_sessions()] == ["other"]
+    await asyncio.to_thread(first.close)
+    await add(second, step(1), session=2)
+    await asyncio.to_thread(second.close)
+
+
+async def test_what_was_committed_before_anybody_heard_of_it_is_not_committed_again(
+    postgres: Postgres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    commit, lost = connection.Connection.commit, 0
+
+    def commits(self: connection.Connection, *, first: bool) -> None:
+        nonlocal lost
+        if first:
+            commit(self)
+        if lost:
+            lost -= 1
+            self.interrupt()
+            raise HistoryError("PostgreSQL: the connection is lost")
+        if not first:
+            commit(self)
+
+    history = await begun(postgres.empty())
+    history.open_session(opened())
+    await history.flush()
+    position = 0
+    for first in (True, False) * 3:
+        monkeypatch.setattr(connection.Connection, "commit", lambda self, first=first: commits(self, first=first))
+        lost = 1
+        position += 1
+        await told(history, step(position))
+        assert lost == 0
+    assert await collected(history.steps(1, 0)) == [step(p) for p in range(1, position + 1)]
+    assert history.failure_of(1) is None, "a row that is written twice would be refused"
+    await asyncio.to_thread(history.close)
+
+
+async def test_nothing_is_lost_or_twice_where_connections_end(postgres: Postgres) -> None:
+    history = await begun(postgres.empty())
+    history.open_session(opened())
+    heard: list[int] = []
+    for position in range(1, 201):
+        history.append(1, [step(position)], lambda position=position: heard.append(position))  # type: ignore[misc]
+        if position % 20 == 0:
+            await asyncio.to_thread(postgres.kill_backends)
+    async with asyncio.timeout(PATIENCE):
+        await history.flush()
+    assert heard == [*range(1, 201)]
+    await until(lambda: history.failure is None)
+    assert await collected(history.steps(1, 0)) == [step(p) for p in range(1, 201)]
+    await asyncio.to_thread(history.close)
+
+
+async def test_a_server_outlives_its_database(postgres: Postgres) -> None:
+    history = await begun(postgres.empty(), 0.5)
+    history.open_session(opened())
+    await add(history, step(1))
+    await asyncio.to_thread(postgres.stop, "immediate")
+    try:
+        done = asyncio.Event()
+        history.append(1, [step(2)], done.set)
+        await until(lambda: history.failure is not None)
+        assert not done.is_set()
+        with pytest.raises(HistoryError):
+            await history.extent(1)
+    finally:
+        await asyncio.to_thread(postgres.start)
+    async with asyncio.timeout(PATIENCE):
+        await done.wait()
+    await until(lambda: history.failure is None)
+    assert await collected(history.steps(1, 0)) == [step(1), step(2)]
+    await asyncio.to_thread(history.close)
+
+
+async def test_nothing_is_decided_while_the_database_is_silent(
+    postgres: Postgres, relay: Relay, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(store, "PATIENCE", 1.0)
+    history = await begun(postgres.empty(relay), 0.5)
+    history.open_session(opened())
+    await add(history, step(1))
+    relay.fall_silent()
+    heard: list[int] = []
+    history.append(1, [step(2)], lambda: heard.append(2))
+    await until(lambda: history.failure is not None)
+    history.append(1, [step(3)], lambda: heard.append(3))
+    assert heard == []
+    relay.speak()
+    async with asyncio.timeout(PATIENCE):
+        await history.flush()
+    assert heard == [2, 3]
+    await until(lambda: history.failure is None)
+    assert await collected(history.steps(1, 0)) == [step(1), step(2), step(3)]
+    await asyncio.to_thread(history.close)
+
+
+async def test_a_commit_that_hangs_is_made_once(postgres: Postgres, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A standby that has to have it and is gone keeps it for ever; another connection finds out that it is there."""
+    monkeypatch.setattr(store, "PATIENCE", 1.0)
+    url = postgres.empty()
+    history = await begun(url, 0.5)
+    history.open_session(opened())
+    await add(history, step(1))
+    postgres.do("ALTER SYSTEM SET synchronous_standby_names = 'nobody'")
+    postgres.reload("synchronous_standby_names", "nobody")
+    heard: list[int] = []
+    history.append(1, [step(2)], lambda: heard.append(2))
+    await until(lambda: history.failure is not None)
+    assert heard == []
+    postgres.do("ALTER SYSTEM RESET synchronous_standby_names")
+    postgres.reload("synchronous_standby_names", "")
+    async with asyncio.timeout(PATIENCE):
+        await history.flush()
+    assert heard == [2]
+    assert await collected(history.steps(1, 0)) == [step(1), step(2)]
+    await asyncio.to_thread(history.close)
+
+
+async def test_what_is_deleted_makes_room(postgres: Postgres) -> None:
+    """PostgreSQL's files do not become smaller: by them, more and more would be deleted."""
+    history = await begun(postgres.empty())
+    history.open_session(opened())
+    await add(history, *(step(p) for p in range(1, 2001)))
+    before = await history.size()
+    await history.forget_steps(1, 1801)
+    assert await history.size() < before / 2
+    await asyncio.to_thread(history.close)
+
+
+def test_the_statements_are_the_same_for_every_value(postgres: Postgres) -> None:
+    """A number is of another type where it is larger; a statement must take each."""
+    url = postgres.empty()
+    with psycopg.connect(url) as raw:
+        raw.execute("CREATE TABLE numbers (n BIGINT)")
+    made: Any = connection.Connection(url, "test", PATIENCE)
+    for n in (0, 2**15, 2**31, 2**62, -(2**63)):
+        made.execute("INSERT INTO numbers VALUES (?)", (n,))
+        assert made.execute("SELECT n FROM numbers WHERE n = ?1 AND n <= ?1", (n,)).fetchall() == [(n,)]
+    made.close()
