@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import zstandard
 
@@ -17,6 +18,7 @@ from oracle_server.replay.actionroles import add_actions
 from oracle_server.replay.actions import Action, ActionSource
 from oracle_server.replay.bagnotes import notes_of
 from oracle_server.replay.folder import Files, files_of, open_storage
+from oracle_server.replay.packed import HEAD, is_packed, unpack
 from oracle_server.replay.passing import Filter
 from oracle_server.replay.recording import Note, Recorded
 from oracle_server.replay.roles import roles
@@ -56,9 +58,11 @@ class Bag:
 
     def __iter__(self) -> Iterator[Recorded]:
         """The messages. Raises `TraceError` where nothing of the bag can be read."""
+        place = self.path
         try:
             with ExitStack() as stack:
-                files = files_of(self.path)
+                place = _unpacked(self.path, stack)
+                files = files_of(place)
                 self._compressed = files.compressed
                 storages = self._open(files, stack)
                 sources = self._prepare(files, storages)
@@ -66,7 +70,7 @@ class Bag:
                 yield from self._events(storages, sources)
                 self.notes += notes_of(self._topics.values(), files, storages)
         except TraceError as error:
-            text = one_line(str(error))
+            text = one_line(str(error).replace(f"{place}", str(self.path)))
             raise TraceError(text if text.startswith(str(self.path)) else f"{self.path}: {text}") from None
         except OSError as error:
             raise TraceError(f"{self.path}: can't be read: {error.strerror or error}") from None
@@ -187,6 +191,19 @@ class Bag:
         if not self._compressed:
             return raw
         return zstandard.ZstdDecompressor(max_window_size=2**27).decompress(raw, max_output_size=_LARGEST)
+
+
+def _unpacked(path: Path, stack: ExitStack) -> Path:
+    """Where the bag is: at its path, or in a folder of its own, until `stack` is closed, where it was packed."""
+    if path.is_dir():
+        return path
+    with path.open("rb") as file:
+        packed = is_packed(file.read(HEAD))
+    if not packed:
+        return path
+    folder = Path(stack.enter_context(TemporaryDirectory(prefix="oracle-server-")))
+    unpack(path, folder)
+    return folder
 
 
 def _survey(source: _AnySource, time: int, raw: bytes) -> None:

@@ -6,23 +6,22 @@ import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from oracle_server.core.errors import FindingKind, one_line
+from oracle_server.core.errors import one_line
 from oracle_server.core.spec import By
 from oracle_server.core.units import counted
 from oracle_server.history.views import View
 from oracle_server.process.progress import progress
 from oracle_server.replay.conclusion import UNJUDGED, conclude, gravest
 from oracle_server.replay.formats import Format, Report, make_report
-from oracle_server.replay.opening import open_recording, refuse_swapped
-from oracle_server.replay.recording import Recording
+from oracle_server.replay.github import Marked
+from oracle_server.replay.opening import refuse_swapped
+from oracle_server.replay.preparing import doubtful, prepare
 from oracle_server.replay.run import Replay
 from oracle_server.rostypes.known import Types
-from oracle_server.rostypes.streams import stream_types
+from oracle_server.specfiles.annotations import property_places
 from oracle_server.specfiles.load import load_spec
 
 _EVERY = 256
-_OF_FORMULAS = frozenset[FindingKind]({"vacuous", "unjudged"})
-"""The warnings of `check` that tell how much a judgement is worth."""
 
 
 def run_replay(
@@ -45,24 +44,24 @@ def run_replay(
     refuse_swapped(specs, trace)
     known = Types(types)
     loaded = [load_spec(path, types=known) for path in specs]
-    report = make_report(form, sys.stdout, several=len(loaded) > 1, signals=signals)
+    marked = {
+        file.spec.id: Marked(str(path), property_places(file.text)) for path, file in zip(specs, loaded, strict=True)
+    }
+    report = make_report(form, sys.stdout, several=len(loaded) > 1, signals=signals, specs=marked)
     statuses = []
     for file in loaded:
-        spec = file.spec
-        warnings = [str(found) for found in file.warnings if found.kind in _OF_FORMULAS]
-        _say(warnings)
-        recording = open_recording(trace, spec, types)
-        shapes, _ = stream_types(spec, known, None)
-        told: View = "standing" if form == "junit" else view
-        replay = Replay(spec, recording, by, types=shapes, warnings=warnings, strict=strict, view=told)
-        _run(replay, recording, report)
+        say(doubtful(file))
+        told: View = "standing" if form in ("junit", "github") else view
+        replay = prepare(file, trace, by, types, known, strict=strict, view=told)
+        _run(replay, report)
         statuses.append(_tell(replay, form))
     report.finish()
     sys.stdout.flush()
     return gravest(statuses)
 
 
-def _run(replay: Replay, recording: Recording, report: Report) -> None:
+def _run(replay: Replay, report: Report) -> None:
+    recording = replay.recording
     with progress(recording.path.name, "events", after=0) as show:
         for count, judged in enumerate(replay):
             report.judged(replay, judged)
@@ -86,9 +85,10 @@ def _tell(replay: Replay, form: Format) -> int:
         ]
     if end.status == UNJUDGED and not end.unjudged:
         lines.append(f"{replay.spec.id}: ends with {UNJUDGED} because of --strict: not everything was judged")
-    _say(lines)
+    say(lines)
     return end.status
 
 
-def _say(lines: Iterable[str]) -> None:
+def say(lines: Iterable[str]) -> None:
+    """Say something on standard error, a line each."""
     sys.stderr.writelines(f"oracle-server: {one_line(line)}\n" for line in lines)

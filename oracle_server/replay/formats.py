@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import IO, Literal, Protocol
 
 from oracle_server.core.verdicts import Judged
+from oracle_server.replay.github import GithubReport, Marked
 from oracle_server.replay.junit import JunitReport
 from oracle_server.replay.lines import JsonReport
 from oracle_server.replay.run import Replay
 from oracle_server.replay.table import CsvReport
 from oracle_server.replay.text import TextReport
 
-Format = Literal["text", "jsonl", "csv", "junit"]
+Format = Literal["text", "jsonl", "csv", "junit", "github"]
 
 
 class Report(Protocol):
@@ -31,11 +33,20 @@ class Report(Protocol):
         ...
 
 
-def make_report(form: Format, out: IO[str], *, several: bool, signals: bool = False) -> Report:
+def make_report(
+    form: Format,
+    out: IO[str],
+    *,
+    several: bool,
+    signals: bool = False,
+    specs: Mapping[str, Marked] = MappingProxyType({}),
+) -> Report:
     """A report that is written to `out`; with `several` specs, each record names its spec.
 
-    With `signals` a report as text counts the signals of every stream.
+    With `signals` a report as text counts the signals of every stream; one of annotations marks places in the `specs`.
     """
+    if form == "github":
+        return GithubReport(out, specs)
     if form == "text":
         return TextReport(out, several, signals=signals)
     kinds: dict[Format, Callable[[IO[str], bool], Report]] = {

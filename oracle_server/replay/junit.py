@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from typing import IO, Any
 from xml.sax.saxutils import escape, quoteattr
 
 from oracle_server.core.errors import one_line
-from oracle_server.core.naming import step_name
 from oracle_server.core.units import counted
 from oracle_server.core.verdicts import Judged
 from oracle_server.replay.conclusion import Conclusion, conclude
-from oracle_server.replay.lines import violations
 from oracle_server.replay.run import Replay
+from oracle_server.replay.violated import episode_lines, violated_text
 
 _MOST_SHOWN = 20
-"""Violations of one property that a JUnit report explains; all are counted."""
+"""Episodes of one property that a JUnit report explains; all are counted."""
 
 
 class JunitReport:
@@ -23,16 +21,10 @@ class JunitReport:
 
     def __init__(self, out: IO[str], several: bool) -> None:  # noqa: ARG002 -- a suite always has its name
         self._out = out
-        self._texts: defaultdict[str, list[str]] = defaultdict(list)
         self._suites: list[str] = []
 
-    def judged(self, replay: Replay, judged: Judged) -> None:
-        """Keep the explanations of the first violations."""
-        both = replay.spec.ordering.by == "both" and judged.order == "arrival"
-        for row, text in violations(judged):
-            texts = self._texts[row["property"] + (" (arrival)" if both else "")]
-            if len(texts) < _MOST_SHOWN:
-                texts.append(text)
+    def judged(self, replay: Replay, judged: Judged) -> None:  # noqa: ARG002 -- as all of them
+        """Keep nothing: episodes are known at the end."""
         replay.comparison.take()
 
     def ended(self, replay: Replay) -> None:
@@ -45,7 +37,6 @@ class JunitReport:
         counts = f'failures="{wrong["failure"]}" errors="{wrong["error"]}" skipped="0"'
         head = f'  <testsuite name={_attribute(replay.spec.id)} tests="{len(cases)}" {counts}>\n'
         self._suites.append(head + "".join(cases) + _said(end) + "  </testsuite>\n")
-        self._texts.clear()
 
     def finish(self) -> None:
         """Write all suites."""
@@ -57,9 +48,9 @@ class JunitReport:
         head = f"    <testcase classname={_attribute(replay.spec.id)} name={_attribute(name)}"
         inside = ""
         if state["violations"]:
-            first = step_name(state["first_violation_step"], state["first_violation_at"])
-            message = f"violated {_times(state['violations'])}, first at {first}"
-            texts = "\n".join(escape(one_line(text)) for text in self._texts[name])
+            lines = episode_lines(replay, name)
+            message = violated_text(state, len(lines))
+            texts = "\n".join(escape(one_line(text)) for text in lines[:_MOST_SHOWN])
             inside = f"      <failure message={_attribute(message)}>{texts}</failure>\n"
         elif end.unusable:
             inside = f"      <error message={_attribute(end.unusable[0])}/>\n"
@@ -82,10 +73,6 @@ def _said(end: Conclusion) -> str:
     """What is to be known of the recording."""
     lines = "\n".join(escape(one_line(text)) for text in (*end.doubts, *end.warnings, *end.remarks))
     return f"    <system-out>{lines}</system-out>\n" if lines else ""
-
-
-def _times(count: int) -> str:
-    return "once" if count == 1 else f"{count} times"
 
 
 def _attribute(text: str) -> str:

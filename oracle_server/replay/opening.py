@@ -8,6 +8,7 @@ from pathlib import Path
 from oracle_server.core.errors import TraceError
 from oracle_server.core.spec import Spec
 from oracle_server.replay.line import MAX_LINE, read_line
+from oracle_server.replay.packed import is_packed
 from oracle_server.replay.recording import Recording
 
 _HEAD = 4096
@@ -32,20 +33,25 @@ def open_recording(path: Path, spec: Spec, types: Sequence[Path] = ()) -> Record
 
 def refuse_swapped(specs: Sequence[Path], recording: Path) -> None:
     """Raise `TraceError` where a recording stands among the specs, or a spec in the place of the recording."""
-    among = next((path for path in specs if _is_recording(path)), None)
+    among = next((path for path in specs if is_recording(path)), None)
     if among is not None:
         what = f"{among}: is a recording, and stands where a spec is expected"
         others = [path for path in (*specs, recording) if path != among]
-        if len(others) == len(specs) and not _is_recording(recording):
+        if len(others) == len(specs) and not is_recording(recording):
             raise TraceError(f"{what}; write `replay {' '.join(map(str, others))} {among}`")
-        raise TraceError(f"{what}; one recording is judged at a time: `replay SPEC… RECORDING`")
-    if recording.suffix in _OF_SPECS and recording.is_file() and not _is_recording(recording):
+        raise TraceError(f"{what}: `replay SPEC… RECORDING`; many recordings: `replay RECORDING… --on SPEC…`")
+    if is_spec(recording):
         raise TraceError(
             f"{recording}: is a spec, and stands where the recording is expected: `replay SPEC… RECORDING`"
         )
 
 
-def _is_recording(path: Path) -> bool:
+def is_spec(path: Path) -> bool:
+    """Whether a file is a spec by its name, and no recording."""
+    return path.suffix in _OF_SPECS and path.is_file() and not is_recording(path)
+
+
+def is_recording(path: Path) -> bool:
     """Whether something is certainly a recording, by what it begins with."""
     from oracle_server.replay.folder import MAGICS, METADATA
 
@@ -57,7 +63,7 @@ def _is_recording(path: Path) -> bool:
     except OSError:
         return False
     try:
-        return any(head.startswith(magic) for magic in MAGICS) or bool(read_line(head))
+        return is_packed(head) or any(head.startswith(magic) for magic in MAGICS) or bool(read_line(head))
     except ValueError:
         return False
 
@@ -73,6 +79,10 @@ def _by_content(path: Path, head: bytes, spec: Spec, types: Sequence[Path]) -> R
         return read_mcap(path, spec) if is_trace(path) else Bag(path, spec, types)
     if path.suffix == ".jsonl" or head.removeprefix(_MARK).lstrip().startswith(b"{"):
         return read_lines(path, spec)
+    if is_packed(head):
+        from oracle_server.replay.bags import Bag
+
+        return Bag(path, spec, types)
     if not head:
         raise TraceError(f"{path}: is empty")
     raise TraceError(f"{path}: is no recording: neither a bag of ROS 1 or ROS 2, nor a log in JSON Lines")

@@ -27,6 +27,7 @@ from oracle_server.replay.again import Again
 from oracle_server.replay.comparison import Comparison
 from oracle_server.replay.coverage import Counting, Coverage, counted_names
 from oracle_server.replay.delays import Delays
+from oracle_server.replay.episodes import Episodes
 from oracle_server.replay.lacking import Lacking
 from oracle_server.replay.recording import Place, Recorded, Recording
 from oracle_server.replay.settling import Handling, Settling
@@ -61,7 +62,7 @@ class Replay:
         Messages are held against `types`, those of the streams whose types are known; `warnings` are of the formulas.
         """
         self.strict, self.warnings = strict, tuple(warnings)
-        self.spec = in_order(spec, by)
+        self.spec, self.asked_by = in_order(spec, by), spec.ordering.by
         self.events = 0
         self.forced = 0
         """Steps that were judged before their time, since too many were held."""
@@ -82,6 +83,7 @@ class Replay:
         self._reorder = by is not None
         self._session: Session | None = None
         names = tuple(prop.id for prop in spec.properties)
+        self.episodes = Episodes(names)
         self._settling = Settling(names, view, self._changeable, self._handling, self._note)
         self._oracles: OfflineOracles | None = None
 
@@ -106,7 +108,7 @@ class Replay:
             return
         judge = self._in_recorded_order if first.places and not self._reorder else self._as_new
         try:
-            yield from judge(first, recorded)
+            yield from self.episodes.follow(judge(first, recorded))
         finally:
             if self._oracles is not None:
                 self._oracles.close()

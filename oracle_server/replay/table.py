@@ -13,18 +13,21 @@ from oracle_server.core.verdicts import Judged
 from oracle_server.replay.lines import records
 from oracle_server.replay.run import Replay
 
+SPREADSHEET = ("=", "+", "-", "@")
+"""What formulas of spreadsheets begin with."""
 
-def _csv_cell(value: object) -> object:
+
+def csv_cell(value: object) -> object:
     """A value that a spreadsheet takes for what it is: it runs a text that begins like a formula."""
     if isinstance(value, bool):
         return str(value).lower()
     if not isinstance(value, str):
         return value
     text = one_line(value)
-    return f"'{text}" if text[:1] in ("=", "+", "-", "@") else text
+    return f"'{text}" if text[:1] in SPREADSHEET else text
 
 
-_COLUMNS = tuple(name for name in VerdictRecord.__annotations__ if name not in ("unheard", "causes", "about"))
+_COLUMNS = tuple(name for name in VerdictRecord.__annotations__ if name not in ("unheard", "waited", "causes", "about"))
 """The fields that records of a replay may have; `because` tells how many causes there are."""
 
 
@@ -36,7 +39,7 @@ def _csv_row(row: VerdictRecord) -> Iterator[object]:
     if "revises" in row:
         values["revises"] = f"{row['revises']['from']} to {row['revises']['to']}"
         values["because"] = cause_name(row)
-    return (_csv_cell(values.get(name)) for name in _COLUMNS)
+    return (csv_cell(values.get(name)) for name in _COLUMNS)
 
 
 class CsvReport:

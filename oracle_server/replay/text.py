@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import IO
-
-from rich.console import Console
-from rich.table import Table
 
 from oracle_server.core.errors import one_line
 from oracle_server.core.naming import first_name, retraction_text
 from oracle_server.core.units import counted
 from oracle_server.core.verdicts import Judged
+from oracle_server.process.tables import print_table
 from oracle_server.replay.conclusion import conclude
 from oracle_server.replay.coverage import Coverage, because
 from oracle_server.replay.lines import retractions, violations
@@ -42,22 +41,21 @@ class TextReport:
         """Write a table of the properties, and the counts."""
         self._differences(replay)
         summary = replay.summary()
-        table = Table("property", "outcome", "violations", "first at", "unknown", box=None, pad_edge=False)
-        for name, state in summary["properties"].items():
-            cells = (state["outcome"], state["violations"], first_name(state), state["unknown"])
-            table.add_row(name, *map(str, cells))
-        console = Console(file=self._out, highlight=False, width=None if self._out.isatty() else 160)
+        rows = [
+            (name, state["outcome"], str(state["violations"]), first_name(state), str(state["unknown"]))
+            for name, state in summary["properties"].items()
+        ]
         if self._several:
-            console.print(f"== {replay.spec.id}")
-        console.print(table)
+            self._out.write(f"== {replay.spec.id}\n")
+        print_table(("property", "outcome", "violations", "first at", "unknown"), rows, self._out)
         counts = f"{counted(summary['events'], 'event')}, {counted(summary['violations'], 'violation')}"
         counts += f", {summary['late']} late"
         if "compared" in summary:
             counts += f"; {summary['compared']} compared with old verdicts, {summary['differing']} differ"
-        console.print(counts)
+        self._out.write(f"{counts}\n")
         end = conclude(replay)
         if self._signals:
-            console.print(_table(end.coverage))
+            print_table(_SIGNALS, list(_signals(end.coverage)), self._out)
         pending = {name: state["pending"] for name, state in summary["properties"].items() if state.get("pending")}
         for name, count in pending.items():
             self._write(replay, f"{name}: {counted(count, 'obligation')} still open at the end")
@@ -72,14 +70,15 @@ class TextReport:
         self._out.write(f"{replay.spec.id}: {line}\n" if self._several else f"{line}\n")
 
 
-def _table(coverage: Coverage) -> Table:
+_SIGNALS = ("stream", "events", "signal", "present", "absent", "failed")
+
+
+def _signals(coverage: Coverage) -> Iterator[tuple[str, ...]]:
     """How often each signal was present, absent and failed."""
-    table = Table("stream", "events", "signal", "present", "absent", "failed", box=None, pad_edge=False)
     for key, counts in coverage.items():
-        table.add_row(str(key), str(counts["events"]))
+        yield str(key), str(counts["events"]), "", "", "", ""
         for name, signal in counts["signals"].items():
-            table.add_row("", "", name, str(signal["present"]), str(signal["absent"]), str(signal["failed"]))
-    return table
+            yield "", "", name, str(signal["present"]), str(signal["absent"]), str(signal["failed"])
 
 
 def _failures(coverage: Coverage) -> list[str]:

@@ -61,8 +61,10 @@ def test_junit_fails_what_was_violated_and_errs_where_nothing_was_judged(odd: Pa
     assert (own.get("failures"), own.get("errors")) == ("1", "0")
     failure = own.find("testcase[@name='low']/failure")
     assert failure is not None
-    assert "violated 2 times" in failure.get("message", "")
-    assert len((failure.text or "").splitlines()) == 2
+    assert "violated 2 times in 1 episode, first at" in failure.get("message", "")
+    (line,) = (failure.text or "").splitlines()
+    assert "low does not hold at step 3" in line
+    assert "; 2 violations until " in line
     assert own.find("testcase[@name='any']/error") is None, "it was judged at the other steps"
     assert "any: unknown at 1 step" in (own.findtext("system-out") or "").splitlines()
 

@@ -1,0 +1,1 @@
+"""What is computed for clients in processes of its own: a spec that is checked, a recording that is judged."""

@@ -1,0 +1,67 @@
+"""What a process that judges a recording is told, and tells."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import msgspec
+
+from oracle_server.core.events import Order
+from oracle_server.core.revisions import Revision
+from oracle_server.core.spec import By
+from oracle_server.history.episodes import StoredEpisode
+from oracle_server.history.records import Document, StoredStep
+
+
+class Task(msgspec.Struct):
+    """The path of a recording, the text of the spec that it is judged by, and folders with types of messages.
+
+    `most_bytes` is the size that no file may exceed which is unpacked beside it.
+    """
+
+    recording: str
+    name: str
+    spec: str
+    types: Sequence[str]
+    most_bytes: int
+
+
+class Started(msgspec.Struct, tag=True):
+    """There is something to judge; `begun` is when its session began (ns), in its own time."""
+
+    by: By | None
+    decides: Order
+    begun: int | None
+
+
+class Rows(msgspec.Struct, tag=True):
+    """What was judged next, and how the session stands then."""
+
+    steps: list[StoredStep]
+    revisions: list[Revision]
+    episodes: list[StoredEpisode]
+
+
+class Progress(msgspec.Struct, tag=True):
+    """How far it has got: events that were judged, and what was read of a size, in the same unit."""
+
+    events: int
+    read: int
+    size: int
+    state: Document | None = None
+
+
+class Ended(msgspec.Struct, tag=True):
+    """All of it was judged: how its session stands, and what a replay concludes."""
+
+    state: Document
+    conclusion: Document
+
+
+class Failed(msgspec.Struct, tag=True):
+    """It can't be judged, or not any further: why."""
+
+    error: str
+
+
+Frame = Started | Rows | Progress | Ended | Failed

@@ -1,0 +1,211 @@
+"""A process that judges one recording by the same code as `replay`, and tells what comes of it row by row."""
+
+from __future__ import annotations
+
+import os
+import resource
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+
+import msgspec
+
+from oracle_server.core.errors import OracleError, SpecError, one_line
+from oracle_server.core.revisions import Revision
+from oracle_server.core.verdicts import Judged
+from oracle_server.history.episodes import stored_episodes
+from oracle_server.history.records import Document, StoredStep, stored, stored_revision
+from oracle_server.jobs.frames import Ended, Failed, Progress, Rows, Started, Task
+from oracle_server.process.worker import receive, send, step_back
+from oracle_server.replay.conclusion import conclude
+from oracle_server.replay.opening import open_recording
+from oracle_server.replay.preparing import doubtful
+from oracle_server.replay.run import Replay
+from oracle_server.rostypes.known import Types
+from oracle_server.rostypes.streams import stream_types
+from oracle_server.sessions.status import judged_state
+from oracle_server.specfiles.load import SpecFile, parse_spec
+
+MEMORY = 3 * 2**30
+"""Bytes of address space that a recording may take."""
+_NICE = 5
+_TOGETHER = 64
+"""Rows that are told at once."""
+_EVERY = 0.5
+"""Seconds between two frames that tell how far it has got."""
+_MOST, _LONGEST = 200, 2_000
+"""Notes on a recording, and characters of one."""
+_task = msgspec.msgpack.Decoder(Task).decode
+
+
+class Telling:
+    """The frames that are told, by two threads."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+
+    def tell(self, frame: object) -> None:
+        """Tell a frame; the process ends where nobody listens any more."""
+        with self._lock:
+            try:
+                send(sys.stdout.buffer, frame)
+            except BrokenPipeError:
+                os._exit(1)
+
+
+class Told(Replay):
+    """A replay that gives its rows on as they are judged."""
+
+    tap: Callable[[list[Judged]], None]
+
+    def outputs(self) -> Iterator[list[Judged]]:
+        """What the session gives, each list given on before."""
+        for judged in super().outputs():
+            self.tap(judged)
+            yield judged
+
+    def handled(self, judged: Judged) -> tuple[bool, str] | None:
+        """What the adapter did with an event that was judged, where that is recorded."""
+        event = judged.step.event
+        take = self.passed.get if self.revises else self.passed.pop
+        found = take((event.monitor, event.seq), None) if self.passed else None
+        return None if found is None else (found[0], found[1] or "decision")
+
+
+class Rowed:
+    """The rows of a replay, told so many at once; what is judged in one pass stays together."""
+
+    def __init__(self, replay: Told, tell: Callable[[object], None]) -> None:
+        self._replay, self._tell = replay, tell
+        self._names = tuple([p.id for p in replay.spec.properties])
+        self._rows = Rows([], [], [])
+        self._position = 0
+        self._begun = False
+
+    def take(self, judged: list[Judged]) -> None:
+        """Take in what was judged together."""
+        if not self._begun:
+            self._begin()
+        for item in judged:
+            row = self._stored(item)
+            self._rows.steps.append(row)
+            self._rows.episodes += stored_episodes(item, self._names, row.explanations)
+            if not self._replay.revises and len(self._rows.steps) >= _TOGETHER:
+                self.flush()
+        if len(self._rows.steps) >= _TOGETHER:
+            self.flush()
+
+    def flush(self) -> None:
+        """Tell the rows that there are."""
+        rows, self._rows = self._rows, Rows([], [], [])
+        if rows.steps or rows.episodes:
+            self._tell(rows)
+
+    def _begin(self) -> None:
+        self._begun = True
+        replay, session = self._replay, self._replay.session
+        assert session is not None  # noqa: S101 -- it has judged
+        by = None if replay.spec.ordering.by == replay.asked_by else replay.spec.ordering.by
+        self._tell(Started(by, next(iter(session.judges)), session.begun))
+
+    def _stored(self, item: Judged) -> StoredStep:
+        self._position += 1
+        if isinstance(item, Revision):
+            self._rows.revisions.append(item)
+            return stored_revision(self._position, item)
+        row = stored(self._position, 0, item, self._replay.handled(item))
+        event = msgspec.structs.replace(row.step.event, data=None)
+        return msgspec.structs.replace(row, step=msgspec.structs.replace(row.step, event=event))
+
+
+def judge(task: Task, tell: Callable[[object], None]) -> None:
+    """Judge a recording, and tell its frames, `Failed` last where it can't be judged to its end."""
+    try:
+        _judge(task, tell)
+    except OracleError as error:
+        tell(Failed("; ".join(_named(task, str(error).splitlines()))))
+    except MemoryError:
+        tell(Failed(f"{task.name}: it needs more than {MEMORY >> 30} GiB of memory"))
+    except OverflowError:
+        tell(Failed(f"{task.name}: it has a whole number beyond 64 bits, which can't be kept"))
+    except OSError as error:
+        tell(Failed(f"{task.name}: can't be read: {error.strerror or error}"))
+
+
+def _judge(task: Task, tell: Callable[[object], None]) -> None:
+    folders = [Path(folder) for folder in task.types]
+    known = Types(folders)
+    file = _spec(task.spec, known)
+    warnings = doubtful(file)
+    recording = open_recording(Path(task.recording), file.spec, folders)
+    shapes, _ = stream_types(file.spec, known, None)
+    replay = Told(file.spec, recording, types=shapes, warnings=warnings)
+    rows = Rowed(replay, tell)
+    replay.tap = rows.take
+    ended = threading.Event()
+
+    def far() -> Progress:
+        return Progress(replay.events, recording.read, recording.size)
+
+    def tell_often() -> None:
+        while not ended.wait(_EVERY):
+            tell(far())
+
+    often = threading.Thread(target=tell_often, daemon=True)
+    often.start()
+    try:
+        shown = time.monotonic()
+        for _ in replay:
+            if time.monotonic() - shown > _EVERY:
+                shown = time.monotonic()
+                tell(msgspec.structs.replace(far(), state=_state(replay)))
+        rows.flush()
+    finally:
+        ended.set()
+        often.join()
+    tell(far())
+    end = conclude(replay)
+    if end.unusable:
+        tell(Failed("; ".join(_named(task, end.unusable))))
+        return
+    conclusion = end.as_data() | {"ignored": sum(recording.ignored.values())}
+    for texts in ("notes", "warnings"):
+        conclusion[texts] = _named(task, conclusion[texts])
+    tell(Ended(_state(replay), conclusion))
+
+
+def _named(task: Task, texts: Iterable[str]) -> list[str]:
+    """Some texts about a recording, a line each, in which it has its sender's name; so many of them at most."""
+    folder = f"{Path(task.recording).parent}/"
+    told = [one_line(text.replace(task.recording, task.name).replace(folder, "")) for text in texts]
+    return [text[:_LONGEST] for text in told[:_MOST]]
+
+
+def _state(replay: Replay) -> Document:
+    session = replay.session
+    assert session is not None  # noqa: S101 -- it has events
+    return judged_state(session, session.now, 0)
+
+
+def _spec(text: str, known: Types) -> SpecFile:
+    try:
+        return parse_spec(text, "spec", types=known)
+    except SpecError:  # it was accepted when less was known of its types
+        return parse_spec(text, "spec")
+
+
+def main() -> None:
+    """Judge what the standard input asks for."""
+    step_back(_NICE)
+    task = _task(receive(sys.stdin.buffer))
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (task.most_bytes, task.most_bytes))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    os.environ["TMPDIR"] = str(Path(task.recording).parent)  # what is unpacked goes with it
+    judge(task, Telling().tell)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,101 @@
+"""The recordings that are meant by paths: files, bags, folders of recordings, and patterns."""
+
+from __future__ import annotations
+
+import glob
+import os
+from collections.abc import Collection, Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from oracle_server.core.errors import TraceError
+from oracle_server.replay.folder import MAGICS, METADATA, begins_as
+from oracle_server.replay.opening import is_recording
+
+_NAMED = frozenset({".bag", ".mcap", ".db3", ".jsonl", ".zstd"})
+"""What recordings are called: such a file is one, whatever it holds."""
+
+
+class Gathered(NamedTuple):
+    """Recordings, each once, and how many other files their folders have."""
+
+    recordings: list[Path]
+    others: int
+
+
+def gather(arguments: Sequence[Path], without: Collection[Path] = ()) -> Gathered:
+    """The recordings in the order of the arguments; those of a folder by their names, its folders included.
+
+    A path that is not there may be a pattern, as `bags/**/*.bag`; what else is not there is a recording that can't be
+    read. The files `without` are passed over. Raises `TraceError` where there is none.
+    """
+    found: dict[Path, None] = {}
+    others = 0
+    passed = {path.absolute() for path in without}
+    for argument in arguments:
+        named = _matching(argument) if not argument.exists() and glob.has_magic(str(argument)) else [argument]
+        for path in named:
+            if not path.is_dir() or path.suffix == ".jsonl" or _is_bag(path):
+                found[path] = None
+                continue
+            inside = _inside(path, passed)
+            found |= dict.fromkeys(inside.recordings)
+            others += inside.others
+    if not found:
+        raise TraceError(f"{', '.join(map(str, arguments))}: has no recordings: no bags, and no logs in JSON Lines")
+    return Gathered(list(found), others)
+
+
+def _matching(pattern: Path) -> list[Path]:
+    found = sorted(Path(name) for name in glob.glob(str(pattern), recursive=True))
+    if not found:
+        raise TraceError(f"{pattern}: there is no such file, and none of this pattern")
+    return found
+
+
+def _is_bag(folder: Path) -> bool:
+    """Whether a folder is one bag: it has metadata, or else files that `ros2 bag` has numbered after it."""
+    if (folder / METADATA).exists():
+        return True
+    try:
+        return any(_begins(path) for path in folder.glob(f"{glob.escape(folder.name)}_[0-9]*"))
+    except OSError:
+        return False
+
+
+def _begins(path: Path) -> bool:
+    return path.is_file() and begins_as(path) in MAGICS
+
+
+def _inside(folder: Path, passed: Collection[Path]) -> Gathered:
+    found: list[Path] = []
+    others = 0
+    for path in _walk(folder):
+        if path.is_dir():
+            found.append(path)
+        elif path.absolute() in passed:
+            continue
+        elif path.suffix in _NAMED or (path.is_file() and is_recording(path)):
+            found.append(path)
+        else:
+            others += 1
+    return Gathered(found, others)
+
+
+def _walk(folder: Path) -> Iterator[Path]:
+    """Files and bags below a folder, by their names; hidden ones, and folders by links, are passed over."""
+    try:
+        entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
+    except OSError as error:
+        raise TraceError(f"{folder}: can't be read: {error.strerror}") from None
+    for entry in entries:
+        path = folder / entry.name
+        if entry.name.startswith("."):
+            continue
+        if entry.is_dir():
+            if path.suffix == ".jsonl" or _is_bag(path):
+                yield path
+            elif not entry.is_symlink():
+                yield from _walk(path)
+        else:
+            yield path

@@ -1,0 +1,109 @@
+"""The recordings that paths mean, and what else may be said of many."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from rosbags.rosbag2 import StoragePlugin
+
+from oracle_server.core.errors import OracleError, TraceError
+from oracle_server.replay.many.command import Where, run_many
+from oracle_server.replay.many.digest import digest, extent
+from oracle_server.replay.many.gather import gather
+from tests.replay.judging import write_numbers
+from tests.replay.many.recordings import write_recordings, write_specs
+
+
+def test_a_folder_is_its_recordings_by_name(tmp_path: Path) -> None:
+    plain = write_recordings(tmp_path / "b", 2)
+    (tmp_path / "b" / "notes.txt").write_text("dry run")
+    (tmp_path / "b" / ".hidden.jsonl").write_text("{}")
+    log = tmp_path / "a.txt"
+    log.write_text(plain[0].read_text())
+    (tmp_path / "c.bag").write_text("")
+    bag = write_numbers(tmp_path / "d", {"/n": [(0, 1.0)]}, StoragePlugin.MCAP)
+    split = write_numbers(tmp_path / "e", {"/n": [(0, 1.0)]}, StoragePlugin.MCAP)
+    (split / "metadata.yaml").unlink()
+    (split / "e.mcap").rename(split / "e_0.mcap")
+    loose = write_numbers(tmp_path / "f", {"/n": [(0, 1.0)]}, StoragePlugin.MCAP)
+    (loose / "metadata.yaml").unlink()
+    (alone,) = loose.glob("*.mcap")
+    alone = alone.rename(loose / "morning.mcap")
+    os.mkfifo(tmp_path / "pipe")
+    found = gather([tmp_path])
+    assert found.recordings == [log, *plain, tmp_path / "c.bag", bag, split, alone]
+    assert found.others == 2
+    assert gather([tmp_path], without=[log]).recordings == found.recordings[1:]
+
+
+def test_arguments_keep_their_order_and_are_taken_once(tmp_path: Path) -> None:
+    first, second, third = write_recordings(tmp_path / "r", 3)
+    assert gather([third, tmp_path / "r" / "*.jsonl", first]).recordings == [third, first, second]
+    gone = tmp_path / "gone.bag"
+    assert gather([gone]).recordings == [gone]
+    for nothing in (tmp_path / "*.bag", tmp_path):
+        (tmp_path / "r").rename(tmp_path / ".r") if (tmp_path / "r").exists() else None
+        with pytest.raises(TraceError):
+            gather([nothing])
+
+
+def test_a_digest_is_of_what_is_in_a_recording(tmp_path: Path) -> None:
+    one = write_numbers(tmp_path / "one", {"/n": [(0, 1.0)]}, StoragePlugin.SQLITE3)
+    before = digest(one, extent(one))
+    moved = one.rename(tmp_path / "moved")
+    assert digest(moved, extent(moved)) == before
+    (moved / "more").touch()
+    assert digest(moved, extent(moved)) != before
+
+
+def test_what_would_wait_for_ever_is_refused(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.bag")
+    with pytest.raises(TraceError, match="is neither a file nor a folder"):
+        extent(tmp_path / "pipe.bag")
+
+
+EXTERNAL = """
+id: elsewhere
+streams:
+  - {topic: /speed, signals: {speed: msg.data}}
+properties:
+  - {id: asked, engine: external, url: 'ws://127.0.0.1:9'}
+"""
+
+
+def test_an_oracle_elsewhere_is_asked_about_one_recording_at_a_time(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    spec, (recording,) = tmp_path / "spec.yaml", write_recordings(tmp_path / "r", 1)
+    spec.write_text(EXTERNAL)
+    for where, word in ((Where(jobs=2), "-j"), (Where("ray"), "--engine")):
+        with pytest.raises(OracleError, match=f"one recording at a time: leave out {word}$"):
+            run_many([recording], [spec], where=where)
+    assert run_many([recording], [spec]) == 2
+    assert "start it first" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"form": "junit"}, "--format junit is for one recording"),
+        ({"out": Path("a.txt")}, "--out a.txt: write a name that ends with .parquet, .jsonl, .csv"),
+        ({"out": Path("a.csv"), "form": "csv"}, "leave out --format and --json"),
+        ({"out": Path("nowhere/a.csv")}, "there is no such folder"),
+    ],
+)
+def test_what_can_not_be_asked_is_told(tmp_path: Path, options: dict[str, object], said: str) -> None:
+    specs, recordings = write_specs(tmp_path), write_recordings(tmp_path / "r", 1)
+    with pytest.raises(OracleError, match=said):
+        run_many(recordings, specs, **options)  # type: ignore[arg-type]
+
+
+def test_rows_are_told_in_order_without_a_file(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    (slow, _), recordings = write_specs(tmp_path), write_recordings(tmp_path / "r", 3)
+    assert run_many(recordings[::-1], [slow], form="csv", where=Where(jobs=2)) == 1
+    _, *rows = capsys.readouterr().out.splitlines()
+    assert [row.split(",")[0] for row in rows] == [str(path) for path in recordings[::-1] for _ in range(2)]
+    with pytest.raises(TraceError, match="stands where a spec is expected"):
+        run_many(recordings, [recordings[0]])

@@ -1,0 +1,69 @@
+"""Folders of bags that were packed by tar are judged as the folders are."""
+
+from __future__ import annotations
+
+import io
+import tarfile
+from pathlib import Path
+
+import pytest
+from rosbags.rosbag2 import StoragePlugin
+
+from oracle_server.core.errors import TraceError
+from tests.replay.judging import judge, write_numbers, write_spec
+from tests.replay.test_folders import SPEC, TOPICS
+
+
+def pack(folder: Path, path: Path, form: int = tarfile.PAX_FORMAT) -> Path:
+    with tarfile.open(path, "w", format=form) as packed:
+        packed.add(folder, arcname=folder.name)
+    return path
+
+
+@pytest.fixture
+def spec(tmp_path: Path) -> Path:
+    return write_spec(tmp_path, SPEC)
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    return write_numbers(tmp_path / "bag", TOPICS, StoragePlugin.SQLITE3)
+
+
+@pytest.mark.parametrize("form", [tarfile.USTAR_FORMAT, tarfile.PAX_FORMAT])
+def test_a_packed_folder_is_judged_as_the_folder(form: int, spec: Path, bag: Path) -> None:
+    found = judge(spec, pack(bag, bag.with_suffix(".tar"), form))
+    plain = judge(spec, bag)
+    assert (found.summary["events"], found.exit, found.strict) == (20, 0, 0)
+    assert found.said == plain.said
+
+
+def test_what_lies_outside_is_written_inside(spec: Path, bag: Path, tmp_path: Path) -> None:
+    path = tmp_path / "odd.tar"
+    with tarfile.open(path, "w") as packed:
+        for file in bag.iterdir():
+            packed.add(file, arcname=f"../../{file.name}")
+        link = tarfile.TarInfo("link.db3")
+        link.type, link.linkname = tarfile.SYMTYPE, "/etc/passwd"
+        packed.addfile(link)
+    before = sorted(tmp_path.rglob("*"))
+    assert judge(spec, path).summary["events"] == 20
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_what_can_not_be_unpacked_is_said(spec: Path, bag: Path, tmp_path: Path) -> None:
+    path = pack(bag, tmp_path / "cut.tar")
+    path.write_bytes(path.read_bytes()[:6_000])
+    with pytest.raises(TraceError, match=r"cut\.tar: (can't be unpacked|ends within)"):
+        judge(spec, path)
+    path = tmp_path / "twice.tar"
+    with tarfile.open(path, "w") as packed:
+        for folder in ("a", "b"):
+            packed.addfile(tarfile.TarInfo(f"{folder}/metadata.yaml"), io.BytesIO())
+    with pytest.raises(TraceError, match=r"twice\.tar: has two files of the name metadata\.yaml"):
+        judge(spec, path)
+    path = tmp_path / "other.tar"
+    with tarfile.open(path, "w") as packed:
+        packed.addfile(tarfile.TarInfo("readme.txt"), io.BytesIO())
+    with pytest.raises(TraceError, match=r"other\.tar: can't be read as a bag: it has no metadata\.yaml"):
+        judge(spec, path)
