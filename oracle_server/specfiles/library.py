@@ -6,6 +6,8 @@ Reading a spec can take seconds: on an event loop only the coroutines may be use
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import hashlib
 import os
 import re
 import threading
@@ -25,6 +27,12 @@ from oracle_server.specfiles.load import SpecFile, load_spec, parse_spec
 
 T = TypeVar("T")
 
+Expected = frozenset[str] | Literal["any", "none"] | None
+"""What is to be there of a spec before another text takes its place: a text with one of these tags, any, none.
+
+None where that does not matter.
+"""
+
 _ID = re.compile(r"""^id:[ \t]*["']?([A-Za-z0-9_.-]{1,64})["']?[ \t]*(?:#.*)?$""", re.MULTILINE)
 
 
@@ -35,6 +43,10 @@ class UnknownSpecError(OracleError):
         self.brief = f"there is no spec '{spec_id}'"
         """The text without the names of other specs."""
         super().__init__(f"{self.brief}; known are {', '.join(known) or 'none'}")
+
+
+class SpecChangedError(OracleError):
+    """A spec that is not what its sender believes it to be."""
 
 
 class FileVersion(NamedTuple):
@@ -61,6 +73,11 @@ class Entry:
         """The spec's id."""
         return self.file.spec.id
 
+    @property
+    def tag(self) -> str:
+        """What tells its text from other texts."""
+        return hashlib.sha256(self.file.text.encode()).hexdigest()[:32]
+
 
 @dataclass(frozen=True, slots=True)
 class Unsound:
@@ -80,7 +97,7 @@ class Library:
         """Read all specs of both folders; those that are refused are kept as unsound, with the reasons.
 
         Of two files with the same id the first one counts, and the other is unsound; an upload goes before a file.
-        Without `types` the types of messages are not checked.
+        Without `types` the types of messages are not checked. In place of a folder there may be one file.
         """
         self._types = types
         self._uploads = uploads
@@ -92,7 +109,7 @@ class Library:
         self._entries: dict[str, Entry | Unsound] = {}
         self._doubles: dict[Path, Unsound] = {}
         """Unsound files whose id is another one's, by path."""
-        for path in sorted(folder.glob("*.yaml")) if folder else ():
+        for path in _files(folder) if folder else ():
             self._take(_found(path, "file", types))
         for path in sorted(uploads.glob("*.yaml")):
             found = _found(path, "put", types)
@@ -111,9 +128,9 @@ class Library:
         """Do some work with the library in the one thread that reads."""
         return await asyncio.get_running_loop().run_in_executor(self._reading, work)
 
-    async def upload(self, spec_id: str, text: str) -> tuple[Entry, bool]:
+    async def upload(self, spec_id: str, text: str, expected: Expected = None) -> tuple[Entry, bool]:
         """Store an uploaded spec, as `put` does, in the one thread for that."""
-        return await asyncio.get_running_loop().run_in_executor(self._uploading, self.put, spec_id, text)
+        return await asyncio.get_running_loop().run_in_executor(self._uploading, self.put, spec_id, text, expected)
 
     def listed(self) -> list[Entry | Unsound]:
         """All specs by id, unsound ones as their files are now, and others as of the last time that they were sound."""
@@ -145,6 +162,18 @@ class Library:
                 self._entries[spec_id] = fresh
                 return fresh
         return self.get(spec_id)  # it was put meanwhile
+
+    def written(self, spec_id: str) -> str | None:
+        """What stands in the file of a spec now, sound or not; None where it can't be read, or is too long."""
+        entry = self._entries.get(spec_id)
+        if entry is None:
+            return None
+        try:
+            with entry.path.open("rb") as file:
+                data = file.read(MAX_TEXT + 1)
+        except OSError:
+            return None
+        return data.decode(errors="replace") if len(data) <= MAX_TEXT else None
 
     def _reread(self, entry: Entry, version: FileVersion) -> Entry:
         """What the file of a spec is now. Raises `SpecError`, for a version that was read already without a look."""
@@ -196,17 +225,43 @@ class Library:
         error = found.error if isinstance(found, Unsound) else SpecError([Finding(str(old.path), 1, 1, message)])
         return Unsound(old.id, error, "put", old.path, version)
 
-    def put(self, spec_id: str, text: str) -> tuple[Entry, bool]:
-        """Store an uploaded spec; returns it, and whether its id is new. Raises `SpecError` where it is refused."""
+    def put(self, spec_id: str, text: str, expected: Expected = None) -> tuple[Entry, bool]:
+        """Store an uploaded spec; returns it, and whether its id is new.
+
+        Raises `SpecError` where it is refused, and `SpecChangedError` where what is there is not as expected.
+        """
+        self._demand(spec_id, expected)  # before the text is read, which may be refused
         file = parse_spec(text, f"{spec_id}.yaml", types=self._types)
         if file.spec.id != spec_id:
             raise SpecError([Finding(f"{spec_id}.yaml", 1, 1, f"its id is '{file.spec.id}', not '{spec_id}'")])
         path, ready = self._uploads / f"{spec_id}.yaml", plan(file.spec)
+        present = self._demand(spec_id, expected)
         with self._changing:
+            if expected is not None and self._entries.get(spec_id) is not present:
+                raise _changed(spec_id)
             new = not isinstance(self._entries.get(spec_id), Entry)
             _write(path, text)
             self._entries[spec_id] = entry = Entry(file, ready, "put", path, _version(path))
         return entry, new
+
+    def _demand(self, spec_id: str, expected: Expected) -> Entry | Unsound | None:
+        """What there is of a spec, as its file is now. Raises `SpecChangedError` where it is not as expected."""
+        if expected is None:
+            return None
+        with contextlib.suppress(SpecError, UnknownSpecError):
+            self.get(spec_id)
+        present = self._entries.get(spec_id)
+        if expected == "none" and present is not None:
+            raise SpecChangedError(f"there is a spec '{spec_id}' already")
+        if expected == "any" and present is None:
+            raise SpecChangedError(f"there is no spec '{spec_id}'")
+        if isinstance(expected, frozenset) and not (isinstance(present, Entry) and present.tag in expected):
+            raise _changed(spec_id)
+        return present
+
+
+def _changed(spec_id: str) -> SpecChangedError:
+    return SpecChangedError(f"spec '{spec_id}' was changed meanwhile: get it again, and compare")
 
 
 def _write(path: Path, text: str) -> None:
@@ -282,3 +337,8 @@ def _version(path: Path) -> FileVersion | None:
     except OSError:
         return None
     return FileVersion(found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns)
+
+
+def _files(place: Path) -> list[Path]:
+    """The specs' files in a folder; the file itself where it is one."""
+    return [place] if place.is_file() else sorted(place.glob("*.yaml"))

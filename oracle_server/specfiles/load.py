@@ -9,7 +9,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
 
 from pydantic import ValidationError
 
@@ -29,7 +28,9 @@ from oracle_server.specfiles.actions import action_findings, action_problems, ac
 from oracle_server.specfiles.defining import Definitions
 from oracle_server.specfiles.derive import definitions
 from oracle_server.specfiles.document import MAX_TEXT, Document, read_yaml
+from oracle_server.specfiles.elsewhere import external_problems
 from oracle_server.specfiles.model import ActionModel, HalfModel, PropertyModel, ServiceModel, SpecModel, TopicModel
+from oracle_server.specfiles.sentences import ENGINES_OF_SENTENCES, SAYS, measured, measuring, read_said
 from oracle_server.specfiles.texts import formula_finding, texts_findings
 from oracle_server.specfiles.wording import model_findings
 
@@ -96,6 +97,7 @@ def parse_spec(
     derived = definitions(document, model.derive, findings, named.names)
     properties = [_property(document, i, p, named, findings) for i, p in enumerate(model.properties)]
     made = [p or _make(m, SILENT, "") for p, m in zip(properties, model.properties, strict=True)]
+    derived += measured(document, derived, made, findings)
     spec = _spec(model, tuple(made), tuple(derived))
     formulas = [prop.formula for prop in spec.properties] + [d.formula or SILENT for d in spec.derive]
     places = [i for i, stream in enumerate(model.streams) for _ in _streams(stream)]
@@ -150,6 +152,8 @@ def _crowd(document: Document, key: str) -> Finding:
     return Finding(document.file, *document.place((key, MOST)), message)
 
 
+_UNSAID = "the key 'formula' is missing, or `pattern` or `requirement`: write what must hold, in quotes"
+_SAID_TWICE = "what must hold is said by one of `formula`, `pattern` and `requirement`; give each a property of its own"
 _ONLY_EXTERNAL = ("url", "timeout", "streams", "names")
 
 
@@ -159,7 +163,7 @@ def _property(
     place: tuple[str | int, ...] = ("properties", index)
     external = model.engine == "external"
     if external:
-        problems = list(_external_problems(model))
+        problems = list(external_problems(model))
     else:
         given = [key for key in _ONLY_EXTERNAL if key in model.model_fields_set]
         problems = [(key, f"`{key}` is for `engine: external`") for key in given]
@@ -173,50 +177,37 @@ def _property(
         received = None if model.streams is None else frozenset(model.streams)
         oracle = External(model.url, model.timeout, received, model.names == "bare")
         return _make(model, SILENT, f"the oracle at {model.url}", oracle)
-    if model.formula is None:
-        message = f"property '{model.id}': the key 'formula' is missing: write what must hold, in quotes"
-        findings.append(Finding(document.file, *document.place(place), message))
+    return _said(document, index, model, definitions, findings)
+
+
+def _said(
+    document: Document, index: int, model: PropertyModel, definitions: Definitions, findings: list[Finding]
+) -> Property | None:
+    """A property that is said by a formula, or by what stands for one."""
+    place: tuple[str | int, ...] = ("properties", index)
+    says = [key for key in SAYS if getattr(model, key) is not None]
+    if len(says) != 1:
+        message = f"property '{model.id}': {_UNSAID if not says else _SAID_TWICE}"
+        where = document.key_place((*place, says[1])) if says else document.place(place)
+        findings.append(Finding(document.file, *where, message))
         return None
+    key, text = says[0], str(getattr(model, says[0]))
+    if key != "formula" and model.engine not in ENGINES_OF_SENTENCES:
+        message = f"property '{model.id}': a {key} is judged by the project's own engine; leave `engine` out"
+        findings.append(Finding(document.file, *document.place((*place, "engine")), message))
+        return None
+    time = model.time if "time" in model.model_fields_set else None
     try:
-        formula = ENGINES[model.engine].read(model.formula, model.time, definitions.names)
+        meant = read_said(document, key, text, model.engine, time, definitions.names, model.id)
     except EngineError as error:
         findings.append(Finding(document.file, *document.place((*place, "engine")), f"property '{model.id}': {error}"))
         return None
     except FormulaError as error:
         if not error.told:
-            findings.append(formula_finding(document, index, model.id, error, definitions))
+            findings.append(formula_finding(document, index, model.id, error, definitions, key))
         return None
-    return _make(model, formula, " ".join(model.formula.split()))
-
-
-def _external_problems(model: PropertyModel) -> Iterator[tuple[str, str]]:
-    """The problems of a property that an external oracle judges: the key, and why."""
-    if model.url is None:
-        yield "engine", "`engine: external` needs the oracle's address, `url: ws://host:port`"
-    else:
-        reason = _unusable(model.url)
-        if reason:
-            yield "url", f"the address {model.url} {reason}"
-    if model.formula is not None:
-        yield "formula", "the oracle at `url` has a property of its own; leave `formula` out"
-    if model.time != "steps":
-        yield "time", "the oracle at `url` has a time of its own; leave `time` out"
-
-
-def _unusable(url: str) -> str | None:
-    """Why a URL can't be the address of an oracle, None where it can."""
-    try:
-        parts = urlsplit(url)
-        port = parts.port
-    except ValueError as error:
-        return f"can't be read: {error}"
-    if not parts.hostname or re.search(r"[\s\x00-\x1f]", url):
-        return "names no host"
-    if port == 0:
-        return "has port 0, which nothing listens on"
-    if parts.username is not None or parts.password is not None:
-        return "contains a name or password; specs can be read by everyone who may read verdicts"
-    return "has a fragment after #, which is not sent to a server" if parts.fragment else None
+    made = _make(model, meant.formula, " ".join(text.split()))
+    return replace(made, time=meant.time, says=key, measures=meant.measures)
 
 
 def _make(model: PropertyModel, formula: Formula, text: str, external: External | None = None) -> Property:
@@ -255,6 +246,9 @@ def _spec(model: SpecModel, properties: tuple[Property, ...], derived: tuple[Def
     for prop in meaning["properties"]:
         if prop["at_end"] == "ignore":  # so that specs without it keep the digest that older versions gave them
             del prop["at_end"]
+        for key in SAYS[1:]:
+            if prop[key] is None:
+                del prop[key]
     if not model.define:  # a spec without names is what it was before there were any
         del meaning["define"]
     if not derived:  # as in specs of versions that knew none
@@ -356,13 +350,18 @@ def _on_ros(spec: Spec, ros: Ros, typed: Iterable[SpecProblem]) -> Iterator[Spec
 def _finding(
     document: Document, problem: SpecProblem, spec: Spec, places: Sequence[int], definitions: Definitions
 ) -> Finding:
-    path = _in_file(problem.path, spec, places)
+    path, message = _in_file(problem.path, spec, places), problem.message
+    if path[0] == "derive":
+        path = measuring(spec, path)
+    if path[0] == "properties" and path[-1] == "formula":  # it may have been put together from a sentence
+        key = spec.properties[int(path[1])].says
+        path, message = (*path[:-1], key), re.sub("^formula of", f"{key} of", message)
     place = document.key_place(path) if path[0] == "define" else document.place(path, problem.within)
     first = definitions.where(path, problem.within)
     if problem.first is not None:
         line, _ = document.place(_in_file(problem.first, spec, places))
         first += f"; the first is at {document.file}:{line}"
-    return Finding(document.file, *place, problem.message + first, problem.severity, problem.kind)
+    return Finding(document.file, *place, message + first, problem.severity, problem.kind)
 
 
 def _in_file(path: tuple[str | int, ...], spec: Spec, places: Sequence[int]) -> tuple[str | int, ...]:

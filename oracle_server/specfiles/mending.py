@@ -8,6 +8,7 @@ from typing import Any
 from oracle_server.core.kinds import GROUPS
 from oracle_server.core.nearest import near
 from oracle_server.specfiles.document import Document, KeyPath
+from oracle_server.specfiles.sentences import SAYS
 
 
 def mend(document: Document, path: KeyPath, value: object) -> str:
@@ -18,10 +19,10 @@ def mend(document: Document, path: KeyPath, value: object) -> str:
     if isinstance(value, list):
         return _signals_mend(value) if key == "signals" else "; write one `- topic:` for each" if key == "topic" else ""
     if is_map(value):
-        if key == "formula":
-            return ", since YAML reads `{` itself; put the formula in quotes"
+        if key in SAYS:
+            return f", since YAML reads `{{` itself; put the {key} in quotes"
         return "; put `- ` before each of them" if key in ("streams", "properties") else ""
-    if isinstance(value, bool | int | float) and key in ("id", "description", "formula"):
+    if isinstance(value, bool | int | float) and key in ("id", "description", *SAYS):
         quoted = str(value).lower() if isinstance(value, bool) else str(value)
         return f'; put it in quotes: "{quoted}"'
     return ""

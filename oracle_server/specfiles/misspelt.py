@@ -6,7 +6,13 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
-_FORMULA = re.compile(r"""[\s\-{,\w:"']*\bformula:[ ]+(?P<text>[^|>\s].*)""")
+_FORMULA = re.compile(r"""[\s\-{,\w:"']*\b(?P<key>formula|pattern|requirement):[ ]+(?P<text>[^|>\s].*)""")
+
+_EXAMPLES = {
+    "formula": "'{a} -> {b}'",
+    "pattern": "'after /start: no /error'",
+    "requirement": "'when low the robot shall satisfy docking'",
+}
 
 
 class Mark(NamedTuple):
@@ -41,13 +47,13 @@ def _of_formula(lines: Sequence[str], _: str, at: Mark, begun: Mark) -> tuple[st
         match = _FORMULA.match(_line(lines, mark))
         if match is None:
             continue
-        text, place = match["text"], Mark(mark.line, match.start("text"))
+        key, text, place = match["key"], match["text"], Mark(mark.line, match.start("text"))
         if text[0] in "\"'":
             other = "single" if text[0] == '"' else "double"
-            return f"the formula stands in {text[0]} and has {text[0]} in it; put it in {other} quotes", place
+            return f"the {key} stands in {text[0]} and has {text[0]} in it; put it in {other} quotes", place
         if text[0] in "{[!&*@%`" or ": " in text:
-            sign = f"a formula that begins with `{text[0]}`" if text[0] in "{[!&*@%`" else "a formula with `: ` in it"
-            return f"{sign} must stand in quotes, as formula: '{{a}} -> {{b}}', or below a `|`", place
+            sign = f"a {key} that begins with `{text[0]}`" if text[0] in "{[!&*@%`" else f"a {key} with `: ` in it"
+            return f"{sign} must stand in quotes, as {key}: {_EXAMPLES[key]}, or below a `|`", place
     return None
 
 

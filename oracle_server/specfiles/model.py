@@ -65,15 +65,23 @@ if TYPE_CHECKING:
 else:
     EngineName = Literal[tuple(ENGINES)]
 
-Duration = Annotated[int, BeforeValidator(duration)]
-Size = Annotated[int, BeforeValidator(size)]
-Delay = Annotated[int | None, BeforeValidator(_delay)]
-Close = Annotated[int, BeforeValidator(_close)]
+_Time = Annotated[str, Field(pattern=r"^\d{1,12}(\.\d{1,9})?(ns|us|ms|s|min|h)$")]
+_TypeName = Annotated[str, Field(pattern=r"^(\w+[./]\w+([./]\w+)?)?$")]
+Duration = Annotated[int, BeforeValidator(duration, json_schema_input_type=_Time)]
+Size = Annotated[int, BeforeValidator(size, Annotated[str, Field(pattern=r"^\d{1,9}[kMG]B$")])]
+Delay = Annotated[int | None, BeforeValidator(_delay, json_schema_input_type=_Time | Literal["none"])]
+Close = Annotated[int, BeforeValidator(_close, Annotated[str, Field(pattern=r"^after +\d\S*$")])]
 Identifier = Annotated[str, Field(pattern=IDENTIFIER)]
 RosName = Annotated[str, Field(pattern=r"^[~/A-Za-z][A-Za-z0-9_/{}~]*$", max_length=255)]
-MessageType = Annotated[str, BeforeValidator(partial(_type_key, kind="msg")), Field(pattern=r"^(\w+/msg/\w+)?$")]
-ServiceType = Annotated[str, BeforeValidator(partial(_type_key, kind="srv")), Field(pattern=r"^(\w+/srv/\w+)?$")]
-ActionType = Annotated[str, BeforeValidator(partial(_type_key, kind="action")), Field(pattern=r"^(\w+/action/\w+)?$")]
+MessageType = Annotated[
+    str, BeforeValidator(partial(_type_key, kind="msg"), _TypeName), Field(pattern=r"^(\w+/msg/\w+)?$")
+]
+ServiceType = Annotated[
+    str, BeforeValidator(partial(_type_key, kind="srv"), _TypeName), Field(pattern=r"^(\w+/srv/\w+)?$")
+]
+ActionType = Annotated[
+    str, BeforeValidator(partial(_type_key, kind="action"), _TypeName), Field(pattern=r"^(\w+/action/\w+)?$")
+]
 FieldPath = Annotated[str, Field(pattern=r"^\w+(\.\w+)*$")]
 Asked = Literal["goal", "reply", "feedback", "cancel", "result"]
 SignalName = Annotated[str, Field(min_length=1, max_length=128)]
@@ -150,7 +158,7 @@ class TopicModel(ChannelModel, _Interface):
     """A topic: one stream."""
 
     topic: RosName
-    stamp: Annotated[StampModel | None, BeforeValidator(_stamp)] = None
+    stamp: Annotated[StampModel | None, BeforeValidator(_stamp, FieldPath | StampModel | None)] = None
     type: MessageType = ""
     intercept: Literal["publisher", "subscriber"] = "publisher"
 
@@ -216,6 +224,8 @@ class PropertyModel(_Model):
     id: Identifier
     description: StrictStr = ""
     formula: StrictStr | None = None
+    pattern: StrictStr | None = None
+    requirement: StrictStr | None = None
     time: Literal["steps", "seconds"] = "steps"
     guards: list[RosName] = []
     blame: Literal["any", "caused"] = "any"
@@ -273,7 +283,7 @@ class DeriveModel(_Model):
     previous: StrictStr | None = None
     delta: StrictStr | None = None
     age: StrictStr | None = None
-    over: Annotated[tuple[int, bool] | None, BeforeValidator(_over)] = None
+    over: Annotated[tuple[int, bool] | None, BeforeValidator(_over, _Time | Annotated[int, Field(ge=1)])] = None
     by: SignalName | None = None
     forget: Annotated[Duration, Field(gt=0)] | None = None
 
@@ -289,5 +299,5 @@ class SpecModel(_Model):
     close: Close | None = None
     streams: Annotated[list[StreamModel], Field(min_length=1)]
     define: dict[SignalName, StrictStr] = {}
-    derive: dict[SignalName, Annotated[DeriveModel, BeforeValidator(_derived)]] = {}
+    derive: dict[SignalName, Annotated[DeriveModel, BeforeValidator(_derived, str | DeriveModel)]] = {}
     properties: Annotated[list[PropertyModel], Field(min_length=1)]

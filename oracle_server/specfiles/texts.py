@@ -14,6 +14,7 @@ from oracle_server.engines.table import ENGINES
 from oracle_server.specfiles.defining import Definitions
 from oracle_server.specfiles.derive import derive_findings
 from oracle_server.specfiles.document import Document, KeyPath
+from oracle_server.specfiles.sentences import SAYS, Says, read_said
 from oracle_server.specfiles.wording import PARTS
 
 
@@ -23,17 +24,21 @@ def texts_findings(document: Document) -> Iterator[Finding]:
     definitions = Definitions(document)
     yield from definitions.findings()
     for i, prop in enumerate(_list(value.get("properties"))):
-        engine, time = prop.get("engine", "auto"), prop.get("time", "steps")
+        engine = prop.get("engine", "auto")
+        time = prop["time"] if prop.get("time") in ("steps", "seconds") else None
         row = ENGINES.get(engine) if isinstance(engine, str) else None
-        if row is None or engine == "external" or not isinstance(prop.get("formula"), str):
+        if row is None or engine == "external":
             continue
-        try:
-            row.read(prop["formula"], "seconds" if time == "seconds" else "steps", definitions.names)
-        except FormulaError as error:
-            if not error.told:
-                yield formula_finding(document, i, prop.get("id", i + 1), error, definitions)
-        except EngineError:
-            pass  # what is not installed is told once the keys are right
+        for key in SAYS:
+            if not isinstance(prop.get(key), str):
+                continue
+            try:
+                read_said(document, key, prop[key], engine, time, definitions.names, str(i))
+            except FormulaError as error:
+                if not error.told:
+                    yield formula_finding(document, i, prop.get("id", i + 1), error, definitions, key)
+            except EngineError:
+                pass  # what is not installed is told once the keys are right
     yield from derive_findings(document, value.get("derive"), definitions.names)
     for i, stream in enumerate(_list(value.get("streams"))):
         for half in ((), *((part,) for part in PARTS)):
@@ -43,12 +48,17 @@ def texts_findings(document: Document) -> Iterator[Finding]:
 
 
 def formula_finding(
-    document: Document, index: int, name: object, error: FormulaError, definitions: Definitions
+    document: Document,
+    index: int,
+    name: object,
+    error: FormulaError,
+    definitions: Definitions,
+    key: Says = "formula",
 ) -> Finding:
-    """A formula that can't be read, at its place in the file."""
-    path, within = ("properties", index, "formula"), (error.line, error.column)
+    """A formula, or what stands for one, that can't be read, at its place in the file."""
+    path, within = ("properties", index, key), (error.line, error.column)
     more = f"{definitions.where(path, within)}{_comment(document, path)}"
-    return Finding(document.file, *document.place(path, within), f"formula of '{name}': {error.message}{more}")
+    return Finding(document.file, *document.place(path, within), f"{key} of '{name}': {error.message}{more}")
 
 
 def _expressions(document: Document, path: KeyPath, signals: object) -> Iterator[Finding]:
@@ -70,7 +80,7 @@ def _comment(document: Document, path: KeyPath) -> str:
         return ""
     if not re.match(r"\s+#", document.lines[mark.line][mark.column :]):
         return ""
-    return "; ` #` begins a comment: put the formula in quotes"
+    return f"; ` #` begins a comment: put the {path[-1]} in quotes"
 
 
 def _list(value: object) -> list[dict[str, Any]]:

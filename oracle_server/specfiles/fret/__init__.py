@@ -1,0 +1,1 @@
+"""Reads what FRET exports, and Ogma's variable file, and writes a spec of requirements."""

@@ -1,0 +1,229 @@
+"""Patterns and requirements in spec files: what they stand for, what is wrong with them, and their explanations."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from oracle_server.cli.commands import app
+from oracle_server.core.errors import SpecError
+from oracle_server.core.events import Event, StreamKey
+from oracle_server.core.plan import plan
+from oracle_server.core.session import Session
+from oracle_server.core.verdicts import record
+from oracle_server.engines.table import make_engines
+from oracle_server.specfiles.load import parse_spec
+from oracle_server.specfiles.lowered import lowered
+from tests.processes import ROOT
+
+SPEC = """
+id: s
+define: {auto: '{mode: AUTO}', low: '{level < 20}', docking: '{docked}', at(r): '{robot: *r, docked}'}
+streams:
+  - {topic: /goal, signals: {goal: msg.id}}
+  - {topic: /status, signals: {goal: msg.id}}
+  - {topic: /mode, signals: {mode: msg.data}, hold: [mode]}
+  - {topic: /level, signals: {level: msg.data}, hold: [level]}
+  - {topic: /pose, signals: {robot: msg.robot, docked: msg.docked}}
+  - {service: /led, request: {signals: {on: msg.data}}}
+  - {ros_action: /dock, goal: {}, result: {}}
+properties:
+  - {id: used, formula: 'forall[r]. (at(r) and auto and low) -> docking'}
+  - id: p
+"""
+
+
+def spec_of(line: str) -> str:
+    return SPEC + f"    {line}\n"
+
+
+def formula_of(line: str) -> tuple[str, str]:
+    *_, found = lowered(parse_spec(spec_of(line), "s.yaml").spec.properties)
+    return found["time"], found["formula"]
+
+
+def refusal_of(line: str) -> str:
+    """What is told of the last line, with its column."""
+    with pytest.raises(SpecError) as refused:
+        parse_spec(spec_of(line), "s.yaml")
+    (finding,) = [f for f in refused.value.findings if f.severity == "error"]
+    assert finding.line >= 14, finding
+    return f"{finding.column}: {finding.message}"
+
+
+def test_a_page_shows_the_formulas_of_its_patterns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = (ROOT / "docs" / "spec.md").read_text()
+    text = text[text.index("### Patterns") :]
+    spec = re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)[0]
+    shown = re.findall(r"```console\n(.*?)```", text, re.DOTALL)[0].splitlines()
+    (tmp_path / "courier.yaml").write_text(spec)
+    monkeypatch.chdir(tmp_path)
+    assert CliRunner().invoke(app, ["check", "--formulas", "courier.yaml"]).stdout.splitlines() == shown[1:]
+
+
+@pytest.mark.parametrize(
+    ("line", "time", "formula"),
+    [
+        ("pattern: '/goal Causes /status'", "steps", '{topic: "/goal"} -> eventually {topic: "/status"}'),
+        ("pattern: '/goal REQUIRES /status'", "steps", '{topic: "/goal"} -> once {topic: "/status"}'),
+        ("requirement: In auto, When low The robot Shall Never Satisfy docking", "steps",
+         '{mode: "AUTO"} since ({level < 20} and (not pre {level < 20} or {mode: "AUTO"} and not pre {mode: "AUTO"}) '
+         'and {mode: "AUTO"}) -> not {docked}'),
+        ("pattern: 'no /led {kind: request, on}'", "steps", 'not {service: "/led", kind: "request", on}'),
+        ("pattern: '(/goal or /status {goal: 7}) forbids low'", "steps",
+         '{level < 20} -> not once ({topic: "/goal"} or {topic: "/status", goal: 7})'),
+        ("pattern: 'while at(r): no /goal'", "", ""),
+        ("pattern: 'forall[r]. after at(r): no /goal {goal: *r}'", "steps",
+         'forall[r]. not ({topic: "/goal", goal: *r} and once {robot: *r, docked})'),
+        ("pattern: 'always low -> once[:2s] docking'\n    time: seconds", "seconds",
+         "{level < 20} -> once[:2s] {docked}"),
+        ("requirement: whenever low, the robot shall immediately satisfy docking.", "steps",
+         "{level < 20} -> {docked}"),
+        ("requirement: if low & !auto then robot shall next satisfy docking", "steps",
+         'pre ({level < 20} and not {mode: "AUTO"} and not pre ({level < 20} and not {mode: "AUTO"})) -> {docked}'),
+    ],
+)  # fmt: skip
+def test_a_sentence_stands_for_a_formula(line: str, time: str, formula: str) -> None:
+    if not formula:
+        assert "the variable 'r' is free" in refusal_of(line)
+        return
+    assert formula_of(line) == (time, formula)
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("pattern: '/goal cuses /status'",
+         "21: pattern of 'p': behind an event stands `causes`, `requires`, `forbids`, `every 1s`, or `at least 10 Hz "
+         "over 2s`, and not `cuses`; did you mean `causes`?; understood so far: `/goal`"),
+        ("pattern: 'no /gaol'", "18: pattern of 'p': there is no stream /gaol; did you mean `/goal`?; understood so "
+         "far: `no`"),
+        ("pattern: 'afer /goal: no /status'", "15: pattern of 'p': a scope is `globally`, `after E`, `until E`, "
+         "`after E until E` or `while φ`, and ends with `:`; `afer` is none; did you mean `after`?"),
+        ("pattern: |\n      after /goal:\n      no {x >}", "14: pattern of 'p': "),
+        ("pattern: 'no /led'", "18: pattern of 'p': which event is meant? a service has requests and responses: write "
+         "`/led {kind: request}`; understood so far: `no`"),
+        ("pattern: '/goal causes /goal'", "21: pattern of 'p': both events are the same"),
+        ("pattern: '/goal causes /status within 5 steps'\n    time: seconds",
+         "43: pattern of 'p': this counts steps, and the property has `time: seconds`; leave `time` out"),
+        ("pattern: '/goal causes (eventually low)'",
+         "29: pattern of 'p': `eventually` waits for what comes; within a sentence stands what holds at a step"),
+        ("pattern: 'no /goal'\n    engine: both", "13: property 'p': a pattern is judged by the project's own engine"),
+        ("pattern: 'no /goal'\n    formula: low", "5: property 'p': what must hold is said by one of"),
+        ("guards: []", "5: property 'p': the key 'formula' is missing, or `pattern` or `requirement`"),
+        ("pattern: after /goal: no /status", "14: not YAML: a pattern with `: ` in it must stand in quotes, as "
+         "pattern: 'after /start: no /error'"),
+        ("pattern: {no: x}", "14: property 'p': `pattern` must be a text in quotes"),
+        ("pattern: 'always low within 5s'", "15: pattern of 'p': `always` has no `within`"),
+        ("pattern: '/scan every 1s'", "15: pattern of 'p': there is no stream /scan"),
+        ("pattern: '/goal every 5 steps'", "27: pattern of 'p': how often is a matter of time"),
+        ("pattern: '/goal at least 10 Hz'", "35: pattern of 'p': over how long? write `over 2s`"),
+        ("pattern: '/goal at least ten Hz over 2s'", "30: pattern of 'p': here stands a rate, as `10 Hz`"),
+        ("pattern: 'at most 3 /goal'", "30: pattern of 'p': how often is a matter of time: write `within`"),
+        ("pattern: 'at most three /goal within 2s'", "23: pattern of 'p': here stands how many"),
+        ("pattern: '/goal every 2s'\n    time: steps", "15: pattern of 'p': this counts seconds"),
+        ("pattern: '(once low) every 2s'", "21: derived signal 'p.age': `age` takes what holds at one step"),
+        ("requirement: the robot shall witin 5 steps satisfy docking",
+         "34: requirement of 'p': behind `shall` stands `satisfy`"),
+        ("requirement: only in auto the robot shall satisfy docking",
+         "18: requirement of 'p': `only` is not taken: it asks that the opposite holds elsewhere"),
+        ("requirement: the robot shall finally satisfy docking", "34: requirement of 'p': `finally` is about the last"),
+        ("requirement: when persisted(3, low) the robot shall satisfy docking",
+         "23: requirement of 'p': `persisted` is not taken"),
+        ("requirement: the robot shall satisfy speed > 5", "42: requirement of 'p': `speed` is compared in braces"),
+        ("requirement: the robot shall after 5 seconds satisfy low", "34: requirement of 'p': `after` is taken with"),
+        ("requirement: the robot shall satisfy dokcing", "42: requirement of 'p': there is no name `dokcing`"),
+        ("requirement: the robot shall satisfy low within 5 steps", "46: requirement of 'p': `within` is not expected"),
+        ("requirement: ''", "19: requirement of 'p': the requirement is empty"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_told_at_its_place(line: str, told: str) -> None:
+    assert refusal_of(line).startswith(told)
+
+
+def test_a_name_that_is_like_none_is_answered_with_what_was_understood() -> None:
+    told = refusal_of("requirement: in auto, when low the robot shall within 30 seconds satisfy dockin")
+    assert told.endswith(
+        "; did you mean `docking`?; understood so far: `in auto, when low the robot shall within 30 seconds satisfy`"
+    )
+
+
+def test_what_is_said_in_other_words_is_another_spec() -> None:
+    digests = {parse_spec(spec_of(f"pattern: 'no {e}'"), "s").spec.digest for e in ("/goal", "/status", "low")}
+    assert len(digests) == 3
+
+
+def test_warnings_are_told_at_the_sentence() -> None:
+    line = "pattern: '/goal causes /status'"
+    (warning,) = [f for f in parse_spec(spec_of(line), "s.yaml").warnings if f.line == 15]
+    assert warning.column == 21
+    assert "write one, as in `within 60s`" in warning.message
+
+
+def test_a_violation_is_explained_by_the_sentence_first() -> None:
+    lines = [
+        "pattern: 'after /goal: no /status {goal: 7}'",
+        "pattern: '/goal causes {level: *} within 1 steps'",
+        "requirement: 'the robot shall never satisfy {goal: 7}'",
+    ]
+    for line in lines:
+        key, sentence = line.split(": ", 1)
+        ready = plan(parse_spec(spec_of(line).replace("id: s\n", "id: s\nordering: {by: arrival}\n"), "s").spec)
+        session = Session(ready, make_engines(ready))
+        found = []
+        for n, topic in enumerate(["/goal", "/status"], 1):
+            event = Event(StreamKey(topic, "topic"), "m", n, n * 10**9, n * 10**9, {"id": 7})
+            found += [record(judged, v) for judged in session.ingest(event) for v in judged.verdicts]
+        (told,) = {e["text"] for f in found if f["property"] == "p" and (e := f["explanation"])}
+        assert f': "{sentence[1:-1]}": ' in told, key
+
+
+@pytest.mark.parametrize(
+    ("pattern", "formula", "derived"),
+    [
+        ("/goal {goal: *} every 500ms", '{"p.age" <= 0.5}', "age: '{topic: /goal, goal: *}'"),
+        ("while auto: low at least 10 Hz over 2s", 'auto -> not {"p.rate" < 10}', "rate: low, over: 2s"),
+        ("/goal at most 0.5Hz over 1min", 'not {"p.rate" > 0.5}', "rate: '{topic: /goal}', over: 1min"),
+        ("at most 3 (/goal or low) within 1s", '{"p.count" <= 3}', "count: '{topic: /goal} or low', over: 1s"),
+    ],
+)
+def test_how_often_is_measured_as_by_a_derived_signal(pattern: str, formula: str, derived: str) -> None:
+    name = formula.split('"')[1]
+    written = f"formula: '{formula}'\n    time: seconds"
+    by_hand = parse_spec(spec_of(written).replace("streams:", f"derive: {{{name}: {{{derived}}}}}\nstreams:"), "s").spec
+    found = parse_spec(spec_of(f"pattern: '{pattern}'"), "s").spec
+    assert found.properties[-1].formula == by_hand.properties[-1].formula
+    assert found.properties[-1].time == "seconds"
+    (ours,), (theirs,) = found.derive, by_hand.derive
+    assert (ours.name, ours.op, ours.formula, ours.over) == (theirs.name, theirs.op, theirs.formula, theirs.over)
+
+
+def test_a_signal_that_a_pattern_makes_is_no_other() -> None:
+    text = spec_of("pattern: '/goal every 2s'").replace("streams:", "derive: {p.age: {last: level}}\nstreams:")
+    with pytest.raises(SpecError, match="its derived signal is called"):
+        parse_spec(text, "s.yaml")
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "pattern: 'no " + "(" * 8_000 + "/goal" + ")" * 8_000 + "'",
+        "pattern: 'no " + "(" * 8_000 + "'",
+        "pattern: 'always " + "not " * 4_000 + "low'",
+        "pattern: '" + "forall[x]. " * 1_400 + "no /goal {goal: *x}'",
+        "pattern: 'no (" + "/goal or " * 1_700 + "/goal)'",
+        "pattern: 'no /goal within " + "9" * 10_000 + "s'",
+        "pattern: 'no /goal within " + "9" * 10_000 + "q'",
+        "pattern: '" + "x" * 17_000 + "'",
+        "requirement: the robot shall satisfy " + "(" * 8_000 + "low" + ")" * 8_000,
+        "requirement: the robot shall satisfy " + "! " * 8_000 + "low",
+        "requirement: the robot shall satisfy " + "low => " * 2_000 + "low",
+        "requirement: the robot shall satisfy " + "low & " * 2_000 + "low",
+    ],
+    ids=range(12),
+)
+def test_what_is_too_large_is_refused_in_a_line(line: str) -> None:
+    assert len(refusal_of(line)) < 1_000
