@@ -17,6 +17,7 @@ class Arriving:
         self.simulated: SimulatedTime | None = None
         """The time of the simulation that the session runs in; None where its time is the server's."""
         self._plan = plan
+        self._revises = plan.spec.ordering.late == "revise"
         self._published = PublicationTimes(plan.spec.ordering.max_skew)
 
     def step(self, event: Event) -> Step:
@@ -30,5 +31,7 @@ class Arriving:
         if self.simulated is not None:
             event = msgspec.structs.replace(event, arrived=self.simulated.arrival(stamp), received=event.arrived)
         stamp = stamp or event.arrived
+        if self._revises:  # the step is kept for a horizon, and its message need not be
+            event = msgspec.structs.replace(event, data=None)
         skewed = stamp - event.arrived > self._plan.spec.ordering.max_skew
         return Step(event, signals, failed, stamp, skewed)

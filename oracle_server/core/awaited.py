@@ -70,8 +70,11 @@ def _endless(i: int, prop: Property, found: Obligation) -> Iterator[SpecProblem]
     if endless is None or prop.at_end == "violated" or can_fail(found.goal):
         return
     word = WORDS[type(endless)]
+    what, mend = f"`{word}` without an upper bound", f"a bound, as in `{word}[:60] …`"
+    if prop.says != "formula":
+        what, mend = "what is awaited without `within`", "one, as in `within 60s`"
     message = (
-        f"property '{prop.id}': `{word}` without an upper bound may be met for ever, so that the property is never "
-        f"violated; write a bound, as in `{word}[:60] …`, or `at_end: violated`"
+        f"property '{prop.id}': {what} may be met for ever, so that the property is never violated; write {mend}, or "
+        "`at_end: violated`"
     )
     yield SpecProblem(("properties", i, "formula"), message, endless.at, severity="warning", kind="vacuous")

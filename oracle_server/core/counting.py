@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from oracle_server.core.episode import Following
 from oracle_server.core.property_state import PropertyState
 
 
@@ -32,3 +33,4 @@ class Told(NamedTuple):
 
     properties: Sequence[PropertyState]
     counters: Counters
+    following: Following

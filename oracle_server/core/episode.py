@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, Literal
+from typing import Any, Literal, TypedDict
 
 import msgspec
 
+from oracle_server.core.events import Order
 from oracle_server.core.records import Number
 
 
@@ -59,6 +60,27 @@ class Episode(msgspec.Struct, frozen=True, gc=False):
     worst: Worst | None = None
 
 
+class EpisodeRecord(TypedDict):
+    """An episode as it is told; times in nanoseconds. `last` and `until` are None while it is open.
+
+    `first` and `last` are numbers of verdicts.
+    """
+
+    session: str
+    spec: str
+    property: str
+    order: Order
+    first: int
+    began: int
+    last: int | None
+    until: int | None
+    open: bool
+    final: bool
+    count: int
+    worst: dict[str, Any] | None
+    explanation: str | None
+
+
 class Following(msgspec.Struct, frozen=True, gc=False):
     """How episodes stand after a row, at its `time` (ns): an entry a property, None where there is none that may go on.
 
@@ -80,12 +102,15 @@ class EpisodeChange(msgspec.Struct, frozen=True, gc=False):
     It `begins` it, `joins` it, where that goes on or counts one more, or `stops` it: the property holds; it may still
     go on. It `ends` where it can't any more, `goes` where what stands otherwise leaves nothing of it, and is `restated`
     where it is otherwise. `text` is the explanation of the violation that begins it, None where the row has that.
+
+    `moved`: where it begins, that it was known as one that began elsewhere; where it goes, that it is known as such.
     """
 
     index: int
     kind: Literal["begins", "joins", "stops", "ends", "goes", "restated"]
     episode: Episode
     text: str | None = None
+    moved: bool = False
 
     @property
     def is_kept(self) -> bool:

@@ -8,25 +8,32 @@
     - `EngineError`: an engine that can't judge any more
     - `HistoryError`: a history that can't be opened or read
         - `UnpreparedError`: a session that an older version has written, and whose timeline is not made yet
+        - `UnansweredError`: a database that could not be reached, or ended the connection; the next try may succeed
 
 and, where they are raised:
 
-- `specfiles`: `UnknownSpecError`; `GraphError`, a dump of a ROS graph that can't be read; `ConfigError`,
-  `UntranslatableError`, `UnfollowableError`, `UnreadableFormulaError` and `FutureError`, of what ROSMonitoring was
-  configured with
+- `specfiles`: `UnknownSpecError`; `SpecChangedError`, where another text was expected; `GraphError`, a dump of a ROS
+  graph that can't be read; `ConfigError`, `UntranslatableError`, `UnfollowableError`, `UnreadableFormulaError` and
+  `FutureError`, of what ROSMonitoring was configured with; `FretError`, of a file of FRET's or Ogma's
 - `rostypes`: `TypesError`, definitions that can't be used; `DefinitionError`, one that can't be read, with its line;
   `NestedTypeError`, a message with a field of a type that is not known
 - `wire`: `WireError`, what is answered by an `error` frame
-- `process`: `SettingsError`, `LogError`, `PidFileError`, `DaemonError`
-- `history`: `FormatError`, a `HistoryError` of a format that this version does not read
+- `process`: `SettingsError`, `LogError`, `PidFileError`, `DaemonError`; `WorkerError`, of a process beside the server
+- `history`: `FormatError` and `FencedError`, each a `HistoryError`: of a format that this version does not read, of a
+  server whose sessions another one has taken over
 - `remote`: `UnreachableError`, `OtherEventError`, of an oracle elsewhere
-- `review`: `NoExplanationError`
-- `sessions`: `SessionExistsError`, `SessionStaysOpenError`
-- `replay`: `DamagedError`, of a part of a recording
+- `history.copying`: `CopyError`, a `HistoryError`: of a history that can't be copied, or not to where it was to go
+- `review`: `NoExplanationError`; `NowhereError`, of a place in a session that there is not
+- `sessions`: `SessionExistsError`, `SessionStaysOpenError`; `OtherServerError`, of a session that another server has
+- `replay`: `DamagedError`, of a part of a recording; `ResultsError`, of a table of results that can't be read or
+  written; `RayError`, where Ray is not there
 - `foxglove`: `FoxgloveError`, where nothing can be offered to Foxglove
+- `jobs`: `UncheckedError`, of a spec; `CrowdedError`, where too much is wanted at once;
+  `JudgeError`, `FullError` and `TooLargeError`, of a recording that was sent
 - `edge`: `TokenError`; `UndeclaredRouteError`, of a route that says not who may use it
+- `embedded`: `EmbeddedError`, of an oracle in an adapter's process that can't be opened
 - `server`: `ServerError`, a server that can't start
-- `cli`: `ServerUnreachableError`
+- `cli`: `ServerUnreachableError`; `InitError`, of a folder that can not be begun
 """
 
 from __future__ import annotations
@@ -130,6 +137,10 @@ class EngineError(OracleError):
 
 class HistoryError(OracleError):
     """A history that can't be opened or read."""
+
+
+class UnansweredError(HistoryError):
+    """A database that could not be reached, or that ended the connection; the next try may succeed."""
 
 
 class UnpreparedError(HistoryError):

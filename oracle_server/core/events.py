@@ -27,6 +27,8 @@ class StreamKey(NamedTuple):
         return f"{self.name} {noun}" if noun else self.name
 
 
+Source = tuple[str, StreamKey]
+"""A monitor and a stream that it observes."""
 TICKS = StreamKey("", TICK)
 """The stream of ticks, which no monitor observes."""
 ENDED = "end"
@@ -80,7 +82,8 @@ class Step(msgspec.Struct, frozen=True, gc=False):
     `late` is older than something already judged; `forced` was judged early because the order was full; `skipped`
     is not to be judged: it is late and the spec skips late events, or its verdicts could not be kept. `released` is why
     it left the order of publication, None where it was not in it; `unheard` are the streams of which nothing as new as
-    it had come by then, where the spec revises and that is why it may be wrong.
+    it had come by then, where the spec revises and that is why it may be wrong. `waited` are the streams that it waited
+    for last: whose advance, or end, released it, or that were still behind it when there was no more waiting.
     """
 
     event: Event
@@ -93,6 +96,7 @@ class Step(msgspec.Struct, frozen=True, gc=False):
     skipped: bool = False
     released: Released | None = None
     unheard: frozenset[str] = frozenset()
+    waited: tuple[Source, ...] = ()
 
     @property
     def time(self) -> int:

@@ -15,12 +15,14 @@ the present at it, or the deadline's, and never goes back.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
 import msgspec
 
 from oracle_server.core.episode import Changes, Episode, EpisodeChange, Following, Worst
 from oracle_server.core.formula.tree import Scalar
+from oracle_server.core.negated import beyond
 from oracle_server.core.verdicts import NEGATIVE, Explanation, Outcome, Verdict, json_number
 
 _UNKNOWN = Outcome.UNKNOWN
@@ -28,12 +30,17 @@ _BOUNDS = frozenset(("<", "<=", ">", ">="))
 
 
 class Said(NamedTuple):
-    """What a row says of a property: its outcome, how many violations, its robustness, and reasons as plain data."""
+    """What a row says of a property: its outcome, how many violations, its robustness, and reasons as plain data.
+
+    `formula` and `signals` are those of its explanation.
+    """
 
     outcome: Outcome
     violations: int = 0
     robustness: float | None = None
     why: Mapping[str, Any] | None = None
+    formula: str = ""
+    signals: Mapping[str, Scalar] = MappingProxyType({})
 
 
 _NONE: Changes = ()
@@ -110,7 +117,7 @@ def _said(verdict: Verdict) -> Said:
     why = verdict.explanation
     if why is None or verdict.outcome not in NEGATIVE:
         return Said(verdict.outcome, 0, verdict.robustness)
-    return Said(verdict.outcome, violations_of(why), verdict.robustness, why.why)
+    return Said(verdict.outcome, violations_of(why), verdict.robustness, why.why, why.formula, why.signals)
 
 
 def violations_of(why: Explanation) -> int:
@@ -127,6 +134,10 @@ def _worst(at: Said) -> Worst | None:
     for found in _misses(at.why.get("reasons") or ()):
         if found.graver(worst):
             worst = found
+    if worst is None:
+        for each in beyond(at.formula, at.signals):
+            found = Worst(None, each.signal, each.op, each.bound, each.value, each.than)
+            worst = found if found.graver(worst) else worst
     return worst
 
 

@@ -85,7 +85,7 @@ class Judge(Telling):
     @property
     def told(self) -> Told:
         """How its properties stand, and what it has counted."""
-        return Told(self.properties, self.counters)
+        return Told(self.properties, self.counters, self.following)
 
     @property
     def next_deadline(self) -> int | None:

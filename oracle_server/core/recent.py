@@ -10,6 +10,7 @@ from typing import Any
 
 from oracle_server.core.atoms import Matches
 from oracle_server.core.events import Signals, Step, StreamKey
+from oracle_server.core.kinds import TICK
 from oracle_server.core.naming import event_name
 from oracle_server.core.past import Past, Seen
 from oracle_server.core.plan import View
@@ -63,6 +64,12 @@ class Recent:
             self._upto.pop()
         self._unnumbered = False
 
+    def forget(self, spare: int) -> None:
+        """Forget what is not remembered any more where at most `spare` of the last steps are removed."""
+        while len(self._steps) > self._size + spare:
+            self._steps.popleft()
+            self._upto.popleft()
+
     def named(self, place: int) -> str:
         """A step, given by its place: by its number, where that may be another and is known."""
         index = place - self._steps[0][0] if self._steps else -1
@@ -71,7 +78,9 @@ class Recent:
         return f"place {place}" if self._spare else f"step {place}"
 
     def last(self) -> EventRecord:
-        """The event of the last step; there is one."""
+        """The event of the last step; before the first one, and of what is judged without it, one of no stream."""
+        if not self._steps:
+            return {"stream": "", "kind": TICK, "stamp": 0, "monitor": "", "seq": 0, "signals": {}}
         return {"step": self._steps[-1][-1], **_record(self._steps[-1])}
 
     def snapshot(self) -> list[Any]:

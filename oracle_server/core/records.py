@@ -104,6 +104,14 @@ RevisesRecord = TypedDict("RevisesRecord", {"from": int, "to": int})
 """The numbers of the first and the last verdict that a revision changes."""
 
 
+class WaitedRecord(TypedDict):
+    """A stream of a monitor that an event waited for."""
+
+    monitor: str
+    stream: str
+    kind: StepKind
+
+
 class VerdictRecord(TypedDict):
     """The verdict of one property at one step; `stamp`, `arrived` and `judged` are in nanoseconds.
 
@@ -113,10 +121,11 @@ class VerdictRecord(TypedDict):
     Of a property that waits for what comes, `pending` is how many of its obligations are open, else None; `about` has
     the events of those that were not answered here, 100 at most, and `about_count` is how many they are.
 
-    `released` is why the order of publication released the event, missing where it was not in that order. Of specs that
-    revise: `place` is the step's place in what stood at the record, `unheard` the streams that the property reads and
-    that had not been heard beyond the step, while they may still be; `revised` is the number of the revision by which
-    the record is as it stands. A revision (`kind`) has `revises`; its `outcome` is None where those are retracted.
+    `released` is why the order of publication released the event, missing where it was not in that order, and `waited`
+    the streams that it waited for last, missing where it did not wait for any. Of specs that revise: `place` is the
+    step's place in what stood at the record, `unheard` the streams that the property reads and that had not been heard
+    beyond the step, while they may still be; `revised` is the number of the revision by which the record is as it
+    stands. A revision (`kind`) has `revises`; its `outcome` is None where those are retracted.
     """
 
     n: int
@@ -143,6 +152,7 @@ class VerdictRecord(TypedDict):
     about: list[AboutRecord]
     about_count: int
     released: NotRequired[Released]
+    waited: NotRequired[list[WaitedRecord]]
     place: NotRequired[int]
     unheard: NotRequired[list[str]]
     revised: NotRequired[int]

@@ -11,26 +11,26 @@ from __future__ import annotations
 import heapq
 import sys
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 import msgspec
 
 from oracle_server.core.events import Released as Why
-from oracle_server.core.events import StreamKey
+from oracle_server.core.events import Source, StreamKey
+from oracle_server.core.waits import MOST_TOLD, Waits
 
 T = TypeVar("T")
-Source = tuple[str, StreamKey]
-"""A monitor and a stream that it observes."""
 
 
 class Released(msgspec.Struct, Generic[T], frozen=True, gc=False):
-    """An item whose turn has come, and why; `late` is older than one before it."""
+    """An item whose turn has come, and why; `late` is older than one before it, `waited` what it waited for last."""
 
     item: T
     why: Why
     late: bool = False
+    waited: tuple[Source, ...] = ()
 
     @property
     def forced(self) -> bool:
@@ -104,6 +104,7 @@ class ReorderBuffer(Generic[T]):
         self._held: dict[int, T] = {}
         self._deadlines: deque[tuple[int, int, int]] = deque()
         self._arrivals = 0
+        self._waits = Waits()
         self._expired = (-1, -1)
         """The stamp and arrival of the newest item that has waited `max_delay`: it is due, and all that is older."""
         self.most = sys.maxsize
@@ -169,11 +170,12 @@ class ReorderBuffer(Generic[T]):
     def open(self, monitor: str, streams: Iterable[StreamKey]) -> list[Released[T]]:
         """Wait for these streams of a monitor from now on, and for no others of it."""
         wanted = {(monitor, stream) for stream in streams}
-        for source in [s for s in self._frontiers if s[0] == monitor and s not in wanted]:
-            del self._frontiers[source]
+        left = [source for source in self._frontiers if source[0] == monitor and source not in wanted]
+        behind = [(source, self._frontiers.pop(source).reached) for source in left]
         for source in wanted:
             self._frontiers.setdefault(source, _Frontier())
         self._find_slowest()
+        self._waits.over(behind, self._reach, self._arrivals, held=bool(self._heap))
         return self._release()
 
     def close(self, monitor: str) -> list[Released[T]]:
@@ -183,13 +185,15 @@ class ReorderBuffer(Generic[T]):
     def push(self, item: T, source: Source, publisher: str, stamp: int, now: int) -> list[Released[T]]:
         """Take an item that arrived now; returned at once where it is late."""
         frontier = self._frontiers.get(source)
+        opened = frontier is not None
         if frontier is None:
             frontier = self._frontiers[source] = _Frontier()
             self._find_slowest()
         known = frontier.publishers.get(publisher)
         if known is None or stamp > known:
+            before = frontier.reached if opened else stamp  # nothing has waited for one that was not open
             frontier.observe(publisher, stamp)
-            self._moved(source, new=known is None)
+            self._moved(source, before, new=known is None)
         if self.present is not None and stamp < self.present:
             return [Released(item, self._why(stamp), late=True), *self._release()]
         if not self._heap and self._limit is not None and stamp <= self._limit:
@@ -210,8 +214,9 @@ class ReorderBuffer(Generic[T]):
         opened = source in self._frontiers
         released = self.push(item, source, publisher, stamp, now)
         if not opened:
-            del self._frontiers[source]
+            behind = [(source, self._frontiers.pop(source).reached)]
             self._find_slowest()
+            self._waits.over(behind, self._reach, self._arrivals, held=bool(self._heap))
             released += self._release()
         return released
 
@@ -220,8 +225,9 @@ class ReorderBuffer(Generic[T]):
         frontier = self._frontiers.get(source)
         if frontier is None or (frontier.clock is not None and stamp <= frontier.clock):
             return []
+        before = frontier.reached
         frontier.advance(stamp)
-        self._moved(source)
+        self._moved(source, before)
         return self._release()
 
     def advance(self, now: int) -> list[Released[T]]:
@@ -247,8 +253,7 @@ class ReorderBuffer(Generic[T]):
         """The names of the open streams that may have something older than a stamp still, as far as they told."""
         if self._limit is not None and self._limit >= stamp:
             return frozenset()
-        waited = self._frontiers.items()
-        return frozenset(stream.name for (_, stream), f in waited if f.reached is None or f.reached < stamp)
+        return frozenset(stream.name for _, stream in self._behind(stamp))
 
     def _why(self, stamp: int) -> Why:
         """Why something with this stamp may leave now."""
@@ -267,12 +272,30 @@ class ReorderBuffer(Generic[T]):
     def _pop(self, why: Why | None = None) -> Released[T]:
         stamp, arrival = heapq.heappop(self._heap)
         self.present = stamp
-        return Released(self._held.pop(arrival), why or self._why(stamp))
+        why = why or self._why(stamp)
+        if why in ("frontier", "clock"):
+            waited = self._waits.of(stamp, arrival) if self._waits else ()
+        else:
+            waited = tuple(heapq.nsmallest(MOST_TOLD, self._behind(stamp)))
+        return Released(self._held.pop(arrival), why, waited=waited)
 
-    def _moved(self, source: Source, *, new: bool = False) -> None:
+    @property
+    def _reach(self) -> int:
+        """The time up to which nothing waits for any stream."""
+        if not self._frontiers:
+            return sys.maxsize
+        return -1 if self._limit is None else self._limit
+
+    def _behind(self, stamp: int) -> Iterator[Source]:
+        """The open streams that may have something older than a stamp still."""
+        return (s for s, known in self._frontiers.items() if known.reached is None or known.reached < stamp)
+
+    def _moved(self, source: Source, before: int | None, *, new: bool = False) -> None:
         """A frontier rises unless a new publisher lowers it, so that the least one changes only where it moved."""
         if new or source == self._slowest:
             self._find_slowest()
+            if self._heap or self._waits:
+                self._waits.over([(source, before)], self._reach, self._arrivals, held=bool(self._heap))
 
     def _find_slowest(self) -> None:
         self._slowest, self._limit = None, None

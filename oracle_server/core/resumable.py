@@ -6,11 +6,11 @@ import itertools
 from collections import defaultdict
 
 from oracle_server.core.asking import Asking
-from oracle_server.core.events import ENDED, Event, Order, Step, StreamKey
+from oracle_server.core.events import ENDED, Event, Order, Source, Step, StreamKey
 from oracle_server.core.judge import Judge
 from oracle_server.core.kinds import TICK
 from oracle_server.core.plan import Plan
-from oracle_server.core.reorder import ReorderBuffer, Source
+from oracle_server.core.reorder import ReorderBuffer
 from oracle_server.core.revise.lateness import Lateness
 from oracle_server.core.snapshot import SessionSnapshot
 from oracle_server.core.spec import orders

@@ -12,10 +12,10 @@ from oracle_server.core.arriving import Arriving
 from oracle_server.core.asking import Ask, Asking, Waiting
 from oracle_server.core.bypass import Bypass, Bypasses
 from oracle_server.core.engine import Answer, Engine
-from oracle_server.core.events import Event, Order, Step, StreamKey
+from oracle_server.core.events import Event, Order, Source, Step, StreamKey
 from oracle_server.core.judge import Judge
 from oracle_server.core.plan import Plan
-from oracle_server.core.reorder import Released, ReorderBuffer, Source
+from oracle_server.core.reorder import Released, ReorderBuffer
 from oracle_server.core.resumable import Resumable
 from oracle_server.core.revise.judge import RevisingJudge
 from oracle_server.core.revise.lateness import Lateness
@@ -92,11 +92,12 @@ class Session(Resumable):
     @property
     def next_deadline(self) -> int | None:
         """When `advance` should be called next, None while nothing waits for time to pass."""
-        if self.buffer.due is not None or self._unticked:
+        late = self.lateness
+        if self.buffer.due is not None or self._unticked or (late is not None and late.judge.ahead):
             return self.now
         deadline = self.buffer.next_deadline
-        if self.lateness is not None and (late := self.lateness.next_deadline(self.now)) is not None:
-            deadline = late if deadline is None else min(deadline, late)
+        if late is not None and late.due is not None:
+            deadline = late.due if deadline is None else min(deadline, late.due)
         if not self._ticking or self.simulated is not None or self.asking:
             return deadline
         ticks = [
@@ -111,8 +112,10 @@ class Session(Resumable):
     @property
     def has_due(self) -> bool:
         """Whether anything is left that is due by the order, or that a late event has judged again."""
-        late = None if self.lateness is None else self.lateness.next_deadline(self.now)
-        return self.buffer.due is not None or (late is not None and late <= self.now)
+        if self.buffer.due is not None or self.is_revising:
+            return True
+        due = None if self.lateness is None else self.lateness.due
+        return due is not None and due <= self.now
 
     def divide(self, enough: Callable[[], bool]) -> None:
         """Judge what the order releases at once, and deadlines, one by one until `enough`; the rest is due at once.
@@ -174,8 +177,9 @@ class Session(Resumable):
         self.now = max(self.now, now)
         released = self.buffer.advance(self.now)
         judged = self._judge(released) if released else []
-        if self.lateness is not None:
-            judged += self.lateness.go_on(self.now, self._enough)
+        late = self.lateness
+        if late is not None and (late.due is not None or late.judge.ahead or late.judge.unknown):
+            judged += late.go_on(self.now, self._enough)
         return judged + self._run_out(wholly=wholly) if self._ticking else judged
 
     def release(self, now: int) -> list[Judged]:
@@ -349,7 +353,7 @@ class Session(Resumable):
         heard = self.lateness is None or released.why in ("frontier", "clock")
         return Step(
             step.event, step.signals, step.failed, step.stamp, step.skewed, late, released.why == "capacity", skipped,
-            released.why, _NONE if heard else self.buffer.unheard(step.time),
+            released.why, _NONE if heard else self.buffer.unheard(step.time), released.waited,
         )  # fmt: skip
 
     def _ask(self, order: Order, step: Step) -> list[Judged]:

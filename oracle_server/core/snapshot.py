@@ -51,13 +51,15 @@ class RevisingSnapshot(TypedDict):
     """A judge that revises, as of before the first row that it keeps: it can still go back to any that is newer.
 
     `position` is that of the last row before them, and `included` are late events after it that were put in places
-    before them. `before` and `floor` are as in `Point` and `Keeping`, `finals` those of `RevisableState`.
+    before them; `deadline` is the latest that was told (ns) before the first of those rows that is not in order, or the
+    latest of all. `before` and `floor` are as in `Point` and `Keeping`, `finals` those of `RevisableState`.
     """
 
     judge: JudgeSnapshot
     position: int
     included: list[int]
     floor: int
+    deadline: int
     before: int
     numbered: int
     finals: Sequence[tuple[str | None, int, bool]]

@@ -111,7 +111,7 @@ class External:
 
 @dataclass(frozen=True, slots=True)
 class Property:
-    """A named formula; `text` is the formula as its author wrote it.
+    """A named formula; `text` is what its author wrote, under the key that `says` it.
 
     An `external` one has `SILENT` there, and a `numeric` one, whose formula is over numbers, stands for its signals.
     """
@@ -129,6 +129,9 @@ class Property:
     engine: str = "auto"
     numeric: bool = False
     external: External | None = None
+    says: Literal["formula", "pattern", "requirement"] = "formula"
+    measures: tuple[Definition, ...] = ()
+    """The derived signals that a pattern makes for itself."""
 
     @property
     def atoms(self) -> tuple[Atom, ...]:

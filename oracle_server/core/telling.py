@@ -76,7 +76,10 @@ class Telling:
         if judged or state.owed is None:
             said += self._derived.told(state.property.atoms, signals, failed, time, self._recent.named)
         why = state.why.data(partial(self._recent.recall, timed=timed))
-        return Explanation(state.property.text, signals, "; ".join(said), why, told, count)
+        text = "; ".join(said)
+        if state.property.says != "formula":  # a sentence is told in its own words first
+            text = f'"{state.property.text}": {text}'
+        return Explanation(state.property.text, signals, text, why, told, count)
 
     def _conclude(
         self,

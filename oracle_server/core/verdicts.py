@@ -11,11 +11,11 @@ import msgspec
 
 from oracle_server.core.episode import Changes
 from oracle_server.core.errors import one_line
-from oracle_server.core.events import ENDED, Order, Step
+from oracle_server.core.events import ENDED, Order, Source, Step
 from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.kinds import TICK
 from oracle_server.core.naming import event_name, moment, step_name
-from oracle_server.core.records import AboutRecord, ExplanationRecord, Number, VerdictRecord, WhyRecord
+from oracle_server.core.records import AboutRecord, ExplanationRecord, Number, VerdictRecord, WaitedRecord, WhyRecord
 
 
 class Outcome(StrEnum):
@@ -156,9 +156,17 @@ def record(judged: Judged, verdict: Verdict) -> VerdictRecord:
     }
     if step.released is not None:
         made["released"] = step.released
+    if step.waited:
+        made["waited"] = [waited_record(source) for source in step.waited]
     if judged.place is not None:
         made["place"] = judged.place
     return explained(made, explain(judged, verdict))
+
+
+def waited_record(source: Source) -> WaitedRecord:
+    """A stream that was waited for, as plain data."""
+    monitor, stream = source
+    return {"monitor": monitor, "stream": stream.name, "kind": stream.kind}
 
 
 def explained(found: VerdictRecord, explanation: ExplanationRecord | None) -> VerdictRecord:

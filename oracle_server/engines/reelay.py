@@ -8,9 +8,8 @@ on a formula that it can't parse, and reads some operators differently (`[0:0]`,
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from typing import Any
-
-import reelay
 
 from oracle_server.core.atoms import Matches
 from oracle_server.core.engine import outcome
@@ -44,6 +43,15 @@ _FILLER = "-"
 """What a variable's key carries while its atom is false; no canonical value reads so."""
 
 
+def demand() -> None:
+    """Raises `EngineError` where reelay is not installed."""
+    if find_spec("reelay") is None:
+        raise EngineError(
+            "`engine: reelay` and `both` need reelay, which is not installed: it is there for Linux; leave `engine` "
+            "out, or write `engine: native`"
+        )
+
+
 def refusal(formula: Formula, time: str) -> str | None:
     """Why this engine can't judge a formula, None where it can."""
     if looks_ahead(formula):
@@ -60,7 +68,10 @@ class ReelayEngine:
     """One reelay monitor; takes some 20 ms and 10 MB to make where the formula has quantifiers."""
 
     def __init__(self, formula: Formula, max_values: int = MAX_VALUES) -> None:
-        """Raises `EngineError` where this engine can't judge the formula."""
+        """Raises `EngineError` where this engine can't judge the formula, or reelay is not installed."""
+        demand()
+        import reelay
+
         reason = refusal(formula, "steps")
         if reason:
             raise EngineError(reason)

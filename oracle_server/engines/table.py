@@ -14,12 +14,11 @@ from oracle_server.core.formula.parse import Time, parse_formula
 from oracle_server.core.formula.tree import Formula
 from oracle_server.core.plan import Plan
 from oracle_server.core.spec import Property, orders
-from oracle_server.engines import stl
+from oracle_server.engines import reelay, stl
 from oracle_server.engines.both import BothEngine
 from oracle_server.engines.external import ExternalEngine
 from oracle_server.engines.native import NativeEngine
 from oracle_server.engines.reelay import ReelayEngine
-from oracle_server.engines.reelay import refusal as reelay_refusal
 
 _NATIVE = "leave `engine` out, or write `engine: native`"
 _UNSHARED = 10
@@ -95,10 +94,15 @@ def _read_stl(text: str, time: Time, _: Names) -> Formula:
     return read_stl(text, time).formula
 
 
+def _read_for_reelay(text: str, time: Time, names: Names) -> Formula:
+    reelay.demand()
+    return parse_formula(text, time, names)
+
+
 def _reelay_refuses(prop: Property) -> Refusal | None:
     if looks_ahead(prop.formula):
         return _both_refuses(prop)
-    reason = reelay_refusal(prop.formula, prop.time)
+    reason = reelay.refusal(prop.formula, prop.time)
     return None if reason is None else Refusal("time" if prop.time != "steps" else "formula", reason)
 
 
@@ -115,8 +119,10 @@ ENGINES: Mapping[str, Row] = MappingProxyType(
     {
         "auto": Row(_native, native=True),
         "native": Row(_native, native=True),
-        "reelay": Row(_reelay, refuses=_reelay_refuses, goes_back=_never),
-        "both": Row(_both, refuses=_both_refuses, goes_back=lambda prop: not _reelay_can(prop), native=True),
+        "reelay": Row(_reelay, _read_for_reelay, refuses=_reelay_refuses, goes_back=_never),
+        "both": Row(
+            _both, _read_for_reelay, refuses=_both_refuses, goes_back=lambda prop: not _reelay_can(prop), native=True
+        ),
         "rtamt": Row(_rtamt, _read_stl, goes_back=_never, explicable=False, numeric=True),
         "external": Row(_external, goes_back=_never, explicable=False),
     }

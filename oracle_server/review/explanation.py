@@ -2,31 +2,24 @@
 
 from __future__ import annotations
 
-import asyncio
-import time
 from collections.abc import Sequence
 from functools import partial
 
-from oracle_server.core.atoms import Matches
-from oracle_server.core.engine import Engine
-from oracle_server.core.errors import OracleError
 from oracle_server.core.events import ENDED, Order
-from oracle_server.core.plan import Plan, judged_by, plan
+from oracle_server.core.plan import Plan
 from oracle_server.core.presence import grace
 from oracle_server.core.records import ExplanationRecord, VerdictRecord
 from oracle_server.core.revise.queued import Asked
 from oracle_server.core.revise.saving import SavableJudge
 from oracle_server.core.session import Session
-from oracle_server.core.spec import SECOND, Property, Spec, orders
+from oracle_server.core.spec import SECOND, Property, Spec
 from oracle_server.core.verdicts import Outcome, explain
 from oracle_server.core.verdicts import explained as with_explanation
-from oracle_server.engines.native import NativeEngine
 from oracle_server.engines.table import ENGINES
 from oracle_server.history.port import Reading
-from oracle_server.history.records import SessionRecord, SnapshotRecord, StoredStep, recorded
+from oracle_server.history.records import SnapshotRecord, StoredStep, recorded
 from oracle_server.history.views import View, records, said
-from oracle_server.review.beginning import begin
-from oracle_server.specfiles.load import parse_spec
+from oracle_server.review.again import GONE, Again, NoExplanationError, judge_in_thread, plan_of
 
 _REMEMBERED = 20_000
 """Past steps that an explanation can refer to."""
@@ -34,11 +27,6 @@ _EFFORT = 2_000_000
 """The limit on the work of one explanation."""
 _LONG = 50_000
 """Steps that are always judged again from the first one; more, from a snapshot before the verdict if there is one."""
-_GONE = "what came before it is not kept any more, so that it can't be judged again"
-
-
-class NoExplanationError(OracleError):
-    """A verdict can't be explained."""
 
 
 async def explained(history: Reading, session: int, n: int, view: View = "standing") -> VerdictRecord | None:
@@ -63,7 +51,7 @@ async def explained(history: Reading, session: int, n: int, view: View = "standi
     if "revises" in record:
         first = record["revises"]["from"]
         raise NoExplanationError(f"verdict {n} is a revision; ask why verdict {first} stands as it does")
-    ready = await history.in_thread(partial(_plan, opened))
+    ready = await history.in_thread(partial(plan_of, opened))
     prop = ready.spec.properties[index]
     if not ENGINES[prop.engine].explicable and record["explanation"] is not None:
         return record
@@ -72,15 +60,11 @@ async def explained(history: Reading, session: int, n: int, view: View = "standi
     if ready.spec.ordering.late == "revise":
         step = stored if target == stored.position else await history.step(session, target)
         if step is None:
-            raise NoExplanationError(_GONE)
+            raise NoExplanationError(GONE)
         again: _Explaining = _ExplainingRevised(ready, index, step, opened.begun, stands=view == "standing")
     else:
         again = _Explaining(ready, index, stored.order, target, opened.begun)
     return with_explanation(record, await _explain(history, session, again))
-
-
-def _plan(opened: SessionRecord) -> Plan:
-    return judged_by(plan(parse_spec(opened.text, opened.id, bounded=False).spec), opened.by)
 
 
 def _demand_explicable(
@@ -124,95 +108,55 @@ async def _decided(history: Reading, session: int, stored: StoredStep, index: in
 async def _explain(history: Reading, session: int, again: _Explaining) -> ExplanationRecord | None:
     first, last = await history.extent(session)
     if first > last:
-        raise NoExplanationError(_GONE)
+        raise NoExplanationError(GONE)
     snapshot = await history.snapshot(session) if again.target > _LONG or first > 1 else None
     if snapshot is not None and not first - 1 <= snapshot.position < again.target:
         snapshot = None
     position = await history.in_thread(partial(again.begin, snapshot))
     if position < first - 1:
-        raise NoExplanationError(_GONE)
+        raise NoExplanationError(GONE)
     async for page in history.steps(session, position, again.upto):
-        await _judge(history, again, page, position)
+        await judge_in_thread(history, again, page, position)
         position = page[-1].position
         if again.is_done:
             break
     if position < again.target:
-        raise NoExplanationError(_GONE)
+        raise NoExplanationError(GONE)
     if again.explanation is None and again.upto != again.target:
         raise NoExplanationError("judged again, it does not come out as it stands, so that it can't be explained")
     return again.explanation
 
 
-async def _judge(history: Reading, again: _Explaining, page: Sequence[StoredStep], position: int) -> None:
-    """Judge a page in a thread; where it is cancelled, wait until the thread has ended its present step."""
-    thread = asyncio.ensure_future(history.in_thread(partial(again.judge, page, position)))
-    try:
-        await asyncio.shield(thread)
-    except asyncio.CancelledError:
-        again.given_up = True
-        await asyncio.wait((thread,))
-        raise
-
-
-class _Explaining:
-    """A session judged again up to a position, one property of it by the native engine."""
+class _Explaining(Again):
+    """A session judged again up to a position."""
 
     def __init__(self, ready: Plan, index: int, order: Order, target: int, begun: int | None) -> None:
+        super().__init__(ready, index, begun)
         self.target = target
         self.upto: int | None = target
         """The position of the last step that is judged again; None for the last one that there is."""
-        self.given_up = False
-        """Whether the request was cancelled."""
         self.explanation: ExplanationRecord | None = None
         """The explanation of the property's outcome at the target, once that was judged."""
-        self._plan, self._index, self._order, self._begun = ready, index, order, begun
-        self._core: Session
-        self._recorded: list[tuple[int, _Recorded]] = []
+        self._order = order
 
     @property
     def is_done(self) -> bool:
         """Whether later steps change nothing of the explanation."""
         return False
 
-    def begin(self, snapshot: SnapshotRecord | None) -> int:
-        """Begin the session, from a snapshot where it can be used; returns the position of its last step."""
-        self._core, position, _ = begin(self._fresh, snapshot)
-        return position
-
-    def judge(self, steps: Sequence[StoredStep], position: int) -> None:
-        """Judge the steps after a position again."""
-        for expected, stored in enumerate(steps, position + 1):
-            if stored.position != expected:  # they were deleted meanwhile
-                raise NoExplanationError(_GONE)
-            if self.given_up:
-                return
-            self._judge(stored)
-            time.sleep(0)  # yields the interpreter to the event loop
-
     def _judge(self, stored: StoredStep) -> None:
         state = self._core.judges[self._order].properties[self._index]
-        for place, engine in self._recorded:
-            engine.outcome = stored.outcomes[place]
+        self._repeat(stored)
         state.asked = stored.position == self.target
         judged = self._core.rejudge(stored.order, stored.step, stored.judged)
         if state.asked and judged is not None:
             self.explanation = explain(judged, judged.verdicts[self._index])
 
     def _fresh(self) -> Session:
-        self._recorded = []
-        spec = self._plan.spec
-        engines = [[self._engine(i, p) for i, p in enumerate(spec.properties)] for _ in orders(spec)]
-        core = Session(self._plan, engines, begun=self._begun)
+        core = super()._fresh()
         for judge in core.judges.values():
             judge.remember(_REMEMBERED, _EFFORT)
         return core
-
-    def _engine(self, index: int, prop: Property) -> Engine:
-        if ENGINES[prop.engine].explicable and (index == self._index or ENGINES[prop.engine].native):
-            return NativeEngine(prop.formula, prop.time)
-        engine = _Recorded()
-        self._recorded.append((index, engine))
-        return engine
 
 
 class _ExplainingRevised(_Explaining):
@@ -257,14 +201,3 @@ class _ExplainingRevised(_Explaining):
 
     def _judge(self, stored: StoredStep) -> None:
         self._core.rejudge_row(recorded(stored, self._names), stored.position)
-
-
-class _Recorded:
-    """An engine that repeats recorded outcomes."""
-
-    def __init__(self) -> None:
-        self.outcome = Outcome.UNKNOWN
-
-    def step(self, time: int, matches: Matches) -> Outcome:  # noqa: ARG002 -- as every engine
-        """The recorded outcome."""
-        return self.outcome

@@ -20,6 +20,7 @@ from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.render import render
 from oracle_server.core.judge import Judge
 from oracle_server.core.plan import StreamPlan, plan
+from oracle_server.core.revise.kept import Kept
 from oracle_server.core.revisions import Revision, Standing
 from oracle_server.core.session import Session
 from oracle_server.core.simulated import ClockReading
@@ -221,7 +222,7 @@ class Run:
             if due is None or due > now:
                 return
             yield from self.session.advance(max(due, self.session.now))
-            if self.stops is not None and self.session.buffer.due is None and self.stops.random() < 0.1:
+            if self.stops is not None and self.stops.random() < 0.1:
                 return
         raise AssertionError("the session never comes to rest")
 
@@ -237,12 +238,14 @@ class Run:
         assert self.session.lateness is not None
         unordered = {stream.key for stream in self.case.spec.streams if not stream.ordered}
         there = any(j.step.event.stream in unordered for j in judged)
-        for row in self.session.lateness.judge.keeping if there else ():
+        judge = self.session.lateness.judge
+        again = (row for row in judge.ahead if isinstance(row, Kept))  # a pass may have begun behind them
+        for row in [*judge.keeping, *again] if there else ():
             event = row.step.event
             if event.stream in unordered and (event.monitor, event.seq) not in self.keys:
                 identity = event.monitor, event.seq
                 self.levels[identity], self.keys[identity] = row.level, row.key
-                self.presents[identity] = row.point.present
+                self.presents[identity] = row.present
 
     def stands(self) -> list[Line]:
         """What stands, in the order of publication."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -110,6 +111,39 @@ def test_the_worst_is_the_value_furthest_from_its_bound() -> None:
     values = [worst.value for _, worst in _texts(judged) if worst is not None]
     assert values == [7, 7, 9.5, 9.5, 9.5]
     assert judged[1].episodes[0].episode.worst == Worst(signal="v", op="<=", bound=5, value=7)
+
+
+@pytest.mark.parametrize(
+    ("formula", "values", "worst"),
+    [
+        ("not {v > 5}", [{"v": 7}, {"v": 1}, {"v": 9.5}, {"v": 1}, {"v": 6}], ("v", "<=", 5, 9.5, None)),
+        ("not {v <= -2}", [{"v": -3}, {"v": 1}, {"v": -2}], ("v", ">", -2, -3, None)),
+        ("not {on, v > 5}", [{"on": True, "v": 7}, {"on": False, "v": 99}], ("v", "<=", 5, 7, None)),
+        ("{on} -> not {v > 5}", [{"on": True, "v": 7}], ("v", "<=", 5, 7, None)),
+        ("{w > 1} -> {v <= 5}", [{"w": 99, "v": 7}], ("v", "<=", 5, 7, None)),
+        (
+            "not {v > limit}",
+            [{"v": 7, "limit": 4}, {"v": 1, "limit": 4}, {"v": 9, "limit": 8}],
+            ("v", "<=", 4, 7, "limit"),
+        ),
+        ("{v <= 5} and not {w > 1}", [{"v": 1, "w": 3}], ("w", "<=", 1, 3, None)),
+        ("not {v > 5} and not {v < 1}", [{"v": 7}], None),
+        ("not {on}", [{"on": True}], None),
+        ("not (once {v > 5})", [{"v": 7}], None),
+    ],
+)
+def test_the_worst_of_what_must_not_be_is_the_value_furthest_beyond_it(
+    formula: str, values: list[dict[str, Any]], worst: tuple[Any, ...] | None
+) -> None:
+    session = open_session([prop("p", formula)], attach={"m": [A]}, maker=native, by="arrival")
+    feed = Feed(session)
+    judged = [row for at, data in enumerate(values, 1) for row in feed(A, at, data)]
+    found = _texts(judged)[-1][1]
+    if worst is None:
+        assert found is None
+    else:
+        signal, op, bound, value, than = worst
+        assert found == Worst(signal=signal, op=op, bound=bound, value=value, than=than)
 
 
 def kept(rows: list[Judged]) -> Kept:

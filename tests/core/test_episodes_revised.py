@@ -20,6 +20,8 @@ from tests.episodes import Kept, Line, expected, told
 from tests.strategies import SECOND
 
 CASES = int(os.environ.get("CASES", "400"))
+DIFFERED = (3666412842, 3666412941)
+"""Of these a deadline had another number after a restart, and an end was told twice."""
 
 
 @dataclass
@@ -60,7 +62,7 @@ def standing(run: Run) -> list[list[Line]]:
 @pytest.mark.parametrize("time", ["steps", "seconds"])
 def test_episodes_are_those_of_the_rows_as_they_stand(time: Time, restarts: float) -> None:
     found, revised = 0, 0
-    for number in range(SEED, SEED + CASES):
+    for number in (*DIFFERED, *range(SEED, SEED + CASES)):
         rng = random.Random(f"episodes {time} {number}")
         spec, events = case(rng, time)
         spec = dataclasses.replace(spec, gap=rng.choice((0, SECOND, 4 * SECOND)))

@@ -176,6 +176,15 @@ def test_a_guard_denies_what_breaks_it() -> None:
     assert found[-1]["pending"] == 1
 
 
+def test_a_guard_to_blame_for_what_it_caused_is_judged_without_the_first_event_too() -> None:
+    text = "not first -> {c: 2} until ((not {c: 1} -> true) or {b: false})"
+    streams = [StreamSpec("/a", action="filter", on_deny="undo"), StreamSpec("/b")]
+    session = opened(prop("p", text, guards=frozenset({"/a"}), blame="caused"), streams=streams)
+    (judged,) = Feed(session)(A, 1, {"goal": "g1"}, ask=True)
+    assert judged.verdicts[0].outcome is Outcome.CURRENTLY_TRUE
+    assert session.judges["arrival"].properties[0].broken is None
+
+
 @pytest.mark.parametrize("at_end", ["ignore", "violated"])
 def test_what_is_open_at_the_end(at_end: Any) -> None:
     session = opened(

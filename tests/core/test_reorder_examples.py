@@ -87,12 +87,15 @@ def test_waits_max_delay_and_no_longer() -> None:
     assert buffer.next_deadline == 110
     assert buffer.advance(109) == []
     assert buffer.advance(110) == [
-        Released(2, "max_delay"),
-        Released(0, "max_delay"),
+        Released(2, "max_delay", waited=(SC,)),
+        Released(0, "max_delay", waited=(SB, SC)),
     ]  # the older one goes first, though it came later
     assert buffer.push(3, SC, "", 49, 110) == [Released(3, "max_delay", late=True)]
     assert buffer.push(4, SC, "", 50, 110) == []
-    assert buffer.advance(111) == [Released(4, "max_delay"), Released(1, "max_delay")]
+    assert buffer.advance(111) == [
+        Released(4, "max_delay", waited=(SB,)),
+        Released(1, "max_delay", waited=(SB, SC)),
+    ]
     assert buffer.next_deadline is None
 
 
@@ -100,7 +103,7 @@ def test_the_oldest_leaves_for_want_of_room() -> None:
     buffer = opened(None, capacity=2)
     assert [buffer.push(n, SA, "", stamp, n) for n, stamp in enumerate((3, 5, 5))][:2] == [[], []]
     assert len(buffer) == 2
-    assert buffer.push(3, SB, "", 4, 4) == [Released(3, "capacity")]
+    assert buffer.push(3, SB, "", 4, 4) == [Released(3, "capacity", waited=(SC,))]
     assert buffer.push(4, SB, "", 2, 5) == [Released(4, "max_delay", late=True)]
 
 

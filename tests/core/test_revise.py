@@ -13,15 +13,17 @@ from oracle_server.core.atoms import Matches
 from oracle_server.core.events import Event
 from oracle_server.core.formula.parse import Time, parse_formula
 from oracle_server.core.plan import plan
+from oracle_server.core.revise.judge import FEW
 from oracle_server.core.revise.kept import Keeping
 from oracle_server.core.revise.lateness import TOGETHER
+from oracle_server.core.revise.saving import SavableJudge
 from oracle_server.core.revisions import Revision
 from oracle_server.core.session import Session
 from oracle_server.core.simulated import ClockReading
 from oracle_server.core.spec import Ordering, Property, Spec, StreamSpec
 from oracle_server.core.verdicts import Judged, Outcome, explain
 from oracle_server.engines.native import NativeEngine
-from tests.core.revising import A, B, Run, case, compared, reference
+from tests.core.revising import A, B, Run, U, case, compared, reference
 from tests.engines.test_against_brute import SEED
 from tests.strategies import SECOND
 
@@ -236,6 +238,72 @@ def test_to_restore_what_came_late_judges_each_step_about_once_and_not_as_often_
     }
 
 
+WAITING = 'not (once[1s:60s] ({topic: "/a"} and pre {topic: "/b"}) and {never: true})'
+"""It has a deadline 1 s after each message on /a, and none changes it."""
+
+
+def timed_session() -> Session:
+    ordering = Ordering(max_delay=100 * MS, late="revise", horizon=SECOND)
+    prop = Property("p", parse_formula(WAITING, "seconds"), WAITING, time="seconds")
+    streams = (StreamSpec("/a"), StreamSpec("/u", ordered=False))
+    session = Session(plan(Spec("s", streams, (prop,), ordering)), [[NativeEngine(prop.formula, "seconds")]])
+    session.attach("m", [A, U], SECOND)
+    return session
+
+
+def told_by_a(session: Session, until: int) -> list[Judged]:
+    """The clock of /a (ms), which judges all that is older."""
+    return session.clock("m", [ClockReading(A, until * MS)], until * MS)
+
+
+def test_a_step_without_order_stands_behind_what_was_told_before_it() -> None:
+    session, rows = timed_session(), list[Judged]()
+    rows += session.ingest(event(A, 1, 2_000, 2_000))
+    rows += told_by_a(session, 3_050)
+    rows += session.ingest(Event(U, "m", 2, 3_050 * MS, 3_050 * MS, {}))
+    assert len(rows) == 2, "the deadline changed nothing"
+    again = Session(session.plan, [[NativeEngine(p.formula, "seconds") for p in session.plan.spec.properties]])
+    for position, row in enumerate(rows, 1):
+        again.rejudge_row(row, position)
+    again.finish_again()
+    found = []
+    for each in (session, again):
+        assert each.lateness is not None
+        found.append([(row.key, row.level) for row in each.lateness.judge.keeping])
+    assert found[0] == found[1]
+    late = session.ingest(event(A, 3, 2_900, 3_060)) + told_by_a(session, 3_100)
+    assert [row.step.late for row in late] == [False], "nothing that was told is younger"
+
+
+def test_what_is_kept_has_no_messages() -> None:
+    session = session_of(PAIRED)
+    judged = session.ingest(event(A, 1, 2_000, 2_000, scan=[0.0] * 1_000)) + session.advance(2_200 * MS)
+    assert session.lateness is not None
+    assert (
+        [row.step.event.seq for row in session.lateness.judge.keeping] == [row.step.event.seq for row in judged] == [1]
+    )
+    assert judged[0].step.event.data is None, "its signals are computed, and a horizon may have 10,000 of them"
+
+
+def test_few_deadlines_are_judged_again_with_each_step_without_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    session, ticks = timed_session(), list[int]()
+    for seq in range(1, 201):
+        session.ingest(event(A, seq, 2_000 + seq, 2_000 + seq))
+    told_by_a(session, 5_000)
+    tick = SavableJudge.tick
+
+    def counted(self: SavableJudge, time: int, *rest: Any) -> Judged | None:
+        ticks.append(time)
+        return tick(self, time, *rest)
+
+    monkeypatch.setattr(SavableJudge, "tick", counted)
+    for seq in range(1, 31):
+        at = (5_000 + 10 * seq) * MS
+        session.ingest(Event(U, "m", 200 + seq, at, at, {}))
+        session.advance(at)
+    assert len(ticks) < 30 * (FEW + 2) + 200
+
+
 def test_an_explanation_names_steps_by_their_numbers_and_windows_by_places() -> None:
     session = session_of('not {topic: "/b"} or not once[1:] {topic: "/a", bad: true}')
     for seq in range(1, 4):
@@ -274,3 +342,15 @@ def test_an_explanation_counts_a_window_in_places_where_late_events_were_put_in_
     assert change.explanation is not None
     assert "at step 4 (2.040 s)" in change.explanation["text"]
     assert "none in places 2–3" in change.explanation["text"]  # noqa: RUF001
+
+
+def test_no_more_steps_are_remembered_than_explanations_and_kept_rows_need() -> None:
+    session = session_of(PAIRED)
+    assert session.lateness is not None
+    judge = session.lateness.judge
+    judge.remember(10, 1_000)
+    for seq in range(1, 401):
+        session.ingest(event(A, seq, 2_000 + 10 * seq, 2_000 + 10 * seq))
+    session.advance(6_100 * MS)
+    remembered = [place for place, *_ in judge._recent._steps]
+    assert len(remembered) <= 10 + 100 + 2 * 64, "a horizon has 100 steps, and rows are forgotten 64 at once"

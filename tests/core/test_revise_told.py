@@ -27,8 +27,8 @@ class Asked(Run):
 
     def stand(self) -> Any:
         (judge,) = self.session.judges.values()
-        properties, counters = judge.told
-        return [[getattr(state, name) for name in SHOWN] for state in properties], astuple(counters)
+        properties, counters, following = judge.told
+        return [[getattr(state, name) for name in SHOWN] for state in properties], astuple(counters), following
 
     def take(self, judged: Iterable[Judged]) -> None:
         rows = list(judged)
@@ -57,7 +57,7 @@ def test_nothing_is_told_of_a_pass_that_goes_on_and_what_is_counted_is_what_was_
         run = Asked(case(rng, rng.choice(["steps", "seconds"])), divided=True)
         run.judge(rng)
         (judge,) = run.session.judges.values()
-        properties, counters = judge.told
+        properties, counters, _ = judge.told
         assert (counters.revised, counters.retracted) == (run.changes, run.retracted)
         stands = sum(len(run.book.stands(position).explanations) for position in run.book.first)
         assert sum(p.violations for p in properties) == stands == run.told + run.appeared - run.retracted

@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 
 from oracle_server.history.memory import MemoryHistory
-from oracle_server.history.pages import find
 from oracle_server.history.query import Query
 from oracle_server.history.records import Refusal, SnapshotRecord
 from oracle_server.process.clock import Clock
 from oracle_server.sessions.registry import Registry
 from oracle_server.specfiles.library import Library
 from oracle_server.wire.errors import WireError
+from tests.history.making import find
 from tests.processes import PATIENCE
 from tests.sessions.making import Kept, attach, event
 

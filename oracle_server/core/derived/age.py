@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Collection
-from functools import partial
 from typing import Any
+
+import msgspec
 
 from oracle_server.core.derived.definition import Definition
 from oracle_server.core.derived.flips import turning_ages
@@ -37,7 +38,7 @@ class Age:
     def take(self, sample: Value, now: int, number: int, _signals: Signals, _failed: Collection[str]) -> Value | None:
         """It holds now, or it is not known whether; returns the age."""
         if self._session.journal.entries is not None:
-            self._session.journal.entries.append(partial(self._become, self._since, self.last, self._failed))
+            self._session.journal.entries.append(_Held(self, self._since, self.last, self._failed))
         self._failed = sample is FAILED
         if self._failed:
             return FAILED
@@ -76,5 +77,19 @@ class Age:
         """Take over a snapshot."""
         self._since, self._failed, self.last = data
 
-    def _become(self, since: int | None, last: int, failed: bool) -> None:
+    def become(self, since: int | None, last: int, failed: bool) -> None:
+        """Be as it was."""
         self._since, self.last, self._failed = since, last, failed
+
+
+class _Held(msgspec.Struct, frozen=True, gc=False):
+    """Takes back that it held."""
+
+    age: Age
+    since: int | None
+    last: int
+    failed: bool
+
+    def __call__(self) -> None:
+        """Take it back."""
+        self.age.become(self.since, self.last, self.failed)

@@ -9,7 +9,7 @@ from fractions import Fraction
 from oracle_server.core.derived.definition import MAX_SAMPLES
 from oracle_server.core.derived.flips import answer, counts_below
 from oracle_server.core.derived.samples import FAILED, Value
-from oracle_server.core.derived.window import OFTEN, TIME, Asked, Window, least
+from oracle_server.core.derived.window import OFTEN, TIME, Asked, Left, Taken, Window, least
 from oracle_server.core.events import Signals
 from oracle_server.core.formula.tree import Constraint
 
@@ -23,8 +23,11 @@ class Count(Window):
 
     def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
         """Add one; returns how many there are then."""
-        if sample is FAILED or self.journal.entries is not None or self.budget.used >= MAX_SAMPLES:
+        if sample is FAILED or self.budget.used >= MAX_SAMPLES:
             return super().take(sample, now, number, signals, failed)
+        entries = self.journal.entries
+        if entries is not None:
+            entries.append(Taken(self, self.last, self.head))
         self.last = number
         at = now if self.clock == TIME else number
         limit = at - self.width
@@ -37,7 +40,7 @@ class Count(Window):
             self.head = after  # one comes and one leaves, as most often
         else:
             self.budget.used += 1
-            self.move(limit)
+            self.pass_by(limit)
         return len(places) - self.head if self.failed_at is None or self.failed_at <= limit else FAILED
 
     def value(self, now: int, number: int, _signals: Signals, _failed: Collection[str]) -> Value | None:
@@ -46,7 +49,9 @@ class Count(Window):
         places, head = self.places, self.head
         if head < len(places) and places[head] <= limit:
             after = head + 1
-            if after & OFTEN and self.journal.entries is None and (after == len(places) or places[after] > limit):
+            if after & OFTEN and (after == len(places) or places[after] > limit):
+                if self.journal.entries is not None:
+                    self.journal.entries.append(Left(self, head))
                 self.head = after  # as most often
                 self.budget.used -= 1
             else:

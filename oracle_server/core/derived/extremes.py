@@ -50,14 +50,14 @@ class Extreme(Window):
             budget.used += 1
         limit = now - self.width
         if places[head] <= limit:
-            self.move(limit)
+            self.pass_by(limit)
             head = self.head
         if self.failed_at is not None and self.failed_at > limit:
             return FAILED
         return -values[head] if sign < 0 else values[head]
 
     def add(self, at: int, sample: Value) -> None:
-        """Add a number, and let go of those that can't be the least one any more."""
+        """Add a number, and let go of those that can't be the least one any more; who calls this notes it."""
         number: int | float = sample * self._sign  # type: ignore[operator,assignment] # others are `FAILED`
         values, places, head, end = self._values, self.places, self.head, len(self._values)
         while end > head and values[end - 1] >= number:
@@ -70,8 +70,6 @@ class Extreme(Window):
         values.append(number)
         places.append(at)
         self.budget.used += 1 - gone
-        if self.journal.entries is not None:
-            self.journal.entries.append(self._unadd)
 
     def value(self, now: int, number: int, _signals: Signals, _failed: Collection[str]) -> Value | None:
         """The extreme at a step."""
@@ -103,6 +101,6 @@ class Extreme(Window):
         return self.places[min(turns, default=len(self.places)) - 1] + self.width
 
     def _uncut(self, places: list[int], values: list[Any]) -> None:
-        self.places += places
-        self._values += values
+        """Put those back, before the number that they gave way to."""
+        self.places[-1:-1], self._values[-1:-1] = places, values
         self.budget.used += len(places)

@@ -3,8 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
+
+import msgspec
 
 Undo = Callable[[], object]
+
+
+class Was(msgspec.Struct, frozen=True, gc=False):
+    """Gives an attribute the value that it had.
+
+    A third of what a closure takes: where late events are put in their places, those of a horizon's steps are kept.
+    """
+
+    owner: object
+    name: str
+    value: Any
+
+    def __call__(self) -> None:
+        """Take the change back."""
+        setattr(self.owner, self.name, self.value)
 
 
 class Journal:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
-from functools import partial
 from typing import Any, NamedTuple
+
+import msgspec
 
 from oracle_server.core.atoms import canonical, shortened
 from oracle_server.core.derived.age import seconds
 from oracle_server.core.derived.definition import MAX_KEYS, Definition
 from oracle_server.core.derived.flips import turning_ages
-from oracle_server.core.derived.journal import Undo
+from oracle_server.core.derived.journal import Undo, Was
 from oracle_server.core.derived.queue import Key, Queue
 from oracle_server.core.derived.samples import FAILED, Value
 from oracle_server.core.derived.window import Asked, Series, Session, Window, least
@@ -43,6 +44,21 @@ class _Entry:
 
     def __init__(self, series: Series, newest: int, seen: int) -> None:
         self.series, self.newest, self.seen = series, newest, seen
+
+
+class _Had(msgspec.Struct, frozen=True, gc=False):
+    """Gives a key the entry that it had, None where it had none."""
+
+    entries: dict[Key, _Entry]
+    key: Key
+    entry: _Entry | None
+
+    def __call__(self) -> None:
+        """Take the change back."""
+        if self.entry is None:
+            del self.entries[self.key]
+        else:
+            self.entries[self.key] = self.entry
 
 
 class Keyed:
@@ -89,7 +105,7 @@ class Keyed:
         value_of_it = entry.series.take(sample, now, number, signals, failed)
         if entry.newest != position:
             if undone is not None:
-                undone.append(partial(setattr, entry, "newest", entry.newest))
+                undone.append(Was(entry, "newest", entry.newest))
             entry.newest = position
         if self._queued:
             self._queue.add(position, key)
@@ -223,14 +239,14 @@ class Keyed:
     def _enter(self, key: Key, position: int) -> _Entry:
         """A new entry for a key."""
         entry = self._entries[key] = _Entry(self._unseen(), position, self._blinds)
-        self._note(partial(self._entries.__delitem__, key))
+        self._note(_Had(self._entries, key, None))
         return entry
 
     def _see(self, entry: _Entry) -> None:
         """Let a series note the last sample of which the key is not known."""
         if self._blind is not None:
             entry.series.take(FAILED, self._blind.now, self._blind.number, {}, ())
-        self._note(partial(setattr, entry, "seen", entry.seen))
+        self._note(Was(entry, "seen", entry.seen))
         entry.seen = self._blinds
 
     def _let_go(self, now: int, number: int) -> None:
@@ -244,9 +260,9 @@ class Keyed:
             entry = self._entries.get(key)
             if entry is not None and entry.newest <= limit:
                 if isinstance(entry.series, Window):
-                    entry.series.leave(len(entry.series.places))
+                    entry.series.leave()
                 if undone is not None:
-                    undone.append(partial(self._entries.__setitem__, key, entry))
+                    undone.append(_Had(self._entries, key, entry))
                 del self._entries[key]
         if self._blind is not None and self._blind.position <= limit:
             self._change("_blind", None)
@@ -262,7 +278,7 @@ class Keyed:
         return turning_ages(tuple(asked), seconds)
 
     def _change(self, name: str, mark: _Mark | None) -> None:
-        self._note(partial(setattr, self, name, getattr(self, name)))
+        self._note(Was(self, name, getattr(self, name)))
         setattr(self, name, mark)
 
     def _note(self, undo: Undo) -> None:

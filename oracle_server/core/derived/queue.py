@@ -6,7 +6,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
 from functools import partial
 
-from oracle_server.core.derived.journal import Journal
+from oracle_server.core.derived.journal import Journal, Was
 from oracle_server.core.formula.tree import Scalar
 
 Key = Scalar | tuple[bool]
@@ -17,7 +17,7 @@ _LEAST = 1024
 class Queue:
     """Positions that never go down, each with a key."""
 
-    __slots__ = ("_head", "_journal", "_keys", "_most", "_places")
+    __slots__ = ("_head", "_journal", "_keys", "_most", "_places", "_unadd")
 
     def __init__(self, journal: Journal) -> None:
         self._journal = journal
@@ -25,13 +25,15 @@ class Queue:
         self._keys: list[Key] = []
         self._head = 0
         self._most = 2 * _LEAST
+        self._unadd = self._pop
+        """Takes the last one back; each step notes the same."""
 
     def add(self, at: int, key: Key) -> None:
         """Add a key."""
         self._places.append(at)
         self._keys.append(key)
         if self._journal.entries is not None:
-            self._journal.entries.append(self._pop)
+            self._journal.entries.append(self._unadd)
 
     @property
     def is_long(self) -> bool:
@@ -63,7 +65,7 @@ class Queue:
             return []
         end = bisect_right(places, limit, head)
         if self._journal.entries is not None:
-            self._journal.entries.append(partial(setattr, self, "_head", head))
+            self._journal.entries.append(Was(self, "_head", head))
         self._head = end
         return self._keys[head:end]
 

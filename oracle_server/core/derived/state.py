@@ -11,7 +11,7 @@ from oracle_server.core.derived.arithmetic import Arithmetic
 from oracle_server.core.derived.counts import Count, Rate
 from oracle_server.core.derived.definition import Definition
 from oracle_server.core.derived.extremes import Extreme
-from oracle_server.core.derived.journal import Undo, take_back
+from oracle_server.core.derived.journal import Undo, Was, take_back
 from oracle_server.core.derived.keyed import Keyed, key_of, value_of
 from oracle_server.core.derived.latest import Delta, Last, Previous
 from oracle_server.core.derived.layout import Layout, Part
@@ -266,7 +266,7 @@ class Derived:
     def _begin_before(self, now: int) -> None:
         """Begin with a step that is older than the session: nothing is."""
         if self.journal.entries is not None:
-            self.journal.entries.append(partial(setattr, self._session, "begun", self._session.begun))
+            self.journal.entries.append(Was(self._session, "begun", self._session.begun))
         self._session.begun = now
 
     def _bind(self, parts: tuple[Part, ...]) -> list[Any]:

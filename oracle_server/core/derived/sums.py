@@ -9,7 +9,7 @@ from typing import Any
 
 from oracle_server.core.derived.definition import MAX_SAMPLES, Definition
 from oracle_server.core.derived.samples import FAILED, Value
-from oracle_server.core.derived.window import OFTEN, TIME, Session, Window
+from oracle_server.core.derived.window import OFTEN, TIME, Left, Session, Taken, Window
 from oracle_server.core.events import Signals
 
 _GRAIN = 64
@@ -38,24 +38,21 @@ class Sum(Window):
         """At the last tick: where the window began, and the total. Steps, and what takes them back, end it."""
 
     def add(self, at: int, sample: Value) -> None:
-        """Add a number."""
-        entries = self.journal.entries
-        if entries is not None:
-            entries.append(partial(self._untotal, self._total))
+        """Add a number; who calls this notes it."""
         whole = self._whole(float(sample))  # type: ignore[arg-type] # others are `FAILED`
         self._ahead = None
         self._total += whole
         self._wholes.append(whole)
         self.places.append(at)
         self.budget.used += 1
-        if entries is not None:
-            entries.append(self._unadd)
 
     def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
         """Add a number; returns the sum with it."""
-        slow = sample is FAILED or self.journal.entries is not None or self.budget.used >= MAX_SAMPLES
-        if slow or self.clock != TIME:
+        if sample is FAILED or self.clock != TIME or self.budget.used >= MAX_SAMPLES:
             return super().take(sample, now, number, signals, failed)
+        entries = self.journal.entries
+        if entries is not None:
+            entries.append(Taken(self, self.last, self.head))
         self.last = number
         exact = float(sample)  # type: ignore[arg-type] # others are `FAILED`
         try:
@@ -80,18 +77,27 @@ class Sum(Window):
         else:
             self._total += whole
             self.budget.used += 1
-            self.move(limit)
+            self.pass_by(limit)
         if self.failed_at is not None and self.failed_at > limit:
             return FAILED
         return self.worth(self._total, len(places) - self.head)
 
-    def leave(self, head: int) -> None:
+    def begin_at(self, head: int) -> None:
         """Take away those that leave."""
-        if self.journal.entries is not None:
-            self.journal.entries.append(partial(self._untotal, self._total))
         self._ahead = None
         self._total -= sum(self._wholes[self.head : head])
-        super().leave(head)
+        super().begin_at(head)
+
+    def unleave(self, head: int) -> None:
+        """Add those that had left."""
+        self._ahead = None
+        self._total += sum(self._wholes[head : self.head])
+        super().unleave(head)
+
+    def untake(self, last: int, head: int) -> None:
+        """Take away the last one, and add those that had left with it."""
+        self._total -= self._wholes[-1]
+        super().untake(last, head)
 
     def value(self, now: int, number: int, _signals: Signals, _failed: Collection[str]) -> Value | None:
         """The sum at a step."""
@@ -99,7 +105,9 @@ class Sum(Window):
         places, head = self.places, self.head
         if head < len(places) and places[head] <= limit:
             after = head + 1
-            if after & OFTEN and self.journal.entries is None and (after == len(places) or places[after] > limit):
+            if after & OFTEN and (after == len(places) or places[after] > limit):
+                if self.journal.entries is not None:
+                    self.journal.entries.append(Left(self, head))
                 self._ahead = None
                 self._total -= self._wholes[head]
                 self.head = after  # as most often
@@ -158,9 +166,9 @@ class Sum(Window):
 
     def _refine(self, digits: int) -> None:
         """Go on in finer units."""
-        if self.journal.entries is not None:
-            self.journal.entries.append(partial(self._coarsen, self._digits, self._wholes[:]))
         more = digits - self._digits
+        if self.journal.entries is not None:
+            self.journal.entries.append(partial(self._coarsen, more))
         self._wholes[:] = [whole << more for whole in self._wholes]
         self._total <<= more
         self._set_digits(digits)
@@ -177,12 +185,11 @@ class Sum(Window):
         except OverflowError:
             return FAILED
 
-    def _untotal(self, total: int) -> None:
-        self._total, self._ahead = total, None
-
-    def _coarsen(self, digits: int, wholes: list[int]) -> None:
-        self._wholes[:] = wholes
-        self._set_digits(digits)
+    def _coarsen(self, more: int) -> None:
+        """Go back to coarser units: none is finer but a number that is taken back next."""
+        self._wholes[:] = [whole >> more for whole in self._wholes]
+        self._total >>= more
+        self._set_digits(self._digits - more)
         self._ahead = None
 
 

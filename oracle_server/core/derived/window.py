@@ -8,6 +8,8 @@ from collections.abc import Collection
 from functools import partial
 from typing import Any, Final, Protocol
 
+import msgspec
+
 from oracle_server.core.derived.definition import MAX_SAMPLES, Definition
 from oracle_server.core.derived.journal import Journal
 from oracle_server.core.derived.samples import FAILED, Value
@@ -106,19 +108,19 @@ class Window(ABC):
 
     def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
         """Add a sample; returns what the signal is with it."""
-        if self.journal.entries is not None:
-            self.journal.entries.append(partial(self._untake, self.taken, self.last))
-        self.last = number
-        if self.clock == TIME:
-            at = now
-        elif self.clock == STEPS:
-            at = number
+        at = now if self.clock == TIME else number if self.clock == STEPS else self.taken + 1
+        if sample is FAILED:
+            self._fail(at, number, short=False)
+        elif self.budget.used >= MAX_SAMPLES and self._is_full(at):
+            self._fail(at, number, short=True)
         else:
-            at = self.taken = self.taken + 1
-        if sample is FAILED or self.budget.used >= MAX_SAMPLES:
-            self._take_or_fail(at, sample)
-        else:
+            if self.journal.entries is not None:
+                self.journal.entries.append(Taken(self, self.last, self.head))
+            self.last = number
+            if self.clock == SAMPLES:
+                self.taken = at
             self.add(at, sample)
+            self.pass_by(at - self.width)
         return self.value(now, number, signals, failed)
 
     @abstractmethod
@@ -126,35 +128,56 @@ class Window(ABC):
         """What the signal is at a step."""
 
     def add(self, at: int, _sample: Value) -> None:
-        """Put a sample into the columns."""
+        """Put a sample into the columns; who calls this notes it."""
         self.places.append(at)
         self.budget.used += 1
-        if self.journal.entries is not None:
-            self.journal.entries.append(self._unadd)
+
+    def untake(self, last: int, head: int) -> None:
+        """Take the last sample back: before it, the window began at `head`."""
+        self.unleave(head)
+        for column in self.columns:
+            column.pop()
+        self.budget.used -= 1
+        self.last = last
+        if self.clock == SAMPLES:
+            self.taken -= 1
 
     def move(self, limit: int) -> None:
         """Let go of what is at positions up to a limit."""
+        if self.journal.entries is not None:
+            self.journal.entries.append(Left(self, self.head))
+        self.pass_by(limit)
+
+    def leave(self) -> None:
+        """Let go of all."""
+        if self.journal.entries is not None:
+            self.journal.entries.append(Left(self, self.head))
+        self.begin_at(len(self.places))
+
+    def pass_by(self, limit: int) -> None:
+        """Let go of what is at positions up to a limit; who calls this notes where the window began."""
         places, head = self.places, self.head
         if head < len(places) and places[head] <= limit:
             head += 1  # as most often
             if head < len(places) and places[head] <= limit:
                 head = bisect_right(places, limit, head)
-            self.leave(head)
+            self.begin_at(head)
 
-    def leave(self, head: int) -> None:
-        """Let the window begin further on."""
-        before = self.head
+    def begin_at(self, head: int) -> None:
+        """Let the window begin further on; who calls this notes where it began."""
+        self.budget.used -= head - self.head
         self.head = head
-        self.budget.used -= head - before
-        entries = self.journal.entries
-        if entries is not None:
-            entries.append(partial(self.unleave, before))
         if head >= _TRIM and 2 * head > len(self.places):
-            if entries is not None:
-                entries.append(partial(self._untrim, [column[:head] for column in self.columns]))
+            if self.journal.entries is not None:
+                self.journal.entries.append(partial(self._untrim, [column[:head] for column in self.columns]))
             for column in self.columns:
                 del column[:head]
             self.head = 0
+
+    def unleave(self, head: int) -> None:
+        """Let the window begin where it began."""
+        self.budget.used += self.head - head
+        self.head = head
 
     def size(self, now: int) -> int:
         """How many samples are kept in a window that ends at a time, or with the last step."""
@@ -204,39 +227,49 @@ class Window(ABC):
         self.head = 0
         self.budget.used += len(self.places)
 
-    def unleave(self, head: int) -> None:
-        """Take `leave` back."""
-        self.budget.used += self.head - head
-        self.head = head
-
-    def _take_or_fail(self, at: int, sample: Value) -> None:
-        """Add a sample that is not known, or for which there may be no room."""
+    def _is_full(self, at: int) -> bool:
+        """Whether there is no room for a sample at a position, once those have left that may."""
         self.move(at - self.width)
-        if sample is FAILED or self.budget.used >= MAX_SAMPLES:
-            self._fail(at, short=sample is not FAILED)
-        else:
-            self.add(at, sample)
+        return self.budget.used >= MAX_SAMPLES
 
-    def _fail(self, at: int, *, short: bool) -> None:
+    def _fail(self, at: int, number: int, *, short: bool) -> None:
+        """Note a sample that is not known, or for which there was no room."""
         if self.journal.entries is not None:
-            self.journal.entries.append(partial(self._unfail, self.failed_at, self.short))
-        self.failed_at, self.short = at, short
+            self.journal.entries.append(partial(self._unfail, self.taken, self.last, self.failed_at, self.short))
+        self.failed_at, self.short, self.last = at, short, number
+        if self.clock == SAMPLES:
+            self.taken = at
 
-    def _untake(self, taken: int, last: int) -> None:
-        self.taken, self.last = taken, last
-
-    def _unadd(self) -> None:
-        for column in self.columns:
-            column.pop()
-        self.budget.used -= 1
-
-    def _unfail(self, failed_at: int | None, short: bool) -> None:
-        self.failed_at, self.short = failed_at, short
+    def _unfail(self, taken: int, last: int, failed_at: int | None, short: bool) -> None:
+        self.taken, self.last, self.failed_at, self.short = taken, last, failed_at, short
 
     def _untrim(self, removed: list[list[Any]]) -> None:
         for column, begin in zip(self.columns, removed, strict=True):
             column[:0] = begin
         self.head = len(removed[0])
+
+
+class Left(msgspec.Struct, frozen=True, gc=False):
+    """Lets a window begin where it began, at `head`."""
+
+    window: Window
+    head: int
+
+    def __call__(self) -> None:
+        """Take back that samples have left."""
+        self.window.unleave(self.head)
+
+
+class Taken(msgspec.Struct, frozen=True, gc=False):
+    """Takes back the last sample of a window, and that others have left with it."""
+
+    window: Window
+    last: int
+    head: int
+
+    def __call__(self) -> None:
+        """Take the sample back."""
+        self.window.untake(self.last, self.head)
 
 
 def least(*times: int | None) -> int | None:

@@ -57,6 +57,32 @@ def render_atom(atom: Atom) -> str:
     return "{" + ", ".join(_constraint(c) for c in _said(atom.constraints)) + "}"
 
 
+def head(formula: Formula, time: Time = "steps") -> str:  # noqa: C901, PLR0911 -- a case a node
+    """What a part says by itself, without its own parts: its operator with its bound, an atom, or a word."""
+    lasted, word = tree.lasted(formula), tree.word_of(formula)
+    if word is not None:
+        return word
+    if lasted is not None:
+        return f"lasting[{_distance(lasted[1], time)}]"
+    match formula:
+        case Atom():
+            return render_atom(formula)
+        case Exists(variable) | Forall(variable):
+            return f"{'exists' if isinstance(formula, Exists) else 'forall'}[{variable}]."
+        case And():
+            return "and"
+        case Or():
+            return "or"
+        case Implies():
+            return "->"
+        case Not() | Pre() | Next():
+            return _WORDS[type(formula)]
+        case Once(_, bound) | Historically(_, bound) | Eventually(_, bound) | Always(_, bound):
+            return _WORDS[type(formula)] + _bound(bound, time)
+        case Since(_, _, bound) | Until(_, _, bound):
+            return _WORDS[type(formula)] + _bound(bound, time)
+
+
 class _Printer:
     """Prints with or without names."""
 

@@ -274,7 +274,9 @@ TRUE = Atom(())
 """`true`: holds at every step."""
 FALSE = Not(TRUE)
 """`false`: holds at none."""
-FIRST = And(Atom((Constraint("kind", "==", Any.ANY),)), Not(Pre(TRUE)))
+STEP = Atom((Constraint("kind", "==", Any.ANY),))
+"""Holds at every step, and not at a deadline, which is no event of any kind."""
+FIRST = And(STEP, Not(Pre(TRUE)))
 """`first`: there is no step before; not at a deadline, which is no event of any kind."""
 WORDS = {"true": TRUE, "false": FALSE, "first": FIRST}
 """The formulas that are written as a word."""

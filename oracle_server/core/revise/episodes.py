@@ -18,20 +18,27 @@ _Key = tuple[int, int]
 class Rewritten:
     """The episodes that there were behind a row, and those that there are now."""
 
-    def __init__(self, base: Following, stood: Iterable[Kept] = ()) -> None:
-        """Begin with how they stood after the last row that is not judged again, and after those that are."""
+    def __init__(self, base: Following, gap: int, stood: Iterable[Kept] = ()) -> None:
+        """Begin with how they stood after the last row that is not judged again, and after those that are.
+
+        `gap` (ns) is that of the spec.
+        """
         self._before, self._now = _by_key(base), _by_key(base)
+        self._went_on = {*self._before}  # those that had not ended, as far as is told
+        self._gap = gap
         self._texts: dict[_Key, str] = {}
         self.stood(stood)
 
     def stood(self, rows: Iterable[Kept]) -> None:
         """Take rows as they stood, in their sequence."""
         for row in rows:
-            self._before |= _by_key(row.point.following)
+            known = _by_key(row.following)
+            self._before |= known
+            self._went_on = {*known}
 
     def stands(self, row: Kept) -> None:
         """Take the next row as it stands."""
-        for key, episode in _by_key(row.point.following).items():
+        for key, episode in _by_key(row.following).items():
             verdict = row.judged.verdicts[key[0]]
             if verdict.n == episode.first and (why := explain(row.judged, verdict)) is not None:
                 self._texts[key] = why["text"]
@@ -46,28 +53,39 @@ class Rewritten:
         return plain
 
     def _changes(self, going: Mapping[_Key, Episode]) -> Changes:
-        """What is otherwise; those that are not `going` on are over."""
-        changes = [EpisodeChange(i, "goes", e) for (i, n), e in self._before.items() if (i, n) not in self._now]
+        """What is otherwise; those that are not `going` on are over, which is told once of each."""
+        gone = [(key, episode) for key, episode in self._before.items() if key not in self._now]
+        new = [(key, episode) for key, episode in self._now.items() if key not in self._before]
+        changes = [EpisodeChange(key[0], "goes", e, None, self._is_among(new, key, e)) for key, e in gone]
         for key, episode in self._now.items():
             before = self._before.get(key)
             if before is None:
-                changes.append(EpisodeChange(key[0], "begins", episode, self._texts.get(key)))
-            elif before != episode:
+                moved = self._is_among(self._before.items(), key, episode)
+                changes.append(EpisodeChange(key[0], "begins", episode, self._texts.get(key), moved))
+            elif before != episode or (key in going and key not in self._went_on):  # it may go on again
                 changes.append(EpisodeChange(key[0], "restated", episode))
-            if key not in going:
+            if key not in going and (before is None or key in self._went_on):
                 changes.append(EpisodeChange(key[0], "ends", episode))
         return tuple(changes)
+
+    def _is_among(self, others: Iterable[tuple[_Key, Episode]], key: _Key, episode: Episode) -> bool:
+        """Whether others of its property are at the same time as an episode, or less than the gap away."""
+        return any(other[0] == key[0] and self._are_near(each, episode) for other, each in others)
+
+    def _are_near(self, one: Episode, other: Episode) -> bool:
+        first, second = (one, other) if one.began <= other.began else (other, one)
+        return second.began <= first.until or second.began - first.until < self._gap
 
 
 def rewritten(base: Following, gap: int, rows: Sequence[Kept], unsaid: Sequence[Kept]) -> Rewritten:
     """What rows change that were `unsaid` among others, as of before all of them."""
-    found, known = Rewritten(base), base
+    found, known = Rewritten(base, gap), base
     new = {id(row) for row in unsaid}
     for row in rows:
         if id(row) not in new:
-            time = row.step.stamp if row.is_tick else row.point.present
+            time = row.step.stamp if row.is_tick else row.present
             known, _ = follow(known, gap, time, row.judged.verdicts, instant=row.undone)
-            found.stood([_with(row, known)])
+            found.stood([msgspec.structs.replace(row, following=known)])
         found.stands(row)
     return found
 
@@ -75,10 +93,10 @@ def rewritten(base: Following, gap: int, rows: Sequence[Kept], unsaid: Sequence[
 def rename(rows: Iterable[Kept], names: Mapping[int, int]) -> None:
     """Give verdicts other numbers in how episodes stood after rows."""
     for row in rows:
-        known = row.point.following
+        known = row.following
         found = renamed(known, names)
         if found is not known:
-            row.point = msgspec.structs.replace(row.point, following=found)
+            row.following = found
 
 
 def renamed(known: Following, names: Mapping[int, int]) -> Following:
@@ -94,7 +112,3 @@ def renamed(known: Following, names: Mapping[int, int]) -> Following:
 
 def _by_key(following: Following) -> dict[_Key, Episode]:
     return {(i, e.first): e for i, e in enumerate(following.episodes) if e is not None}
-
-
-def _with(row: Kept, known: Following) -> Kept:
-    return msgspec.structs.replace(row, point=msgspec.structs.replace(row.point, following=known))

@@ -62,7 +62,7 @@ class RevisableState(PropertyState):
         self.work = self.idle_work = 0
         self.unanswered = ()
         outcome = self._ask_engine(view, time, signals, failed, allowed)
-        if outcome is self.outcome and outcome is _HOLDS and self.final is None and self.owed is None and not failed:
+        if outcome is _HOLDS and outcome is self.outcome and self.final is None and not failed:
             return outcome  # as nearly always: nothing changes with such a step
         self.changed.append(self)
         failures = self.failures

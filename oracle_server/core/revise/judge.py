@@ -9,27 +9,24 @@ from copy import copy
 import msgspec
 
 from oracle_server.core.counting import Told
-from oracle_server.core.engine import Engine, rewindable
+from oracle_server.core.engine import Engine
 from oracle_server.core.events import Order, Signals, Step
-from oracle_server.core.holding import Held
-from oracle_server.core.judge import Judge, Seen
-from oracle_server.core.plan import Plan, StreamPlan
-from oracle_server.core.recent import SIZE, Recent
+from oracle_server.core.judge import Seen
+from oracle_server.core.plan import Plan
 from oracle_server.core.revise.changes import differing, merged, revisions
 from oracle_server.core.revise.episodes import Rewritten
-from oracle_server.core.revise.finality import RevisableState, Stand
-from oracle_server.core.revise.kept import MOST, Keeping, Kept, Point, key_of
+from oracle_server.core.revise.kept import Kept, key_of
 from oracle_server.core.revise.queued import Asked, Late, Until
+from oracle_server.core.revise.rewindable import RewindableJudge
 from oracle_server.core.revise.ticks import OldTicks
 from oracle_server.core.revisions import Revision
-from oracle_server.core.spec import Property
 from oracle_server.core.verdicts import Decision, Judged, Outcome
 
-_FORGET_AFTER = 64
-"""Rows after which those that need not be kept any more are forgotten: many at once cost less."""
+FEW = 16
+"""Deadlines that may be judged again with each step that is not in order, beside those that have not waited yet."""
 
 
-class RevisingJudge(Judge):
+class RevisingJudge(RewindableJudge):
     """Judges in the order of publication, and again where a late event is put in its place.
 
     What is to be judged waits in `ahead` while a pass goes on; what was judged in it is returned at its end, with the
@@ -38,25 +35,16 @@ class RevisingJudge(Judge):
 
     def __init__(self, plan: Plan, engines: Sequence[Engine], order: Order, numbers: Iterator[int]) -> None:
         """Judge with one fresh engine a property, each of which can go back; verdicts are numbered from `numbers`."""
-        self.horizon = plan.spec.ordering.horizon
-        self._changed: list[RevisableState] = []
-        """The properties that may stand otherwise than after the last row that is kept."""
         super().__init__(plan, engines, order, numbers)
-        self._states = [state for state in self.properties if isinstance(state, RevisableState)]
-        self._engines = [rewindable(engine) for engine in engines]
-        self._recent = Recent(SIZE, spare=MOST)
-        self._width = len(engines)
-        self.keeping = Keeping(self.horizon, self._point())
-        self.newest = 0
-        """The time of the newest step (ns)."""
         self.ticking = False
         """Whether deadlines are judged."""
+        self.recurring = False
+        """Whether what it judges was judged before, with the deadlines that had waited long enough then."""
         self._level = 0
         """Up to when (ns) deadlines were judged, in so far as there were any."""
         self._deadline = 0
-        """The latest deadline that was judged (ns); a step that is no younger is late."""
+        """The latest deadline that was told, or stands before a step without order (ns); a step no younger is late."""
         self._numbered = 0  # steps that were judged
-        self._position = 0  # of the last row that is no revision
         self.ahead: deque[Kept | Late | Step | Until] = deque()
         """What is to be judged in a pass; empty where none goes on."""
         self.overtaken: list[Step] = []
@@ -67,24 +55,10 @@ class RevisingJudge(Judge):
         """The rows that are judged again in this pass, by position."""
         self._stands: dict[int, tuple[Judged, Decision | None]] = {}
         self._old_ticks = OldTicks(self._derived.seen)
-        self._not_before = 0
-        """What is judged again without being in order is judged at no earlier time (ns) than it was."""
-        self._added = 0  # rows, since others were forgotten
         self._told: Told | None = None
-        self._rewritten: Rewritten | None = None  # of the pass that goes on
         self.asked: Asked | None = None
         self.answer: Judged | None = None
         """The row that is `asked` of as it stands, with the explanation; None where it does not stand."""
-        for engine in self._engines:
-            engine.record()
-        self._derived.record()
-
-    def remember(self, steps: int, effort: int) -> None:
-        """See `Telling.remember`."""
-        self._recent = Recent(steps, effort, MOST)
-
-    def _state(self, prop: Property, engine: Engine, grace: int) -> RevisableState:
-        return RevisableState(prop, engine, grace=grace, horizon=self.horizon, changed=self._changed)
 
     @property
     def told(self) -> Told:
@@ -112,7 +86,7 @@ class RevisingJudge(Judge):
             return []
         if not self.ticking:
             return [self._judge_first(step, now)]
-        return [*self._judge_deadlines(self._level_before(step), now), self._judge_first(step, now)]
+        return self._judge_behind(step, now)
 
     def tick_until(self, until: int, now: int, enough: Callable[[], bool]) -> tuple[list[Judged], bool]:
         """Judge the deadlines up to a time (ns), until enough was done, and return whether all are.
@@ -149,7 +123,7 @@ class RevisingJudge(Judge):
         self.ahead.append(Until(self._level))
 
     def _begin_pass(self) -> None:
-        self._told = Told([copy(state) for state in self.properties], copy(self.counters))
+        self._told = Told([copy(state) for state in self.properties], copy(self.counters), self.following)
         self._causes = []
 
     def go_on(self, now: int, enough: Callable[[], bool]) -> list[Judged]:
@@ -168,8 +142,7 @@ class RevisingJudge(Judge):
                 case _ if self._is_overtaken(item):
                     self.overtaken.append(item)
                 case _:
-                    self._outputs += self._judge_deadlines(self._level_before(item), now)
-                    self._outputs.append(self._judge_first(item, now))
+                    self._outputs += self._judge_behind(item, now)
             if enough():
                 break
         return [] if self.ahead else self._end(now)
@@ -197,12 +170,49 @@ class RevisingJudge(Judge):
         self.counters.revised += len(changes)
         self.counters.retracted += sum(change.retracted for change in changes)
 
-    def _level_before(self, step: Step) -> int:
-        """Up to when deadlines are judged before a step that is judged behind all others.
+    def _judge_behind(self, step: Step, now: int) -> list[Judged]:
+        """Judge a step behind all others, and the deadlines before it."""
+        outputs: list[Judged] = []
+        if self._is_placed(step):
+            level = step.time - 1
+        else:
+            outputs = self._judge_deadlines(self._deadline, now)
+            level = self._level_behind(step)
+        if self._ticked > level:
+            self._stand_as_last()
+        outputs += self._judge_deadlines(level, now)
+        outputs.append(self._judge_first(step, now, level=level))
+        return outputs
 
-        Where it is not in order, those that were judged by then, so that what comes in order behind it is younger.
+    def _is_placed(self, step: Step) -> bool:
+        """Whether a step stands where its time has it, and not behind what was told before it."""
+        return self._is_ordered(step) and not step.late
+
+    def _level_behind(self, step: Step, *, again: bool = False) -> int:
+        """Up to when (ns) deadlines stand before a step that is not in order; `again`: it was judged before.
+
+        It stands right behind the last row. Deadlines that changed nothing are no rows: those that were judged since
+        are judged again behind it. Where many of them had waited long enough, they stand before it. A restored session
+        finds the same by its rows.
         """
-        return step.time - 1 if self._is_ordered(step) and not step.late else self._deadline
+        wait = self.plan.spec.ordering.max_delay
+        waited = 0 if wait is None else step.event.arrived - max(1, wait)
+        if waited <= self._deadline or not self.ticking:
+            return self._deadline
+        if not (again or self.recurring):
+            if self._ticked <= self._deadline or self._level < waited:  # there are none, or they are to wait longer
+                return self._deadline
+            self._stand_as_last()
+        return waited if self._are_many(waited) else self._deadline
+
+    def _are_many(self, until: int) -> bool:
+        """Whether more than a few deadlines come behind the last row, up to a time (ns)."""
+        known, found = (self._ticked, self._outdated), 0
+        self._outdated = False
+        while found <= FEW and (deadline := self.next_deadline) is not None and deadline <= until:
+            self._ticked, found = deadline, found + 1
+        self._ticked, self._outdated = known
+        return found > FEW
 
     def _key_behind(self, level: int) -> int:
         """The key of a step that is not in order: behind all that was judged, and deadlines up to a level (ns)."""
@@ -217,7 +227,6 @@ class RevisingJudge(Judge):
             return outputs
         self._level = max(self._level, until)
         while (deadline := self.next_deadline) is not None and deadline <= until:
-            self._deadline = max(self._deadline, deadline)
             tick = self._judge_deadline(deadline, now)
             if tick is not None:
                 outputs.append(tick)
@@ -235,7 +244,7 @@ class RevisingJudge(Judge):
             self._keep_tick(tick, time)
             return tick
         self._stands[old.position] = tick, None
-        self._keep_again(tick, old, time)
+        self._keep(tick, old.key, time, undone=old.undone, old=old)
         return None
 
     def tick(self, time: int, now: int, recorded: Signals | None = None) -> Judged | None:
@@ -263,15 +272,17 @@ class RevisingJudge(Judge):
         return msgspec.structs.replace(tick, step=old.step, verdicts=merged(old.judged.verdicts, tick.verdicts))
 
     def _keep_tick(self, tick: Judged, time: int) -> None:
-        """Keep a deadline that was told for the first time."""
+        """Keep a deadline that is told for the first time."""
+        self._deadline = max(self._deadline, time)
         self._keep(tick, key_of(time, tick=True), time)
 
-    def _judge_first(self, step: Step, now: int, *, placed: bool = False) -> Judged:
-        """Judge a step for the first time: in its place, or behind all others."""
-        steps = self.counters.steps
+    def _judge_first(self, step: Step, now: int, *, placed: bool = False, level: int = 0) -> Judged:
+        """Judge a step for the first time: in its place, or behind all others, and deadlines up to a `level` (ns)."""
+        counters = self.counters
+        steps = counters.steps
         self._recent.number = self._numbered + 1
         judged = self.judge(step, now)
-        undone = self.counters.steps == steps
+        undone = counters.steps == steps
         self._numbered += not undone
         if placed:
             number = None if undone else self._numbered
@@ -279,11 +290,12 @@ class RevisingJudge(Judge):
             self._renumber(judged)
         if step.skipped:
             self._position = self._position_of(judged)
-        elif placed or (not step.late and self._is_ordered(step)):
+        elif placed or (not step.late and self.plan.streams[step.event.stream].spec.ordered):
             time = step.time
-            self._keep(judged, key_of(time), time - 1, undone=undone)
+            self._keep(judged, 2 * time, time - 1, undone=undone)  # as `key_of`, without a call for nearly all steps
         else:
-            self._keep(judged, self._key_behind(self._deadline), self._deadline, undone=undone)
+            level = self._deadline = max(self._deadline, level)
+            self._keep(judged, self._key_behind(level), level, undone=undone)
         return judged
 
     def _judge_again(self, row: Kept) -> None:
@@ -295,7 +307,7 @@ class RevisingJudge(Judge):
         ]
         for state, verdict in broken:
             state.repeated = verdict.outcome
-        self._not_before, self._recent.number = row.point.present, row.judged.number
+        self._not_before, self._recent.number = row.present, row.judged.number
         asked = None if self.asked is None or self.asked.position != row.position else self._states[self.asked.prop]
         if asked is not None:
             asked.asked = True
@@ -316,7 +328,7 @@ class RevisingJudge(Judge):
         decided, would = row.judged.decision, judged.decision
         other = would if decided is not None and would is not None and would.choice != decided.choice else None
         self._stands[row.position] = stands, other
-        self._keep_again(stands, row, row.level)
+        self._keep(stands, row.key, row.level, undone=row.undone, old=row)
 
     def _renumber(self, judged: Judged) -> None:
         """Name a first violation by the number that its step was judged with, which is not its place."""
@@ -330,71 +342,5 @@ class RevisingJudge(Judge):
             self._stood[row.position] = row
             if row.is_tick:
                 self._old_ticks.add(row)
-        self._derived.rewind(row.noted for row in taken)
-        point = self.keeping.last
-        self._recent.remove(self.counters.steps - point.steps)
-        for state, engine, stand in zip(self._states, self._engines, point.properties, strict=True):
-            if state.broken is None and not state.said:
-                engine.rewind(point.steps, point.present, point.before)
-            state.put(stand)
-        self.present, self._ticked, self._outdated = point.present, point.ticked, point.outdated
-        self.counters.steps, self._held, self.following = point.steps, dict(point.held), point.following
-        self._rewritten = Rewritten(point.following, reversed(taken))
-
-    def _keep(self, judged: Judged, key: int, level: int, *, undone: bool = False) -> None:
-        """Keep a row that was judged for the first time."""
-        position = self._position_of(judged)
-        self._add(judged, max(key, self.keeping.key), level, position, self._position, undone=undone)
-        self._position = position
-
-    def _keep_again(self, judged: Judged, old: Kept, level: int) -> None:
-        """Keep a row that was judged again, in the place that it has."""
-        self._add(judged, old.key, level, old.position, old.preceding, undone=old.undone)
-
-    def _add(self, judged: Judged, key: int, level: int, position: int, preceding: int, *, undone: bool) -> None:
-        keeping, last, present, steps = self.keeping, self.keeping.last, self.present, self.counters.steps
-        before = last.present if steps > last.steps else last.before
-        stands = self._stand() if self._changed else last.properties
-        point = Point(present, before, self._ticked, self._outdated, steps, self._held, stands, self.following)
-        if present > self.newest:  # noqa: PLR1730 -- `max` takes longer than all else here
-            self.newest = present
-        row = Kept(judged, key, level, position, preceding, point, undone, self._derived.noted())
-        keeping.add(row, self.newest)
-        if self._rewritten is not None:
-            self._rewritten.stands(row)
-        self._added += 1
-        if self._added >= _FORGET_AFTER:
-            self.forget()
-
-    def forget(self) -> None:
-        """Keep no rows, and nothing in the engines, for events that are older than the horizon."""
-        self._added = 0
-        self.keeping.forget(self.newest)
-        base = self.keeping.base
-        for state, engine in zip(self._states, self._engines, strict=True):
-            if state.broken is None:
-                engine.forget(base.steps, base.present)
-
-    def _point(self, before: int = 0) -> Point:
-        """How the judge stands where no row is kept; `before` is the time of the step before the last one (ns)."""
-        steps, stands = self.counters.steps, self._stand()
-        return Point(self.present, before, self._ticked, self._outdated, steps, self._held, stands, self.following)
-
-    def _stand(self) -> tuple[Stand, ...]:
-        """How its properties stand, which have not changed since."""
-        self._changed.clear()
-        return tuple([state.stand() for state in self._states])
-
-    def _position_of(self, judged: Judged) -> int:
-        return (judged.verdicts[0].n - 1) // self._width + 1
-
-    def _move_on(self, step: Step, stream: StreamPlan) -> None:
-        if stream.spec.ordered and not self._not_before:
-            self.present = max(self.present, step.time)
-        else:
-            super()._move_on(step, stream)
-            self.present = max(self.present, self._not_before)
-
-    def _holding(self, monitor: str) -> Held:
-        self._held = {m: h.copy() if m == monitor else h for m, h in self._held.items()}  # points refer to the other
-        return super()._holding(monitor)
+        self._stand_as_last(row.noted for row in taken)
+        self._rewritten = Rewritten(self.following, self.plan.spec.gap, reversed(taken))

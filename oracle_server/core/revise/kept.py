@@ -24,8 +24,8 @@ def key_of(time: int, *, tick: bool = False) -> int:
     return 2 * time + tick
 
 
-class Point(msgspec.Struct, frozen=True, gc=False):
-    """How a judge stood after a row; times in nanoseconds. `before` is the time of the step before the last one."""
+class Point(msgspec.Struct, gc=False):
+    """How a judge stood; times in nanoseconds. `before` is the time of the step before the last one."""
 
     present: int
     before: int
@@ -37,8 +37,8 @@ class Point(msgspec.Struct, frozen=True, gc=False):
     following: Following
 
 
-class Kept(msgspec.Struct, gc=False):
-    """A row as it stands.
+class Kept(Point, gc=False):
+    """A row as it stands, and how the judge stood after it: in one object, as a horizon has many.
 
     `key` is where it stands, as by `key_of`, and never less than that of the row before; `level`: deadlines up to then
     (ns) were judged before it. `preceding` is the position of the row said before it. `undone`: it was denied, and
@@ -50,7 +50,6 @@ class Kept(msgspec.Struct, gc=False):
     level: int
     position: int
     preceding: int
-    point: Point
     undone: bool = False
     noted: tuple[Undo, ...] = ()
 
@@ -101,7 +100,7 @@ class Keeping:
         """Keep a row, and let go of the first where they are too many; `newest` is the time of the newest step (ns)."""
         rows = self.rows
         rows.append(row)
-        self.last, self.key = row.point, row.key
+        self.last, self.key = row, row.key
         if len(rows) > self._most:
             self.crowded = self.crowded or rows[0].key >= key_of(newest - self._horizon)
             self._let_go()
@@ -116,7 +115,7 @@ class Keeping:
 
     def _let_go(self) -> None:
         gone = self.rows.popleft()
-        self.base, self.floor = gone.point, gone.key
+        self.base, self.floor = gone, gone.key
         if gone.judged.place is not None:
             self.placed.append(gone.position)
 
@@ -125,5 +124,5 @@ class Keeping:
         taken, key = [], key_of(time)
         while self.rows and self.rows[-1].key > key:
             taken.append(self.rows.pop())
-        self.last, self.key = (self.rows[-1].point, self.rows[-1].key) if self.rows else (self.base, self.floor)
+        self.last, self.key = (self.rows[-1], self.rows[-1].key) if self.rows else (self.base, self.floor)
         return taken

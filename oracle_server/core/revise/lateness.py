@@ -25,11 +25,8 @@ class Lateness:
         """How many were older than the horizon, and were judged at the present."""
         self.passes = 0
         self._waiting: list[Step] = []
-        self._due: int | None = None
-
-    def next_deadline(self, now: int) -> int | None:
-        """When `go_on` should be called next (ns), None while nothing is late."""
-        return now if self.judge.ahead else self._due
+        self.due: int | None = None
+        """When those that wait are to be put in their places (ns), None while none waits."""
 
     @property
     def waiting(self) -> int:
@@ -47,13 +44,13 @@ class Lateness:
         return self.go_on(now, enough)
 
     def go_on(self, now: int, enough: Callable[[], bool]) -> list[Judged]:
-        """Go on with what is put in place, and begin with what has waited for it."""
-        judge = self.judge
-        if self._due is None and not judge.ahead and not judge.unknown:
-            return []
-        outputs = judge.say_unsaid(now)
+        """Go on with what is put in place, and begin with what has waited for it.
+
+        There is nothing to do while none is `due`, no pass goes on, and no deadline is `unknown`.
+        """
+        outputs = self.judge.say_unsaid(now)
         outputs += self._pass(now, enough)
-        while self._due is not None and self._due <= now and not judge.is_going:
+        while self.due is not None and self.due <= now and not self.judge.is_going:
             outputs += self._begin(now)
             outputs += self._pass(now, enough)
         return outputs
@@ -61,10 +58,10 @@ class Lateness:
     def _wait(self, step: Step, now: int) -> None:
         """Let a late step wait for others; one that asks waits for none."""
         self._waiting.append(msgspec.structs.replace(step, late=True))
-        if self._due is None:
-            self._due = now + TOGETHER
+        if self.due is None:
+            self.due = now + TOGETHER
         if step.event.ask:
-            self._due = now
+            self.due = now
 
     def _pass(self, now: int, enough: Callable[[], bool]) -> list[Judged]:
         """Go on with a pass, if one goes on, and let wait what is late since it began."""
@@ -76,7 +73,7 @@ class Lateness:
 
     def expire(self, now: int) -> None:
         """Let what is late wait no longer for others."""
-        self._due = now if self._waiting else None
+        self.due = now if self._waiting else None
 
     def finish(self, now: int) -> list[Judged]:
         """Put all in place now."""
@@ -84,7 +81,7 @@ class Lateness:
         return self.go_on(now, lambda: False)
 
     def _begin(self, now: int) -> list[Judged]:
-        late, self._waiting, self._due = self._waiting, [], None
+        late, self._waiting, self.due = self._waiting, [], None
         placed = [step for step in late if self.judge.has_place(step)]
         self.placed += len(placed)
         self.beyond += len(late) - len(placed)

@@ -29,6 +29,7 @@ class Recurring:
 
     def __init__(self, judge: RevisingJudge) -> None:
         self._judge = judge
+        judge.recurring = True
         self._late: list[Row] = []
         self._level = 0
         """The latest deadline (ns) that was judged with them, 0 where none was."""
@@ -46,7 +47,7 @@ class Recurring:
             self._late.append(row)
             return outputs
         if not is_tick:
-            return outputs + self._judge_step(row)
+            return outputs + self._judge.take(row.step, row.judged)
         if self._late:
             self._level = max(self._level, row.step.stamp)
             self._told[row.step.stamp] -= 1
@@ -55,16 +56,6 @@ class Recurring:
         else:
             outputs += self._judge.tick_until(row.step.stamp, row.judged, _never)[0]
         return outputs
-
-    def _judge_step(self, row: Row) -> list[Judged]:
-        """Judge a step behind all others; before one without order, the deadlines that had waited long enough."""
-        step, judge, outputs = row.step, self._judge, list[Judged]()
-        if step.late or not judge.plan.streams[step.event.stream].spec.ordered:
-            wait = judge.plan.spec.ordering.max_delay
-            if wait is not None:
-                outputs = judge.tick_until(step.event.arrived - max(1, wait), row.judged, _never)[0]
-                self._told.update(tick.step.stamp for tick in outputs)
-        return outputs + judge.take(step, row.judged)
 
     def _is_together(self, row: Row) -> bool:
         """Whether a row, if it is a late event, was put in its place together with the last ones.

@@ -59,6 +59,8 @@ class SavableJudge(RevisingJudge):
         if states is None:
             return None
         first = min((row.position for row in rows), default=self._position + 1)
+        placed = (row.is_tick or row.judged.place is not None or self._is_placed(row.step) for row in rows)
+        behind = [row.level for row, is_placed in zip(rows, placed, strict=True) if not is_placed]
         self.keeping.placed = [position for position in self.keeping.placed if position >= first]
         if rows:
             states["degraded"] = all(verdict.degraded for verdict in rows[0].judged.verdicts)
@@ -67,6 +69,7 @@ class SavableJudge(RevisingJudge):
             "position": first - 1,
             "included": list(self.keeping.placed),
             "floor": self.keeping.floor,
+            "deadline": min(behind, default=self._deadline),
             "before": self.keeping.base.before,
             "numbered": self._numbered,
             "finals": [(state.final, state.final_since, state.said) for state in self._states],
@@ -83,6 +86,7 @@ class SavableJudge(RevisingJudge):
         self.keeping.placed = list(data["included"])
         self._derived.noted()
         self._numbered, self.newest, self._position = data["numbered"], self.present, data["position"]
+        self._deadline = data["deadline"]
 
     def rejudge(self, recorded: Judged, position: int) -> None:
         """Judge a recorded row again, at its position, in the sequence in which the rows were said.
@@ -154,7 +158,7 @@ class SavableJudge(RevisingJudge):
             self.counters.ticks += 1
             event = msgspec.structs.replace(row.step.event, seq=self.counters.ticks, arrived=now)
             self._say(row, msgspec.structs.replace(row.step, event=event), position)
-            self._position = position
+            self._position, self._deadline = position, max(self._deadline, row.step.stamp)
         if not unsaid:
             return []
         known = rewritten(self.keeping.base.following, self.plan.spec.gap, list(self.keeping), unsaid)
@@ -164,17 +168,21 @@ class SavableJudge(RevisingJudge):
         """A recorded step, in its place where it was put there."""
         step = recorded.step
         undone = self.plan.streams[step.event.stream].undoes and is_denied(recorded.decision)
-        point = msgspec.structs.replace(self.keeping.last, present=0)
-        row = Kept(recorded, key_of(step.time), step.time - 1, position, self._position, point, undone)
-        if recorded.place is not None or (self._is_ordered(step) and not step.late):
+        last = self.keeping.last
+        row = Kept(
+            0, last.before, last.ticked, last.outdated, last.steps, last.held, last.properties, last.following,
+            recorded, key_of(step.time), step.time - 1, position, self._position, undone,
+        )  # fmt: skip
+        if recorded.place is not None or self._is_placed(step):
             self._gathered.append(row)
             if len(self._gathered) >= self.together:
                 self.finish_again()
             return
         self.finish_again()
         self._restoring = True
-        waited = step.event.arrived - max(1, self.plan.spec.ordering.max_delay or 0)
-        self._judge_deadlines(max(self._level, waited), recorded.judged)  # up to when they had waited long enough
+        self._judge_deadlines(self._deadline, recorded.judged)
+        self._deadline = self._level_behind(step, again=True)
+        self._judge_deadlines(self._deadline, recorded.judged)
         present = self.present or min(step.time, step.event.arrived)  # as where it was judged first
         row.key = max(self.keeping.key, key_of(present), self._key_behind(self._deadline))
         row.level = self._deadline
@@ -188,6 +196,7 @@ class SavableJudge(RevisingJudge):
             self._judge_deadlines(step.stamp, now)
             row = self._unknown_tick(step)
         self.counters.ticks = max(self.counters.ticks, step.event.seq)
+        self._deadline = max(self._deadline, step.stamp)
         if row is not None:
             self._say(row, step, position)
         else:
@@ -218,6 +227,7 @@ class SavableJudge(RevisingJudge):
         row.position, row.preceding = position, self._position
         rename(itertools.takewhile(lambda kept: kept is not row, reversed(self.keeping.rows)), names)
         rename([row], names)
+        self.keeping.last = self.keeping.rows[-1]
         if self.asked is not None and self.asked.position == position:
             self.answer = row.judged
 
@@ -230,9 +240,11 @@ class SavableJudge(RevisingJudge):
         return tick
 
     def _keep_tick(self, tick: Judged, time: int) -> None:
+        deadline = self._deadline
         super()._keep_tick(tick, time)
         if not self._restoring:
             return
+        self._deadline = deadline  # until its row comes
         self.unknown -= 1
         known = self._early.pop(self._old_ticks.identity(tick.step), None)
         if known is not None:

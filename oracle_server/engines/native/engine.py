@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Collection, Mapping
+from operator import attrgetter
 from typing import Any
-
-import msgspec
 
 from oracle_server.core.atoms import Matches
 from oracle_server.core.errors import EngineError
@@ -18,33 +16,14 @@ from oracle_server.core.past import NO_PAST, Past
 from oracle_server.core.verdicts import Outcome
 from oracle_server.engines.native.build import build
 from oracle_server.engines.native.explain import explain
-from oracle_server.engines.native.keys import Key
-from oracle_server.engines.native.nodes import ABSENT, Absent
-from oracle_server.engines.native.timeline import Timeline
+from oracle_server.engines.native.nodes import ABSENT
+from oracle_server.engines.native.timeline import Frame, Journal, Timeline
 from oracle_server.engines.native.unanswered import explain_obligations
 
 _NEVER = 2**63
+_current = attrgetter("current")
 FORMAT = 2
 """The number of the form that snapshots have."""
-
-
-class Frame(msgspec.Struct, gc=False):
-    """How an engine stood after so many steps.
-
-    `now`, `before`, `first`, `work` and `debt` are the timeline's, `current` is where each atom held, None where none
-    did. `noted` is how many changes had been noted in the journal, those included that were forgotten.
-    """
-
-    steps: int
-    due: int
-    last: Outcome
-    now: int
-    before: int
-    first: bool
-    work: int
-    debt: int
-    current: list[Key | Absent] | None
-    noted: int
 
 
 class NativeEngine:
@@ -62,11 +41,10 @@ class NativeEngine:
         """What it waits for; None where its formula only looks back."""
         (self._holds,), (self._settled,) = network.root.at, network.root.settled
         self._can_settle = any(network.root.can_settle[0](frozenset()))
-        self._marks: list[Frame] = []
-        self._frames: deque[Frame] | None = None
-        """One for each of the last steps at which something changed, the last one last; None where none is recorded."""
-        self._forgotten = 0
-        """Changes that were noted in the journal, and are there no more."""
+        self._marks: list[tuple[int, int, int]] = []
+        """Where in the journal the frame of each open mark is, the time of that step, and of the one before it."""
+        self._records = False
+        """Whether the journal has a frame for each of the last steps at which something changed."""
         self._held = False
         """Whether an atom may have held at the last step that its nodes took."""
         self._steps = 0
@@ -82,8 +60,8 @@ class NativeEngine:
             self._steps += 1
             self._timeline.move(now)
             return self._last
-        if self._frames is not None and not self._marks:
-            self._frames.append(self._frame())
+        if self._records and not self._marks:
+            self._note_frame()
         self._steps += 1
         self._timeline.move(now)
         for place, atom in self._atoms:
@@ -185,70 +163,73 @@ class NativeEngine:
         """Note all changes from now on, until `back` or `keep`; marks can be nested."""
         if self._timeline.journal is None:
             self._timeline.journal = []
-        self._marks.append(self._frame())
+        self._marks.append((len(self._timeline.journal), self._timeline.now, self._timeline.before))
+        self._note_frame()
 
     def back(self) -> None:
         """Take back all steps since the last mark."""
-        frame = self._marks.pop()
-        self._undo(frame)
-        self._timeline.place(frame.now, frame.before, self._steps - frame.steps)
+        begin, now, before = self._marks.pop()
+        frame = self._undo(begin)
+        self._timeline.place(now, before, self._steps - frame.steps)
         self._stand_as(frame)
         self._close()
 
     def keep(self) -> None:
         """Keep the steps since the last mark; a recording engine takes them back together."""
-        frame = self._marks.pop()
-        if not self._marks and self._frames is not None:
-            self._frames.append(frame)
+        self._marks.pop()
         self._close()
 
     def record(self) -> None:
         """From now on, keep what is needed to go back."""
-        self._frames = deque()
-        self._timeline.journal, self._forgotten = [], 0
+        self._records, self._timeline.journal = True, []
 
     def rewind(self, step: int, time: int, before: int) -> None:
         """Go back to a step; see `Rewindable.rewind`."""
-        assert self._frames is not None  # noqa: S101 -- it was told to record
-        first: Frame | None = None
-        while self._frames and self._frames[-1].steps >= step:
-            first = self._frames.pop()
-        if first is not None:
-            self._undo(first)
+        journal, begin = self._journal, None
+        for place in range(len(journal) - 1, -1, -1):
+            entry = journal[place]
+            if type(entry) is Frame:
+                if entry.steps < step:
+                    break
+                begin = place
+        frame = None if begin is None else self._undo(begin)
         self._timeline.place(*((time, before) if self._timed else (step, max(0, step - 1))), self._steps - step)
-        if first is not None:
-            self._stand_as(first)
+        if frame is not None:
+            self._stand_as(frame)
         self._steps = step
 
     def forget(self, step: int, time: int) -> None:
         """Keep no more than is needed to go back to a step."""
-        frames, journal = self._frames, self._timeline.journal
-        assert frames is not None  # noqa: S101 -- it was told to record
-        assert journal is not None  # noqa: S101 -- and notes all changes since
-        while frames and frames[0].steps < step:
-            frames.popleft()
-        gone = frames[0].noted - self._forgotten if frames else len(journal)
-        if gone:
-            del journal[:gone]
-            self._forgotten += gone
+        gone = 0
+        for entry in self._journal:
+            if type(entry) is Frame and entry.steps >= step:
+                break
+            gone += 1
+        del self._journal[:gone]
         self._timeline.trim(time if self._timed else step)
 
-    def _frame(self) -> Frame:
-        """How it stands."""
-        line, journal = self._timeline, self._timeline.journal
-        return Frame(
-            self._steps, self._due, self._last, line.now, line.before, line.first, line.work, line.debt,
-            [atom.current for atom in self._plain] if self._held else None,
-            self._forgotten + (len(journal) if journal else 0),
-        )  # fmt: skip
+    @property
+    def _journal(self) -> Journal:
+        """The journal of its timeline, while there is one."""
+        assert self._timeline.journal is not None  # noqa: S101 -- a mark is open, or it was told to record
+        return self._timeline.journal
 
-    def _undo(self, frame: Frame) -> None:
-        """Take back its nodes' changes since a frame, the last one first."""
-        journal, begin = self._timeline.journal or [], frame.noted - self._forgotten
-        undone = journal[begin:]
-        del journal[begin:]
+    def _note_frame(self) -> None:
+        """Note how it stands."""
+        line, journal = self._timeline, self._timeline.journal
+        assert journal is not None  # noqa: S101 -- as in `_journal`, without a call at most steps
+        current = list(map(_current, self._plain)) if self._held else None
+        journal.append(Frame(self._steps, self._due, self._last, line.first, line.work, line.debt, current))
+
+    def _undo(self, begin: int) -> Frame:
+        """Take back its nodes' changes since the frame at a place of the journal, the last one first."""
+        frame, *undone = self._journal[begin:]
+        assert isinstance(frame, Frame)  # noqa: S101 -- there is one at this place
+        del self._journal[begin:]
         for undo in reversed(undone):
-            undo()
+            if not isinstance(undo, Frame):
+                undo()
+        return frame
 
     def _stand_as(self, frame: Frame) -> None:
         """Stand as it did, where its nodes do and its timeline is at that step."""
@@ -260,7 +241,7 @@ class NativeEngine:
 
     def _close(self) -> None:
         """Note no more changes where no mark is open, unless it records them."""
-        if not self._marks and self._frames is None:
+        if not self._marks and not self._records:
             self._timeline.journal = None
 
     def _next_due(self) -> int:

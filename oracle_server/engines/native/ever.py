@@ -5,7 +5,6 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Collection, Iterator
-from functools import partial
 from itertools import chain
 from typing import Any
 
@@ -13,7 +12,7 @@ from oracle_server.engines.native.body import NOTHING, Body
 from oracle_server.engines.native.held import Held
 from oracle_server.engines.native.keys import Key, Region, read_key
 from oracle_server.engines.native.nodes import texts_at
-from oracle_server.engines.native.timeline import FEW, Timeline
+from oracle_server.engines.native.timeline import FEW, Timeline, Undo
 
 
 class Ever:
@@ -129,7 +128,7 @@ class Ever:
             entry = self.waiting.popleft()
             self.waits.discard(entry[1])
             if self._timeline.journal is not None:
-                self._timeline.journal.append(partial(self._wait_again, entry))
+                self._timeline.journal.append(Undo(self._wait_again, entry))
             self._hold(entry[1], entry[0] - self._lower)
 
     def _wait(self, key: Key) -> None:

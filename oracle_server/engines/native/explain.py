@@ -12,6 +12,7 @@ from msgspec import structs
 from oracle_server.core.explanation import Reason, Why
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.parse import Time
+from oracle_server.core.formula.render import render
 from oracle_server.core.formula.tree import Formula
 from oracle_server.core.past import Past
 from oracle_server.engines.native.build import Network
@@ -28,6 +29,7 @@ from oracle_server.engines.native.wording import Wording, scalar
 _MOST_STEPS = 2_000
 A_PART = 50
 """What a part of the formula costs, in the effort that the past is looked through with."""
+_STEP = render(tree.STEP)
 _MOST_TOLD = 3
 """Values that are shown where all decide together."""
 
@@ -120,7 +122,9 @@ class Explainer(LookingBack):
         return part.body(self._network).given(found), len(keys) - 1
 
     def _all(self, sides: list[tuple[Part, bool]], steps: Steps) -> list[Reason]:
-        return [reason for side, holds in sides for reason in self.reasons(side, holds, steps)]
+        """The reasons of all sides; that it is a step at all is none where there are others."""
+        found = [reason for side, holds in sides for reason in self.reasons(side, holds, steps)]
+        return [reason for reason in found if reason.formula != _STEP] or found
 
     def _one(self, part: Part, holds: bool, sides: list[tuple[Part, bool]], steps: Steps) -> list[Reason]:
         """The reasons of one side, the shorter ones; of both, where each decides at some of the steps."""

@@ -7,24 +7,26 @@ from functools import partial
 
 from oracle_server.engines.native.keys import ALL, Key, Region, key_of
 from oracle_server.engines.native.tables import Index
-from oracle_server.engines.native.timeline import Timeline
+from oracle_server.engines.native.timeline import Timeline, Undo
 
 
 class Held:
     """Keys without fresh values, each with a time."""
 
-    __slots__ = ("_index", "_size", "_timeline", "times")
+    __slots__ = ("_index", "_size", "_timeline", "_unadd", "times")
 
     def __init__(self, size: int, timeline: Timeline) -> None:
         self._size, self._timeline = size, timeline
         self.times: dict[Key, int] = {}
         self._index: Index | None = None
+        self._unadd = self._take
+        """As it is noted, time and again."""
 
     def add(self, key: Key, time: int) -> None:
         """Take in a key that is not there."""
         self._put(key, time)
         if self._timeline.journal is not None:
-            self._timeline.journal.append(partial(self._take, key))
+            self._timeline.journal.append(Undo(self._unadd, key))
 
     def remove(self, key: Key) -> None:
         """Forget a key that is there."""

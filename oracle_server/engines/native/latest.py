@@ -13,7 +13,7 @@ from oracle_server.engines.native.body import NOTHING, Body
 from oracle_server.engines.native.held import Held
 from oracle_server.engines.native.keys import Key, Region, is_fresh, picker, read_key
 from oracle_server.engines.native.nodes import texts_at
-from oracle_server.engines.native.timeline import FEW, Timeline
+from oracle_server.engines.native.timeline import FEW, Timeline, Undo
 
 
 class Latest:
@@ -180,7 +180,7 @@ class Latest:
                 self._timeline.spend(1)
             entry = self._leaving.popleft()
             if self._timeline.journal is not None:
-                self._timeline.journal.append(partial(self._leaving.appendleft, entry))
+                self._timeline.journal.append(Undo(self._leaving.appendleft, entry))
             if self._last(*entry):
                 self._forget(entry[1])
                 self._drop(entry[1])
@@ -194,7 +194,7 @@ class Latest:
         before = self._timeline.before
         self._ended[key] = before
         if self._timeline.journal is not None:
-            self._timeline.journal.append(partial(self._ended.pop, key))
+            self._timeline.journal.append(Undo(self._ended.pop, key))
         if self._upper is not None:
             self._leaving.append((before + self._upper + 1, key))
             if self._timeline.journal is not None:

@@ -7,8 +7,9 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
+from oracle_server.engines.native.timeline import Journal
+
 Times = deque[int] | list[int]
-Journal = list[Callable[[], object]] | None
 
 
 class Runs:
@@ -44,7 +45,7 @@ class Runs:
         runs.starts, runs.ends = queue(data[3]), queue(data[4])
         return runs
 
-    def clear(self, journal: Journal) -> None:
+    def clear(self, journal: Journal | None) -> None:
         """Forget all runs."""
         if not self.starts:
             return
@@ -55,19 +56,19 @@ class Runs:
         journal.append(partial(self._put, self.starts, self.ends))
         self.starts, self.ends = type(self.starts)(), type(self.ends)()
 
-    def begin(self, time: int, journal: Journal) -> None:
+    def begin(self, time: int, journal: Journal | None) -> None:
         """Note that a run began."""
         self.starts.append(time)
         if journal is not None:
             journal.append(self.starts.pop)
 
-    def end(self, time: int, journal: Journal) -> None:
+    def end(self, time: int, journal: Journal | None) -> None:
         """Note that the last run ended."""
         self.ends.append(time)
         if journal is not None:
             journal.append(self.ends.pop)
 
-    def forget(self, journal: Journal) -> None:
+    def forget(self, journal: Journal | None) -> None:
         """Forget the first run, which has ended."""
         if journal is not None:
             journal.append(partial(self.starts.insert, 0, self.starts[0]))

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any, Generic, TypeVar, TypeVarTuple, Unpack
 
 from oracle_server.engines.native.keys import ALL, Key, Region, fresh_key
-from oracle_server.engines.native.timeline import FEW, Timeline
+from oracle_server.engines.native.timeline import FEW, Timeline, Undo
 
 S = TypeVar("S")
 Args = TypeVarTuple("Args")
@@ -86,7 +86,7 @@ class Flat(Generic[S]):
             state = self._copy(self.fresh)
             self._put(key, state)
             if self._timeline.journal is not None:
-                self._timeline.journal.append(partial(self._remove, key))
+                self._timeline.journal.append(Undo(self._remove, key))
         return state
 
     def drop(self, key: Key, same: Callable[[S, S], bool]) -> None:

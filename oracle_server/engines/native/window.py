@@ -20,7 +20,7 @@ from oracle_server.engines.native.keys import ALL, Key, Region, is_fresh, key_of
 from oracle_server.engines.native.nodes import texts_at
 from oracle_server.engines.native.runs import Runs
 from oracle_server.engines.native.tables import table
-from oracle_server.engines.native.timeline import FEW, Timeline
+from oracle_server.engines.native.timeline import FEW, Timeline, Undo
 
 
 class Window:
@@ -86,13 +86,13 @@ class Window:
             while queue and queue[0][0] <= timeline.now:
                 entry = queue.popleft()
                 if journal is not None:
-                    journal.append(partial(queue.appendleft, entry))
+                    journal.append(Undo(queue.appendleft, entry))
         value = self._value(runs)
         if value is not runs.value:
             runs.value = value
             self.changes.append(())
         if journal is not None and runs.values != before:
-            journal.append(partial(runs.put, before))
+            journal.append(Undo(runs.put, before))
 
     def _look_for_steps(self, upper: int) -> None:
         peopled, journal = self._timeline.any_between(self._lower, upper), self._timeline.journal
@@ -113,7 +113,7 @@ class Window:
         while self._leaving and not self._all and self._stale(*self._leaving[0]):
             entry = self._leaving.popleft()
             if self._timeline.journal is not None:
-                self._timeline.journal.append(partial(self._leaving.appendleft, entry))
+                self._timeline.journal.append(Undo(self._leaving.appendleft, entry))
         # what holds at the last step may not hold at the next one, so that a run ends, or begins to count, there
         deadlines = [
             self._timeline.now + d for d in (self._lower, None if self._upper is None else self._upper + 1) if d
@@ -216,7 +216,7 @@ class Window:
         for key in keys:
             runs = self._table.own(key)
             if self._timeline.journal is not None:
-                self._timeline.journal.append(partial(runs.put, runs.values))
+                self._timeline.journal.append(Undo(runs.put, runs.values))
             left = self._left is None or self._left(key)
             closed = self._move(key, runs, left, self._right(key))
             self._refresh(key, runs)
@@ -321,7 +321,7 @@ class Window:
             entry = queue.popleft()
             key = entry[1]
             if self._timeline.journal is not None:
-                self._timeline.journal.append(partial(queue.appendleft, entry))
+                self._timeline.journal.append(Undo(queue.appendleft, entry))
             if is_fresh(key):
                 self._refresh_all()
                 continue
