@@ -6,7 +6,9 @@ import asyncio
 import contextlib
 import errno
 import faulthandler
+import importlib.util
 import os
+import re
 import resource
 import signal
 import socket
@@ -20,6 +22,7 @@ import structlog
 import uvicorn
 
 from oracle_server.api.app import build_app
+from oracle_server.api.recordings import PATH as RECORDINGS
 from oracle_server.core.errors import OracleError, SpecError
 from oracle_server.core.spec import Retention
 from oracle_server.edge.access import Access
@@ -34,19 +37,24 @@ from oracle_server.foxglove.listening import Certificate, Listening
 from oracle_server.foxglove.live import Live
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.port import History
-from oracle_server.history.retention import Pruner
+from oracle_server.history.retention import Hold, Pruner
 from oracle_server.history.sqlite.history import SqliteHistory
+from oracle_server.jobs.checking import Checking
+from oracle_server.jobs.forwarding import Forwarding
+from oracle_server.jobs.recordings import Recordings
+from oracle_server.jobs.uploads import Uploads
 from oracle_server.process.clock import Clock
 from oracle_server.process.garbage import collect_rarely, uncollected
 from oracle_server.process.logs import set_up_logs
 from oracle_server.process.notify import notify
 from oracle_server.process.pidfile import PidFile
-from oracle_server.process.settings import Settings
+from oracle_server.process.settings import POSTGRES, Settings
 from oracle_server.process.watchdog import Watchdog
 from oracle_server.remote.receivers import load_receivers
 from oracle_server.remote.webhooks import Webhooks
 from oracle_server.rostypes.known import Types
 from oracle_server.sessions.registry import Registry
+from oracle_server.sessions.sharing import share
 from oracle_server.specfiles.library import Library, Unsound
 from oracle_server.wire.incoming import MAX_FRAME
 
@@ -56,6 +64,10 @@ _UNSENT = 2**14
 """Bytes that the operating system buffers for a client that does not read."""
 _OTHER_FILES = STRANGERS + LEAVING + 200
 """Files that the server has open beyond its connections: those that come and go, and its history's."""
+_IN_MEMORY = 200_000
+"""Steps of a recording that are kept where the history is in memory."""
+_LOOKS = 10
+"""How often, while a lease lasts, a server looks whether one of another server has run out."""
 _SWITCH_INTERVAL = 0.001
 """Seconds after which a computing thread yields the interpreter to the event loop, which must decide quickly."""
 
@@ -83,11 +95,13 @@ def serve(settings: Settings) -> None:
         listener = _listen(settings.host, settings.port, visitors)
         try:
             foxglove = None if settings.foxglove is None else _listen_to_foxglove(settings, settings.foxglove)
-            history = _history(settings)
+            history = _history(settings, listener.getsockname()[1])
             webhooks = Webhooks(receivers) if receivers else None
             try:
                 door = _Door(tokens, tls, pid_file, listener, visitors, webhooks, foxglove)
                 asyncio.run(_serve(settings, library, history, door))
+                if history.fenced is not None:
+                    raise ServerError(f"{history.fenced}; start it again")
             finally:
                 history.close()
                 if webhooks:
@@ -111,11 +125,43 @@ def _library(settings: Settings) -> Library:
     return library
 
 
-def _history(settings: Settings) -> History:
+def _history(settings: Settings, port: int) -> History:
     if settings.history == "sqlite":
-        return SqliteHistory(settings.data_dir, settings.durability)
+        return SqliteHistory(settings.data_dir, settings.durability, forwarding=settings.forward is not None)
+    if settings.history.startswith(POSTGRES):
+        return _in_postgres(settings, port)
     log.warning("the history is kept in memory: it ends with this process, and an ack does not outlive it")
     return MemoryHistory()
+
+
+def _in_postgres(settings: Settings, port: int) -> History:
+    try:
+        from oracle_server.history.postgres.history import PostgresHistory
+        from oracle_server.history.postgres.store import Node
+    except ImportError:
+        raise ServerError(
+            "a history in PostgreSQL needs the package psycopg; install it: `pip install 'oracle-server[postgres]'`"
+        ) from None
+
+    def end() -> None:
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    node = Node(settings.node or f"{socket.gethostname()}:{port}", settings.advertise)
+    return PostgresHistory(settings.history, settings.lease, end, node)
+
+
+def _forwarding(settings: Settings, history: History) -> Forwarding | None:
+    """What forwards the history, if it is to be. Raises `ServerError` where it can't."""
+    if settings.forward is None or not isinstance(history, SqliteHistory) or history.forwarding is None:
+        return None
+    if importlib.util.find_spec("psycopg") is None:
+        raise ServerError("--forward needs the package psycopg; install it: `pip install 'oracle-server[postgres]'`")
+    return Forwarding(history.forwarding, settings.forward, settings.origin or _host())
+
+
+def _host() -> str:
+    """The host's name, as far as it may be a robot's."""
+    return re.sub(r"[^A-Za-z0-9_.-]", "-", socket.gethostname())[:64] or "robot"
 
 
 class _Door(NamedTuple):
@@ -137,22 +183,33 @@ async def _serve(settings: Settings, library: Library, history: History, door: _
     clock = Clock(at_least=await history.last_time())
     registry = Registry(history, library, clock, settings.resume_within, alarms=door.webhooks)
     bounds = Retention(settings.retain_age, settings.retain_events, settings.retain_size)
-    pruner = Pruner(history, bounds, library.retention, clock.now, registry.save)
+    forwarding = _forwarding(settings, history)
+    hold = None if forwarding is None else Hold(forwarding.noted.free, settings.forward_hold)
+    pruner = Pruner(history, bounds, library.retention, clock.now, registry.save, hold)
     with Watchdog() as watchdog:
         with uncollected():
             await registry.restore_all()
+            await registry.take_over()
             collect_rarely()
+        checking, folders = Checking(settings.type_folders), settings.type_folders
+        uploads = Uploads(settings.data_dir / "recordings", settings.max_recording)
+        recordings = Recordings(
+            registry, library, uploads, folders, _IN_MEMORY if settings.history == "memory" else None
+        )
         app = build_app(
             registry,
             library,
             history,
             watchdog,
+            checking,
+            recordings,
             door.webhooks,
             legacy=settings.legacy,
             legacy_finals=settings.legacy_finals,
             max_rate=settings.max_rate,
+            forwarding=forwarding.progress if forwarding else None,
         )
-        access = Access(Bodies(app), door.tokens, RouteScopes(app.routes))
+        access = Access(Bodies(app, {RECORDINGS: settings.max_recording}), door.tokens, RouteScopes(app.routes))
         config = uvicorn.Config(
             Origins(access, _hosts(settings)),
             http=http_transport(door.visitors),
@@ -170,15 +227,22 @@ async def _serve(settings: Settings, library: Library, history: History, door: _
             ssl_context_factory=(lambda *_: tls) if tls else None,
         )
         works = [pruner.run(settings.retain_check), access.watch(), history.catch_up()]
+        if settings.history.startswith(POSTGRES):
+            works.append(share(registry, history, settings.lease / _LOOKS))
+        if forwarding is not None:
+            works.append(forwarding.run())
         if door.foxglove is not None:
             works.append(Live(door.foxglove, registry, history, lambda: _may_draw(settings, door.tokens)).run())
         beside = [asyncio.create_task(work) for work in works]
         try:
-            await _Server(config, registry, settings, door.pid_file).serve(sockets=[door.listener])
+            await _Server(config, registry, recordings, settings, door.pid_file).serve(sockets=[door.listener])
         finally:
             for task in beside:
                 task.cancel()
             await asyncio.wait(beside)
+            checking.close()
+            if forwarding is not None:
+                forwarding.close()
 
 
 def _hosts(settings: Settings) -> list[str]:
@@ -263,9 +327,11 @@ def _connections(wanted: int) -> int:
 class _Server(uvicorn.Server):
     """Reports when it accepts work; to stop, closes the listeners, commits, and then closes the connections."""
 
-    def __init__(self, config: uvicorn.Config, registry: Registry, settings: Settings, pid_file: PidFile) -> None:
+    def __init__(
+        self, config: uvicorn.Config, registry: Registry, recordings: Recordings, settings: Settings, pid_file: PidFile
+    ) -> None:
         super().__init__(config)
-        self._registry, self._settings, self._pid_file = registry, settings, pid_file
+        self._registry, self._recordings, self._settings, self._pid_file = registry, recordings, settings, pid_file
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -291,6 +357,7 @@ class _Server(uvicorn.Server):
             listener.close()
         log.info("stopping")
         notify("STOPPING=1")
+        await self._recordings.stop()
         await self._registry.shut_down()
         await super().shutdown(sockets)
         log.info("stopped")

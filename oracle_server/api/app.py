@@ -5,12 +5,30 @@ from __future__ import annotations
 from fastapi import APIRouter, FastAPI, WebSocket
 
 from oracle_server import __version__
-from oracle_server.api import episodes, health, metrics, pages, sessions, specs, stream, timeline, verdicts
+from oracle_server.api import (
+    checking,
+    episodes,
+    health,
+    metrics,
+    pages,
+    parts,
+    recordings,
+    sequence,
+    sessions,
+    specs,
+    stream,
+    timeline,
+    verdicts,
+)
+from oracle_server.api.explaining import Explainer
 from oracle_server.attach.connection import Connection
 from oracle_server.attach.rosmonitoring import legacy_routes
 from oracle_server.edge import problems
 from oracle_server.edge.scopes import needs
 from oracle_server.history.port import History
+from oracle_server.jobs.checking import Checking
+from oracle_server.jobs.forwarding import Progress
+from oracle_server.jobs.recordings import Recordings
 from oracle_server.process.watchdog import Watchdog
 from oracle_server.remote.webhooks import Webhooks
 from oracle_server.sessions.registry import Registry
@@ -22,16 +40,20 @@ def build_app(
     library: Library,
     history: History,
     watchdog: Watchdog,
+    checks: Checking,
+    sent: Recordings,
     webhooks: Webhooks | None = None,
     *,
     legacy: str | None = None,
     legacy_finals: bool = False,
     max_rate: float = 0,
+    forwarding: Progress | None = None,
 ) -> FastAPI:
     """The app over a server's parts; `RouteScopes` looks up the scope that each of its routes needs.
 
     `legacy` is the spec of the legacy monitors that name none; with `legacy_finals` they are told that an outcome is
-    final. Each monitor may send `max_rate` events a second on average; 0 is no limit.
+    final. Each monitor may send `max_rate` events a second on average; 0 is no limit. `forwarding` is how
+    the history is forwarded, if it is.
     """
     app = FastAPI(
         title="oracle-server",
@@ -42,14 +64,19 @@ def build_app(
         responses=problems.RESPONSES,
     )
     problems.install(app)
+    explainer = Explainer(history)
     app.include_router(health.router(history))
     app.include_router(specs.router(library, registry, history))
+    app.include_router(checking.router(checks))
     app.include_router(sessions.router(registry, history))
-    app.include_router(verdicts.router(registry, history))
+    app.include_router(recordings.router(sent, registry))
+    app.include_router(verdicts.router(registry, history, explainer))
+    app.include_router(parts.router(registry, history, explainer))
+    app.include_router(sequence.router(registry, history))
     app.include_router(episodes.router(registry, history))
     app.include_router(stream.router(registry, history))
     app.include_router(timeline.router(registry, history))
-    app.include_router(metrics.router(registry, history, watchdog, webhooks))
+    app.include_router(metrics.router(registry, history, watchdog, webhooks, forwarding))
     app.include_router(pages.router(app))
     app.include_router(_attach_route(registry, max_rate))
     app.include_router(legacy_routes(registry, legacy, max_rate, finals=legacy_finals))

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Depends, HTTPException, Query, Request, Response
+from fastapi.responses import StreamingResponse
+from fastapi.sse import EventSourceResponse
 from pydantic import BaseModel, Field
 
+from oracle_server.api.beginnings import episode_events
 from oracle_server.api.known import demand_session
 from oracle_server.api.leaving import unless_left
+from oracle_server.api.packing import tagged_answer
 from oracle_server.api.questions import Properties
 from oracle_server.core.events import Order
 from oracle_server.edge.access import grant_of
 from oracle_server.edge.scopes import needs
 from oracle_server.history.episodes import Cursor, EpisodeQuery
 from oracle_server.history.port import History
+from oracle_server.sessions.elsewhere import OtherServerError
 from oracle_server.sessions.registry import Registry
 from oracle_server.wire.json import encode_bytes
 
@@ -72,12 +78,12 @@ def router(registry: Registry, history: History) -> APIRouter:
     async def page(request: Request, query: EpisodeQuery) -> Response:
         items, after = await unless_left(request, history.episodes(query))
         document = {"items": items, "next": None if after is None else after.written()}
-        return Response(encode_bytes(document), media_type="application/json")
+        return await tagged_answer(request, history, partial(encode_bytes, document))
 
     @routes.get("/episodes", response_model=EpisodePage)
     @needs("read")
     async def list_all_episodes(request: Request, query: Annotated[EpisodeQuery, Depends(wanted)]) -> Response:
-        """List the episodes of all sessions that the token covers, open and closed ones."""
+        """List the episodes of all sessions that the token covers, open and closed ones. The answer has an `ETag`."""
         grant = grant_of(request)
         return await page(request, replace(query, specs=grant.specs, sessions=grant.sessions))
 
@@ -86,8 +92,39 @@ def router(registry: Registry, history: History) -> APIRouter:
     async def list_episodes(
         request: Request, session_id: str, query: Annotated[EpisodeQuery, Depends(wanted)]
     ) -> Response:
-        """List the episodes of a session."""
+        """List the episodes of a session. The answer has an `ETag`."""
         known = await demand_session(request, registry, session_id)
         return await page(request, replace(query, session=known.number))
+
+    @routes.get(
+        "/sessions/{session_id}/episodes/stream",
+        response_class=StreamingResponse,
+        responses={
+            200: {
+                "content": {"text/event-stream": {}},
+                "description": "Events `begun`, `ended`, `retracted`, each with an episode; `closed` is the last one",
+            }
+        },
+    )
+    @needs("read")
+    async def stream_episodes(
+        request: Request,
+        session_id: str,
+        property: Properties,  # noqa: A002
+    ) -> EventSourceResponse:
+        """Stream a session's episodes: those that are open or may go on, then what becomes of each.
+
+        An episode has `begun`, with its explanation; `ended`, once it can't go on any more; or is `retracted`, since
+        what came late leaves nothing of it. Where that only gives it another beginning it is `retracted` and has
+        `begun` with `moved`. What a client misses while it is away is in the list; who is too slow is told anew what
+        goes on.
+        """
+        known = await demand_session(request, registry, session_id)
+        try:
+            await registry.others.demand_own(session_id)
+        except OtherServerError as error:
+            raise HTTPException(409, f"{error}; only that one can tell its episodes as they begin and end") from None
+        events = episode_events(registry, history, known, frozenset(property))
+        return EventSourceResponse(events, headers={"Cache-Control": "no-store"})
 
     return routes

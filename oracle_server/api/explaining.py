@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable, Coroutine
+from functools import partial
+from typing import Any, TypeVar
 
 from fastapi import HTTPException, Request
 
@@ -17,11 +20,12 @@ MOST = 16
 _RETRY_AFTER = 5
 """Seconds after which a client that was refused should try again."""
 
+T = TypeVar("T")
 _Record = VerdictRecord | None
 
 
 class Explainer:
-    """Explains the verdicts of one history."""
+    """Explains the verdicts of one history, one at a time."""
 
     def __init__(self, history: Reading) -> None:
         self._history = history
@@ -35,15 +39,19 @@ class Explainer:
 
         Raises `NoExplanationError`, and 503 where `MOST` requests are open already.
         """
+        return await self.in_turn(request, partial(explained, self._history, session, n, view))
+
+    async def in_turn(self, request: Request, answer: Callable[[], Coroutine[Any, Any, T]]) -> T:
+        """What is computed as explanations are, in turn with them; 503 where `MOST` requests are open already."""
         if self._open >= MOST:
             detail = f"{MOST} explanations are being computed or waited for already; ask again later"
             raise HTTPException(503, detail, {"Retry-After": str(_RETRY_AFTER)})
         self._open += 1
         try:
-            return await unless_left(request, self._explained(session, n, view))
+            return await unless_left(request, self._next(answer))
         finally:
             self._open -= 1
 
-    async def _explained(self, session: int, n: int, view: View) -> _Record:
+    async def _next(self, answer: Callable[[], Coroutine[Any, Any, T]]) -> T:
         async with self._computing:
-            return await explained(self._history, session, n, view)
+            return await answer()

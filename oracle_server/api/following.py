@@ -14,26 +14,42 @@ _KEEPALIVE = 15.0
 """Seconds without an event after which a comment is sent, so that both sides notice a lost connection."""
 
 
+_LOOK_AGAIN = 0.5
+"""Seconds between two looks at a session that another server has."""
+
+
 async def followed(
     registry: Registry, session_id: str, page: Callable[[], Awaitable[tuple[bytes, bool]]], every: float
 ) -> AsyncIterator[bytes]:
     """The events that `page` tells, as text and whether there are more, at once and so many seconds after commits.
 
+    Of a session that another server has they are looked for twice a second.
+
     The event `closed` is the last one where the session is closed. Where the server stops there is none: the client
     reconnects to the next one, which continues the session.
     """
+    quiet = 0.0
     while True:
-        live = registry.open.get(session_id)
-        upcoming = live.ledger.commits.next() if live else None
+        commits = registry.commits(session_id)
+        upcoming = commits.next() if commits else None
+        elsewhere = commits is None and await registry.others.has(session_id)
         text, more = await page()
         if text:
+            quiet = 0.0
             yield text
         if more:
+            continue
+        if elsewhere:
+            await asyncio.sleep(_LOOK_AGAIN)
+            quiet += _LOOK_AGAIN
+            if quiet >= _KEEPALIVE:
+                quiet = 0.0
+                yield KEEPALIVE_COMMENT
             continue
         if upcoming is None:
             yield format_sse_event(event="closed", data_str="{}")
             return
-        if live and live.ledger.commits.ended and registry.open.get(session_id) is live:
+        if commits and commits.ended and registry.commits(session_id) is commits:
             return
         while not (await asyncio.wait((upcoming,), timeout=_KEEPALIVE))[0]:
             yield KEEPALIVE_COMMENT

@@ -45,6 +45,7 @@ async def visible_specs(connection: HTTPConnection, registry: Registry) -> froze
     if grant.sessions is None:
         return grant.specs
     used = {session.spec.id for session in registry.open.values() if grant.covers_session(session.id)}
+    used |= {one.record.spec for one in registry.recorded.values() if grant.covers_session(one.record.id)}
     for name in grant.sessions:
         known = await registry.known(name)
         used |= {known.spec} if known else set()

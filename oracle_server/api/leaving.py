@@ -7,6 +7,7 @@ from collections.abc import Coroutine
 from typing import Any, TypeVar
 
 from fastapi import HTTPException, Request
+from starlette.requests import ClientDisconnect
 
 T = TypeVar("T")
 
@@ -25,6 +26,18 @@ async def unless_left(request: Request, work: Coroutine[Any, Any, T]) -> T:
         return task.result()
     finally:
         task.cancel()
+
+
+async def text_of(request: Request) -> str:
+    """The body of a request as text. Raises 422 where it is none, and 400 where it does not come to its end."""
+    try:
+        body = await request.body()
+    except ClientDisconnect:
+        raise HTTPException(400, "the client disconnected before the end of the body") from None
+    try:
+        return body.decode()
+    except UnicodeDecodeError:
+        raise HTTPException(422, "not UTF-8 text") from None
 
 
 def _retrieved(task: asyncio.Task[Any]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
@@ -18,6 +19,7 @@ from oracle_server.core.verdicts import Outcome
 from oracle_server.edge.access import demand_all
 from oracle_server.edge.scopes import needs
 from oracle_server.history.port import History, Writing
+from oracle_server.jobs.forwarding import Progress
 from oracle_server.process.watchdog import Watchdog
 from oracle_server.remote.webhooks import Webhooks
 from oracle_server.sessions.counters import DECISION_BOUNDS
@@ -41,9 +43,11 @@ Pairs = Mapping[tuple[str, str], int]
 _CONTENT = "text/plain; version=0.0.4; charset=utf-8"
 
 
-def router(registry: Registry, history: History, watchdog: Watchdog, webhooks: Webhooks | None) -> APIRouter:
+def router(
+    registry: Registry, history: History, watchdog: Watchdog, webhooks: Webhooks | None, forwarding: Progress | None
+) -> APIRouter:
     """The route of the metrics."""
-    collector = ServerCollector(registry, history, watchdog, webhooks)
+    collector = ServerCollector(registry, history, watchdog, webhooks, forwarding)
     routes = APIRouter(tags=["health"])
 
     @routes.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
@@ -52,36 +56,39 @@ def router(registry: Registry, history: History, watchdog: Watchdog, webhooks: W
         """The server's numbers, for Prometheus; not for a token that is bound to some specs or sessions."""
         demand_all(request)
         families, counts = [*collector.collect()], dict(registry.counters.violated.counts)
-        violated = await _violated(registry)
-        answer = await packed_answer(request, history, partial(_rendered, families, counts, violated))
+        present = await _at_present(registry)
+        answer = await packed_answer(request, history, partial(_rendered, families, counts, *present))
         answer.headers["Content-Type"] = _CONTENT
         return answer
 
     return routes
 
 
-async def _violated(registry: Registry) -> Counter[tuple[str, str]]:
-    """In how many open sessions each property does not hold at present, by spec and property."""
-    found: Counter[tuple[str, str]] = Counter()
+async def _at_present(registry: Registry) -> tuple[Pairs, Pairs]:
+    """In how many open sessions each property does not hold at present, and has an open episode."""
+    violated, episodes = Counter[tuple[str, str]](), Counter[tuple[str, str]]()
+    pair = registry.counters.violated.pair
     for session in [*registry.open.values()]:
-        for state in next(iter(session.core.judges.values())).told.properties:
-            if state.outcome in _NEGATIVE:
-                found[registry.counters.violated.pair(session.spec.id, state.property.id)] += 1
+        told = next(iter(session.core.judges.values())).told
+        violated.update(pair(session.spec.id, s.property.id) for s in told.properties if s.outcome in _NEGATIVE)
+        episodes.update(pair(session.spec.id, told.properties[i].property.id) for i, _ in told.following.open)
         await asyncio.sleep(0)  # so that decisions wait for one session, not for a thousand
-    return found
+    return violated, episodes
 
 
-def _rendered(families: list[Metric], counts: Pairs, violated: Pairs) -> bytes:
+def _rendered(families: list[Metric], counts: Pairs, violated: Pairs, episodes: Pairs) -> bytes:
     """All metrics as text; in a thread, since there may be thousands of lines."""
     labels = ["spec", "property"]
     total = CounterMetricFamily("oracle_violations", "Verdicts at which a property became negative", labels=labels)
     now = "Open sessions in which a property does not hold at present"
     present = GaugeMetricFamily("oracle_violated", now, labels=labels)
+    going = GaugeMetricFamily("oracle_episodes_open", "Open sessions in which an episode is open", labels=labels)
     for pair, count in counts.items():
         total.add_metric(pair, count)
         present.add_metric(pair, violated.get(pair, 0))
+        going.add_metric(pair, episodes.get(pair, 0))
     collectors = CollectorRegistry()
-    collectors.register(_Made([*families, total, present]))
+    collectors.register(_Made([*families, total, present, going]))
     ProcessCollector(registry=collectors)
     return generate_latest(collectors)
 
@@ -101,14 +108,18 @@ class ServerCollector:
     """Collects the metrics of one server, those by property aside."""
 
     def __init__(
-        self, registry: Registry, history: Writing, watchdog: Watchdog, webhooks: Webhooks | None = None
-    ) -> None:
+        self, registry: Registry, history: Writing, watchdog: Watchdog, webhooks: Webhooks | None = None,
+        forwarding: Progress | None = None,
+    ) -> None:  # fmt: skip
+        self._forwarding = forwarding
         self._registry, self._history, self._watchdog, self._webhooks = registry, history, watchdog, webhooks
 
     def collect(self) -> Iterator[Metric]:
         """All metrics, with their present values."""
         yield from self._counted()
         yield from self._present()
+        if self._forwarding is not None:
+            yield from _forwarded(self._forwarding)
         counters, sessions = self._registry.counters, list(self._registry.open.values())
         held = counters.total_holds([session.core.holds for session in sessions])
         yield _histogram("hold", "How long events were held in the order", BOUNDS, held.buckets, held.total)
@@ -153,6 +164,20 @@ class ServerCollector:
         yield GaugeMetricFamily("oracle_history_lag_seconds", "Age of the oldest row not committed", self._history.lag)
         writable = self._history.failure is None
         yield GaugeMetricFamily("oracle_history_writable", "Whether the history can be written", int(writable))
+
+
+def _forwarded(progress: Progress) -> Iterator[Metric]:
+    """How the forwarding to a centre goes. What is not known yet has no sample."""
+    yield CounterMetricFamily("oracle_forward_rows", "Rows that were brought to the centre", progress.rows)
+    what = "Steps that were deleted before they were brought to the centre"
+    yield CounterMetricFamily("oracle_forward_lost", what, progress.lost)
+    reached = progress.left is not None and progress.trouble is None
+    yield GaugeMetricFamily("oracle_forward_reached", "Whether the centre takes what is brought", int(reached))
+    if progress.left is not None:
+        what = "Rows still to be brought to the centre, when it was last reached"
+        yield GaugeMetricFamily("oracle_forward_rows_left", what, progress.left)
+        lag = 0.0 if progress.oldest is None else max(0.0, time.time() - progress.oldest / 1e9)
+        yield GaugeMetricFamily("oracle_forward_lag_seconds", "Age of the oldest step that is not there", lag)
 
 
 def _histogram(name: str, what: str, bounds: Sequence[int], buckets: Sequence[int], total: int) -> Metric:

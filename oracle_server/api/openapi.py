@@ -10,6 +10,9 @@ from typing import Any
 
 from oracle_server.api.app import build_app
 from oracle_server.history.memory import MemoryHistory
+from oracle_server.jobs.checking import Checking
+from oracle_server.jobs.recordings import Recordings
+from oracle_server.jobs.uploads import Uploads
 from oracle_server.process.clock import Clock
 from oracle_server.process.watchdog import Watchdog
 from oracle_server.sessions.registry import Registry
@@ -20,7 +23,9 @@ def description() -> dict[str, Any]:
     """The OpenAPI document of a server without specs."""
     with tempfile.TemporaryDirectory() as folder:
         history, library = MemoryHistory(), Library(None, Path(folder))
-        return build_app(Registry(history, library, Clock(), 10.0), library, history, Watchdog()).openapi()
+        registry = Registry(history, library, Clock(), 10.0)
+        sent = Recordings(registry, library, Uploads(Path(folder) / "recordings", 0))
+        return build_app(registry, library, history, Watchdog(), Checking(), sent).openapi()
 
 
 if __name__ == "__main__":

@@ -60,6 +60,30 @@ async def packed_answer(request: Request, history: Reading, make: Callable[[], b
     return Response(content, media_type="application/json", headers=_PACKED if is_packed else _VARIES)
 
 
+async def tagged_answer(request: Request, history: Reading, make: Callable[[], bytes]) -> Response:
+    """The same with an `ETag`, and 304 where the client has it already."""
+    compress = takes_gzip(request)
+
+    def body() -> tuple[bytes, str, bool]:
+        plain = make()
+        is_packed = compress and len(plain) >= _LEAST
+        tag = _tag(plain, is_packed)
+        if _is_known(tag, request):
+            return b"", tag, is_packed
+        return packed(plain) if is_packed else plain, tag, is_packed
+
+    content, tag, is_packed = await history.in_thread(body)
+    if not content:
+        return Response(status_code=304, headers={**_VARIES, "ETag": tag})
+    headers = {**(_PACKED if is_packed else _VARIES), "ETag": tag}
+    return Response(content, media_type="application/json", headers=headers)
+
+
+def _tag(plain: bytes, is_packed: bool) -> str:
+    """What tells a body from others, as it is sent."""
+    return f'"{sha256(plain).hexdigest()[:32]}{"-gzip" if is_packed else ""}"'
+
+
 class File:
     """A file that is served as it is, compressed once, with a tag by which clients keep it."""
 
@@ -68,12 +92,12 @@ class File:
         shorter = packed(content)
         self._plain, self._packed = content, shorter if len(shorter) < len(content) else None
         self._kind, self._headers = kind, headers
-        self._tag = sha256(content).hexdigest()[:32]
+        self._tags = {is_packed: _tag(content, is_packed) for is_packed in (False, True)}
 
     def answer(self, request: Request) -> Response:
         """The file, or 304 where the client has it already."""
         compress = self._packed is not None and takes_gzip(request)
-        tag = f'"{self._tag}-gzip"' if compress else f'"{self._tag}"'
+        tag = self._tags[compress]
         headers = {**self._headers, **_VARIES, "ETag": tag}
         if _is_known(tag, request):
             return Response(status_code=304, headers=headers)

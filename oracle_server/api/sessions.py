@@ -7,14 +7,17 @@ from functools import partial
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Body, HTTPException, Query, Request, Response
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, StringConstraints
 
 from oracle_server.api.known import demand_name, demand_session, state_of, unknown_spec
-from oracle_server.api.packing import json_answer, packed_answer
+from oracle_server.api.packing import json_answer, tagged_answer
 from oracle_server.edge.access import demand, grant_of
 from oracle_server.edge.scopes import needs
+from oracle_server.history.origins import origin_of
 from oracle_server.history.port import History
-from oracle_server.sessions.registry import Registry, SessionExistsError, SessionStaysOpenError
+from oracle_server.sessions.elsewhere import OtherServerError
+from oracle_server.sessions.opening import SessionExistsError
+from oracle_server.sessions.registry import Registry, SessionStaysOpenError
 from oracle_server.sessions.summary import brief
 from oracle_server.specfiles.library import UnknownSpecError
 from oracle_server.wire.incoming import Identifier
@@ -22,6 +25,9 @@ from oracle_server.wire.json import encode_bytes
 
 _COMMIT_WITHIN = _CLOSE_WITHIN = 10.0
 """Seconds for a session to be committed, or closed, before a request is answered by 503."""
+
+
+Origin = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_.-]{1,64}$")]
 
 
 class NewSession(BaseModel):
@@ -46,12 +52,14 @@ def router(registry: Registry, history: History) -> APIRouter:
     @routes.get("/sessions", response_model=SessionList)
     @needs("read")
     async def list_sessions(
-        request: Request, short: Annotated[bool, Query(alias="brief", description="Of each what a list shows")] = False
+        request: Request,
+        short: Annotated[bool, Query(alias="brief", description="Of each what a list shows")] = False,
+        origin: Annotated[Origin | None, Query(description="Those that are forwarded from this robot")] = None,
     ) -> Response:
-        """List all sessions, open ones first; in brief, what a list of many shows of each."""
+        """List all sessions, open ones first; in brief, what a list of many shows of each. The answer has an `ETag`."""
         grant, states = grant_of(request), await registry.states()
-        seen = [s for s in states if grant.covers(spec=s["spec"], session=s["id"])]
-        return await packed_answer(request, history, partial(_listed, seen, short))
+        seen = [s for s in _from(states, origin) if grant.covers(spec=s["spec"], session=s["id"])]
+        return await tagged_answer(request, history, partial(_listed, seen, short))
 
     @routes.post("/sessions", status_code=201)
     @needs("submit")
@@ -90,13 +98,17 @@ def router(registry: Registry, history: History) -> APIRouter:
         await demand_session(request, registry, session_id)
         try:
             closed = await registry.end(session_id, _CLOSE_WITHIN)
-        except SessionStaysOpenError as error:
-            raise HTTPException(500, str(error)) from None
+        except (OtherServerError, SessionStaysOpenError) as error:
+            raise HTTPException(409 if isinstance(error, OtherServerError) else 500, str(error)) from None
         if not closed:
             raise HTTPException(503, "the history can't be written; the session is closed as soon as it can be")
         return await state_of(registry, session_id)
 
     return routes
+
+
+def _from(states: list[dict[str, Any]], origin: str | None) -> list[dict[str, Any]]:
+    return states if origin is None else [state for state in states if origin_of(state["id"]) == origin]
 
 
 def _listed(states: list[dict[str, Any]], short: bool) -> bytes:

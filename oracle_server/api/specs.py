@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, HTTPException, Request, Response
+from fastapi import APIRouter, Header, HTTPException, Request, Response
 from pydantic import BaseModel, Field
-from starlette.requests import ClientDisconnect
 
 from oracle_server.api.known import unknown_spec, visible_specs
+from oracle_server.api.leaving import text_of
 from oracle_server.api.packing import packed_answer
 from oracle_server.core.derived.words import described
 from oracle_server.core.errors import SpecError
 from oracle_server.core.kinds import Kind
 from oracle_server.core.thresholds import thresholds
-from oracle_server.edge.access import demand
+from oracle_server.edge.access import demand, grant_of
+from oracle_server.edge.problems import unsound
 from oracle_server.edge.scopes import needs
 from oracle_server.history.port import Reading
 from oracle_server.sessions.registry import Registry
-from oracle_server.specfiles.library import Entry, Library, UnknownSpecError, Unsound
+from oracle_server.specfiles.library import Entry, Expected, Library, SpecChangedError, UnknownSpecError, Unsound
 from oracle_server.wire.incoming import Identifier
 
 
@@ -84,6 +85,11 @@ class SpecList(BaseModel):
     items: list[SpecDocument]
 
 
+Tags = Annotated[str | None, Header(max_length=1000)]
+YAML: dict[str, Any] = {"requestBody": {"content": {"application/yaml": {}}}}
+"""A body that is the text of a spec."""
+
+
 def router(library: Library, registry: Registry, history: Reading) -> APIRouter:
     """The routes of the specs."""
     routes = APIRouter(prefix="/api/v1", tags=["specs"])
@@ -99,7 +105,7 @@ def router(library: Library, registry: Registry, history: Reading) -> APIRouter:
     @routes.get("/specs/{spec_id}", response_model=SpecDocument)
     @needs("read")
     async def get_spec(spec_id: str, request: Request) -> Response:
-        """Get a spec with its text."""
+        """Get a spec with its text; 422 where its file is unsound, with the file's text for who may store another."""
         seen = await visible_specs(request, registry)
         if seen is not None and spec_id not in seen:
             raise HTTPException(403, "the token is bound to other specs or sessions")
@@ -107,24 +113,41 @@ def router(library: Library, registry: Registry, history: Reading) -> APIRouter:
             entry = await library.find(spec_id)
         except UnknownSpecError as error:
             unknown_spec(request, error)
+        except SpecError as error:
+            text = (
+                await library.in_thread(partial(library.written, spec_id)) if grant_of(request).may("admin") else None
+            )
+            return unsound(error, text)
         document = _document(entry, text=entry.file.text, thresholds=_thresholds(entry))
-        return await packed_answer(request, history, partial(_encoded, document))
+        answer = await packed_answer(request, history, partial(_encoded, document))
+        answer.headers["ETag"] = f'"{entry.tag}"'
+        return answer
 
     @routes.put(
         "/specs/{spec_id}",
         response_model_exclude_unset=True,
-        openapi_extra={"requestBody": {"content": {"application/yaml": {}}}},
+        openapi_extra=YAML,
     )
     @needs("admin")
-    async def put_spec(spec_id: Identifier, request: Request, response: Response) -> SpecDocument:
-        """Validate a spec as `check` does, and store it; open sessions keep theirs. Not by tokens bound to sessions."""
+    async def put_spec(
+        spec_id: Identifier, request: Request, response: Response, if_match: Tags = None, if_none_match: Tags = None
+    ) -> SpecDocument:
+        """Validate a spec as `check` does, and store it; open sessions keep theirs. Not by tokens bound to sessions.
+
+        With `If-Match: TAG` only in place of the text with that `ETag`, with `If-None-Match: *` only where there is
+        none yet; else 412.
+        """
         demand(request, spec=spec_id)
-        text = await _text(request)
+        expected = _expected(if_match, if_none_match)
+        text = await text_of(request)
         try:
-            entry, new = await library.upload(spec_id, text)
+            entry, new = await library.upload(spec_id, text, expected)
+        except SpecChangedError as error:
+            raise HTTPException(412, str(error)) from None
         except OSError as error:
             raise HTTPException(503, f"the spec can't be kept: {error.strerror}") from None
         response.status_code = 201 if new else 200
+        response.headers["ETag"] = f'"{entry.tag}"'
         return _document(entry, warnings=[str(w) for w in entry.file.warnings])
 
     return routes
@@ -177,12 +200,14 @@ def _thresholds(entry: Entry) -> list[ThresholdDocument]:
     ]
 
 
-async def _text(request: Request) -> str:
-    try:
-        body = await request.body()
-    except ClientDisconnect:
-        raise HTTPException(400, "the client disconnected before the end of the body") from None
-    try:
-        return body.decode()
-    except UnicodeDecodeError:
-        raise HTTPException(422, "not UTF-8 text") from None
+def _expected(if_match: str | None, if_none_match: str | None) -> Expected:
+    """What is to be there, by the headers of a request. Raises 422 for what can't be meant."""
+    if if_none_match is not None:
+        if if_none_match.strip() != "*" or if_match is not None:
+            raise HTTPException(422, "header.if-none-match: it is `*` where it is there, and stands alone")
+        return "none"
+    if if_match is None:
+        return None
+    if if_match.strip() == "*":
+        return "any"
+    return frozenset(tag.strip().removeprefix("W/").strip('"') for tag in if_match.split(","))

@@ -1,8 +1,8 @@
 """A session's verdicts as Server-Sent Events: from the history, page by page, and then as they are committed.
 
 Each stream reads from the history, so that a slow client delays nothing; `HttpTransport` disconnects clients that do
-not read at all. FastAPI only formats the events: its own streaming would encode each record on the event loop, where
-a thread encodes a whole page here.
+not read at all. FastAPI only sends the events: its own streaming would encode each record on the event loop, where
+the history gives a whole page as JSON here.
 """
 
 from __future__ import annotations
@@ -19,15 +19,13 @@ from oracle_server.api.following import followed, number_of
 from oracle_server.api.known import demand_session, doubts_of
 from oracle_server.api.questions import Number, Outcomes, chosen
 from oracle_server.api.summaries import summaries
-from oracle_server.core.records import VerdictRecord
 from oracle_server.edge.scopes import needs
-from oracle_server.history.pages import find_as, latest
+from oracle_server.history.pages import find, latest
 from oracle_server.history.port import Reading
 from oracle_server.history.query import Query as Question
 from oracle_server.history.records import SessionRecord
 from oracle_server.history.views import Doubts
 from oracle_server.sessions.registry import Registry
-from oracle_server.wire.json import encode
 
 _PAGE = 100
 """Records that are read at once; so many stay in memory for a client that does not read."""
@@ -73,16 +71,18 @@ def router(registry: Registry, history: Reading) -> APIRouter:
         begin = after if last_event_id is None else number_of(last_event_id)
         asked = replace(question, outcomes=frozenset(outcome), violations=violations)
         wanted = replace(asked, after=begin, limit=_PAGE, follows=True)
-        events = _events(registry, history, session_id, known, wanted)
+        first, seen, _ = await _page(history, known, wanted, doubts_of(registry, session_id))
+        events = _events(registry, history, session_id, known, replace(wanted, after=max(seen, begin)), first)
         return EventSourceResponse(events, headers={"Cache-Control": "no-store"})
 
     return routes
 
 
 async def _events(
-    registry: Registry, history: Reading, session_id: str, known: SessionRecord, wanted: Question
+    registry: Registry, history: Reading, session_id: str, known: SessionRecord, wanted: Question, first: bytes
 ) -> AsyncIterator[bytes]:
-    yield format_sse_event(comment="the verdicts of a session")
+    """The first page, which was read before the response began: what comes from then on is followed without a gap."""
+    yield format_sse_event(comment="the verdicts of a session") + first
     asked = wanted
 
     async def page() -> tuple[bytes, bool]:
@@ -100,14 +100,9 @@ async def _page(
 ) -> tuple[bytes, int, bool]:
     """The next events as text, the `n` up to which the history was read, and whether there are more."""
     seen = await latest(history, known)
-    items, more = await find_as(history, known, wanted, _event, doubts)
+    items, more = await find(history, known, wanted, doubts)
     if more is not None:
         seen = more
     elif items:
         seen = max(seen, items[-1][0])
-    return b"".join([text for _, text in items]), seen, more is not None
-
-
-def _event(record: VerdictRecord) -> tuple[int, bytes]:
-    """A record's `n`, and its event as text."""
-    return record["n"], format_sse_event(data_str=encode(record), id=str(record["n"]))
+    return b"".join([b"id: %d\ndata: %b\n\n" % item for item in items]), seen, more is not None

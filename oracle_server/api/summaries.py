@@ -25,7 +25,7 @@ async def summaries(registry: Registry, session_id: str) -> AsyncIterator[bytes]
     told: Document = {}
     spoken = 0.0
     while True:
-        live = registry.open.get(session_id)
+        commits = registry.commits(session_id)
         state = summary(await registry.state(session_id) or {"streams": [], "status": "closed"})
         text = b""
         if news := changed(told, state):
@@ -35,9 +35,9 @@ async def summaries(registry: Registry, session_id: str) -> AsyncIterator[bytes]
         if text:
             told, spoken = state, time.monotonic()
             yield text
-        if live is None:
+        if commits is None and not await registry.others.has(session_id):
             yield format_sse_event(event="closed", data_str="{}")
             return
-        if live.ledger.commits.ended and registry.open.get(session_id) is live:
+        if commits is not None and commits.ended and registry.commits(session_id) is commits:
             return  # the server stops
         await asyncio.sleep(max(_EVERY, len(text) / _RATE))

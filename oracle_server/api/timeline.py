@@ -18,6 +18,8 @@ from oracle_server.api.leaving import unless_left
 from oracle_server.api.packing import packed_answer
 from oracle_server.api.questions import Nanoseconds
 from oracle_server.core.errors import UnpreparedError
+from oracle_server.core.kinds import RESERVED
+from oracle_server.core.nearest import either, nearest
 from oracle_server.edge.scopes import needs
 from oracle_server.history.columns import PARTS, Part
 from oracle_server.history.port import Reading
@@ -128,6 +130,7 @@ def router(registry: Registry, history: Reading) -> APIRouter:
         older version wrote is made.
         """
         known = await demand_session(request, registry, session_id)
+        _demand_signals(registry, session_id, question)
         try:
             body = await unless_left(request, history.timeline(known, question))
         except UnpreparedError as error:
@@ -157,11 +160,31 @@ def router(registry: Registry, history: Reading) -> APIRouter:
         the `position`, and no bucket: ask for the timeline anew.
         """
         known = await demand_session(request, registry, session_id)
+        _demand_signals(registry, session_id, question)
         since = question.after if last_event_id is None else number_of(last_event_id)
         events = _events(registry, history, known, replace(question, after=since))
         return EventSourceResponse(events, headers={"Cache-Control": "no-store"})
 
     return routes
+
+
+def _demand_signals(registry: Registry, session_id: str, question: Question) -> None:
+    """Raise 422 for a signal that no stream of an open session has, as far as its spec tells which ones they have."""
+    live = registry.open.get(session_id)
+    if live is None or not question.signals:
+        return
+    streams = {str(stream.key): stream for stream in live.spec.streams}
+    for signal in question.signals:
+        name, _, own = signal.partition(":")
+        stream = streams.get(name)
+        if stream is None:
+            says = nearest(name, streams) or f"these are {either(streams)}"
+            raise HTTPException(422, f"query.signal: {live.spec.id} has no stream `{name}`; {says}")
+        if stream.signals is None or own in live.spec.kept | RESERVED or own in stream.traits.marks:
+            continue
+        if own not in stream.signals:
+            says = nearest(own, stream.signals) or f"there are {either(stream.signals) or 'none'}"
+            raise HTTPException(422, f"query.signal: {name} has no signal `{own}`; {says}")
 
 
 class _Place(msgspec.Struct):

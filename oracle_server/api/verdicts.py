@@ -19,11 +19,11 @@ from oracle_server.api.leaving import unless_left
 from oracle_server.api.packing import json_answer, packed_answer
 from oracle_server.api.questions import As, Outcomes, paged
 from oracle_server.edge.scopes import needs
-from oracle_server.history.pages import find_as
+from oracle_server.history.pages import find
 from oracle_server.history.port import History
 from oracle_server.history.query import Query as Question
+from oracle_server.review.again import NoExplanationError
 from oracle_server.review.changes import changed_records
-from oracle_server.review.explanation import NoExplanationError
 from oracle_server.review.trace import trace_lines
 from oracle_server.sessions.registry import Registry
 from oracle_server.wire.json import encode_bytes
@@ -40,16 +40,17 @@ class RecordPage(BaseModel):
     next: int | None = Field(description="The `after` of the following page; null where there are no more records")
 
 
-def router(registry: Registry, history: History) -> APIRouter:
+def router(registry: Registry, history: History, explainer: Explainer) -> APIRouter:
     """The routes of a session's history."""
     routes = APIRouter(prefix="/api/v1", tags=["verdicts"])
-    explainer = Explainer(history)
 
     async def page(request: Request, session_id: str, question: Question) -> Response:
         known, doubts = await demand_session(request, registry, session_id), doubts_of(registry, session_id)
-        items, after = await unless_left(request, find_as(history, known, question, encode_bytes, doubts))
+        items, after = await unless_left(request, find(history, known, question, doubts))
         return await packed_answer(
-            request, history, lambda: b'{"items":[%b],"next":%b}' % (b",".join(items), encode_bytes(after))
+            request,
+            history,
+            lambda: b'{"items":[%b],"next":%b}' % (b",".join([text for _, text in items]), encode_bytes(after)),
         )
 
     @routes.get("/sessions/{session_id}/verdicts", response_model=RecordPage)

@@ -129,7 +129,7 @@ MAX_BURST: Final = 50_000
 
 _AT_ONCE: Final = 64
 """Outcomes that are recorded at once: a frame of a megabyte has 25,000."""
-_CLOSE_CODES: Final = {"shutting_down": 1012, "history_unavailable": 1013}
+_CLOSE_CODES: Final = {"shutting_down": 1012, "moved": 1012, "history_unavailable": 1013}
 """The close codes after fatal errors; `_REFUSED` after all others."""
 _REFUSED: Final = 1008
 _UNGREETED: Final = (State.WAITING, State.ATTACHING)

@@ -47,10 +47,16 @@ class Client:
         """Delete what a document is of, and get it as it is then. Raises `ServerUnreachableError`."""
         return self._document("DELETE", path, within)
 
-    def _document(self, method: str, path: str, within: float, **query: Any) -> dict[str, Any]:
+    def put(self, path: str, content: bytes, within: float) -> dict[str, Any]:
+        """Put a text, and get what is kept of it. Raises `ServerUnreachableError`."""
+        return self._document("PUT", path, within, content)
+
+    def _document(
+        self, method: str, path: str, within: float, content: bytes | None = None, **query: Any
+    ) -> dict[str, Any]:
         with self._reaching():
             params = {k: v for k, v in query.items() if v is not None}
-            response = self._http.request(method, path, params=params, timeout=within)
+            response = self._http.request(method, path, params=params, content=content, timeout=within)
             document: dict[str, Any] = response.json()
         if response.is_error:
             raise ServerUnreachableError(f"{self._url}: {document.get('detail', response.reason_phrase)}")

@@ -9,16 +9,19 @@ from typing import Annotated
 import typer
 
 from oracle_server import __version__
-from oracle_server.cli import reading, replay, serving, specs, token
+from oracle_server.cli import history, reading, replay, serving, specs, token
 from oracle_server.core.errors import OracleError, one_line
 
 app = typer.Typer(
     name="oracle-server",
     help="An oracle that watches robots: past-time temporal logic over ROS messages and services.",
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+_POSIX = {"fcntl", "resource"}
+"""Modules that Windows lacks, and that only what runs a server imports."""
+histories = typer.Typer(help="What is done with histories that no server uses.", add_completion=False)
 tokens = typer.Typer(help="Manage the tokens of a server, which stores only their hashes.", add_completion=False)
 
 
@@ -33,7 +36,9 @@ def _root(
         typer.echo(context.get_help())
 
 
+app.command()(specs.init)
 app.command()(specs.check)
+app.command()(specs.schema)
 app.command()(replay.replay)
 app.command()(serving.serve)
 app.command()(serving.start)
@@ -41,12 +46,16 @@ app.command()(serving.stop)
 app.command()(serving.status)
 app.command("specs")(reading.specs)
 app.command()(reading.sessions)
+app.command()(reading.top)
 app.command()(reading.verdicts)
 app.command()(reading.episodes)
 app.command()(specs.streams)
 app.command("import")(specs.import_)
 app.command()(reading.record)
+app.command()(reading.put)
 app.command()(reading.close)
+app.add_typer(histories, name="history")
+histories.command()(history.copy)
 app.add_typer(tokens, name="token")
 tokens.command()(token.add)
 tokens.command()(token.remove)
@@ -65,6 +74,10 @@ def main() -> None:
         sys.exit(0)
     except OracleError as error:
         sys.exit(_fail(str(error)))
+    except ModuleNotFoundError as error:
+        if error.name not in _POSIX:
+            raise
+        sys.exit(_fail("this needs Linux or macOS; `check`, `replay` and what reads a running server work here, too"))
     except Exception as error:
         usage = getattr(error, "format_message", None)  # a usage error of click, of which typer may have its own copy
         if usage is None:

@@ -1,4 +1,4 @@
-"""The commands for a running server: `specs`, `sessions`, `verdicts`, `episodes`, `record` and `close`."""
+"""The commands for a running server: `specs`, `sessions`, `verdicts`, `episodes`, `record`, `put` and `close`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from oracle_server.cli.options import AsJson
+from oracle_server.cli.options import AsJson, SpecFiles
 
 UrlOption = Annotated[str, typer.Option(envvar="ORACLE_URL", help="The server's address.")]
 TokenOption = Annotated[str | None, typer.Option(envvar="ORACLE_TOKEN", help="The server's token.")]
@@ -31,12 +31,29 @@ def specs(url: UrlOption = _DEFAULT_URL, token: TokenOption = None, as_json: AsJ
     show_specs(Client(url, token), as_json=as_json)
 
 
-def sessions(url: UrlOption = _DEFAULT_URL, token: TokenOption = None, as_json: AsJson = False) -> None:
+def sessions(
+    watch: Annotated[bool, typer.Option("--watch", help="Draw them again every 2 s, until Ctrl-C.")] = False,
+    url: UrlOption = _DEFAULT_URL,
+    token: TokenOption = None,
+    as_json: AsJson = False,
+) -> None:
     """List the sessions of a running server."""
     from oracle_server.cli.client import Client
     from oracle_server.cli.tables import show_sessions
+    from oracle_server.cli.top import watch_sessions
 
-    show_sessions(Client(url, token), as_json=as_json)
+    if watch and not as_json:
+        watch_sessions(Client(url, token))
+    else:
+        show_sessions(Client(url, token), as_json=as_json)
+
+
+def top(url: UrlOption = _DEFAULT_URL, token: TokenOption = None) -> None:
+    """Show what goes on: open sessions with their rates, held events and open episodes, every 2 s, until Ctrl-C."""
+    from oracle_server.cli.client import Client
+    from oracle_server.cli.top import show_top
+
+    show_top(Client(url, token))
 
 
 def verdicts(
@@ -91,6 +108,18 @@ def record(
     from oracle_server.cli.record import record_session
 
     record_session(Client(url, token), session, out)
+
+
+def put(
+    specs: SpecFiles,
+    url: UrlOption = _DEFAULT_URL,
+    token: TokenOption = None,
+) -> None:
+    """Check specs as the server does, and store them there; open sessions keep theirs. Needs the scope admin."""
+    from oracle_server.cli.client import Client
+    from oracle_server.cli.putting import put_specs
+
+    put_specs(Client(url, token), specs)
 
 
 def close(

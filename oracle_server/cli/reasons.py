@@ -7,15 +7,22 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from oracle_server.core.errors import one_line
+from oracle_server.core.events import StreamKey
 from oracle_server.core.kinds import GROUPS, TICK
 from oracle_server.core.naming import event_name, moment, step_name
 
+_ENDS = {
+    "frontier": "and went on once nothing older could come from there",
+    "clock": "and went on once nothing older could come from there",
+    "max_delay": "in vain: max_delay was over",
+    "capacity": "in vain: there was no room to wait on",
+}
 _NAMED = frozenset({*GROUPS, "kind", "monitor"})
 """Signals that are part of an event's description, and not listed with the others."""
 
 
-def explanation_text(record: Mapping[str, Any]) -> str:
-    """The text of a verdict record with its explanation, line by line."""
+def explanation_text(record: Mapping[str, Any], *, simulated: bool = False) -> str:
+    """The text of a verdict record with its explanation, line by line; `simulated`: as is the session's time."""
     why = record["explanation"]
     if why is None:
         return f"{record['property']} is {record['outcome']}; there is no explanation (#{record['n']})\n"
@@ -29,7 +36,17 @@ def explanation_text(record: Mapping[str, Any]) -> str:
         others = why.get("other_values")
         lines.append(f"  for {given}" + (f" (and {others} more)" if others else ""))
     lines += _lines(why.get("reasons", ()), "    ")
+    if record.get("waited"):
+        lines.append(f"  {_waited(record, simulated=simulated)}")
     return "".join(f"{one_line(line)}\n" for line in lines)
+
+
+def _waited(record: Mapping[str, Any], *, simulated: bool) -> str:
+    """How long the event of a record was held, for which streams of which monitors, and what ended that."""
+    names = ", ".join(f"{StreamKey(w['stream'], w['kind'])} of {w['monitor']}" for w in record["waited"])
+    held = max(0, record["judged"] - record["arrived"]) / 1e6  # a simulated arrival is on another clock
+    how = "held" if simulated else f"held {held:.1f} ms"
+    return f"{how}: it waited for {names}, {_ENDS[record['released']]}"
 
 
 def _lines(reasons: Sequence[Mapping[str, Any]], indent: str) -> Iterator[str]:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import cast
 
 from oracle_server.cli.client import Client
+from oracle_server.core.episode import EpisodeRecord
 from oracle_server.core.errors import TraceError
+from oracle_server.core.spec import GAP
 from oracle_server.core.units import counted
-from oracle_server.foxglove.file import write_mcap
+from oracle_server.foxglove.file import Beside, write_mcap
 from oracle_server.process.progress import Show, progress
 
 
@@ -22,7 +25,7 @@ def record_session(client: Client, session: str, out: Path) -> None:
         raise TraceError(f"{out}: name it .mcap or .jsonl")
     with progress(f"{session} to {out.name}", "lines") as show:
         lines = _told(client.lines(f"sessions/{session}/trace"), show)
-        count = _write(lines, lambda: client.lines(f"sessions/{session}/changes"), out)
+        count = _write(client, session, lines, out)
     sys.stdout.write(f"{out}: {counted(count, 'line')} of {session}\n")
 
 
@@ -32,11 +35,19 @@ def _told(lines: Iterable[bytes], show: Show) -> Iterator[bytes]:
         yield line
 
 
-def _write(lines: Iterator[bytes], changes: Callable[[], Iterator[bytes]], out: Path) -> int:
+def _write(client: Client, session: str, lines: Iterator[bytes], out: Path) -> int:
     part = out.with_name(out.name + ".part")
     try:
+        part.touch()  # where that can't be, nothing is asked for
         if out.suffix == ".mcap":
-            count = write_mcap(part, lines, changes)
+            state, of = client.get(f"sessions/{session}"), f"sessions/{session}"
+            beside = Beside(
+                lambda: client.lines(f"{of}/changes"),
+                lambda: cast("list[EpisodeRecord]", client.pages(f"{of}/episodes")),
+                state.get("gap") or GAP,  # older servers do not tell
+                state.get("status") == "closed",
+            )
+            count = write_mcap(part, lines, beside)
         else:
             with part.open("wb") as file:
                 count = sum(1 for line in lines if file.write(line + b"\n"))

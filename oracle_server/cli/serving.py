@@ -23,6 +23,12 @@ _OF_A_SERVER: dict[str, Any] = {
     "legacy_finals": Annotated[
         bool | None, typer.Option("--legacy-finals", help="Tell them final verdicts, at which those that only log end.")
     ],
+    "forward": Annotated[
+        str | None, typer.Option(metavar="URL", help="Forward the history to a centre's, postgresql://….")
+    ],
+    "origin": Annotated[
+        str | None, typer.Option(metavar="NAME", help="This robot's name at the centre; default its host's name.")
+    ],
     "tls_cert": Annotated[Path | None, typer.Option(help="The server's certificate (PEM), for TLS.")],
     "tls_key": Annotated[Path | None, typer.Option(help="The certificate's key (PEM).")],
     "tls_client_ca": Annotated[
@@ -85,9 +91,13 @@ def stop(data_dir: DataDir = None, within: Within = 60.0) -> None:
     run(load_settings(data_dir=data_dir).data_dir, within)
 
 
-def status(data_dir: DataDir = None, as_json: AsJson = False) -> None:
+def status(
+    data_dir: DataDir = None,
+    ready: Annotated[bool, typer.Option("--ready", help="End with 3, too, where it is not ready.")] = False,
+    as_json: AsJson = False,
+) -> None:
     """Show the state of the server of a data directory; the exit status is 3 where none runs."""
     from oracle_server.process.daemon import status as run
     from oracle_server.process.settings import load_settings
 
-    raise typer.Exit(run(load_settings(data_dir=data_dir).data_dir, as_json=as_json))
+    raise typer.Exit(run(load_settings(data_dir=data_dir).data_dir, as_json=as_json, ready=ready))

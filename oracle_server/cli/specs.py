@@ -1,4 +1,4 @@
-"""The commands for spec files: `check`, `import` and `streams`."""
+"""The commands for spec files: `init`, `check`, `schema`, `import` and `streams`."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from oracle_server.cli.findings import FindingsFormat, as_annotation, as_json, as_sarif
 from oracle_server.cli.options import SpecFiles, TypeFolders
 from oracle_server.core.errors import Finding, SpecError
 
@@ -26,13 +27,29 @@ class RosVersion(StrEnum):
     TWO = "2"
 
 
+def init(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="A new folder; its name is the spec's.")],
+    examples: Annotated[
+        bool, typer.Option("--examples", help="Write the examples and specs of the documentation instead.")
+    ] = False,
+) -> None:
+    """Begin a spec: write a commented one, a recording with faults, and what to do with them."""
+    from oracle_server.cli.init import begin, begin_examples
+
+    for path in (begin_examples if examples else begin)(folder):
+        typer.echo(str(path))
+
+
 def check(
     specs: SpecFiles,
     ros: Annotated[RosVersion | None, typer.Option(help="Warn of what this version of ROS can't do.")] = None,
     ros_graph: Annotated[Path | None, typer.Option(help="A dump of the ROS graph, to find deadlocks.")] = None,
     types: TypeFolders = None,
     strict: Annotated[bool, typer.Option("--strict", help="Refuse specs with warnings, too.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print what is found as JSON Lines.")] = False,
+    json_lines: Annotated[bool, typer.Option("--json", help="The same as --format json.")] = False,
+    form: Annotated[
+        FindingsFormat, typer.Option("--format", help="The format of what is found.")
+    ] = FindingsFormat.TEXT,
     formulas: Annotated[bool, typer.Option("--formulas", help="Print formulas with all names written out.")] = False,
 ) -> None:
     """Validate specs: schema, types, expressions, formulas, ordering hazards."""
@@ -43,8 +60,11 @@ def check(
     graph = load_graph(ros_graph) if ros_graph else None
     known = Types(types or ())
     ids: dict[str, Path] = {}
+    form = FindingsFormat.JSON if json_lines else form
+    plain = form in (FindingsFormat.TEXT, FindingsFormat.GITHUB)
     sound = refused = 0
     counts = Counter[str]()
+    all_findings: list[Finding] = []
     for path in specs:
         findings: tuple[Finding, ...]
         try:
@@ -53,20 +73,22 @@ def check(
             findings = error.findings
         else:
             findings = (*loaded.warnings, *_doubled(loaded.spec.id, path, ids))
-            _print_formulas(path, loaded.spec.properties if formulas else (), as_json=as_json)
-        for finding in findings:
-            typer.echo(_json(finding) if as_json else str(finding), err=not as_json)
+            _print_formulas(path, loaded.spec.properties if formulas else (), form)
+        _print(findings, form)
+        all_findings += findings
         counts.update(finding.severity for finding in findings)
         wrong = any(finding.severity == "error" for finding in findings)
         if wrong or (strict and findings):
             refused += 1
-            if not wrong and not as_json:
+            if not wrong and plain:
                 typer.echo(f"{path}: refused because of --strict: {_count(len(findings), 'warning')}", err=True)
             continue
         sound += 1
-        if not as_json:
+        if plain:
             typer.echo(f"{path}: sound")
-    if counts and not as_json:
+    if form is FindingsFormat.SARIF:
+        typer.echo(as_sarif(all_findings))
+    if counts and plain:
         told = [_count(counts[severity], severity) for severity in ("error", "warning") if counts[severity]]
         typer.echo(", ".join([f"{_count(sound, 'spec')} sound", *told]))
     if refused:
@@ -82,33 +104,59 @@ def _doubled(spec_id: str, path: Path, ids: dict[str, Path]) -> list[Finding]:
     return [Finding(str(path), 1, 1, message, "warning")]
 
 
-def _print_formulas(path: Path, properties: Iterable[Property], *, as_json: bool) -> None:
-    """Print each property's formula, of those that are formulas of ours."""
+def _print(findings: Iterable[Finding], form: FindingsFormat) -> None:
+    """Print what is found in one file; a SARIF document is printed at the end."""
+    for finding in findings:
+        match form:
+            case FindingsFormat.TEXT:
+                typer.echo(str(finding), err=True)
+            case FindingsFormat.JSON:
+                typer.echo(as_json(finding))
+            case FindingsFormat.GITHUB:
+                typer.echo(as_annotation(finding))
+            case FindingsFormat.SARIF:
+                pass
+
+
+def _print_formulas(path: Path, properties: Iterable[Property], form: FindingsFormat) -> None:
+    """Print each property's formula, of those that are formulas of ours, where the format has room for them."""
     import json
 
-    from oracle_server.core.formula.render import render
+    from oracle_server.core.derived.words import described
+    from oracle_server.specfiles.lowered import lowered
 
-    for prop in properties:
-        if prop.external or prop.numeric:
-            continue
-        text = render(prop.formula, prop.time)
-        told = {"file": str(path), "property": prop.id, "time": prop.time, "formula": text}
-        typer.echo(json.dumps(told, ensure_ascii=False) if as_json else f"{path}: {prop.id}: {text}")
-
-
-def _json(finding: Finding) -> str:
-    import json
-    from dataclasses import asdict
-
-    return json.dumps(asdict(finding), ensure_ascii=False)
+    properties = list(properties)
+    measures = {prop.id: prop.measures for prop in properties}
+    for told in lowered(properties):
+        if form is FindingsFormat.JSON:
+            typer.echo(json.dumps({"file": str(path), **told}, ensure_ascii=False))
+        elif form is FindingsFormat.TEXT:
+            typer.echo(f"{path}: {told['property']}: {told['formula']}")
+            for measure in measures[told["property"]]:
+                typer.echo(f"{path}: {told['property']}: {measure.name}: {described(measure)}")
 
 
 def _count(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
+def schema() -> None:
+    """Print the JSON Schema of spec files, for editors."""
+    import json
+
+    from oracle_server.specfiles.schema import spec_schema
+
+    typer.echo(json.dumps(spec_schema(), indent=2))
+
+
 def import_(
-    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="A configuration of ROSMonitoring (.yaml).")],
+    config: Annotated[
+        Path | None, typer.Argument(metavar="[CONFIG]", help="A configuration of ROSMonitoring (.yaml).")
+    ] = None,
+    fret: Annotated[Path | None, typer.Option(help="An export of FRET's requirements (.json), in its place.")] = None,
+    variables: Annotated[
+        Path | None, typer.Option(help="With --fret: Ogma's variable file (.json), which says the topics.")
+    ] = None,
     properties: Annotated[list[Path] | None, typer.Option(help="A property module; repeatable.")] = None,
     out: Annotated[Path | None, typer.Option("--output", "-o", help="The spec to write; default: print it.")] = None,
     types: TypeFolders = None,
@@ -116,13 +164,22 @@ def import_(
         bool, typer.Option("--strict", help="Exit with 1 where something is left to be written, or warned of.")
     ] = False,
 ) -> None:
-    """Write a spec from ROSMonitoring's configuration and property modules, which are read and never run."""
+    """Write a spec from FRET's requirements, or ROSMonitoring's configuration and modules, which are never run."""
     from oracle_server.process.progress import progress
     from oracle_server.rostypes.known import Types
+    from oracle_server.specfiles.fret.write import import_fret
     from oracle_server.specfiles.rosmonitoring.write import import_config
 
-    with progress(f"reading {config.name}"):
-        imported = import_config(config, properties or [], out, Types(types or ()))
+    if (source := config or fret) is None or (config and fret):
+        raise typer.BadParameter("one of the two is wanted: a CONFIG, or `--fret reqs.json`")
+    if (fret and properties) or (variables and not fret):
+        raise typer.BadParameter("`--variables` goes with `--fret`, and `--properties` with a CONFIG")
+    known = Types(types or ())
+    with progress(f"reading {source.name}"):
+        if fret:
+            imported = import_fret(fret, variables, out, known)
+        else:
+            imported = import_config(source, properties or [], out, known)
     for finding in imported.findings:
         typer.echo(str(finding), err=True)
     for line in imported.summary:

@@ -9,10 +9,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 from urllib.parse import quote
 
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
-
 from oracle_server.cli.client import Client
 from oracle_server.cli.marks import record_marks, violation_text
 from oracle_server.cli.reasons import explanation_text
@@ -20,8 +16,9 @@ from oracle_server.core.errors import one_line
 from oracle_server.core.naming import first_name, moment
 from oracle_server.edge.tokens import Token
 from oracle_server.process.progress import progress
+from oracle_server.process.tables import print_table
 
-_SESSIONS = ("session", "spec", "status", "monitors", "steps", "violations", "first at")
+SESSIONS = ("session", "spec", "status", "monitors", "steps", "violations", "first at")
 _CLOSED_WITHIN = 30.0
 """Seconds for a session to be closed: the server answers after ten."""
 _EXPLAINED_WITHIN = 600.0
@@ -48,8 +45,7 @@ def _unsound(spec: Mapping[str, Any]) -> str:
 def show_sessions(client: Client, *, as_json: bool) -> None:
     """Print all sessions."""
     document = client.get("sessions")
-    rows = [_session_row(state) for state in document["items"]]
-    show(document, _SESSIONS, rows, as_json=as_json)
+    show(document, SESSIONS, [session_row(state) for state in document["items"]], as_json=as_json)
     if not as_json:
         for state in document["items"]:
             _show_caveats(state, f"{state['id']}: ")
@@ -58,7 +54,7 @@ def show_sessions(client: Client, *, as_json: bool) -> None:
 def show_closed(client: Client, session: str, *, as_json: bool) -> None:
     """Close a session, and print how it ended."""
     state = client.delete(f"sessions/{quote(session, safe='')}", _CLOSED_WITHIN)
-    show({"items": [state]}, _SESSIONS, [_session_row(state)], as_json=as_json)
+    show({"items": [state]}, SESSIONS, [session_row(state)], as_json=as_json)
 
 
 def show_verdicts(
@@ -99,7 +95,11 @@ def show_explanation(client: Client, session: str, n: int, view: str = "standing
     """Print the explanation of a verdict, as it stands or was said at first."""
     with progress(f"judging again what came before verdict {n}"):
         record = client.get(f"sessions/{session}/verdicts/{n}/explanation", _EXPLAINED_WITHIN, **{"as": view})
-    sys.stdout.write(json.dumps(record) + "\n" if as_json else explanation_text(record))
+    if as_json:
+        sys.stdout.write(json.dumps(record) + "\n")
+    else:
+        simulated = bool(record.get("waited")) and client.get(f"sessions/{session}")["clock"] == "sim"
+        sys.stdout.write(explanation_text(record, simulated=simulated))
 
 
 def show_tokens(tokens: Sequence[Token], *, as_json: bool) -> None:
@@ -150,13 +150,14 @@ def _show_caveats(state: dict[str, Any], where: str = "") -> None:
     sys.stdout.writelines(f"{one_line(text)}\n" for text in dict.fromkeys(told))
 
 
-def _session_row(state: dict[str, Any]) -> tuple[str, ...]:
+def session_row(state: dict[str, Any]) -> tuple[str, ...]:
+    """A session's cells under `SESSIONS`."""
     attached = sum(m["connected"] for m in state["monitors"])
     violations = sum(p["violations"] for p in state["properties"]) if state["properties"] else None
     return (
         state["id"],
         state["spec"],
-        _status(state),
+        status_of(state),
         str(attached),
         _cell(state["counters"]["steps"]),
         _cell(violations),
@@ -164,7 +165,7 @@ def _session_row(state: dict[str, Any]) -> tuple[str, ...]:
     )
 
 
-def _status(state: dict[str, Any]) -> str:
+def status_of(state: dict[str, Any]) -> str:
     """How a session stands, in a word or two; what an older version closed has fewer keys."""
     status = next((word for word in ("live", "idle") if state.get(word)), state["status"])
     return f"{status}, recording" if state.get("kind") == "recording" else status
@@ -181,7 +182,4 @@ def show(document: dict[str, Any], head: tuple[str, ...], rows: Sequence[tuple[s
     if as_json:
         sys.stdout.write(json.dumps(document) + "\n")
         return
-    table = Table(*head, box=None, pad_edge=False)
-    for row in rows:
-        table.add_row(*(Text(one_line(cell)) for cell in row))
-    Console(highlight=False, width=None if sys.stdout.isatty() else 160).print(table)
+    print_table(head, rows, sys.stdout)

@@ -68,7 +68,8 @@ class Access:
                 await refuse(scope, receive, send, 503, detail, {"Connection": "close"})
                 return
         state["grant"] = grant
-        with reading_for(self._client(scope, token)):
+        state["client"] = client = self._client(scope, token)
+        with reading_for(client):
             if needed is None or grant is None or visitor is None:
                 await self._app(scope, receive, send)
                 return
@@ -110,6 +111,11 @@ class Access:
 def grant_of(connection: HTTPConnection) -> Grant:
     """The grant of the sender of a request or WebSocket."""
     return cast("Grant", connection.state.grant)
+
+
+def client_of(connection: HTTPConnection) -> str:
+    """Who the sender of a request is: equal for the same token, or the same address where none is needed."""
+    return cast("str", connection.state.client)
 
 
 def demand(connection: HTTPConnection, *, spec: str | None = None, session: str | None = None) -> None:

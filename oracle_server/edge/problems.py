@@ -25,14 +25,21 @@ def problem(status: int, detail: str, **more: Any) -> JSONResponse:
     return JSONResponse(body, status, media_type="application/problem+json")
 
 
+def unsound(error: SpecError, text: str | None = None) -> JSONResponse:
+    """A response that tells what is wrong with a spec, and where, with its text, if any."""
+    found = [{"line": f.line, "column": f.column, "message": f.message} for f in error.findings]
+    return problem(422, str(error), errors=found, **({} if text is None else {"text": text}))
+
+
 class Problem(BaseModel):
-    """An error as in RFC 9457; `errors` are its places, in a spec or in a request."""
+    """An error as in RFC 9457; `errors` are its places, in a spec or in a request, `text` that of an unsound spec."""
 
     type: str
     title: str
     status: int
     detail: str
     errors: list[dict[str, Any]] | None = None
+    text: str | None = None
 
 
 _CONTENT = {"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}}
@@ -72,8 +79,7 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(SpecError)
     async def _spec(_: Request, error: SpecError) -> JSONResponse:
-        found = [{"line": f.line, "column": f.column, "message": f.message} for f in error.findings]
-        return problem(422, str(error), errors=found)
+        return unsound(error)
 
     @app.exception_handler(WireError)
     async def _stopping(_: Request, error: WireError) -> JSONResponse:

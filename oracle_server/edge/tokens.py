@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import hashlib
 import hmac
 import os
@@ -207,6 +206,8 @@ def _locked(path: Path) -> Iterator[None]:
         folder = os.open(path.parent, os.O_RDONLY)
     except OSError as error:
         raise TokenError(f"{path}: can't be written: {error.strerror}") from None
+    import fcntl  # which Windows lacks, where a running server is read all the same
+
     try:
         fcntl.flock(folder, fcntl.LOCK_EX)
         yield

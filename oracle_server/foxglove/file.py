@@ -7,13 +7,15 @@ from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import IO
+from typing import IO, NamedTuple
 
 import msgspec
 from mcap.writer import Writer
 
+from oracle_server.core.episode import EpisodeRecord
+from oracle_server.core.spec import GAP
 from oracle_server.foxglove.channels import Channel, Message, Streams, verdict_message
-from oracle_server.foxglove.episodes import Episodes
+from oracle_server.foxglove.episodes import Recorded
 from oracle_server.replay.mcap import PROFILE
 
 _Tell = Callable[[], list[Message]]
@@ -27,11 +29,23 @@ class _Known(msgspec.Struct):
     signals: dict[str, str | bool | int | float] = {}
 
 
-def write_mcap(path: Path, lines: Iterable[bytes], changes: Callable[[], Iterable[bytes]]) -> int:
-    """Write the lines of a session's trace and the records of its changes; returns how many lines there are.
+class Beside(NamedTuple):
+    """What is told of a session beside its trace, and read once all of that is.
 
-    The changes are read once all lines are, which wait in a file without a name beside `path`: a channel says at first
-    which signals its messages have. Raises OSError.
+    `changes` are the records at which something is new, `gap` (ns) is that of the spec's episodes.
+    """
+
+    changes: Callable[[], Iterable[bytes]]
+    episodes: Callable[[], Iterable[EpisodeRecord]]
+    gap: int = GAP
+    closed: bool = False
+
+
+def write_mcap(path: Path, lines: Iterable[bytes], beside: Beside) -> int:
+    """Write the lines of a session's trace and what is told beside; returns how many lines there are.
+
+    The lines wait in a file without a name beside `path`: a channel says at first which signals its messages have.
+    Raises OSError.
     """
     streams, learn, count = Streams(), msgspec.json.Decoder(_Known), 0
     with TemporaryFile(dir=path.parent) as kept, path.open("wb") as file:
@@ -42,15 +56,16 @@ def write_mcap(path: Path, lines: Iterable[bytes], changes: Callable[[], Iterabl
             count += 1
         kept.seek(0)
         target = _Target(file)
-        for message in _messages(streams, kept, changes()):
+        for message in _messages(streams, kept, beside):
             target.write(message)
         target.finish()
     return count
 
 
-def _messages(streams: Streams, lines: Iterable[bytes], changes: Iterable[bytes]) -> Iterator[Message]:
+def _messages(streams: Streams, lines: Iterable[bytes], beside: Beside) -> Iterator[Message]:
     """All messages; those of streams in the order of the lines, and what was judged meanwhile between them."""
-    episodes = Episodes()
+    changes = beside.changes()
+    episodes, time = Recorded(beside.episodes(), beside.gap), 0
 
     def events() -> Iterator[tuple[Message, _Tell]]:
         for line in map(msgspec.json.decode, lines):
@@ -64,6 +79,8 @@ def _messages(streams: Streams, lines: Iterable[bytes], changes: Iterable[bytes]
     for message, tell in heapq.merge(events(), verdicts(), key=lambda found: found[0].time):
         yield message
         yield from tell()
+        time = message.time
+    yield from episodes.rest(time) if beside.closed else ()
 
 
 class _Target:

@@ -122,8 +122,8 @@ class Offered:
         self.number, self.schema, self.close = number, schema, close
         self._send, self._is_read = send, is_read
         self._last: Message | None = None
-        self._again = 0
-        """How often the last message is still to be repeated for those who have subscribed."""
+        self._again = _REPEATS
+        """How often the last message is still to be repeated: some may have subscribed before this was made."""
 
     def subscribed(self) -> None:
         """Note that somebody has subscribed, or is about to: the library may call us before it sends them anything."""
@@ -142,8 +142,8 @@ class Offered:
             self._send(encode_bytes(last.data), log_time=last.time)
 
     def catch_up(self) -> None:
-        """Repeat the last message, once there is one, where somebody has subscribed lately."""
-        if self._again and self._last is not None:
+        """Repeat the last message, once there is one and the library sends it, where somebody has subscribed lately."""
+        if self._again and self._last is not None and self._is_read():
             self._again -= 1
             self.repeat()
 

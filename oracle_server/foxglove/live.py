@@ -16,6 +16,7 @@ from oracle_server.foxglove.session import Drawing
 from oracle_server.history.port import Reading
 from oracle_server.history.readers import reading_for
 from oracle_server.history.records import StoredStep
+from oracle_server.sessions.beginnings import Beginnings
 from oracle_server.sessions.live import LiveSession
 from oracle_server.sessions.registry import Registry
 
@@ -82,7 +83,7 @@ class Live:
             drawing.end()
 
     async def _follow(self, session: LiveSession, drawing: Drawing) -> None:
-        commits, number = session.ledger.commits, session.number
+        commits, number, episodes = session.ledger.commits, session.number, Beginnings(session, self._history)
         first, last = await self._history.extent(number)
         position = max(first - 1, last - _RECALLED)
         while True:
@@ -96,6 +97,8 @@ class Live:
                     self._registry.counters.undrawn += skipped
                     log.warning("Foxglove is shown the newest steps only", session=session.id, skipped=skipped)
                     position += skipped
+            told = await episodes.news()
+            await self._history.in_thread(partial(drawing.tell, told, session.clock.now()))
             if ended:
                 return
             await asyncio.wait((upcoming,))

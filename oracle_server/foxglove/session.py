@@ -6,12 +6,12 @@ from collections.abc import Iterator, Sequence
 
 from oracle_server.core.events import Order
 from oracle_server.foxglove.channels import Channel, Message, Streams, log_channel, property_channel, verdict_message
-from oracle_server.foxglove.episodes import Episodes
+from oracle_server.foxglove.episodes import told_message
 from oracle_server.foxglove.listening import Listening, Offered
 from oracle_server.history.records import StoredStep
-from oracle_server.history.views import records
 from oracle_server.review.changes import Changes
 from oracle_server.review.trace import event_line
+from oracle_server.sessions.beginnings import Told
 
 
 class Drawing:
@@ -23,7 +23,7 @@ class Drawing:
         """Offer the log, and the properties in each order, the first of which decides, before anything comes."""
         self._properties, self._deciding, self._listening = properties, orders[0], listening
         self._prefix = f"/{session}"
-        self._streams, self._episodes = Streams(self._prefix), Episodes(self._prefix)
+        self._streams = Streams(self._prefix)
         self._changes = Changes(properties)
         self._offered: dict[tuple[str, str], Offered] = {}
         self._of(log_channel(self._prefix))
@@ -41,6 +41,13 @@ class Drawing:
             for message in self._messages(step):
                 self._of(message.channel).write(message)
 
+    def tell(self, episodes: Sequence[Told], time: int) -> None:
+        """Send what became of episodes, known at a time (ns). To be called as `take`."""
+        for told in episodes:
+            message = told_message(told, time, self._prefix)
+            if message is not None:
+                self._of(message.channel).write(message)
+
     def end(self) -> None:
         """Offer the session no longer."""
         for offered in self._offered.values():
@@ -49,15 +56,11 @@ class Drawing:
 
     def _messages(self, step: StoredStep) -> Iterator[Message]:
         if step.revision is not None:
-            for record in records(step, self._properties):
-                yield from self._episodes.revised(record)
             return
         if step.order == self._deciding:
             yield self._streams.message(event_line(step))
         for record in self._changes.take([step]):
             yield verdict_message(record, self._prefix)
-            yield from self._episodes.take(record)
-        yield from self._episodes.passed(step.step.stamp, step.judged)
 
     def _of(self, channel: Channel) -> Offered:
         """A channel as it is offered: anew where it has another schema than before."""

@@ -10,10 +10,12 @@ class WireError(OracleError):
     """Something that is answered by an `error` frame; a fatal one closes the connection."""
 
     def __init__(
-        self, code: str, message: str, *, seq: int | None = None, fatal: bool = False, session: str | None = None
-    ) -> None:
+        self, code: str, message: str, *, seq: int | None = None, fatal: bool = False, session: str | None = None,
+        url: str | None = None,
+    ) -> None:  # fmt: skip
         super().__init__(message)
         self.code, self.message, self.seq, self.fatal, self.session = code, message, seq, fatal, session
+        self.url = url
 
     def frame(self) -> ErrorFrame:
         """The `error` frame."""
@@ -22,4 +24,6 @@ class WireError(OracleError):
             frame["seq"] = self.seq
         if self.session is not None:
             frame["session"] = self.session
+        if self.url is not None:
+            frame["url"] = self.url
         return frame

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Literal, NotRequired, TypedDict
 
+from oracle_server.core.episode import EpisodeRecord
 from oracle_server.core.kinds import Kind
 from oracle_server.core.records import VerdictRecord
 from oracle_server.core.verdicts import DecisionFrame
@@ -73,6 +74,30 @@ class RevisionFrame(VerdictRecord):
     type: Literal["revision"]
 
 
+EpisodeEvent = Literal["begun", "ended", "retracted"]
+
+
+class EpisodeFrame(EpisodeRecord):
+    """An episode that has begun, or can't go on any more, or of which nothing stands.
+
+    `moved`: another frame tells of the same with another beginning. `explanation` is there where it has begun.
+    """
+
+    type: Literal["episode"]
+    event: EpisodeEvent
+    moved: bool
+
+
+class EpisodeStanding(TypedDict):
+    """The episode of a property that is open, or may go on: the `n` of its first verdict, and the time of that (ns)."""
+
+    first: int
+    began: int
+    open: bool
+    final: bool
+    count: int
+
+
 Level = Literal["ok", "warn", "error", "stale"]
 
 
@@ -86,6 +111,7 @@ class PropertyStanding(TypedDict):
     first_violation: int | None
     first_violation_step: NotRequired[int | None]
     first_violation_at: NotRequired[int | None]
+    episode: NotRequired[EpisodeStanding | None]
 
 
 class VerdictsFrame(TypedDict):
@@ -106,6 +132,7 @@ class ErrorFrame(TypedDict):
     fatal: bool
     seq: NotRequired[int]
     session: NotRequired[str]
+    url: NotRequired[str]
 
 
 class CreditFrame(TypedDict):
@@ -127,6 +154,7 @@ Outgoing = (
     | AckFrame
     | ViolationFrame
     | RevisionFrame
+    | EpisodeFrame
     | VerdictsFrame
     | ErrorFrame
     | CreditFrame

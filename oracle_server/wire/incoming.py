@@ -26,6 +26,8 @@ MAX_FEATURES = 100
 """Most features that a monitor names."""
 REVISIONS = "revisions"
 """The feature of monitors that are told what was revised."""
+EPISODES = "episodes"
+"""The feature of monitors that are told of episodes in place of violations."""
 MAX_PARTS = 100_000
 """The most lists and objects in an event's data: as many as there are where each key holds a list of one object."""
 
@@ -54,7 +56,7 @@ class Attach(_Message):
     """Whether it wants `verdicts` frames: how the properties stand, now and after each commit that changes it."""
     features: Annotated[list[str], Field(max_length=MAX_FEATURES, fail_fast=True)] = []
     """What else it knows; unknown words are ignored. `revisions`: `revision` frames, of verdicts put right; `actions`:
-    the kinds of actions, without which it can't observe one."""
+    the kinds of actions, without which it can't observe one; `episodes`: `episode` frames in place of `violation`s."""
 
 
 class EventMessage(_Message):

@@ -99,6 +99,14 @@ class RevisesRecord(_Frame):
     to: int
 
 
+class WaitedRecord(_Frame):
+    """A stream of a monitor that an event waited for."""
+
+    monitor: str
+    stream: str
+    kind: StepKind
+
+
 class Record(BaseModel):
     """The verdict of one property at a step, or at a deadline that ran out (`kind` is `tick`); times in nanoseconds.
 
@@ -129,6 +137,9 @@ class Record(BaseModel):
     about: list[dict[str, Any]] = Field(description="The events of those that were not answered here, 100 at most")
     about_count: int = Field(description="How many were not answered here")
     released: Released | None = Field(None, description="Why the order of publication released the event")
+    waited: list[WaitedRecord] | None = Field(
+        None, description="The streams that it waited for last, 8 at most: they released it, or were behind it still"
+    )
     place: int | None = Field(None, description="The place of a late event among the steps, where it was put in it")
     unheard: list[str] | None = Field(
         None, description="Streams that the property reads, and of which older events may still come"
@@ -158,10 +169,48 @@ class RevisionFrame(Record):
     type: Literal["revision"]
 
 
+class EpisodeFrame(_Frame):
+    """To monitors that attached with the feature `episodes`, in place of `violation`: what became of an episode.
+
+    Violations that follow each other closely are one. It has `begun`; or `ended`, since it can't go on any more; or it
+    is `retracted`, since what came late leaves nothing of it. `moved`: another frame tells of the same with another
+    beginning. Times are in nanoseconds; `last` and `until` are null while it is open, `explanation` is null but where
+    it has begun.
+    """
+
+    type: Literal["episode"]
+    event: Literal["begun", "ended", "retracted"]
+    moved: bool
+    session: str
+    spec: str
+    property: str
+    order: Order
+    first: int = Field(description="The n of the verdict that violates first")
+    began: int = Field(description="Its time")
+    last: int | None = Field(description="The n of the verdict that violates last")
+    until: int | None = Field(description="Its time")
+    open: bool
+    final: bool
+    count: int = Field(description="How many violations it is")
+    worst: dict[str, Any] | None
+    explanation: str | None
+
+
+class EpisodeStanding(_Frame):
+    """The episode of a property that is open, or may go on: the `n` of its first verdict, and the time of that (ns)."""
+
+    first: int
+    began: int
+    open: bool
+    final: bool
+    count: int
+
+
 class PropertyStanding(_Frame):
     """How one property stands; `level` and `text` are as in diagnostics, `first_violation` is a record's `n`.
 
     `first_violation_step` is that one's step, null for a deadline, and `first_violation_at` its stamp in nanoseconds.
+    `episode` is the one that is open or may go on, null where there is none.
     """
 
     outcome: Outcome
@@ -171,6 +220,7 @@ class PropertyStanding(_Frame):
     first_violation: int | None
     first_violation_step: int | None = None
     first_violation_at: int | None = None
+    episode: EpisodeStanding | None = None
 
 
 class VerdictsFrame(_Frame):
@@ -189,6 +239,7 @@ class ErrorFrame(_Frame):
     """Something was refused; after a fatal error the server closes.
 
     `session` comes with `session_ended`: the one to attach to instead, missing where it is a new one without a name.
+    `url` comes with `moved`: the server that has the session, missing where that is not known.
     """
 
     type: Literal["error"]
@@ -197,6 +248,7 @@ class ErrorFrame(_Frame):
     fatal: bool
     seq: int | None = None
     session: str | None = None
+    url: str | None = None
 
 
 class CreditFrame(_Frame):
@@ -218,6 +270,7 @@ Outgoing = Annotated[
     | AckFrame
     | ViolationFrame
     | RevisionFrame
+    | EpisodeFrame
     | VerdictsFrame
     | ErrorFrame
     | CreditFrame

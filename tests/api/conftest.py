@@ -16,6 +16,9 @@ from oracle_server.edge.access import Access
 from oracle_server.edge.scopes import RouteScopes
 from oracle_server.edge.tokens import Tokens
 from oracle_server.history.memory import MemoryHistory
+from oracle_server.jobs.checking import Checking
+from oracle_server.jobs.recordings import Recordings
+from oracle_server.jobs.uploads import Uploads
 from oracle_server.process.clock import Clock
 from oracle_server.process.watchdog import Watchdog
 from oracle_server.sessions.registry import Registry
@@ -31,6 +34,7 @@ class Asked:
     guarded: Access
     registry: Registry
     http: httpx.AsyncClient
+    checking: Checking
 
 
 @pytest.fixture
@@ -39,8 +43,12 @@ async def asked(tmp_path: Path) -> AsyncIterator[Asked]:
     history = MemoryHistory()
     history.start(asyncio.get_running_loop())
     registry = Registry(history, library, Clock(), 10.0)
-    app = build_app(registry, library, history, Watchdog())
+    checking = Checking()
+    sent = Recordings(registry, library, Uploads(tmp_path / "recordings", 2**20))
+    app = build_app(registry, library, history, Watchdog(), checking, sent)
     guarded = Access(app, Tokens(tmp_path / "no tokens"), RouteScopes(app.routes))
     transport = httpx.ASGITransport(guarded, raise_app_exceptions=False)
     async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1") as http:
-        yield Asked(app, guarded, registry, http)
+        yield Asked(app, guarded, registry, http, checking)
+    checking.close()
+    await sent.stop()

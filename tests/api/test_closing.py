@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from oracle_server.history.memory import MemoryHistory
-from oracle_server.sessions import registry
+from oracle_server.sessions import opening
 from oracle_server.sessions.live import LiveSession
 from tests.api.conftest import Asked
 
@@ -48,7 +48,7 @@ async def test_no_end_of_sessions_is_opened_while_the_history_can_not_be_written
     history = asked.registry._history
     assert isinstance(history, MemoryHistory)
     history.failure = "no space left on device"
-    monkeypatch.setattr(registry, "_UNWRITTEN", -1)
+    monkeypatch.setattr(opening, "_UNWRITTEN", -1)
     answer = await asked.http.post("/api/v1/sessions", json={"spec": "single", "id": "s"})
     assert answer.status_code == 503
     assert "no space left" in answer.json()["detail"]

@@ -70,6 +70,7 @@ async def test_one_is_computed_at_a_time_and_so_many_wait(asked: Asked, monkeypa
     assert (await asked.http.post("/api/v1/sessions", json={"spec": "single", "id": "s"})).status_code == 201
     async with waiting(asked, range(1, MOST + 1)) as tasks:
         await blocked.until_taken(MOST)
+        assert (await asked.http.get("/api/v1/sessions/s/verdicts/99/parts")).status_code == 503
         refused = await asked.http.get("/api/v1/sessions/s/verdicts/99/explanation")
         assert refused.status_code == 503
         assert int(refused.headers["Retry-After"]) > 0

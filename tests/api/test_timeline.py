@@ -10,7 +10,7 @@ from oracle_server.api import timeline
 from oracle_server.core.errors import UnpreparedError
 from oracle_server.history.memory import MemoryHistory
 from tests.api.conftest import Asked
-from tests.sessions.making import Kept, attach, event
+from tests.sessions.making import GUARD, Kept, attach, event
 
 PATH = "/api/v1/sessions/s/timeline"
 
@@ -27,7 +27,7 @@ async def session(asked: Asked) -> None:
 
 @pytest.mark.usefixtures("session")
 async def test_all_of_a_session_is_told_at_once(asked: Asked) -> None:
-    answer = await asked.http.get(PATH, params={"buckets": 1, "signal": ["/a:v", "/a:w"]})
+    answer = await asked.http.get(PATH, params={"buckets": 1, "signal": ["/a:v"]})
     assert answer.status_code == 200
     found = answer.json()
     assert found["first"] <= found["last"] < found["since"] + found["width"]
@@ -38,7 +38,21 @@ async def test_all_of_a_session_is_told_at_once(asked: Asked) -> None:
     assert found["signals"]["/a:v"] == {
         "count": [3], "min": [3], "max": [30], "mean": [37 / 3], "text": [None], "several": [False],
     }  # fmt: skip
-    assert found["signals"]["/a:w"]["count"] == [0]
+
+
+@pytest.mark.usefixtures("session")
+@pytest.mark.parametrize("path", [PATH, f"{PATH}/stream?width=1000"])
+async def test_a_signal_that_there_is_not_is_refused_with_the_nearest(asked: Asked, path: str) -> None:
+    asked.registry._library.put("guard", GUARD)
+    await asked.registry.attach(attach("t", "guard"), Kept())
+    path = path.replace("/s/", "/t/")
+    for signal, said in (
+        ("/go:sped", "query.signal: /go has no signal `sped`; did you mean `speed`?"),
+        ("/go:x", "query.signal: /go has no signal `x`; there are speed"),
+        ("/og:speed", "query.signal: guard has no stream `/og`; did you mean `/go`?"),
+    ):
+        answer = await asked.http.get(path, params={"signal": signal} | ({"width": 1000} if "width" in path else {}))
+        assert (answer.status_code, answer.json()["detail"]) == (422, said)
 
 
 @pytest.mark.usefixtures("session")

@@ -212,7 +212,8 @@ def test_arguments_in_the_wrong_order_are_told(tmp_path: Path) -> None:
     assert failed("replay", trace, SPEC, SPEC).endswith(f"write `replay {SPEC} {SPEC} {trace}`")
     assert failed("replay", SPEC, trace, SPEC).endswith(f"write `replay {SPEC} {SPEC} {trace}`")
     assert failed("replay", SPEC, trace, other) == (
-        f"oracle-server: {stands}one recording is judged at a time: `replay SPEC… RECORDING`"
+        f"oracle-server: {trace}: is a recording, and stands where a spec is expected: `replay SPEC… RECORDING`; "
+        "many recordings: `replay RECORDING… --on SPEC…`"
     )
     assert "is a spec, and stands where" in failed("replay", tmp_path, SPEC)
     (tmp_path / "metadata.yaml").touch()

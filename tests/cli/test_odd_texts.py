@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from oracle_server.replay.table import _csv_cell
+from oracle_server.replay.table import csv_cell
 from tests.whole.client import attached, make_event
 from tests.whole.harness import Server, failed, run
 
@@ -152,6 +152,6 @@ async def test_no_text_commands_the_terminal_or_begins_a_line(server: Server, tm
 
 def test_a_spreadsheet_runs_no_cell() -> None:
     for text in ("=HYPERLINK(1)", "+1", "-1", "@SUM(1)"):
-        assert _csv_cell(text) == f"'{text}"
-    assert _csv_cell("a\r\n=1") == r"a\r\n=1"
-    assert [_csv_cell(value) for value in (-1, -0.5, True, None, "a=1")] == [-1, -0.5, "true", None, "a=1"]
+        assert csv_cell(text) == f"'{text}"
+    assert csv_cell("a\r\n=1") == r"a\r\n=1"
+    assert [csv_cell(value) for value in (-1, -0.5, True, None, "a=1")] == [-1, -0.5, "true", None, "a=1"]

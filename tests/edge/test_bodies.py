@@ -33,4 +33,4 @@ async def test_a_body_that_does_not_come_is_not_waited_for(monkeypatch: pytest.M
 
     async with asyncio.timeout(PATIENCE):
         with pytest.raises(HTTPException, match="408"):
-            await Bodies(app)({"type": "http"}, receive, send)
+            await Bodies(app)({"type": "http", "path": "/"}, receive, send)

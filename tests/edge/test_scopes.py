@@ -14,6 +14,9 @@ from oracle_server.api.app import build_app
 from oracle_server.edge.scopes import RouteScopes, UndeclaredRouteError, needs
 from oracle_server.edge.tokens import Scope
 from oracle_server.history.memory import MemoryHistory
+from oracle_server.jobs.checking import Checking
+from oracle_server.jobs.recordings import Recordings
+from oracle_server.jobs.uploads import Uploads
 from oracle_server.process.clock import Clock
 from oracle_server.process.watchdog import Watchdog
 from oracle_server.sessions.registry import Registry
@@ -32,7 +35,9 @@ def handshake(path: str) -> dict[str, object]:
 def app() -> FastAPI:
     with tempfile.TemporaryDirectory() as folder:
         history, library = MemoryHistory(), Library(None, Path(folder))
-        return build_app(Registry(history, library, Clock(), 10.0), library, history, Watchdog())
+        registry = Registry(history, library, Clock(), 10.0)
+        sent = Recordings(registry, library, Uploads(Path(folder) / "recordings", 0))
+        return build_app(registry, library, history, Watchdog(), Checking(), sent)
 
 
 OPEN = ["/", "/healthz", "/readyz", "/docs", "/docs/swagger-ui.css", "/openapi.json", "/dashboard/main.js"]
@@ -40,6 +45,10 @@ NEEDED: list[tuple[str, str, Scope]] = [
     ("GET", "/metrics", "read"),
     ("GET", "/api/v1/specs", "read"),
     ("PUT", "/api/v1/specs/s", "admin"),
+    ("POST", "/api/v1/specs/s/check", "admin"),
+    ("POST", "/api/v1/recordings", "submit"),
+    ("GET", "/api/v1/recordings/r", "submit"),
+    ("DELETE", "/api/v1/recordings/r", "submit"),
     ("GET", "/api/v1/sessions", "read"),
     ("POST", "/api/v1/sessions", "submit"),
     ("GET", "/api/v1/sessions/s", "read"),

@@ -1,4 +1,4 @@
-"""What schemas say of signals, and when episodes begin and end."""
+"""What schemas say of signals, and where the lines of episodes are."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ from typing import Any
 
 import pytest
 
+from oracle_server.core.episode import EpisodeRecord
 from oracle_server.core.records import VerdictRecord
 from oracle_server.foxglove.channels import VALUES, Streams, verdict_message
-from oracle_server.foxglove.episodes import Episodes
+from oracle_server.foxglove.episodes import Recorded, told_message
 from oracle_server.foxglove.schemas import LOG, VERDICT, Signals
+from oracle_server.sessions.beginnings import Told
 from tests.foxglove.reading import fields
 
 S = 10**9
@@ -63,29 +65,40 @@ def test_a_record_becomes_what_can_be_plotted() -> None:
     assert verdict_message(record(1, "true", order="arrival")).channel.topic == "/oracle/p/arrival"
 
 
-def levels(episodes: Episodes, *told: VerdictRecord) -> list[tuple[int, float]]:
-    found = [message for one in told for message in episodes.take(one)]
-    return [(m.data["level"], m.published / S) for m in found]
+def episode(first: int, began: float, until: float | None, **more: Any) -> EpisodeRecord:
+    made: Any = {
+        "session": "s", "spec": "spec", "property": "p", "order": "publication", "first": first, "last": first,
+        "began": round(began * S), "until": None if until is None else round(until * S), "open": until is None,
+        "final": False, "count": 2, "worst": None, "explanation": None, **more,
+    }  # fmt: skip
+    return made  # type: ignore[no-any-return]
 
 
-def test_an_episode_goes_on_while_its_property_does_not_hold() -> None:
-    episodes, no, yes = Episodes(), "currently_false", "currently_true"
-    assert levels(episodes, record(1, no, violation=True)) == [(3, 1)]
-    assert episodes.passed(9 * S, 9 * S) == []
-    assert levels(episodes, record(10, yes), record(10.5, no, violation=True), record(11, yes), record(12, yes)) == []
-    assert [m.data["message"] for m in episodes.passed(12 * S + 1, 13 * S)] == [
-        "p: ended at 11.000 s; 2 violations in 10.000 s"
+def test_what_becomes_of_an_episode_is_a_line_unless_it_is_known_by_another_beginning() -> None:
+    lasted, final = episode(1, 1, 3.5), episode(1, 1, None, final=True, explanation="p is late", order="arrival")
+    lines = [
+        told_message(told, 9 * S)
+        for told in (Told("begun", False, final), Told("ended", False, lasted), Told("retracted", False, lasted))
     ]
-    assert levels(episodes, record(14, "false", violation=True), record(30, "false")) == [(4, 14)]
+    assert [(m.data["level"], m.data["name"], m.data["message"], m.published) for m in lines if m] == [
+        (4, "p (arrival)", "p is late", S),
+        (2, "p", "p: ended at 3.500 s; 2 violations in 2.500 s", round(3.5 * S)),
+        (2, "p", "retracted: p was not violated at 1.000 s: what came late shows it", S),
+    ]
+    assert told_message(Told("begun", True, lasted), 9 * S) is None
 
 
-def test_what_was_awaited_and_did_not_come_is_an_episode_too() -> None:
-    episodes, yes = Episodes(), "currently_true"
-    told = [record(at, yes, violation=True) for at in (1, 1.5, 3)]
-    assert levels(episodes, *told) == [(3, 1), (2, 1.5), (3, 3)]
-
-
-def test_the_two_orders_have_episodes_of_their_own() -> None:
-    episodes = Episodes()
-    both = [record(1, "false", violation=True, order=order) for order in ("publication", "arrival")]
-    assert [m.data["name"] for one in both for m in episodes.take(one)] == ["p", "p (arrival)"]
+def test_an_episode_is_told_with_its_first_verdict_and_once_it_is_over() -> None:
+    recorded = Recorded([episode(4, 8, None), episode(1, 1, 2), episode(3, 5, 6)])
+    found = recorded.take(record(1, "currently_false", n=1))
+    assert recorded.passed(round(2.5 * S), 3 * S) == []
+    found += recorded.passed(3 * S, 3 * S)
+    found += recorded.take(record(8, "currently_false", n=4))  # the first of one is not kept any more
+    assert [(m.data["level"], m.published / S, m.time / S) for m in found] == [
+        (3, 1, 1),
+        (2, 2, 3),
+        (3, 5, 8),
+        (3, 8, 8),
+    ]
+    assert [m.published / S for m in recorded.rest(9 * S)] == [6]
+    assert recorded.rest(9 * S) == []

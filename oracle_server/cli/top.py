@@ -1,0 +1,81 @@
+"""What goes on in a running server, drawn again and again: its sessions, and how much each does."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from rich.console import Console
+from rich.live import Live
+
+from oracle_server.cli.client import Client
+from oracle_server.cli.tables import SESSIONS, session_row, status_of
+from oracle_server.process.tables import print_table, table
+
+_HEAD = ("session", "status", "monitors", "steps/s", "held", "violations", "open", "wrong now")
+_EVERY = 2.0
+"""Seconds between two looks."""
+
+
+def watch_sessions(client: Client) -> None:
+    """Draw the sessions until Ctrl-C."""
+    _watch(SESSIONS, lambda: [session_row(state) for state in client.get("sessions")["items"]])
+
+
+def show_top(client: Client) -> None:
+    """Draw the open sessions with their rates and open episodes until Ctrl-C; once where this is no terminal."""
+    _watch(_HEAD, Top(client).rows)
+
+
+class Top:
+    """The open sessions, those with open episodes first, with what each does since the last look."""
+
+    def __init__(self, client: Client, clock: Callable[[], float] = time.monotonic) -> None:
+        """Look at a server; the clock is in seconds."""
+        self._client, self._clock = client, clock
+        self._steps: dict[str, int] = {}
+        self._at = 0.0
+
+    def rows(self) -> list[tuple[str, ...]]:
+        """Look, and compare with the last look."""
+        states = [state for state in self._client.get("sessions")["items"] if state["status"] != "closed"]
+        now = self._clock()
+        wrong: dict[str, list[str]] = {}
+        for episode in self._client.pages("episodes", open=True):
+            wrong.setdefault(episode["session"], []).append(episode["property"])
+        steps = {state["id"]: state["counters"]["steps"] or 0 for state in states}
+        passed = now - self._at
+        rates = {name: (steps[name] - before) / passed for name, before in self._steps.items() if name in steps}
+        self._steps, self._at = steps, now
+        states.sort(key=lambda state: (-len(wrong.get(state["id"], ())), -rates.get(state["id"], 0.0), state["id"]))
+        return [_row(state, rates.get(state["id"]), wrong.get(state["id"], [])) for state in states]
+
+
+def _row(state: dict[str, Any], rate: float | None, wrong: list[str]) -> tuple[str, ...]:
+    return (
+        state["id"],
+        status_of(state),
+        str(sum(monitor["connected"] for monitor in state["monitors"])),
+        "-" if rate is None else f"{rate:.0f}",
+        str(state["counters"]["held"] or 0),
+        str(sum(row["violations"] for row in state["properties"])),
+        str(len(wrong)),
+        ", ".join(Counter(wrong)),
+    )
+
+
+def _watch(head: Sequence[str], rows: Callable[[], Sequence[Sequence[str]]]) -> None:
+    if not sys.stdout.isatty():
+        print_table(head, rows(), sys.stdout)
+        return
+    console = Console()
+    try:
+        with Live(table(head, rows(), console.width), console=console, screen=True, auto_refresh=False) as live:
+            while True:
+                time.sleep(_EVERY)
+                live.update(table(head, rows(), console.width), refresh=True)
+    except KeyboardInterrupt:
+        return
