@@ -3,12 +3,17 @@
 const TOKEN = "oracle-token";
 const TIMEOUT = 10_000; // ms
 const REFRESHES = 10;
+const RATE = 15; // bytes a ms that are asked for on average, however much there is
+const BURST = 200_000; // bytes that may come at once
 
-/** A request that failed: `status` is HTTP's, or 0 where the server can't be reached. */
+const kept = new Map(); // documents by what was asked, with their tags
+let [left, filled] = [BURST, performance.now()];
+
+/** A request that failed: `status` is HTTP's, or 0 where the server can't be reached; `document` is what it says, if anything. */
 export class Problem extends Error {
-  constructor(status, message) {
+  constructor(status, message, document = null) {
     super(message);
-    this.status = status;
+    [this.status, this.document] = [status, document];
   }
 }
 
@@ -18,28 +23,74 @@ export function remember(token) {
 }
 
 /** Get a document within `within` ms; `signal` aborts the request. Throws a `Problem`. */
-export async function get(path, query = {}, { within = TIMEOUT, signal } = {}) {
+export async function get(path, query = {}, options = {}) {
+  return (await ask("GET", path, query, options)).document;
+}
+
+/** Get a document that is kept, and sent again only where it has changed. Throws a `Problem`. */
+export async function getKept(path, query = {}) {
+  const key = JSON.stringify([path, query, sessionStorage.getItem(TOKEN)]);
+  const before = kept.get(key);
+  const found = await ask("GET", path, query, { headers: before ? { "If-None-Match": before.tag } : {} });
+  if (!found.document) return before.document;
+  if (found.tag) kept.set(key, found);
+  return found.document;
+}
+
+/** How long to wait (ms) until more is asked for, so that a page that is left open costs the network little. */
+export function pause() {
+  const now = performance.now();
+  [left, filled] = [Math.min(BURST, left + RATE * (now - filled)), now];
+  return Math.max(0, -left / RATE);
+}
+
+/** Send a request, and get the document that answers it, with its `ETag`. Throws a `Problem`. */
+export async function ask(method, path, query = {}, { within = TIMEOUT, signal, body, headers: more = {} } = {}) {
   const url = new URL(`api/v1/${path}`, document.baseURI);
   for (const [name, value] of Object.entries(query)) [value].flat().forEach((each) => url.searchParams.append(name, each));
   const token = sessionStorage.getItem(TOKEN);
-  const headers = token ? { Authorization: `Bearer ${token}` } : {};
+  const headers = { ...more, ...(token ? { Authorization: `Bearer ${token}` } : {}) };
   const ends = AbortSignal.any([AbortSignal.timeout(within), ...(signal ? [signal] : [])]);
   let response, text;
   try {
-    response = await fetch(url, { headers, signal: ends, cache: "no-store" });
+    response = await fetch(url, { method, body, headers, signal: ends, cache: "no-store" });
     text = await response.text();
   } catch {
     throw new Problem(0, "The server can't be reached; trying again.");
   }
+  left -= Number(response.headers.get("Content-Length") ?? text.length);
+  if (response.status === 304) return { document: null, tag: null };
   const document_ = parsed(text);
-  if (response.ok && document_ instanceof Object && !Array.isArray(document_)) return document_;
+  if (response.ok && document_ instanceof Object && !Array.isArray(document_)) return { document: document_, tag: response.headers.get("ETag") };
   const detail = response.ok ? "The page is not up to date: this answers, but not as an oracle server." : undefined;
-  throw new Problem(response.status, detail ?? document_?.detail ?? `The server answered ${response.status}.`);
+  throw new Problem(response.status, detail ?? document_?.detail ?? `The server answered ${response.status}.`, document_);
 }
 
-/** Get the items of a list. Throws a `Problem`, or a `TypeError` where the answer is not a list. */
-export async function items(path, query = {}) {
-  const found = (await get(path, query)).items;
+/** Send a file, and get the document that answers it; `progress` is told how much of it is sent, from 0 to 1. Throws a `Problem`. */
+export function send(path, query, file, { signal, progress }) {
+  const request = new XMLHttpRequest(); // fetch does not tell how far it is
+  const url = new URL(`api/v1/${path}`, document.baseURI);
+  for (const [name, value] of Object.entries(query)) url.searchParams.append(name, value);
+  return new Promise((sent, failed) => {
+    request.open("POST", url);
+    const token = sessionStorage.getItem(TOKEN);
+    if (token) request.setRequestHeader("Authorization", `Bearer ${token}`);
+    request.upload.onprogress = (event) => event.lengthComputable && progress(event.loaded / event.total);
+    request.onload = () => {
+      const answer = parsed(request.responseText);
+      if (request.status < 300 && answer) sent(answer);
+      else failed(new Problem(request.status, answer?.detail ?? `The server answered ${request.status}.`));
+    };
+    request.onabort = () => failed(new Problem(0, "The sending was cancelled."));
+    request.onerror = () => failed(new Problem(0, "The server ended the sending, or can't be reached."));
+    signal.addEventListener("abort", () => request.abort());
+    request.send(file);
+  });
+}
+
+/** Get the items of a list, by `get` or `getKept`. Throws a `Problem`, or a `TypeError` where the answer is not a list. */
+export async function items(path, query = {}, read = get) {
+  const found = (await read(path, query)).items;
   if (!Array.isArray(found)) throw new TypeError(`${path}: no list`);
   return found;
 }

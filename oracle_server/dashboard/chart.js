@@ -1,8 +1,9 @@
 // The chart of a session's steps: the event and the outcome of every property, one column a step.
 
+import { at } from "./address.js";
 import { DelayedHistory, items, of } from "./api.js";
 import { h, Place } from "./dom.js";
-import { at, event, mark, stream } from "./words.js";
+import { event, mark, stream } from "./words.js";
 
 const STEPS = 60;
 const BEFORE = 0.5; // the share of the steps that are shown before the chosen one

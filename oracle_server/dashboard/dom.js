@@ -11,6 +11,11 @@ export function h(name, attributes = {}, ...children) {
   return node;
 }
 
+/** The attributes of an element that scrolls sideways where its table is too wide, by keys too. */
+export function wide(name) {
+  return { class: "wide", tabindex: 0, role: "region", "aria-label": name };
+}
+
 /** A table with a head; each row is a list of cells, or a row element. */
 export function table(name, head, rows) {
   const cells = (row) => h("tr", {}, row.map((cell) => h("td", {}, cell)));
@@ -18,6 +23,32 @@ export function table(name, head, rows) {
     h("thead", {}, h("tr", {}, head.map((title) => h("th", { scope: "col" }, title)))),
     h("tbody", {}, rows.map((row) => (row instanceof Node ? row : cells(row)))));
 }
+
+/**
+ * Make one stop of the Tab key of what `selector` finds in an element; `keys` go on from there by so many. The function
+ * that is returned is to be called where what it finds has changed.
+ */
+export function rove(node, selector, keys) {
+  const found = () => [...node.querySelectorAll(selector)];
+  const settle = (stop) => {
+    const all = found();
+    const one = stop ?? all.find((each) => each.tabIndex === 0) ?? all[0];
+    for (const each of all) each.tabIndex = each === one ? 0 : -1;
+  };
+  node.addEventListener("focusin", ({ target }) => target.matches(selector) && settle(target));
+  node.addEventListener("keydown", (pressed) => {
+    const all = found();
+    const at = all.indexOf(document.activeElement);
+    const to = all[at + keys[pressed.key]];
+    if (at < 0 || !to) return;
+    pressed.preventDefault();
+    to.focus();
+  });
+  return () => settle();
+}
+
+export const UP_AND_DOWN = { ArrowUp: -1, ArrowDown: 1 };
+export const TO_AND_FRO = { ArrowLeft: -1, ArrowRight: 1 };
 
 /** An element that is rebuilt only when the value that it shows has changed, so that focus and selection are kept. */
 export class Place {
@@ -35,4 +66,12 @@ export class Place {
     this.#shown = key; // only now, since building may fail
     return true;
   }
+}
+
+/** A new element of a drawing. */
+export function svg(name, attributes = {}, ...children) {
+  const node = document.createElementNS("http://www.w3.org/2000/svg", name);
+  for (const [key, value] of Object.entries(attributes)) if (value !== null && value !== undefined) node.setAttribute(key, String(value));
+  node.append(...children.flat(Infinity).filter((child) => child !== null && child !== undefined));
+  return node;
 }

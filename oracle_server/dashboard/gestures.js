@@ -13,8 +13,8 @@ const KEYS = {
   l: (window) => window.follow(),
 };
 
-/** Move `window` by what is done in `plots`, whose axis is `axis`; `clicked(share, target)` is called for a click. */
-export function moveBy(plots, axis, window, clicked) {
+/** Move `window` by what is done in `plots`, whose axis is `axis`; `clicked(share, target)` is called for a click, `enter(last)` to go into the rows. */
+export function moveBy(plots, axis, window, { clicked, enter }) {
   const pointers = new Map();
   const shareAt = (event) => (event.clientX - axis.getBoundingClientRect().left) / axis.clientWidth;
   const apart = () => {
@@ -58,10 +58,13 @@ export function moveBy(plots, axis, window, clicked) {
   }
 
   function pressed(event) {
-    const act = event.ctrlKey || event.metaKey || event.altKey || event.target !== plots ? null : KEYS[event.key];
-    if (!act) return;
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const down = { ArrowDown: false, ArrowUp: true }[event.key];
+    const act = KEYS[event.key];
+    if (!act && down === undefined) return;
     event.preventDefault();
-    act(window);
+    if (act) act(window);
+    else enter(down);
   }
 
   plots.addEventListener("pointerdown", grabbed);

@@ -1,19 +1,23 @@
 // The rows of the timeline: what each shows of an answer by time, and what stands beside it.
 
 import { paintDecisions, paintLane, paintSignal, paintStream } from "./painting.js";
-import { counted, mark, span } from "./words.js";
+import { lasted } from "./episodes.js";
+import { counted, mark, moment, span } from "./words.js";
 
 const MOODS = { true: "good", currently_true: "good", false: "bad", currently_false: "bad", unknown: "unsure" };
 
-/** The rows of an answer; each has its `group`, `name`, `value`, and `paint(canvas, window)`. */
-export function rowsOf(answer, state, thresholds, window) {
+/**
+ * The rows of an answer; each has its `key`, `group`, `name`, `value`, and `paint(canvas, window)`. `found` are the
+ * session's episodes, `now` is the time of its newest step, `awaited` are the streams that held up what is explained.
+ */
+export function rowsOf(answer, { state, thresholds, found, now, awaited = [] }, window) {
   const time = timeOf(answer, window);
   return [
-    ...properties(answer, state, time),
-    ...streams(answer, time),
+    ...properties(answer, state, found, now, time, window),
+    ...streams(answer, time, awaited),
     ...signals(answer, thresholds, time),
     ...decisions(answer, time),
-  ];
+  ].map((row) => ({ key: `${row.group} ${row.name}`, ...row }));
 }
 
 /** One lane with the worst outcome of all properties. */
@@ -33,27 +37,63 @@ function timeOf({ since, width }, window) {
   return { since: window.offset(since), width: Number(width) };
 }
 
-function properties(answer, state, time) {
+function properties(answer, state, found, now, time, window) {
   const standing = new Map(state.properties.map((each) => [each.id, each]));
   return Object.entries(answer.lanes).map(([name, codes]) => {
     const { outcome = "unknown", violations = 0 } = standing.get(name) ?? {};
+    const open = found.find((each) => each.open && each.property === name);
+    const lane = { ...time, codes, degraded: answer.degraded[name], counts: answer.violations[name] };
+    const told = [violations ? counted(violations, "violation") : "", open ? `for ${span(lasted(open, now))}` : ""];
     return {
-      group: "property", name, title: `${name}: ${outcome}`,
-      value: `${mark(outcome)} ${violations ? counted(violations, "violation") : ""}`.trim(), mood: MOODS[outcome],
-      paint: (canvas, window) => paintLane(canvas, window, { ...time, codes, degraded: answer.degraded[name] }),
+      group: "property", name, title: `${name}: ${outcome}`, open: Boolean(open), said: inWords(name, outcome, found, state.clock),
+      value: [mark(outcome), open ? told[1] : told[0]].join(" ").trim(), mood: MOODS[outcome],
+      holds: !open && MOODS[outcome] === "good" && holdsThroughout(lane, window),
+      together,
+      codes, degraded: lane.degraded, time,
+      paint: (canvas, now_) => paintLane(canvas, now_, lane),
     };
   });
 }
 
-function streams(answer, { since, width }) {
+/** A property's lane in words, for those who can't see it: how it stands, and its newest episodes. */
+function inWords(name, outcome, found, clock) {
+  const episodes = found.filter((each) => each.property === name);
+  const told = episodes.slice(0, 3).map(({ began, until, open }) => `${moment(began, clock)} to ${open ? "now" : moment(until, clock)}`);
+  return [`${name}: ${outcome}`, told.length ? `failed ${told.join(", ")}${episodes.length > 3 ? ", and before" : ""}` : null].filter(Boolean).join("; ");
+}
+
+/** Whether a lane is known to hold in all of the window that is told, and nothing in it is degraded. */
+function holdsThroughout({ since, width, codes, degraded = "" }, window) {
+  const [from, to] = [window.since, window.until].map((at) => Math.min(codes.length, Math.max(0, Math.floor((at - since) / width))));
+  const before = codes.slice(0, from).replace(/[ -]/g, "").at(-1) ?? "";
+  const inside = codes.slice(from, to + 1).replace(/[ -]/g, "");
+  return /^[tT]+$/.test(before + inside) && !degraded.slice(from, to + 1).includes("1");
+}
+
+/** One row for several lanes that hold. */
+function together(rows) {
+  const [{ codes, time }] = rows;
+  const lane = { ...time, codes: Array.from(codes, (code, i) => (rows.some((each) => each.codes[i] === "t") ? "t" : code)).join("") };
+  return {
+    name: `${rows.length} hold`, title: rows.map(({ name }) => name).join(", "), value: "✓", mood: "good",
+    said: `${rows.length} properties hold in all of this time`,
+    paint: (canvas, window) => paintLane(canvas, window, lane),
+  };
+}
+
+function streams(answer, { since, width }, awaited) {
   return Object.entries(answer.streams).map(([key, { count: counts, lost }]) => {
     const total = counts.reduce((sum, each) => sum + each, 0);
     const seconds = (counts.length * width) / 1e9;
     return {
-      group: "stream", name: key, value: rate(total, seconds),
+      group: "stream", name: key, title: key, ...valueOf(rate(total, seconds), awaited.includes(key)),
       paint: (canvas, window) => paintStream(canvas, window, { since, width, counts, lost }),
     };
   });
+}
+
+function valueOf(rate, isAwaited) {
+  return isAwaited ? { value: `⧗ waited for, ${rate}`, mood: "unsure" } : { value: rate };
 }
 
 function rate(total, seconds) {
@@ -63,14 +103,15 @@ function rate(total, seconds) {
 }
 
 function signals(answer, thresholds, time) {
+  const failing = new Set(Object.entries(answer.lanes).filter(([, codes]) => /f/i.test(codes)).map(([name]) => name));
   return Object.entries(answer.signals).filter(([, { count }]) => count.some(Boolean)).map(([key, found]) => {
     const bounds = thresholds.filter((each) => each.signal === key);
     const [min, max, mean] = [found.min, found.max, found.mean].map((values) => values.map(plotted));
     const [stream, name] = [key.slice(0, key.lastIndexOf(":")), key.slice(key.lastIndexOf(":") + 1)];
     return {
-      group: "signal", name, tall: true, value: last(mean),
+      group: "signal", key: `signal ${key}`, name, tall: true, value: last(mean),
       title: [`${name} of ${stream}`, ...bounds.map(({ property, op, value }) => `${property}: ${op} ${value}`)].join("; "),
-      paint: (canvas, window) => paintSignal(canvas, window, { ...time, min, max, mean }, bounds),
+      paint: (canvas, window) => paintSignal(canvas, window, { ...time, min, max, mean }, bounds, failing),
     };
   });
 }
@@ -91,7 +132,7 @@ function decisions({ asked, denied, hold }, time) {
   const longest = hold ? `held ${span(Math.max(...hold.max))} at most` : "";
   return [{
     group: "decision", name: "decisions", title: "asked, and denied; below, how long each waited", tall: true,
-    value: [`${no} of ${all} denied`, longest].filter(Boolean).join(", "), mood: no ? "denied" : "",
+    value: [`${no} of ${all} denied`, longest].filter(Boolean).join("\n"), mood: no ? "denied" : "",
     paint: (canvas, window) => paintDecisions(canvas, window, { ...time, asked, denied, hold: hold?.max ?? [] }),
   }];
 }

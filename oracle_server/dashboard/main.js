@@ -1,45 +1,44 @@
 // The page: it opens the view that the address names, refreshes it, and shows errors.
 
-import { Problem, remember } from "./api.js";
+import { read } from "./address.js";
+import { pause, Problem, remember } from "./api.js";
+import { compareView } from "./compare.js";
 import { h } from "./dom.js";
+import { editorView } from "./editor.js";
 import { sessionView } from "./session.js";
 import { sessionsView } from "./sessions.js";
 import { specView, specsView } from "./specs.js";
 
 const PERIOD = 1000;
-const SHARE = 10; // requests take at most one tenth of the time, however slow the answers are
+const SHARE = 10; // requests take at most one tenth of the time where the answers are slow,
+const LONGEST = 5000; // ms, but nobody looks at what is older than this
 
 const place = document.getElementById("view");
 const link = document.getElementById("link");
-let view = sessionsView();
 let timer;
 let latest = 0; // the number of the last refresh
+let view = sessionsView({}, refresh);
 
 function route() {
-  const [path, query] = location.hash.slice(1).split("?");
-  const [, kind, id] = path.split("/").map(decoded);
-  if (kind === "sessions" && id) return sessionView(id, Number(new URLSearchParams(query).get("n")) || null, refresh);
+  const address = read();
+  const { kind, id, other } = address;
+  if (kind === "sessions" && id) return sessionView(address, refresh);
+  if (kind === "compare" && id) return compareView(id, other);
+  if (kind === "edit" && id) return editorView(id);
   if (kind === "specs") return id ? specView(id) : specsView();
-  return sessionsView();
-}
-
-function decoded(part) {
-  try {
-    return decodeURIComponent(part);
-  } catch {
-    return "";
-  }
+  return sessionsView(address, refresh);
 }
 
 function open() {
-  const next = route();
-  const same = view.goTo && view.key === next.key;
-  if (same) view.goTo(next.n);
+  const address = read();
+  if (view.goTo && address.kind === "sessions" && view.key === address.id) view.goTo(address);
   else {
     view.leave?.();
-    view = next;
+    view = route();
     document.title = view.key ? `${view.key} – oracle-server` : "oracle-server";
     place.replaceChildren(view.node);
+    const here = ["specs", "edit"].includes(address.kind) ? "#/specs" : "#/";
+    for (const each of document.querySelectorAll("nav a")) each.toggleAttribute("aria-current", each.getAttribute("href") === here);
   }
   return refresh();
 }
@@ -56,7 +55,7 @@ async function refresh() {
   } catch (problem) {
     if (mine === latest) failed(problem);
   } finally {
-    if (mine === latest) timer = setTimeout(refresh, Math.max(PERIOD, SHARE * (performance.now() - begin)));
+    if (mine === latest) timer = setTimeout(refresh, Math.max(PERIOD, Math.min(LONGEST, SHARE * (performance.now() - begin)), pause()));
   }
 }
 
@@ -89,6 +88,12 @@ function tokenForm() {
   return h("form", { onsubmit: entered }, field, h("button", {}, "Use"));
 }
 
+document.addEventListener("keydown", (pressed) => {
+  const field = document.querySelector("main input[type=search]");
+  if (pressed.key !== "/" || !field || pressed.target.matches("input, textarea, select")) return;
+  pressed.preventDefault();
+  field.focus();
+});
 document.querySelector(".skip").addEventListener("click", (click) => {
   click.preventDefault(); // the address names what is shown
   place.focus();

@@ -1,12 +1,19 @@
 // Paints lanes, streams, signals and decisions on the shared time axis: what holds is thin, what fails is tall.
 
+import { linesOf } from "./bounds.js";
 import { label, labelStep } from "./window.js";
+import { counted } from "./words.js";
 
 const HOLDS = 3; // pixels high
 const SETTLED = 7;
 const TALL = 14;
+const DENSE = 0.6; // of a block that its violations take, from which on it is one
+const ROOM = 96; // pixels that a block's text needs
 const DOT = 5; // pixels from one message to the next, from which each is drawn by itself
 const GAP = 3; // periods
+const LABEL = 13; // pixels high, of a bound
+const FEW = 5; // bounds, all of which are lines
+const TICK = 10; // pixels, of one of many
 const BAR = 5; // pixels that one height stands for, at least
 
 /** Where and how to paint: a canvas as wide as its element, with its context scaled to CSS pixels. */
@@ -71,7 +78,7 @@ export function paintLane(canvas, window, lane) {
     if (to < 0 || from > at.width) continue;
     if (run.code === "t" || run.code === "T") holds(at, from, to, middle, run.code === "T" ? SETTLED : HOLDS);
     else if (run.code === "u") unknown(at, from, Math.max(to, from + 2), middle);
-    else fails(at, run, from, Math.max(to, from + 2), middle, lane.width);
+    else fails(at, run, from, Math.max(to, from + 2), middle, lane);
   }
   dots(at, lane, middle + TALL / 2 - 2);
 }
@@ -108,12 +115,22 @@ function unknown({ context }, from, to, middle) {
   context.restore();
 }
 
-function fails({ context, x, scale }, run, from, to, middle, width) {
-  context.fillStyle = colour("fails-soft");
+function fails({ context, x, scale }, run, from, to, middle, { since, width, counts }) {
+  const wide = Math.max(2, width * scale);
+  const dense = run.said.length * wide > DENSE * (x(run.to) - x(run.from)) && to - from > ROOM;
+  context.fillStyle = colour(dense ? "fails" : "fails-soft");
   context.fillRect(from, middle - TALL / 2, to - from, TALL);
   context.fillStyle = colour("fails");
-  for (const at of run.said) context.fillRect(x(at), middle - TALL / 2, Math.max(2, width * scale), TALL);
+  for (const at of run.said) context.fillRect(x(at), middle - TALL / 2, wide, TALL);
   context.fillRect(from, middle - TALL / 2 - 2, to - from, 1.5);
+  if (!dense || !counts) return;
+  const [first, last] = [run.from, run.to].map((at) => Math.round((at - since) / width));
+  const count = counts.slice(first, last).reduce((sum, each) => sum + each, 0);
+  if (!count) return;
+  context.fillStyle = colour("fails-text");
+  context.font = "600 11px Inter, system-ui, sans-serif";
+  context.textBaseline = "middle";
+  context.fillText(`✗ ${counted(count, "violation")}`, from + 6, middle + 1);
 }
 
 /** How often a stream's messages came: each by itself where there is room, else as a height. */
@@ -184,15 +201,13 @@ function gap({ context, x }, since, until, base) {
   context.fillText(`${((until - since) / 1e9).toFixed(1)} s`, (from + to) / 2, base / 2 + 1);
 }
 
-/** A signal's values: from the least to the greatest of each bucket, its mean as a line; and bounds, as dashed lines. */
-export function paintSignal(canvas, window, { since, width, min, max, mean }, bounds) {
+/** A signal's values: from the least to the greatest of each bucket, its mean as a line; and `bounds` as dashed lines, named where there is room. */
+export function paintSignal(canvas, window, { since, width, min, max, mean }, bounds, failing) {
   const at = pen(canvas, window);
   const { context } = at;
-  const known = [...min, ...max, ...bounds.map(({ value }) => Number(value))].filter((value) => value !== null);
-  if (!known.length) return;
-  const [least, most] = [Math.min(...known), Math.max(...known)];
+  const { from, to, lines, above, below } = linesOf(bounds, [...min, ...max].filter((value) => value !== null), failing);
   const room = 6;
-  const y = (value) => at.height - room - ((value - least) / (most - least || 1)) * (at.height - 2 * room);
+  const y = (value) => at.height - room - ((value - from) / (to - from || 1)) * (at.height - 2 * room);
   context.fillStyle = colour("line-soft");
   min.forEach((value, i) => {
     if (value === null) return;
@@ -200,17 +215,48 @@ export function paintSignal(canvas, window, { since, width, min, max, mean }, bo
     context.fillRect(at.x(since + i * width), top, Math.max(1, width * at.scale), Math.max(1, bottom - top));
   });
   stroke(context, mean.map((value, i) => (value === null ? null : [at.x(since + (i + 0.5) * width), y(value)])), colour("accent"));
-  context.strokeStyle = colour("fails");
-  context.setLineDash([5, 3]);
   context.font = "10.5px Inter, system-ui, sans-serif";
-  context.textBaseline = "bottom";
-  for (const { op, value, property } of bounds) {
-    const high = y(Number(value));
-    stroke(context, [[0, high], [at.width, high]], colour("fails"));
-    context.fillStyle = colour("bad");
-    context.fillText(`${op} ${value}  ${property}`, 4, high < 16 ? high + 13 : high - 1);
-  }
+  const names = named(lines, y);
+  const few = lines.length <= FEW;
+  lines.forEach(({ value }, i) => { // of many those without a name are ticks at the edge, or nothing else could be seen
+    context.setLineDash(few || names[i] !== null ? [5, 3] : []);
+    stroke(context, [[few || names[i] !== null ? 0 : at.width - TICK, y(value)], [at.width, y(value)]], colour("fails"));
+  });
   context.setLineDash([]);
+  context.textBaseline = "bottom";
+  context.textAlign = "left";
+  lines.forEach(({ text }, i) => names[i] !== null && written(context, text, 4, names[i], "bad"));
+  reach(at, from, to, above, below);
+}
+
+/** Where each line's name stands, null where there is no room for it; the first ones have it before others. */
+function named(lines, y) {
+  const taken = [];
+  return lines.map(({ value }) => {
+    const at = y(value) < LABEL + 3 ? y(value) + LABEL : y(value) - 1;
+    if (taken.some((other) => Math.abs(at - other) < LABEL - 1)) return null;
+    taken.push(at);
+    return at;
+  });
+}
+
+/** Write a text that can be read on lines, too. */
+function written(context, text, x, y, ink) {
+  context.lineWidth = 3;
+  context.strokeStyle = colour("paper");
+  context.strokeText(text, x, y);
+  context.fillStyle = colour(ink);
+  context.fillText(text, x, y);
+}
+
+/** What the plot reaches from and to, and how many bounds are beyond. */
+function reach({ context, width, height }, from, to, above, below) {
+  const text = (value, beyond, sign) => `${beyond ? `${sign} ${counted(beyond, "more bound")}, ` : ""}${Number(value.toPrecision(4))}`;
+  context.textAlign = "right";
+  context.textBaseline = "top";
+  written(context, text(to, above, "↑"), width - TICK - 4, 1, "quiet");
+  context.textBaseline = "bottom";
+  written(context, text(from, below, "↓"), width - TICK - 4, height - 1, "quiet");
 }
 
 function stroke(context, points, style) {

@@ -1,44 +1,78 @@
 // The view of one session: its properties, steps, violations, streams and monitors, and the explanation of a verdict.
 
+import { at, compared, rename } from "./address.js";
 import { get, items, of } from "./api.js";
+import { barView } from "./bar.js";
 import { chartView } from "./chart.js";
-import { h, Place, table } from "./dom.js";
+import { h, Place, rove, table, UP_AND_DOWN, wide } from "./dom.js";
+import { episodeList, episodesOf } from "./episodes.js";
+import { nowView } from "./now.js";
+import { linkButton } from "./link.js";
+import { recordedNotes } from "./recorded.js";
 import { timelineView } from "./timeline.js";
 import { verdictView } from "./verdict.js";
 import { violationsView } from "./violations.js";
-import { at, badge, byGravity, count, life, moment, place, span, stream } from "./words.js";
+import { badge, byGravity, count, counted, life, moment, place, span, stream } from "./words.js";
 
-/** The view of a session, and of its verdict number `n` if given; `again` refreshes the page at once. */
-export function sessionView(id, n, again) {
-  const head = new Place("section");
-  const properties = new Place("section");
-  const streams = new Place("section");
+const SETTLED = 400; // ms after the last move until the address says what is in view
+const PARTS = { Now: ".now", Time: ".time", Why: ".verdict", Sequence: ".sequence", More: ".details" };
+
+/** The view of the session that an `address` names, of its time and its verdict; `again` refreshes the page at once. */
+export function sessionView(address, again) {
+  const { id } = address;
+  let n = address.n;
+  let [spec, timer, at_] = [null, null, null];
+  const head = new Place("div", { class: "head" });
+  const properties = new Place("section", wide("properties"));
+  const settle = rove(properties.node, "a", UP_AND_DOWN);
+  const streams = new Place("section", wide("streams and monitors"));
+  const episodes = episodesOf(id);
+  const now = nowView(id, visit);
+  const list = episodeList(id, visit);
   const chart = chartView(id, n);
-  const timeline = timelineView(id, choose);
+  const timeline = timelineView(id, { choose, step, moved });
   const verdict = verdictView(id, n, explained, again);
   const violations = violationsView(id, again);
-  let spec = null;
-  const node = h("div", {}, h("h1", {}, id), head.node,
+  const lower = { chart: whileInView(chart.node), violations: whileInView(violations.node) };
+  const link = linkButton(() => at(id, n, timeline.seen()));
+  const node = h("div", { class: "session", onkeydown: pressed },
+    h("div", { class: "title" }, h("h1", {}, id), head.node, link), now.node,
     h("div", { class: "beside" }, timeline.node, verdict.node,
       h("div", { class: "details" },
+        h("h2", {}, "Episodes"), list.node,
         h("h2", {}, "Properties"), properties.node,
         h("h2", {}, "Steps"), chart.node,
         h("h2", {}, "Violations"), violations.node,
         h("h2", {}, "Streams and monitors"), streams.node)));
+  const bar = barView(node, PARTS, () => n || timeline.explain());
+  node.append(bar.node);
+  if (address.from !== null) timeline.open(address);
 
   async function refresh() {
-    const state = await get(of(id));
+    const [state, found] = await standing();
     spec ??= await specOf(state);
-    head.show(headline(state), headed);
+    head.show(headline(state, found, episodes.first()), (shown) => headed(shown, visit));
     properties.show({ id, spec: spec.formulas, states: state.properties, clock: state.clock }, propertyTable);
+    settle();
     streams.show({ streams: state.streams, monitors: state.monitors, clock: state.clock }, streamTables);
-    const parts = await Promise.allSettled([timeline.refresh(state, spec.thresholds), verdict.refresh(state), violations.refresh(state)]);
-    await chart.refresh(state);
+    const parts = await Promise.allSettled([
+      timeline.refresh(state, spec.thresholds, found).then(() => now.refresh(state, found, timeline.last())),
+      verdict.refresh(state), lower.violations(() => violations.refresh(state)),
+    ]);
+    list.show(found, state.clock, timeline.last());
+    await lower.chart(() => chart.refresh(state));
+    bar.show();
     for (const { reason } of parts) if (reason) throw reason;
+  }
+
+  async function standing() {
+    const state = await get(of(id));
+    return [state, await episodes.refresh(state)];
   }
 
   function explained(steps, record) {
     chart.witness(steps);
+    if (!record?.computing || record.property) timeline.blame((record?.waited ?? []).map((each) => stream(each.stream, each.kind)));
     if (!record) timeline.pin(null);
     else if (record.stamp !== undefined) timeline.pin(record.stamp);
   }
@@ -52,23 +86,71 @@ export function sessionView(id, n, again) {
     const [found] = [violation, ...others].filter(Boolean).sort((one, other) => byGravity(one.outcome, other.outcome));
     if (!found) return;
     timeline.pin(found.stamp);
-    location.hash = at(id, found.n).slice(1);
+    show(found.n);
   }
 
-  return {
-    key: id,
-    n,
-    node,
-    refresh,
-    goTo: (other) => {
-      chart.goTo(other);
-      verdict.goTo(other);
-    },
-    leave: () => {
-      verdict.leave();
-      timeline.leave();
-    },
+  /** Show another verdict, or none, at what is in view. */
+  function show(number) {
+    location.hash = at(id, number, timeline.part() ?? {}).slice(1);
+  }
+
+  /** Go to an episode: to its time, and to why it began. */
+  function visit(episode, click) {
+    if (click?.ctrlKey || click?.metaKey || click?.shiftKey) return; // opened beside this page
+    click?.preventDefault();
+    at_ = episode;
+    timeline.visit(episode);
+    timeline.pin(episode.began);
+    show(episode.first);
+  }
+
+  /** Go to the episode that is next (`asc`), or before (`desc`). */
+  function step(order) {
+    const from = at_ && at_.first === n ? at_ : timeline.middle();
+    episodes.next(from, order).then((found) => found && visit(found)).catch(() => {}); // the next refresh tells what is wrong
+  }
+
+  /** Something else is in view: name it in the address, once it stays. */
+  function moved() {
+    clearTimeout(timer);
+    timer = setTimeout(() => rename(at(id, n, timeline.part() ?? {})), SETTLED);
+  }
+
+  function pressed(event) {
+    const act = { "[": () => step("desc"), "]": () => step("asc"), Escape: () => n && show(null) }[event.key];
+    if (!act || event.ctrlKey || event.metaKey || event.altKey || event.target.matches("input, textarea, select")) return;
+    event.preventDefault();
+    act();
+  }
+
+  function goTo(other) {
+    n = other.n;
+    if (other.from !== null) timeline.open(other);
+    else if (!n) timeline.follow();
+    chart.goTo(n);
+    verdict.goTo(n);
+    moved();
+  }
+
+  function leave() {
+    clearTimeout(timer);
+    for (const part of [verdict, timeline, bar, ...Object.values(lower)]) part.leave();
+  }
+
+  return { key: id, node, refresh, goTo, leave };
+}
+
+/** Calls what it is given until that has answered once, and then only while an element can be seen. */
+function whileInView(node) {
+  let [seen, filled] = [false, false];
+  const observer = new IntersectionObserver(([entry]) => (seen = entry.isIntersecting), { rootMargin: "200px" });
+  observer.observe(node);
+  const call = async (act) => {
+    if (filled && !seen) return;
+    await act();
+    filled = true;
   };
+  return Object.assign(call, { leave: () => observer.disconnect() });
 }
 
 /** The session's spec: its properties by id, and what numbers they compare with; none where the server has another one. */
@@ -78,20 +160,28 @@ async function specOf(state) {
   return { formulas: Object.fromEntries(found.properties.map((each) => [each.id, each])), thresholds: found.thresholds ?? [] };
 }
 
-function headline({ spec, kind, status, live, idle, without_monitor_since: since, closed_because: because, clock, opened, closed, trouble, waiting, counters, disagree, continued_by: next }) {
-  return { spec, kind, status, live, idle, since, because, clock, opened, closed, trouble, waiting, counters, disagree, next };
+function headline({ id, spec, kind, run, status, live, idle, without_monitor_since: since, closed_because: because, clock, opened, closed, trouble, waiting, counters, disagree, continued_by: next, monitors, recording }, found, first) {
+  const open = found.filter((each) => each.open).length;
+  const there = monitors.filter((each) => each.connected).length;
+  return { id, spec, kind, run, status, live, idle, since, because, clock, opened, closed, trouble, waiting, counters, disagree, next, open, first, there, monitors: monitors.length, recording };
 }
 
-function headed(state) {
-  const counted = Object.entries(state.counters).filter(([name, value]) => value || (name === "steps" && value !== null));
+function headed(state, visit) {
+  const counted_ = Object.entries(state.counters).filter(([name, value]) => value || (name === "steps" && value !== null));
   return [
-    h("p", {},
-      h("strong", { class: state.status }, life(state)), `, ${state.status} since ${moment(state.closed ?? state.opened)}`,
-      state.because ? ` (${state.because})` : "", ", judged by ",
-      h("a", { href: `#/specs/${encodeURIComponent(state.spec)}` }, state.spec),
-      state.next ? [", continued as ", h("a", { href: at(state.next) }, state.next)] : null),
-    h("p", { class: "counters" }, counted.map(([name, value]) => h("span", {}, `${value} ${name}`))),
+    h("p", { class: "facts" },
+      state.run > 1 ? h("span", { class: "tag" }, `run ${state.run}`) : null,
+      state.open ? h("span", { class: "chip bad" }, `✗ ${counted(state.open, "open episode")}`) : null,
+      h("span", {}, h("strong", { class: state.status }, life(state)), `, ${state.status} since ${moment(state.closed ?? state.opened)}`,
+        state.because ? ` (${state.because})` : ""),
+      state.first ? h("span", {}, "first wrong ", h("a", { href: at(state.id, state.first.first), onclick: (click) => visit(state.first, click) }, moment(state.first.began, state.clock)), ` (${state.first.property})`) : null,
+      state.status === "open" ? h("span", {}, h("b", {}, `${state.there} of ${state.monitors}`), " monitors") : null,
+      h("span", {}, "judged by ", h("a", { href: `#/specs/${encodeURIComponent(state.spec)}` }, state.spec),
+        state.next ? [", continued as ", h("a", { href: at(state.next) }, state.next)] : null),
+      counted_.map(([name, value]) => h("span", {}, h("b", {}, String(value)), ` ${name}`)),
+      h("a", { href: compared(state.id) }, "Compare…")),
     state.trouble ? h("p", { class: "complaint" }, state.trouble) : null,
+    recordedNotes(state),
     state.waiting ? h("p", { class: "waiting" }, state.waiting) : null,
     state.disagree?.length ? h("p", { class: "complaint" }, `The orders disagree on ${state.disagree.join(", ")}.`) : null,
   ];

@@ -1,43 +1,76 @@
-// The list of all sessions with their states: those that need somebody first.
+// The fleet: all sessions, what is wrong in each now, and those that need somebody first.
 
-import { items } from "./api.js";
-import { h, Place, table } from "./dom.js";
-import { at, badge, byGravity, count, life, moment } from "./words.js";
+import { at, rename } from "./address.js";
+import { getKept, items } from "./api.js";
+import { h, Place, rove, TO_AND_FRO, UP_AND_DOWN } from "./dom.js";
+import { dropView } from "./drop.js";
+import { lasted, reasonOf, worstOf } from "./episodes.js";
+import { dayView, time } from "./day.js";
+import { grouped, HOUR, KINDS, matches } from "./fleet.js";
+import { strip } from "./strip.js";
+import { badge, count, counted, life, moment, span } from "./words.js";
 
-const HEAD = ["session", "spec", "status", "worst outcome", "violations", "steps", "monitors", "opened"];
+const HEAD = ["session", "what is wrong", "for", "last hour", "in 24 h", "outcome", "spec", "status", "steps", "monitors", "opened"];
 const MOST = 200; // rows that are shown unless more are asked for
-const FAILING = ["false", "currently_false"];
-const KINDS = {
-  All: () => true,
-  Failing: ({ outcome }) => FAILING.includes(outcome),
-  Open: ({ status }) => status === "open",
-  Closed: ({ status }) => status !== "open",
-};
+const WIDE = 12; // thousandths of an hour's strip: two pixels
+const EPISODES = 1000; // open ones that are asked for
 
-/** The list of sessions, with a search by text and by kind. */
-export function sessionsView() {
+/** The list of sessions, with a search by text and by kind, which the address names. */
+export function sessionsView({ q = "", show: shown = "" } = {}, again = () => {}) {
   const list = new Place("section", { class: "found" });
-  let [all, order, kind, most] = [[], [], "All", MOST];
-  const field = h("input", { type: "search", placeholder: "Session or spec", "aria-label": "Search sessions", oninput: show });
-  const kinds = Object.keys(KINDS).map((name) => h("button", { onclick: () => choose(name) }, name));
-  const node = h("div", {}, h("h1", {}, "Sessions"), h("p", { class: "tools" }, field, kinds), list.node);
+  const day = dayView(() => show());
+  const drop = dropView(again);
+  const field = h("input", { type: "search", placeholder: "Session, spec:… or property:…", "aria-label": "Search sessions", "aria-keyshortcuts": "/", value: q, oninput: changed });
+  const kinds = Object.keys(KINDS).map((name) => h("button", { "data-kind": name, onclick: () => choose(name) }, name));
+  const joint = h("span", { class: "kinds", role: "toolbar", "aria-label": "Kinds" }, kinds);
+  const node = h("div", { class: "fleet" }, h("h1", {}, "Sessions"), h("p", { class: "tools" }, joint, h("span", { class: "end" }, field)), day.node, day.list, drop.node, list.node);
+  const body = h("tbody");
+  const frame = h("table", { class: "sessions", "aria-label": "sessions; arrow keys go from one to the next" },
+    h("thead", {}, h("tr", {}, HEAD.map((title) => h("th", { scope: "col" }, title)))), body);
+  const settle = rove(body, "td:first-child a", UP_AND_DOWN);
+  const rows = new Map(); // of what is shown: the text that a row was made of, and the row
+  let [all, ofDay, order, kind, most] = [[], [], [], KINDS[shown] ? shown : "All", MOST];
+  rove(joint, "button", TO_AND_FRO)();
 
   async function refresh() {
-    all = await items("sessions", { brief: true });
+    const [sessions, open] = await Promise.all([
+      items("sessions", { brief: true }, getKept), items("episodes", { open: true, limit: EPISODES }, getKept),
+    ]);
+    const simulated = new Set(sessions.filter(({ clock }) => clock === "sim").map(({ id }) => id)); // whose times are none of the day
+    ofDay = (await day.refresh(open)).filter(({ session }) => !simulated.has(session));
+    all = grouped(sessions, open, ofDay);
     show();
+    await drop.refresh();
   }
 
   function choose(name) {
     [kind, most] = [name, MOST];
+    changed();
+  }
+
+  function changed() {
+    const query = new URLSearchParams([["q", field.value.trim()], ["show", kind === "All" ? "" : kind]].filter(([, text]) => text));
+    rename(`#/${query.size ? `?${query}` : ""}`);
     show();
   }
 
   function show() {
-    const text = field.value.trim().toLowerCase();
-    const found = all.filter((each) => KINDS[kind](each) && `${each.id} ${each.spec}`.toLowerCase().includes(text));
-    kinds.forEach((button) => button.setAttribute("aria-pressed", String(button.textContent === kind)));
-    order = sorted(found, list.node.matches(":hover") ? order : []);
-    list.show([order.slice(0, most), order.length, all.length], ([rows, of, any]) => listed(rows, of, any, more));
+    for (const button of kinds) {
+      const { kind: name } = button.dataset;
+      button.setAttribute("aria-pressed", String(name === kind));
+      button.replaceChildren(`${name} `, h("b", {}, String(all.filter(KINDS[name]).length)));
+    }
+    day.show(ofDay.filter((each) => matches({ id: each.session, spec: each.spec, open: [each] }, field.value)));
+    const found = all.filter((each) => KINDS[kind](each) && matches(each, field.value));
+    const places = new Map((list.node.matches(":hover, :focus-within") ? order : []).map((id, i) => [id, i]));
+    const place = ({ id }) => places.get(id) ?? places.size;
+    const sorted = found.sort((one, other) => place(one) - place(other)); // who points there finds it where it was
+    order = sorted.map(({ id }) => id);
+    list.show([found.length > 0, all.length > 0, found.length > most && found.length], ([any, some, rest]) => [
+      any ? frame : h("p", { class: "hint" }, some ? `None of ${all.length} is like that.` : "None yet: attach an adapter, or a monitor of ROSMonitoring."),
+      rest ? h("p", {}, h("button", { onclick: more }, `Show more of ${rest}`)) : null,
+    ]);
+    fill(sorted.slice(0, most));
   }
 
   function more() {
@@ -45,35 +78,86 @@ export function sessionsView() {
     show();
   }
 
-  return { node, refresh };
+  /** Bring the table up to date: only rows that have changed are made anew. */
+  function fill(sessions) {
+    const focused = body.contains(document.activeElement) ? document.activeElement.getAttribute("href") : null;
+    const wanted = [];
+    let title = null;
+    const minute = Math.floor(Date.now() / 60_000); // in which the last hour moves by a pixel or two
+    for (const each of sessions) {
+      if (each.group !== title) wanted.push(kept(`group ${(title = each.group)}`, each.group, () => heading(each.group)));
+      const long = duration(each);
+      wanted.push(kept(`session ${each.id}`, [each, long, minute], () => row(each, long)));
+    }
+    for (const key of [...rows.keys()]) if (!wanted.includes(rows.get(key).node)) rows.delete(key);
+    wanted.forEach((each, i) => body.children[i] === each || body.insertBefore(each, body.children[i] ?? null));
+    while (body.children.length > wanted.length) body.lastChild.remove();
+    settle();
+    if (focused && !body.contains(document.activeElement)) body.querySelector(`[href="${CSS.escape(focused)}"]`)?.focus();
+  }
+
+  function kept(key, value, build) {
+    const text = JSON.stringify(value, (_, each) => (typeof each === "bigint" ? `${each}n` : each));
+    if (rows.get(key)?.text !== text) rows.set(key, { text, node: build() });
+    return rows.get(key).node;
+  }
+
+  return { node, refresh, leave: drop.leave };
 }
 
-/** Sessions, those that fail first, then open ones; those that are shown keep their places while somebody points there. */
-function sorted(sessions, before) {
-  const places = new Map(before.map(({ id }, i) => [id, i]));
-  const place = ({ id }) => places.get(id) ?? places.size;
-  const closed = ({ status }) => Number(status !== "open");
-  return [...sessions].sort((one, other) => place(one) - place(other) || closed(one) - closed(other)
-    || byGravity(one.outcome ?? "true", other.outcome ?? "true"));
+function heading(group) {
+  return h("tr", { class: "group" }, h("th", { colspan: HEAD.length, scope: "rowgroup" }, group));
 }
 
-function listed(sessions, found, any, more) {
-  if (!any) return h("p", { class: "hint" }, "None yet: attach an adapter, or a monitor of ROSMonitoring.");
-  if (!found) return h("p", { class: "hint" }, `None of ${any} is like that.`);
+/** For how long a session has been failing; where its time is not this browser's, since when; else how long ago it last did. */
+function duration({ open: [worst], live, clock, latest }) {
+  if (!worst) return latest ? `${span((Date.now() - time(latest.until)) * 1e6)} ago` : "";
+  const now = live && clock === "wall" ? BigInt(Date.now()) * 1_000_000n : null;
+  return now ? span(lasted(worst, now)) : `since ${moment(worst.began, clock)}`;
+}
+
+/** What is wrong in a session: its gravest open episode, and how many more there are; else what keeps it from being judged, or was wrong last. */
+function wrong({ id, open: [worst, ...more], trouble, latest }) {
+  if (!worst && trouble) return h("span", { class: "complaint" }, trouble);
+  if (!worst && latest) return [h("a", { tabindex: -1, class: "was", href: at(id, latest.first) }, `${latest.property} for ${span(lasted(latest, null))}`), h("span", { class: "hint" }, worstOf(latest) || reasonOf(latest))];
+  if (!worst) return "";
   return [
-    table("sessions", HEAD, sessions.map((each) => [
-      h("a", { href: at(each.id) }, each.id),
-      h("a", { href: `#/specs/${encodeURIComponent(each.spec)}` }, each.spec),
-      [
-        life({ ...each, since: each.without_monitor_since }),
-        each.trouble ? h("p", { class: "complaint" }, each.trouble) : null,
-      ],
-      badge(each.outcome ?? "unknown"),
-      each.outcome ? count(each.violations) : "–",
-      String(each.steps ?? "–"),
-      each.status === "open" ? `${each.connected} of ${each.monitors}` : "–",
-      moment(each.opened),
-    ])),
-    found > sessions.length ? h("p", {}, h("button", { onclick: more }, `Show more of ${found}`)) : null,
+    h("a", { tabindex: -1, class: "bad", href: at(id, worst.first) }, worst.property, worst.final ? ", for good" : ""),
+    more.length ? h("span", { class: "chip bad" }, `+${more.length}`) : null,
+    h("span", { class: "hint", title: worst.explanation }, worstOf(worst) || reasonOf(worst)),
   ];
+}
+
+/** A time without its milliseconds. */
+function brief(text) {
+  return text.replace(/\.\d{3}$/, "");
+}
+
+/** The last hour of a session: when it was open, and its episodes. */
+function hour({ clock, opened, closed, without_monitor_since: alone, day, open }) {
+  if (clock === "sim") return "";
+  const now = Date.now();
+  const share = (ms) => Math.min(1, Math.max(0, 1 - (now - ms) / HOUR));
+  const runs = [...day, ...open].map(({ began, until }) => [share(time(began)), share(until === null ? now : time(until)), "fails"]).filter(([, to]) => to > 0);
+  const there = [share(time(opened)), share(closed || alone ? time(closed ?? alone) : now), "no"];
+  const text = runs.length ? `${counted(day.length, "episode")} in 24 h` : "no episode in the last hour";
+  return h("div", { title: text }, strip(there[1] > 0 ? [there, ...runs] : runs, null, WIDE));
+}
+
+function row(each, long) {
+  const { id, spec, outcome, open, day, status, steps, connected, monitors } = each;
+  const cells = [
+    h("a", { href: at(id) }, id),
+    wrong(each),
+    long,
+    hour(each),
+    each.clock === "sim" ? "–" : count(day.length),
+    badge(outcome ?? "unknown"),
+    h("a", { tabindex: -1, href: `#/specs/${encodeURIComponent(spec)}` }, spec),
+    brief(life({ ...each, since: each.without_monitor_since })),
+    String(steps ?? "–"),
+    status === "open" ? `${connected} of ${monitors}` : "–",
+    brief(moment(each.opened)),
+  ];
+  return h("tr", { class: open.length ? "wrong" : "" }, cells.map((cell) => h("td", {}, cell)));
 }

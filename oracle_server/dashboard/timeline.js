@@ -1,94 +1,133 @@
 // The session by time: properties, streams, signals and decisions on one axis that is dragged, zoomed, and followed live.
 
 import { get, of } from "./api.js";
-import { h, Place } from "./dom.js";
+import { h } from "./dom.js";
 import { jumpBy, moveBy } from "./gestures.js";
 import { rowsOf, worstOf } from "./lanes.js";
 import { paintAxis, paintOverview } from "./painting.js";
-import { moment } from "./words.js";
+import { lane, rowsView } from "./rows.js";
+import { joined, sinceThen } from "./tail.js";
+import { toolbar } from "./toolbar.js";
 import { Window } from "./window.js";
 
-const SPANS = [["10 s", 10e9], ["60 s", 60e9], ["10 min", 600e9]];
 const MARGIN = 0.25; // of a window that stands still is asked for on both sides, so that something is there when it moves
 const COARSE = 2; // pixels a bucket where it is live: it is asked for each second
 const MOST = 2000; // buckets in one answer
 const OVERVIEW = 300;
 const PLOTS = 4; // signals
 const SOON = 60; // ms from a move to the request
+const ANEW = 10; // times that what came since is added to an answer before all of it is asked for again
 
-/** The timeline of a session; `choose(property, since, until)` is called with the lane, if one was clicked, and the time of the pixel (ns). */
-export function timelineView(id, choose) {
-  const window = new Window(moved);
-  const bar = toolbar(window);
+/**
+ * The timeline of a session. `choose(property, since, until)` is called with the lane, if one was clicked, and the time of
+ * the pixel (ns), `step(order)` for the next episode, `moved()` whenever something else is in view.
+ */
+export function timelineView(id, { choose, step, moved }) {
+  const window = new Window(changed);
+  const bar = toolbar(window, step);
   const [overview, axis] = ["overview", "axis"].map((name) => h("canvas", { class: name, "aria-hidden": "true" }));
   const cursor = h("div", { class: "cursor", hidden: true });
-  const body = new Place("div", { class: "rows" });
+  const rows = rowsView(explain, () => build());
   const plots = h("div", {
     class: "plots", tabindex: 0, role: "group",
-    "aria-label": "Timeline. Arrow keys move it, plus and minus zoom, 0 shows all, l follows the newest steps.",
-  }, lane("Whole session", overview), lane("", axis), body.node, cursor);
-  moveBy(plots, axis, window, clicked);
+    "aria-label": "Timeline. Left and right arrows move it, up and down go from row to row, plus and minus zoom, 0 shows all, l follows the newest steps.",
+  }, lane("Whole session", overview), lane("", axis), rows.node, cursor);
+  moveBy(plots, axis, window, { clicked, enter: rows.enter });
   jumpBy(overview, window);
-  const resized = new ResizeObserver(moved);
+  const resized = new ResizeObserver(changed);
   resized.observe(plots);
   const node = h("section", { class: "time", "aria-label": "Time" }, bar.node, plots);
-  let [state, thresholds, rows, whole, known, timer, frame] = [null, [], [], null, null, null, null];
-  let [pinned, sought] = [null, false];
+  let told = null; // how the session stands: its state, thresholds and episodes
+  let [answer, asked, joins] = [null, null, 0]; // what is known of what is in view, and for what it was asked
+  let [whole, last, timer, frame] = [null, null, null, null];
+  let [pinned, sought, awaited] = [null, false, []];
+  let opening = null; // the part of time that the address names, until the session is known
 
-  /** Show the session as it is now; `compared` are the numbers that its formulas compare signals with. */
-  async function refresh(next, compared) {
-    [state, thresholds] = [next, compared];
-    const found = await get(of(id, "timeline"), { buckets: OVERVIEW, part: "lanes" });
-    if (found.first === null) return;
-    window.reach(found.first, found.last);
+  /** Show the session as it is now: its `state`, the `thresholds` that formulas compare signals with, and the episodes `found`. */
+  async function refresh(state, thresholds, found) {
+    told = { state, thresholds, found };
+    if (!whole || window.live || state.status === "open") await look();
+    if (last === null) return;
     seek();
-    whole = worstOf(found, window);
-    const news = [window.since, window.until, Math.min(window.end, window.until), state.revising?.passes].join();
-    if (news === known) return draw();
+    if (asked === question()) return build();
     await ask();
-    known = news;
   }
 
-  /** Ask for what is in view, and for some of what is beside it. */
+  /** Ask for how far the session reaches, and for all of it once that has changed by a bucket. */
+  async function look() {
+    const ends = whole ? await get(of(id, "timeline"), { buckets: 1, part: "steps" }) : null;
+    const due = !whole || window.offset(ends.last) - whole.end >= whole.width || whole.passes !== told.state.revising?.passes;
+    const found = due ? await get(of(id, "timeline"), { buckets: OVERVIEW, part: "lanes" }) : ends;
+    if (found.first === null) return;
+    last = found.last;
+    window.reach(found.first, found.last);
+    if (due) whole = { ...worstOf(found, window), end: window.end, passes: told.state.revising?.passes };
+  }
+
+  /** What the answer depends on. */
+  function question() {
+    return [window.live, window.since, window.until, Math.min(window.end, window.until), axis.clientWidth, told.state.revising?.passes].join();
+  }
+
+  /** Ask for what is in view, and for some of what is beside it; where it is live, for what came since. */
   async function ask() {
     const pixels = axis.clientWidth;
     if (!pixels || window.origin === null) return;
-    const margin = window.live ? 0 : MARGIN * (window.until - window.since);
-    const [since, until] = [Math.max(0, window.since - margin), Math.min(window.end, window.until + margin)];
-    if (until < since) return;
-    const share = (until - since) / (window.until - window.since);
-    const buckets = Math.max(1, Math.min(MOST, Math.round((pixels * share) / (window.live ? COARSE : 1))));
-    const signal = [...new Set(thresholds.map((each) => each.signal))].slice(0, PLOTS);
-    build(await get(of(id, "timeline"), { since: window.time(since), until: window.time(until), buckets, signal }));
+    const wanted = question();
+    if (!(window.live && await follow(pixels))) {
+      const margin = window.live ? 0 : MARGIN * (window.until - window.since);
+      const [since, until] = [Math.max(0, window.since - margin), Math.min(window.end, window.until + margin)];
+      if (until < since) return;
+      const share = (until - since) / (window.until - window.since);
+      const buckets = Math.max(1, Math.min(MOST, Math.round((pixels * share) / (window.live ? COARSE : 1))));
+      const found = await get(of(id, "timeline"), { since: window.time(since), until: window.time(until), buckets, signal: signals() });
+      [answer, joins] = [{ ...found, live: window.live && shape(pixels) }, 0];
+    }
+    asked = wanted;
+    build();
   }
 
-  function build(answer) {
-    rows = rowsOf(answer, state, thresholds, window);
-    body.show(rows.map(({ group, name, title }) => [group, name, title]), () => rows.map(row));
-    rows.forEach((each, i) => {
-      const [, canvas, value] = body.node.children[i].children;
-      each.canvas = canvas;
-      if (value.textContent !== each.value) value.textContent = value.title = each.value;
-      value.className = `value ${each.mood ?? ""}`;
-    });
+  /** Add to the answer what came since; false where all of it is to be asked for. */
+  async function follow(pixels) {
+    if (!answer?.live || answer.live !== shape(pixels) || ++joins > ANEW) return false;
+    const until = window.time(window.end);
+    const { since, buckets } = sinceThen(answer, until);
+    const later = await get(of(id, "timeline"), { since, until, buckets, signal: signals() });
+    const both = joined(answer, later, window.time(Math.max(0, window.since)));
+    if (both) answer = { ...both, live: answer.live };
+    return Boolean(both);
+  }
+
+  /** What a live answer must have been asked for, to be gone on with. */
+  function shape(pixels) {
+    return [window.until - window.since, pixels, told.state.revising?.passes, ...signals()].join();
+  }
+
+  function signals() {
+    return [...new Set(told.thresholds.map((each) => each.signal))].slice(0, PLOTS);
+  }
+
+  function build() {
+    if (answer) rows.show(rowsOf(answer, { ...told, now: last, awaited }, window));
     draw();
   }
 
   /** The window has moved: draw what is known at once, and ask for the rest. */
-  function moved() {
+  function changed() {
     draw();
     clearTimeout(timer);
-    if (state) timer = setTimeout(() => ask().catch(() => {}), SOON); // the next refresh tells what is wrong
+    if (told) timer = setTimeout(() => ask().catch(() => {}), SOON); // the next refresh tells what is wrong
+    moved();
   }
 
   function draw() {
     frame ??= requestAnimationFrame(() => {
       frame = null;
       if (window.origin === null) return;
-      bar.show(window, state.clock);
+      bar.show(window, told.state);
       if (whole) paintOverview(overview, window, whole);
-      paintAxis(axis, window, state.clock);
-      for (const { canvas, paint } of rows) if (canvas) paint(canvas, window);
+      paintAxis(axis, window, told.state.clock);
+      for (const { canvas, paint } of rows.shown()) if (canvas) paint(canvas, window);
       placeCursor();
     });
   }
@@ -96,9 +135,17 @@ export function timelineView(id, choose) {
   function clicked(share, target) {
     const pixel = (window.until - window.since) / axis.clientWidth;
     const at = window.since + share * (window.until - window.since);
-    const each = rows.find(({ canvas }) => canvas === target);
     window.show(window.since, window.until);
-    choose(each?.group === "property" ? each.name : null, window.time(at - pixel), window.time(at + pixel)).catch(() => {}); // as above
+    chosen(rows.at(target), at - pixel, at + pixel);
+  }
+
+  /** Explain a row: what there is of it in view, at last. */
+  function explain(row) {
+    if (last !== null) chosen(row, window.since, window.until);
+  }
+
+  function chosen(row, since, until) {
+    choose(row?.group === "property" ? row.name : null, window.time(since), window.time(until)).catch(() => {}); // as above
   }
 
   /** Mark a time (ns), or none; the window is moved there where the time is not in view. */
@@ -109,8 +156,26 @@ export function timelineView(id, choose) {
     draw();
   }
 
+  /** Mark the streams that held up what is explained. */
+  function blame(streams) {
+    if (awaited.join() === streams.join()) return;
+    awaited = streams;
+    if (told) build();
+  }
+
+  /** Show a part of time (ns), or what is newest where it is null, once the session is known. */
+  function open(part) {
+    opening = part;
+    seek();
+  }
+
   function seek() {
-    if (!sought || window.origin === null) return;
+    if (window.origin === null) return;
+    if (opening) {
+      window.show(window.offset(opening.from), window.offset(opening.to));
+      opening = null;
+    }
+    if (!sought) return;
     sought = false;
     const [at, half] = [window.offset(pinned), (window.until - window.since) / 2];
     if (at < window.since || at > window.until) window.show(at - half, at + half);
@@ -122,41 +187,26 @@ export function timelineView(id, choose) {
     if (!cursor.hidden) cursor.style.left = `${axis.offsetLeft + at * axis.clientWidth}px`;
   }
 
+  /** What is in view (ns), null where it follows the newest steps. */
+  function part() {
+    return window.live || window.origin === null ? opening : { from: window.time(window.since), to: window.time(window.until) };
+  }
+
+  /** What is in view (ns), also where it follows the newest steps. */
+  function seen() {
+    return window.origin === null ? opening ?? {} : { from: window.time(window.since), to: window.time(window.until) };
+  }
+
+  /** A time (ns) from which the next episode is looked for: the mark, or the middle of what is in view. */
+  function middle() {
+    return pinned ?? window.time((window.since + window.until) / 2);
+  }
+
   function leave() {
     clearTimeout(timer);
     cancelAnimationFrame(frame);
     resized.disconnect();
   }
 
-  return { node, refresh, pin, leave };
-}
-
-function row({ group, name, title, tall }) {
-  const canvas = h("canvas", { "aria-hidden": "true", class: tall ? "tall" : "" });
-  return lane(h("span", { title }, name), canvas, group);
-}
-
-function lane(label, canvas, group = "") {
-  return h("div", { class: `lane ${group}` }, h("div", { class: "label" }, label), canvas, h("div", { class: "value" }));
-}
-
-/** Buttons that move the window, and what it shows in words. */
-function toolbar(window) {
-  const spans = SPANS.map(([text, span]) => [span, h("button", { onclick: () => window.take(span) }, text)]);
-  const live = h("button", { onclick: () => window.follow() }, "Live");
-  const shown = h("span", { class: "hint" });
-  const node = h("div", { class: "tools" }, spans.map(([, button]) => button),
-    h("button", { onclick: () => window.all() }, "All"), live, shown,
-    h("span", { class: "end" },
-      h("button", { "aria-label": "Zoom out", onclick: () => window.zoom(2) }, "−"),
-      h("button", { "aria-label": "Zoom in", onclick: () => window.zoom(0.5) }, "+")));
-
-  function show({ since, until, live: follows }, clock) {
-    for (const [span, button] of spans) button.setAttribute("aria-pressed", String(Math.abs(until - since - span) < 1e6));
-    live.setAttribute("aria-pressed", String(follows));
-    live.textContent = follows ? "Live" : "Go live";
-    shown.textContent = `${moment(window.time(since), clock)} to ${moment(window.time(until), clock)}`;
-  }
-
-  return { node, show };
+  return { node, refresh, pin, blame, open, part, seen, middle, explain: () => explain(null), visit: (episode) => window.visit(episode), follow: () => window.follow(), last: () => last, leave };
 }

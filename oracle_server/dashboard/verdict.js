@@ -1,8 +1,12 @@
 // The explanation of one verdict.
 
+import { at } from "./address.js";
 import { DelayedHistory, get, items, of, Problem } from "./api.js";
+import { beforeView } from "./before.js";
+import { diagramView } from "./diagram.js";
 import { h, Place } from "./dom.js";
-import { at, badge, causes, event, moment, place, span } from "./words.js";
+import { formulaView } from "./formula.js";
+import { badge, causes, event, moment, place, span, waiting } from "./words.js";
 
 const WITHIN = 600_000; // ms, as the command line waits: the session is judged again up to the verdict
 const PROMPT = 300; // ms within which most explanations arrive, so that they are shown at once
@@ -10,11 +14,13 @@ const LATER = [404, 503]; // not in the history yet, or too many requests: tried
 
 /** A view of verdict `n`; `onShown` receives the steps that explain it, and its record, `again` is called when a slow answer arrives. */
 export function verdictView(id, n, onShown, again) {
-  const place = new Place("section", { class: "verdict", "aria-live": "polite" });
+  const place = new Place("div", { "aria-live": "polite" });
+  const around = [formulaView(id), diagramView(id), beforeView(id)];
+  const outer = new Place("section", { class: "verdict" });
   const history = new DelayedHistory();
   let request = null;
 
-  async function refresh({ clock, revising }) {
+  async function refresh({ clock, revising, spec }) {
     if (n && (!request || request.record?.early || await isRevised(revising?.passes))) await send();
     if (request?.problem) {
       const { problem } = request;
@@ -24,17 +30,23 @@ export function verdictView(id, n, onShown, again) {
     const shown = n && (request?.record ?? { n, computing: true });
     onShown([...stepsOf(shown?.explanation?.reasons)], shown);
     place.show({ clock, shown }, () => (shown ? described(id, shown, clock) : []));
+    outer.show(Boolean(n), (any) => (any ? [place.node, ...around.map((view) => view.node)] : []));
+    const [formula, ...others] = around;
+    const known = shown?.property ? shown : null;
+    formula.show(known?.computing ? null : known, clock); // for which the session is judged again, too: one after the other
+    for (const view of others) view.show(known, clock, spec);
   }
 
   /** Whether the verdict that is shown was revised since; looked up where the number of passes has changed. */
   async function isRevised(passes) {
-    if (!request.record || !history.isDue(passes)) return false;
+    if (!request.record || request.record.computing || !history.isDue(passes)) return false;
     history.wasRead();
     return (await recordOf(id, n, "standing"))?.revised !== request.record.revised;
   }
 
-  /** Request the explanation, and wait a moment for it; the last answer is shown until the next one arrives. */
+  /** Request the explanation, and wait a moment for it; the last answer, or what is recorded, is shown until the next one arrives. */
   async function send() {
+    const number = n;
     const mine = { leaving: new AbortController(), record: request?.record, problem: null };
     if (mine.record) mine.record.early = false;
     request = mine;
@@ -45,6 +57,15 @@ export function verdictView(id, n, onShown, again) {
     ).then(() => slow && mine === request && again());
     await Promise.race([answered, new Promise((resolve) => setTimeout(resolve, PROMPT))]);
     slow = true;
+    if (!mine.record && !mine.problem) showRecorded(mine, number);
+  }
+
+  /** Show what is recorded of a verdict until the answer to a request is there, which tells what is wrong. */
+  async function showRecorded(mine, number) {
+    const record = await recordOf(id, number, "standing").catch(() => undefined);
+    if (!record || mine !== request || mine.record || mine.problem) return;
+    mine.record = { ...record, computing: true };
+    again();
   }
 
   /** Show another verdict, or none; an open request is aborted. */
@@ -54,7 +75,12 @@ export function verdictView(id, n, onShown, again) {
     [request, n] = [null, other];
   }
 
-  return { node: place.node, refresh, goTo, leave: () => goTo(null) };
+  function leave() {
+    goTo(null);
+    for (const view of around) view.leave();
+  }
+
+  return { node: outer.node, refresh, goTo, leave };
 }
 
 /** The record with its explanation, or with the reason (`refusal`) why there is none, or none yet (`early`). */
@@ -104,8 +130,9 @@ function described(id, record, clock) {
     h("h3", {}, record.property ? [`${record.property} `, badge(record.outcome), ` at ${place(record.step, record.stamp, clock)} `] : "Verdict ",
       h("span", { class: "hint" }, `#${record.n}`)),
     record.property ? facts(record, clock) : null,
+    held(record, clock),
     record.revised ? revised(record) : null,
-    record.computing ? h("p", { class: "hint" }, "The explanation is being computed: the session is judged again up to this verdict.") : null,
+    record.computing ? h("p", { class: "hint" }, `${explanation ? "What else there is to it" : "The explanation"} is being computed: the session is judged again up to this verdict.`) : null,
     record.refusal ? h("p", { class: "complaint" }, record.refusal, beyond(id, record)) : null,
     explanation ? why(explanation) : null,
     record.about?.length ? unanswered(record, clock) : null,
@@ -136,10 +163,30 @@ function facts(record, clock) {
     `published ${moment(record.stamp, clock)}`,
     `arrived ${moment(record.arrived, clock)}`,
     // `judged` is in the server's time, `arrived` in the session's
-    clock === "sim" ? `judged ${moment(record.judged)}` : `judged ${span(Number(record.judged) - Number(record.arrived))} later`,
+    clock === "sim" ? `judged ${moment(record.judged)}` : `${record.decision ? "held" : "judged"} ${span(Number(record.judged) - Number(record.arrived))}${record.decision ? until(record) : " later"}`,
     decided,
     ...marks,
   ].filter(Boolean).join(" · "));
+}
+
+const UNTIL = {
+  frontier: ", until every other stream was heard",
+  clock: ", until the monitors had told how far the other streams are",
+  max_delay: ", until `max_delay` was over: a stream was not heard",
+  capacity: ", until there was no room to wait on",
+};
+
+/** Until what an event that was asked about was held; `held` says more where it is known what it waited for. */
+function until({ released, waited }) {
+  return waited ? "" : UNTIL[released] ?? "";
+}
+
+/** Who held an event up, and for how long; nothing of one that did not wait. */
+function held(record, clock) {
+  const why = waiting(record);
+  if (!why) return null;
+  const long = clock === "sim" ? "" : ` ${span(Number(record.judged) - Number(record.arrived))}`;
+  return h("p", { class: "held" }, h("strong", {}, `Held up${long}`), `: it ${why}.`);
 }
 
 function revised({ revised: number, said, revision }) {

@@ -1,15 +1,17 @@
 // The list of a session's violations, the newest first.
 
+import { at } from "./address.js";
 import { DelayedHistory, get, of } from "./api.js";
-import { h, Place } from "./dom.js";
-import { at, causes, place } from "./words.js";
+import { h, Place, rove, UP_AND_DOWN } from "./dom.js";
+import { causes, place } from "./words.js";
 
 const PAGE = 20;
 const MOST = 1000;
 
 /** A view of the violations; a button shows older ones, and calls `again` to refresh the page. */
 export function violationsView(id, again) {
-  const list = new Place("section");
+  const list = new Place("section", { "aria-label": "violations; arrow keys go from one to the next" });
+  const settle = rove(list.node, "a", UP_AND_DOWN);
   const history = new DelayedHistory();
   let [limit, latest] = [PAGE, null];
 
@@ -23,6 +25,7 @@ export function violationsView(id, again) {
       limit = Math.min(MOST, 2 * limit);
       again();
     }));
+    settle();
   }
 
   function listed({ items, more, clock }, older) {

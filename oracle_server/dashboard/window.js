@@ -1,6 +1,8 @@
 // The part of a session's time that is shown. Times are ns after `origin`, as numbers: exact for a hundred days.
 
 const LEAST = 10e6; // ns
+const SHORT = 60; // times as much as an episode is shown of time, at most, but for those that are short
+const AROUND = 10e9; // ns, around these
 const BEHIND = 0.02; // of the window, between the newest step and the edge where it is live
 
 /** The window on a session's time; `changed` is called when it has moved. */
@@ -53,6 +55,14 @@ export class Window {
     this.show(0, Math.max(LEAST, this.end));
   }
 
+  /** Show an episode, as wide as the window is where that is enough; it stays where the episode is in view. */
+  visit({ began, until }) {
+    const [from, to] = [this.offset(began), until === null ? this.end : this.offset(until)];
+    const span = Math.min(Math.max(this.until - this.since, 1.25 * (to - from)), Math.max(AROUND, SHORT * (to - from)));
+    const seen = from >= this.since && to <= this.until && span === this.until - this.since;
+    if (!seen) this.show((from + to - span) / 2, (from + to + span) / 2);
+  }
+
   /** Move by a share of what is shown. */
   pan(share) {
     const by = share * (this.until - this.since);
@@ -62,7 +72,8 @@ export class Window {
   /** Show `factor` times as much, so that what is at a share (0 to 1) of it stays there. */
   zoom(factor, share = 0.5) {
     const span = this.until - this.since;
-    const next = Math.min(Math.max(LEAST, span * factor), Math.max(LEAST, 1.2 * this.end));
+    const most = this.origin === null ? Infinity : Math.max(LEAST, 1.2 * this.end);
+    const next = Math.min(Math.max(LEAST, span * factor), most);
     if (this.live) return this.follow(next);
     const at = this.since + share * span;
     return this.show(at - share * next, at + (1 - share) * next);

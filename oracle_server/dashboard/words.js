@@ -51,7 +51,7 @@ export function span(nanoseconds) {
 /** How a session stands, in a few words: `live` says that monitors are there. */
 export function life({ kind, status, live, idle, since, clock }) {
   const alone = since ? ` since ${moment(since)}` : "";
-  const words = status !== "open" ? status : live ? "live" : idle ? `idle${alone}` : `open, no monitor${alone}`;
+  const words = status !== "open" ? status : kind === "recording" ? "being judged" : live ? "live" : idle ? `idle${alone}` : `open, no monitor${alone}`;
   return [words, kind === "recording" && "recording", clock === "sim" && "simulated time"].filter(Boolean).join(", ");
 }
 
@@ -71,16 +71,28 @@ export function event(of) {
   return `${of.stream} (${of.kind} ${of.seq} of ${of.monitor})`;
 }
 
+/** The streams, each with its monitor, that an event waited for. */
+export function awaited({ waited }) {
+  return (waited ?? []).map((each) => `${stream(each.stream, each.kind)} of ${each.monitor}`).join(", ");
+}
+
+const ENDS = {
+  frontier: "and went on once nothing older could come from there",
+  clock: "and went on once nothing older could come from there",
+  max_delay: "in vain: `max_delay` was over",
+  capacity: "in vain: there was no room to wait on",
+};
+
+/** For what an event waited before its turn came, and what ended that; empty where it waited for nothing. */
+export function waiting(of) {
+  return of.waited?.length ? `waited for ${awaited(of)}, ${ENDS[of.released]}` : "";
+}
+
 /** The text of the late events that a revision was made for: the first one with its delay, and how many more. */
 export function causes({ because, causes: all, arrived }) {
   const [first] = because;
   const ms = first.stamp === null ? 0 : Math.floor((Number(arrived) - Number(first.stamp)) / 1e6);
   return `${event(first)} came ${ms > 0 ? `${ms} ms ` : ""}late${all > 1 ? `, and ${all - 1} more` : ""}`;
-}
-
-/** The address of a session on this page, or of its verdict `n`. */
-export function at(session, n) {
-  return `#/sessions/${encodeURIComponent(session)}${n ? `?n=${n}` : ""}`;
 }
 
 const MANY = { reply: "replies", feedback: "feedback", status: "status" };

@@ -131,7 +131,8 @@ def make_clock(stream: str, at: float, kind: str = "topic") -> Frame:
 
 def stable(records: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Records without what depends on when they were made, and on when their events came."""
-    return [{k: v for k, v in record.items() if k not in ("arrived", "judged", "released")} for record in records]
+    varying = ("arrived", "judged", "released", "waited")
+    return [{k: v for k, v in record.items() if k not in varying} for record in records]
 
 
 def seqs(server: Server, session: str) -> list[int]:

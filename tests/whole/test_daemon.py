@@ -83,7 +83,7 @@ def test_it_is_ready_only_once_its_sessions_are_back(data: Path, specs: Path) ->
 def test_a_second_one_is_not_started(data: Path, specs: Path) -> None:
     url = start(data, specs)
     assert "runs already" in failed("start", "--data-dir", data)
-    assert "another server uses this data directory" in failed("serve", "--data-dir", data, "--port", "0")
+    assert "uses this data directory" in failed("serve", "--data-dir", data, "--port", "0")
     port = url.rpartition(":")[2]
     message = failed("start", "--data-dir", data.with_name("other"), "--specs", specs, "--port", port)
     assert "Address already in use; stop what uses it, or choose another --port" in message

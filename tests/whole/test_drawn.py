@@ -118,11 +118,14 @@ async def test_violations_that_follow_each_other_closely_are_one_episode_of_the_
     assert {m.schema for m in log} == {"foxglove.Log"}
     times = [(m.data["timestamp"]["sec"] * 10**9 + m.data["timestamp"]["nsec"] - BASE) // MS for m in log]
     assert [(m.data["level"], at, m.data["name"]) for m, at in zip(log, times, strict=True)] == [
-        (3, 0, "battery_is_plausible"), (2, 1_500, "battery_is_plausible"), (3, 4_000, "battery_is_plausible"),
+        (3, 0, "battery_is_plausible"), (2, 900, "battery_is_plausible"), (3, 4_000, "battery_is_plausible"),
     ]  # fmt: skip
     assert log[0].data["message"] == told[0]["explanation"]["text"]
     assert log[0].time == told[0]["judged"]
-    assert log[1].data["message"].endswith("2 violations in 1.500 s")
+    assert log[1].data["message"].endswith("2 violations in 0.900 s")
+    assert server.http.delete(f"/api/v1/sessions/{session}").status_code == 200
+    closed = of(read(recorded(server, session, tmp_path))[0], "/oracle/log/episodes")
+    assert [m.data["level"] for m in closed] == [3, 2, 3, 2], "what is open ends with its session"
 
 
 async def test_what_was_revised_is_drawn_as_it_stands(server: Server, session: str, tmp_path: Path) -> None:

@@ -15,7 +15,8 @@ import pytest
 
 from oracle_server.history.records import StoredStep
 from oracle_server.history.sqlite.history import SqliteHistory
-from oracle_server.review.explanation import NoExplanationError, explained
+from oracle_server.review.again import NoExplanationError
+from oracle_server.review.explanation import explained
 from tests.chaos.served import Served
 from tests.whole.client import attached, make_clock, make_event, make_events
 from tests.whole.conftest import Starts
@@ -195,14 +196,14 @@ async def test_a_deadline_after_an_attempt_that_was_undone_is_not_explained_by_i
 SLOW = """
 import time
 from types import SimpleNamespace
-from oracle_server.review import explanation
+from oracle_server.review import again
 
 def slow(_):
     with open({steps!r}, "ab") as file:
         file.write(b".")
     time.sleep(0.02)
 
-explanation.time = SimpleNamespace(sleep=slow)
+again.time = SimpleNamespace(sleep=slow)
 """
 """Makes each step of an explanation slow, and counts them in a file."""
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from oracle_server.history.sqlite.schema import VERSION
+from oracle_server.history.sql.schema import VERSION
 from tests.whole.client import attached, make_event
 from tests.whole.conftest import Starts
 from tests.whole.harness import failed

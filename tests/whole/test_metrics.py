@@ -120,11 +120,14 @@ async def test_violations_are_counted_by_property_and_those_of_now_are_told(star
             await other.acked(1)
             found = numbers(server)
             assert (value(found, "violations_total", **pair), value(found, "violated", **pair)) == (3, 2)
+            assert value(found, "episodes_open", **pair) == 2
             await monitor.send(make_event(4, at=4, data={"v": 1}))
             await monitor.acked(4)
             found = numbers(server)
             assert (value(found, "violations_total", **pair), value(found, "violated", **pair)) == (3, 1)
+            assert value(found, "episodes_open", **pair) == 1
     server.http.delete("/api/v1/sessions/s")
     server.http.delete("/api/v1/sessions/t")
     found = numbers(server)
+    assert value(found, "episodes_open", **pair) == 0
     assert (value(found, "violations_total", **pair), value(found, "violated", **pair)) == (3, 0)

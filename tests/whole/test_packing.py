@@ -8,6 +8,7 @@ import json
 import pytest
 
 from tests.whole.client import attached, make_event, make_events
+from tests.whole.conftest import Starts
 from tests.whole.harness import Server
 
 PAGES = ("/", "/dashboard/main.js", "/dashboard/style.css", "/docs/swagger-ui-bundle.js")
@@ -85,3 +86,20 @@ async def test_long_answers_are_compressed_and_say_the_same(server: Server, sess
         assert len(shorter) < len(body) / 2
     _, headers, _ = raw(server, "/api/v1/sessions/none", Accept_Encoding="gzip")
     assert "content-encoding" not in headers
+
+
+async def test_a_list_of_sessions_is_sent_again_only_where_it_has_changed(start: Starts) -> None:
+    server = start(ORACLE_HISTORY="memory")
+    path = "/api/v1/sessions?brief=true"
+    async with attached(server, session="s", spec="single") as monitor:
+        for coding in ("identity", "gzip"):
+            status, headers, body = raw(server, path, Accept_Encoding=coding)
+            assert status == 200
+            assert body
+            status, again, nothing = raw(server, path, Accept_Encoding=coding, If_None_Match=headers["etag"])
+            assert (status, nothing, again["etag"]) == (304, b"", headers["etag"])
+        await monitor.send(make_event(1, at=1, data={"v": 1}))
+        await monitor.acked(1)
+        status, headers, body = raw(server, path, If_None_Match=headers["etag"])
+        assert status == 200
+        assert json.loads(body)["items"][0]["steps"] == 1

@@ -61,7 +61,10 @@ async def test_robustness_is_recorded_told_and_the_same_after_a_restart_and_in_a
     explained = server.get(f"sessions/s/verdicts/{violation['n']}/explanation")
     assert explained["explanation"]["reasons"][0]["text"] == "robustness -1"
     shown = run("verdicts", "s", "--explain", str(violation["n"]), "--url", server.url)
-    assert (shown.returncode, shown.stdout.splitlines()[-1].split()[-2:]) == (0, ["robustness", "-1"])
+    assert (shown.returncode, ["robustness", "-1"] in [line.split()[-2:] for line in shown.stdout.splitlines()]) == (
+        0,
+        True,
+    )
     assert (violation["property"], violation["robustness"]) == ("small", -1)
     assert violation["explanation"]["values"] == {"v": 4}
     assert server.get("sessions/s")["properties"][1]["robustness"] == 2

@@ -226,3 +226,52 @@ async def test_a_summary_is_the_state_and_then_what_has_changed(server: Server, 
     assert (state["status"], state["closed_because"]) == ("closed", "by request")
     problem(server.http.get(f"/api/v1/sessions/{session}/stream?summary=true&after=3"), 422)
     problem(server.http.get("/api/v1/sessions/nowhere/stream?summary=true"), 404)
+
+
+async def next_of(events: AsyncIterator[Event], count: int) -> list[tuple[str, dict[str, Any]]]:
+    """The next events by their kinds, with what they have."""
+    async with asyncio.timeout(PATIENCE):
+        found = [await anext(events) for _ in range(count)]
+    return [(event["event"], json.loads(event["data"])) for event in found if event["event"] != "closed"]
+
+
+async def test_an_episode_is_told_where_it_begins_and_where_it_ends(server: Server, session: str) -> None:
+    async with attached(server, session=session, spec="single") as monitor:
+        await monitor.send(*[make_event(i, at=i * 500, data={"v": 99 if i in (2, 3) else 1}) for i in (1, 2)])
+        await monitor.acked(2)
+        async with (
+            stream(server, session, "episodes/stream") as events,
+            stream(server, session, "episodes/stream", property="another") as none,
+        ):
+            ((kind, begun),) = await next_of(events, 1)
+            assert (kind, begun["first"], begun["open"], begun["count"]) == ("begun", 2, True, 1)
+            assert begun["explanation"].startswith("a_is_small does not hold at step 2")
+            await monitor.send(*[make_event(i, at=i * 500, data={"v": 99 if i in (3, 9) else 1}) for i in range(3, 10)])
+            told = await next_of(events, 2)
+            assert [(kind, e["first"], e["last"], e["open"]) for kind, e in told] == [
+                ("ended", 2, 3, False), ("begun", 9, None, True),
+            ]  # fmt: skip
+            await monitor.detach()
+            assert server.http.delete(f"/api/v1/sessions/{session}").status_code == 200
+            async with asyncio.timeout(PATIENCE):
+                rest = [event async for event in events]
+                assert [event["event"] async for event in none] == ["closed"]
+    assert [event["event"] for event in rest] == ["ended", "closed"]
+    assert json.loads(rest[0]["data"])["last"] == 9
+
+
+async def test_an_episode_of_which_nothing_stands_is_retracted(server: Server, session: str) -> None:
+    async with (
+        attached(server, session=session, spec="revising") as monitor,
+        stream(server, session, "episodes/stream") as events,
+    ):
+        await monitor.send(make_event(1, "/b", at=1000, data={"v": 1}), make_event(2, "/b", at=1200, data={"v": 2}))
+        ((_, begun),) = await next_of(events, 1)
+        await monitor.send(make_event(3, "/a", at=900, data={"v": 1}))
+        told = await next_of(events, 2)
+        assert [(kind, e["first"], e["moved"]) for kind, e in told] == [
+            ("retracted", begun["first"], True), ("begun", begun["first"] + 1, True),
+        ]  # fmt: skip
+        await monitor.send(make_event(4, "/a", at=1100, data={"v": 2}))
+        ((kind, retracted),) = await next_of(events, 1)
+        assert (kind, retracted["first"], retracted["moved"]) == ("retracted", begun["first"] + 1, False)

@@ -81,7 +81,7 @@ def test_replay_tells_it(tmp_path: Path, form: str) -> None:
     if form == "junit":
         failures = ElementTree.fromstring(ended.stdout).iter("failure")
         first, second = [(each.get("message"), each.text or "") for each in failures]
-        assert first[0] == f"violated once, first at step 2 ({moment(STAMPS[1])})"
+        assert first[0] == f"violated once in 1 episode, first at step 2 ({moment(STAMPS[1])})"
         assert SLOW in first[1]
         assert FULL in second[1]
         return

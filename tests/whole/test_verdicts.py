@@ -76,6 +76,10 @@ async def test_how_properties_stand_is_told_again_after_a_reconnect_and_a_restar
             "outcome": "false", "level": "error", "text": "violated for good", "violations": 1,
             "first_violation": told["properties"]["stays_small"]["first_violation"],
             "first_violation_step": 1, "first_violation_at": 1732147200000000000,
+            "episode": {
+                "first": told["properties"]["stays_small"]["first_violation"], "began": 1732147200000000000,
+                "open": True, "final": True, "count": 1,
+            },
         }  # fmt: skip
         async with attached(server, session="s", spec="pair", streams=["/a"], verdicts=True) as monitor:
             assert await monitor.expect("verdicts") == told

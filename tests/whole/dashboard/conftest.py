@@ -3,40 +3,26 @@
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import AsyncIterator
 from urllib.parse import urlsplit
 
 import pytest
-from playwright.async_api import Browser, Page, async_playwright, expect
+from playwright.async_api import Browser, Page, expect
 
+from tests.whole.dashboard.chromium import MISSING, chromium, launched
 from tests.whole.harness import PATIENCE
-
-_QUIET = [  # Chromium asks nobody on its own
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-quic",
-    "--disable-sync",
-    "--no-first-run",
-]
-_CONTAINED = ["--disable-dev-shm-usage"]  # a container has little of it, and a page that runs out of it crashes
-_ROOT = ["--no-sandbox"] if os.geteuid() == 0 else []
 
 
 @pytest.fixture
 async def browser() -> AsyncIterator[Browser]:
-    chromium = shutil.which("chromium")
-    if chromium is None:
-        missing = "Chromium is not here (Debian: apt-get install chromium)"
+    path = chromium()
+    if path is None:
         if os.environ.get("CI"):
-            pytest.fail(missing)
-        pytest.skip(missing)
+            pytest.fail(MISSING)
+        pytest.skip(MISSING)
     expect.set_options(timeout=PATIENCE * 1000)
-    async with async_playwright() as playwright:
-        arguments = [*_QUIET, *_CONTAINED, *_ROOT]
-        browser = await playwright.chromium.launch(executable_path=chromium, args=arguments, timeout=PATIENCE * 1000)
+    async with launched(path) as browser:
         yield browser
-        await browser.close()
 
 
 @pytest.fixture

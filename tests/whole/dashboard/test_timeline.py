@@ -50,7 +50,7 @@ async def shown(page: Page) -> str:
 
 
 async def test_what_failed_is_seen_where_it_did(page: Page, monitor: Monitor) -> None:
-    await page.locator(".time").get_by_role("button", name="All").click()
+    await page.locator(".time").get_by_role("button", name="All", exact=True).click()
     for share, name in [(0.1, "holds"), (0.4, "fails-soft"), (0.9, "holds")]:
         await painted(page, share, name)
     await expect(page.locator(".lane.stream")).to_contain_text("/a")
@@ -60,7 +60,7 @@ async def test_what_failed_is_seen_where_it_did(page: Page, monitor: Monitor) ->
 
 
 async def test_a_click_explains_what_was_there(page: Page, monitor: Monitor) -> None:
-    await page.locator(".time").get_by_role("button", name="All").click()
+    await page.locator(".time").get_by_role("button", name="All", exact=True).click()
     await painted(page, 0.4, "fails-soft")
     canvas = page.locator(".lane.property canvas")
     box = await canvas.bounding_box()
@@ -78,7 +78,7 @@ async def test_a_click_on_what_fails_explains_the_violation_there(page: Page, mo
     await monitor.send(*(make_event(60 + i, at=61 * SECOND + i, data=BIG if i == 20 else SMALL) for i in range(1, 100)))
     await monitor.acked(159)
     await expect(page.locator(".lane.property .value")).to_have_text("✓ 2 violations")
-    await page.locator(".time").get_by_role("button", name="All").click()
+    await page.locator(".time").get_by_role("button", name="All", exact=True).click()
     canvas = page.locator(".lane.property canvas")
     box = await canvas.bounding_box()
     assert box is not None
@@ -113,7 +113,7 @@ async def test_it_is_moved_by_keys_alone(page: Page, monitor: Monitor) -> None:
 
 
 async def test_it_is_dragged_and_zoomed_at_the_pointer(page: Page, monitor: Monitor) -> None:
-    await page.locator(".time").get_by_role("button", name="All").click()
+    await page.locator(".time").get_by_role("button", name="All", exact=True).click()
     await painted(page, 0.4, "fails-soft")
     box = await page.locator(".lane.property canvas").bounding_box()
     assert box is not None

@@ -1,0 +1,43 @@
+// Addresses of this page: which view, and of a session which part of its time and which verdict.
+
+/** The address of a session: its verdict `n`, and the part of its time from `from` to `to` (ns), where they are given. */
+export function at(session, n, { from, to } = {}) {
+  const query = new URLSearchParams();
+  for (const [name, value] of Object.entries({ from: whole(from), to: whole(to), n })) if (value !== undefined && value !== null) query.set(name, value);
+  return `#/sessions/${encodeURIComponent(session)}${query.size ? `?${query}` : ""}`;
+}
+
+/** The address of two sessions beside each other, or of one for which another is to be chosen. */
+export function compared(session, other) {
+  return `#/compare/${encodeURIComponent(session)}${other ? `/${encodeURIComponent(other)}` : ""}`;
+}
+
+/** What the address of the page names: `kind` and `id` of a view, `other` where it names two, `n`, `from` and `to`, null where they are not there, and the search `q` of a list and what it shows. */
+export function read() {
+  const [path, text] = location.hash.slice(1).split("?");
+  const [, kind, id, other] = path.split("/").map(decoded);
+  const query = new URLSearchParams(text);
+  const time = (name) => (/^\d{1,19}$/.test(query.get(name) ?? "") ? BigInt(query.get(name)) : null);
+  const [from, to] = [time("from"), time("to")];
+  const window = from !== null && to !== null && from < to ? { from, to } : { from: null, to: null };
+  const search = { q: query.get("q") ?? "", show: query.get("show") ?? "" };
+  return { kind, id, other, n: Number(query.get("n")) || null, ...window, ...search };
+}
+
+/** Name what is shown in the address, without a step back in the browser's history. */
+export function rename(address) {
+  if (location.hash !== address) history.replaceState(null, "", address);
+}
+
+/** A time as it stands in an address, where none is before 0. */
+function whole(time) {
+  return typeof time === "bigint" && time < 0n ? 0n : time;
+}
+
+function decoded(part) {
+  try {
+    return decodeURIComponent(part);
+  } catch {
+    return "";
+  }
+}

@@ -1,0 +1,53 @@
+// Whether a property failed before a verdict: the episodes before it, in this session and in others that are judged by its spec.
+
+import { at } from "./address.js";
+import { items, of } from "./api.js";
+import { h, Place, rove, UP_AND_DOWN } from "./dom.js";
+import { lasted, worstOf } from "./episodes.js";
+import { moment, span } from "./words.js";
+
+const LIMIT = 100; // episodes that are looked at
+const SHOWN = 5;
+
+/** The episodes before the verdict that is shown. */
+export function beforeView(id) {
+  const list = new Place("section", { class: "before", "aria-label": "Before" });
+  const settle = rove(list.node, "a", UP_AND_DOWN);
+  let [shown, mine] = [null, 0];
+
+  /** Show those before a record's verdict, by the session's `spec`; nothing without a record. */
+  function show(record, clock, spec) {
+    if ((record?.n ?? null) === shown) return;
+    shown = record?.n ?? null;
+    const number = ++mine;
+    if (!shown) return list.show(null, () => []);
+    before(id, record, clock, spec).then(
+      (found) => number === mine && (list.show(found, () => listed(id, record, clock, found)), settle()),
+      () => number === mine && (shown = null), // asked again with the next refresh
+    );
+  }
+
+  return { node: list.node, show, leave: () => mine++ };
+}
+
+/** The episodes of a property that began before a verdict, the newest first, but for the one that it is in. */
+async function before(id, { n, property, stamp }, clock, spec) {
+  const path = clock === "sim" ? of(id, "episodes") : "episodes"; // other sessions' simulated times are others
+  const found = await items(path, { property, until: stamp, order: "desc", limit: LIMIT });
+  const ends = ({ until }) => until === null || BigInt(until) >= BigInt(stamp);
+  return found.filter((each) => each.spec === spec && !(each.session === id && (each.first >= n || ends(each))));
+}
+
+function listed(id, { property, stamp }, clock, found) {
+  const here = found.filter(({ session }) => session === id).length;
+  const number = (count) => (count === LIMIT ? `${count} or more` : count || "none");
+  const ago = (time) => `${span(BigInt(stamp) - BigInt(time))} before`;
+  return [
+    h("p", { class: "caption tools" }, h("strong", {}, `Has ${property} failed before?`),
+      h("span", { class: "hint" }, found.length ? `${number(here)} in this session, ${number(found.length - here)} in others` : "Not that is known.")),
+    found.length ? h("ul", {}, found.slice(0, SHOWN).map((each) => h("li", {},
+      h("a", { href: at(each.session, each.first) }, moment(each.began, clock)), ` ${ago(each.began)}, `,
+      each.session === id ? "here" : h("strong", {}, each.session), each.open ? ", still open" : ` for ${span(lasted(each, null))}`,
+      h("span", { class: "hint" }, ` ${worstOf(each)}`)))) : null,
+  ];
+}

@@ -1,0 +1,96 @@
+// The episodes of the last 24 hours over all sessions: how many began when, as bars, which list them.
+
+import { at } from "./address.js";
+import { get } from "./api.js";
+import { h, Place, rove, table, TO_AND_FRO, UP_AND_DOWN, wide } from "./dom.js";
+import { lasted, reasonOf, worstOf } from "./episodes.js";
+import { counted, moment, span } from "./words.js";
+
+const DAY = 86_400_000; // ms
+const [BARS, FEW] = [96, 48]; // on a wide page, and on a narrow one
+const MOST = 1000; // episodes that are asked for, the newest ones
+const LISTED = 100;
+const [OFTEN, SELDOM] = [5_000, 60_000]; // ms until they are asked for again: where one began or ended, and else
+const TALL = 40; // pixels
+
+/** The day's episodes; `changed()` is called once other ones are to be listed. */
+export function dayView(changed) {
+  const head = new Place("p", {});
+  const bars = h("div", { class: "bars", role: "toolbar", "aria-label": "Episodes by when they began; arrow keys go from one bar to the next" });
+  const ends = h("div", { class: "ends", "aria-hidden": "true" });
+  const list = new Place("div", wide("episodes that began then"));
+  const node = h("section", { class: "day", "aria-label": "Episodes in 24 hours", hidden: true }, head.node, h("div", {}, bars, ends));
+  const settle = rove(bars, "button", TO_AND_FRO);
+  const settleList = rove(list.node, "a", UP_AND_DOWN);
+  let [episodes, more, asked, known, chosen, drawn] = [[], false, -Infinity, null, null, null];
+
+  /** Ask for them where it is time to, or where others are `open` than before; returns all of them. */
+  async function refresh(open) {
+    const now = open.map(({ session, property, first }) => [session, property, first]).join();
+    const passed = performance.now() - asked;
+    if (passed < OFTEN || (passed < SELDOM && now === known)) return episodes;
+    const found = await get("episodes", { since: BigInt(Date.now() - DAY) * 1_000_000n, order: "desc", limit: MOST });
+    [episodes, more, asked, known] = [found.items, found.next !== null, performance.now(), now];
+    return episodes;
+  }
+
+  /** Show those that are `wanted`, by when they began. */
+  function show(wanted) {
+    const count = matchMedia("(max-width: 40rem)").matches ? FEW : BARS;
+    const width = DAY / count;
+    const last = Math.floor(Date.now() / width);
+    const bins = Array.from({ length: count }, (_, i) => ({ at: (last - count + 1 + i) * width, found: [] }));
+    for (const each of wanted) bins[Math.floor(time(each.began) / width) - bins[0].at / width]?.found.push(each);
+    const shown = bins.find(({ at: from, found }) => from === chosen && found.length);
+    node.hidden = !episodes.length;
+    head.show([wanted.length, more], () => [h("b", {}, `${wanted.length}${more ? " or more" : ""}`), ` ${wanted.length === 1 ? "episode" : "episodes"} in 24 h`]);
+    const key = JSON.stringify([bins.map(({ at: from, found }) => [from, found.length]), shown?.at]);
+    if (key !== drawn) draw(bins, width, shown);
+    drawn = key;
+    list.show(shown ? shown.found : null, (found) => (found ? listed(found) : []));
+    settleList();
+    list.node.hidden = !shown;
+  }
+
+  function draw(bins, width, shown) {
+    const focused = bars.contains(document.activeElement) && document.activeElement.dataset.at;
+    const most = Math.max(...bins.map(({ found }) => found.length), 4);
+    bars.replaceChildren(...bins.map(({ at: from, found }) => {
+      if (!found.length) return h("i");
+      const text = `${counted(found.length, "episode")} from ${clock(from)} to ${clock(from + width)}`;
+      const bar = h("i");
+      bar.style.height = `${Math.max(4, (found.length / most) * TALL)}px`;
+      return h("button", { "data-at": from, title: text, "aria-label": text, "aria-pressed": String(from === shown?.at), onclick: () => {
+        chosen = chosen === from ? null : from;
+        changed();
+      } }, bar);
+    }));
+    settle();
+    if (focused) bars.querySelector(`[data-at="${focused}"]`)?.focus();
+    const until = bins.at(-1).at + width;
+    ends.replaceChildren(...[4, 3, 2, 1].map((quarter) => h("span", {}, clock(until - (quarter / 4) * DAY))), h("span", {}, "now"));
+  }
+
+  return { node, list: list.node, refresh, show };
+}
+
+/** A time (ns) in ms. */
+export function time(nanoseconds) {
+  return Number(nanoseconds) / 1e6;
+}
+
+function clock(ms) {
+  return new Date(ms).toTimeString().slice(0, 5);
+}
+
+function listed(found) {
+  const rest = found.length - LISTED;
+  return [
+    table("episodes", ["began", "session", "property", "lasted", "violations", "worst, and why"], found.slice(0, LISTED).map((each) => [
+      h("a", { href: at(each.session, each.first) }, moment(each.began)), each.session, each.property,
+      each.open ? h("strong", { class: "bad" }, "open") : span(lasted(each, null)), String(each.count),
+      [worstOf(each), reasonOf(each)].filter(Boolean).join(" · "),
+    ])),
+    rest > 0 ? h("p", { class: "hint" }, `and ${rest} more`) : null,
+  ];
+}

@@ -1,0 +1,57 @@
+// Which sessions need somebody: what is wrong in each now, in which group it is, and which ones a search means.
+
+import { time } from "./day.js";
+import { byGravity as byOutcome } from "./words.js";
+
+const FAILING = ["false", "currently_false"];
+const GROUPS = ["Wrong now", "Not judged", "Wrong within the hour", "Fine", "Idle", "Recordings", "Closed"];
+export const HOUR = 3_600_000; // ms
+
+/** The kinds of sessions that can be asked for by themselves. */
+export const KINDS = {
+  All: () => true,
+  ...Object.fromEntries(GROUPS.map((name) => [name, ({ group }) => group === name])),
+};
+
+/**
+ * Sessions with their `group`, their `open` episodes, the gravest first, those of the last `day`, and the `latest` that was over
+ * within the hour, in the order in which they need somebody.
+ */
+export function grouped(sessions, episodes, day) {
+  const [open, of] = [episodes, day].map((all) => Map.groupBy(all, ({ session }) => session));
+  const all = sessions.map((each) => {
+    const found = each.status === "open" ? (open.get(each.id) ?? []).sort(byGravity) : [];
+    const own = each.clock === "wall" ? of.get(each.id) ?? [] : []; // simulated times are none of the day
+    const [latest = null] = own.filter(({ until }) => until !== null && Date.now() - time(until) < HOUR).sort((one, other) => time(other.until) - time(one.until));
+    return { ...each, open: found, day: own, latest, group: groupOf(each, found, latest) };
+  });
+  const rank = ({ group }) => GROUPS.indexOf(group);
+  return all.sort((one, other) => rank(one) - rank(other) || byGravity(one.open[0], other.open[0])
+    || time(other.latest?.until ?? 0) - time(one.latest?.until ?? 0)
+    || byOutcome(one.outcome ?? "true", other.outcome ?? "true"));
+}
+
+/** Final episodes before others, then those that are open for longest. */
+function byGravity(one, other) {
+  if (!one || !other) return Number(!one) - Number(!other);
+  const apart = BigInt(one.began) - BigInt(other.began);
+  return Number(other.final) - Number(one.final) || (apart < 0n ? -1 : Number(apart > 0n));
+}
+
+function groupOf({ status, kind, live, idle, outcome, trouble }, open, latest) {
+  if (status !== "open") return kind === "recording" ? "Recordings" : "Closed";
+  if (open.length || FAILING.includes(outcome)) return "Wrong now";
+  if (trouble || (live && !["true", "currently_true"].includes(outcome))) return "Not judged";
+  if (latest) return "Wrong within the hour";
+  return idle || !live ? "Idle" : "Fine";
+}
+
+/** Whether a search means a session: each of its words is in the session's name, its spec or a property that is violated, or was that day. */
+export function matches({ id, spec, open, day = [] }, search) {
+  const names = [...new Set([...open, ...day].map(({ property }) => property))];
+  const places = { "spec:": [spec], "property:": names, "session:": [id], "": [id, spec, ...names] };
+  return search.toLowerCase().split(/\s+/).every((word) => {
+    const kind = Object.keys(places).find((each) => word.startsWith(each));
+    return places[kind].some((text) => text.toLowerCase().includes(word.slice(kind.length)));
+  });
+}

@@ -1,0 +1,90 @@
+// What is wrong now, for how long and since when, as one card an episode: open ones first, then the last that ended.
+
+import { items, of } from "./api.js";
+import { at } from "./address.js";
+import { h, Place } from "./dom.js";
+import { lasted, reasonOf, worstOf } from "./episodes.js";
+import { counted, event, moment, span } from "./words.js";
+
+const OPEN = 3; // cards of open episodes; of the others it is said how many they are
+const BAD = ["false", "currently_false"];
+
+/** The cards of a session; `visit` is called with the episode that is chosen, and the click. */
+export function nowView(id, visit) {
+  const place = new Place("section", { class: "now", "aria-label": "What is wrong now" });
+  const records = new Map(); // of the verdicts with which the shown episodes begin
+
+  /** Show how the session stands: `found` are its episodes, and `now` is the time of its newest step. */
+  async function refresh(state, found, now) {
+    const open = found.filter((each) => each.open);
+    const last = found.filter((each) => !each.open).sort(byEnd)[0] ?? null;
+    const shown = [...open.slice(0, OPEN), last].filter(Boolean);
+    await Promise.all(shown.map(learn));
+    const { properties, clock, status, live } = state;
+    const known = shown.map((each) => records.get(key(each)) ?? null);
+    const standing = properties.map(({ id: name, outcome, broken }) => [name, outcome, broken]);
+    place.show([open.slice(0, OPEN), last, open.length, known, standing, clock, status, live, String(now)], () => [
+      ...open.slice(0, OPEN).map((each) => card(each, clock, now)),
+      open.length > OPEN ? h("p", { class: "more" }, `+${open.length - OPEN} more that are open`) : null,
+      open.length ? null : calm(standing, last),
+      last ? card(last, clock, now) : null,
+    ]);
+  }
+
+  /** Read the record of the verdict with which an episode begins, once. */
+  async function learn(episode) {
+    if (records.has(key(episode))) return;
+    const [record] = await items(of(id, "verdicts"), { as: "all", after: episode.first - 1, limit: 1 });
+    if (record?.n === episode.first) records.set(key(episode), record);
+  }
+
+  function card(episode, clock, now) {
+    const { property, order, first, open, final, began, count, explanation } = episode;
+    const record = records.get(key(episode));
+    const ended = open ? "" : ` ended ${ago(episode, now)}`;
+    return h("a", { class: `card ${open ? "open" : "over"}`, href: at(id, first), onclick: (click) => visit(episode, click) },
+      h("span", { class: "what" }, h("span", { "aria-hidden": "true" }, open ? "✗ " : "◌ "),
+        h("strong", {}, property, open ? (final ? " fails for good" : " fails") : ""), order === "arrival" ? " by arrival" : "", ended),
+      h("strong", { class: "long" }, span(lasted(episode, now))),
+      h("span", { class: "why" }, [worstOf(episode), counted(count, "violation"), ...firstOf(record)].filter(Boolean).join(" · ")),
+      h("span", { class: "since" }, `${open ? "since" : "from"} ${moment(began, clock)}`),
+      h("span", { class: "why first", title: explanation }, reasonOf(episode)));
+  }
+
+  return { node: place.node, refresh };
+}
+
+function key({ property, order, first }) {
+  return `${property} ${order} ${first}`;
+}
+
+function byEnd(one, other) {
+  const apart = BigInt(other.until) - BigInt(one.until);
+  return apart > 0n ? 1 : apart < 0n ? -1 : 0;
+}
+
+function ago({ until }, now) {
+  return now === null ? "" : `${span(Math.max(0, Number(BigInt(now) - BigInt(until))))} ago`;
+}
+
+/** Who sent what an episode begins with, and whether it got through. */
+function firstOf(record) {
+  if (!record) return [];
+  const went = { true: "passed on", false: "withheld" }[record.passed];
+  return [`first: ${event(record)}`, record.decision === "deny" ? "denied" : null, record.decision ? went : null];
+}
+
+/** What is said where no episode is open: that all holds only where all is known to hold. */
+function calm(standing, last) {
+  const of = (wanted) => standing.filter(([, outcome]) => wanted(outcome)).map(([name]) => name);
+  const [failing, unknown] = [of((outcome) => BAD.includes(outcome)), of((outcome) => outcome === "unknown")];
+  const holding = standing.length - failing.length - unknown.length;
+  const [state, mood] = failing.length ? ["do not hold", "bad"] : unknown.length ? ["not judged", "unsure"] : ["hold", "good"];
+  const words = [
+    failing.length ? `${failing.length} of ${standing.length} fail: ${failing.slice(0, 3).join(", ")}` : null,
+    unknown.length ? `${unknown.length} of ${standing.length} not judged: ${unknown.slice(0, 3).join(", ")}${unknown.length > 3 ? " …" : ""}` : null,
+    !failing.length && !unknown.length ? (holding === 1 ? "Its property holds" : `All ${holding} properties hold`) : null,
+  ];
+  return h("p", { class: `card calm ${mood}`, "data-state": state },
+    h("strong", {}, words.filter(Boolean).join("; ")), last ? null : h("span", { class: "hint" }, " · no episode so far"));
+}
