@@ -51,7 +51,7 @@ class Judge:
         upcoming = 1
         while not self._over.is_set():
             try:
-                peers.append(self._oracle._peers.get_nowait())
+                peers.append(self._oracle.peers.get_nowait())
                 upcoming = max([1, *(event["seq"] + 1 for event in self.seen)])
                 peers[-1].attach(upcoming=upcoming, streams=self._streams, limits={"max_outcomes": 1000})
             except Empty:

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from oracle_adapter.protocol import Answered, Hello, Protocol
+from oracle_adapter.notices import Answered
+from oracle_adapter.protocol import Hello, Protocol
 
 Frame = dict[str, Any]
 FOLDER = Path(__file__).parents[1] / "vectors"

@@ -57,7 +57,7 @@ class Judge:
     def _run(self) -> None:
         while not self._ended.is_set():
             try:
-                peer = self._oracle._peers.get(timeout=0.05)
+                peer = self._oracle.peers.get(timeout=0.05)
             except queue.Empty:
                 continue
             self._peer = peer

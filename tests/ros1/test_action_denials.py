@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 import pytest
 from actionlib import msg
 from actionlib_msgs.msg import GoalStatus, GoalStatusArray
+from rospy import AnyMsg
 
 from tests.processes import Data, eventually
 from tests.ros1.actionscene import KINDS, client, count, hesitate, ids, last, refuse, server, streams, watched
@@ -50,6 +52,49 @@ def test_a_denied_goal_is_rejected_and_the_server_never_hears_of_it(tmp_path: Pa
         assert denied_id not in ids([*oracle.heard("reply"), *oracle.heard("status")])
         process.said(f"denied a goal of /count, goal {denied_id}: no_sevens")
         process.ends_well()
+
+
+def test_a_denied_goal_stands_among_the_servers_byte_for_byte_until_it_has_expired(tmp_path: Path) -> None:
+    def no_sevens(event: Data) -> str | None:
+        return "no_sevens" if event["data"] == {"goal": 7} else None
+
+    with watched(tmp_path, streams("goal", ask="goal"), no_sevens) as (scene, _, process):
+        server(scene, last)
+        peer, early, late = client(scene), scene.peer(), scene.peer()
+        early.record(AnyMsg, "/count/status", speakers=1)
+        running, running_id = peer.send_goal("/count_mon", msg.TestGoal(1))
+        peer.fed(running, 1)
+        denied, denied_id = peer.send_goal("/count_mon", msg.TestGoal(7))
+        assert peer.ended(denied) is not None
+        late.record(AnyMsg, "/count_mon/status", speakers=1)
+
+        def of_server() -> list[bytes]:
+            return [array._buff for array in early.heard("/count/status")]
+
+        def told() -> list[bytes]:
+            return [array._buff for array in late.heard("/count_mon/status")]
+
+        def standing(array: bytes) -> dict[str, int]:
+            return {s.goal_id.id: s.status for s in GoalStatusArray().deserialize(array).status_list}
+
+        late.until(lambda: len(told()) > 1 and denied_id not in standing(told()[-1]), lambda: "it does not expire")
+        assert standing(told()[0]) == {running_id: GoalStatus.ACTIVE, denied_id: GoalStatus.REJECTED}, "it comes late"
+        with_it = [array for array in told() if denied_id in standing(array)]
+        without = told()[len(with_it) :]
+        assert not any(denied_id in standing(array) for array in without)
+        early.until(lambda: set(without) <= set(of_server()), lambda: "something else was made of them")
+        before_the_count = len(without[0]) - len(entries(without[0])) - 4
+        assert all(entries(array).startswith(entries(without[0])) for array in with_it)
+        assert {array[:before_the_count] for array in with_it} <= {array[:before_the_count] for array in of_server()}
+        process.ends_well()
+
+
+def entries(array: bytes) -> bytes:
+    """The entries of a serialized array, without what stands before them."""
+    written = io.BytesIO()
+    for entry in GoalStatusArray().deserialize(array).status_list:
+        entry.serialize(written)
+    return written.getvalue()
 
 
 def test_denied_feedback_does_not_pass_and_the_rest_does(tmp_path: Path) -> None:

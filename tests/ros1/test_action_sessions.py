@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import itertools
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import rospy
 from actionlib import msg
@@ -16,8 +14,9 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool, SetBoolRequest, SetBoolResponse
 
 from tests.adapters.standin import SWITCHES
+from tests.processes import eventually
 from tests.robot import spec_folder
-from tests.ros1.actionscene import client, count, server
+from tests.ros1.actionscene import client, count, server, until_asked
 from tests.ros1.harness import Scene
 
 SECOND = 10**9
@@ -83,30 +82,36 @@ def test_four_services_and_an_action_do_not_wait_for_each_other(tmp_path: Path) 
         assert violated(session) == {"short", "off"}
 
 
-@contextmanager
-def going_on(scene: Scene, start: int) -> Iterator[None]:
+class World:
     """Simulated time that goes on."""
-    world, over = scene.peer(), threading.Event()
-    world.parameter("/use_sim_time", True)
-    world.advertise(Clock, "/clock", listeners=0, latch=True)
 
-    def tick() -> None:
-        for number in itertools.count():
-            if over.wait(0.01):
-                break
-            world.publish("/clock", Clock(rospy.Time(start + number // 100, number % 100 * 10_000_000)))
+    def __init__(self, scene: Scene, start: int) -> None:
+        self._peer, self._over = scene.peer(), threading.Event()
+        self._peer.parameter("/use_sim_time", True)
+        self._peer.advertise(Clock, "/clock", listeners=0, latch=True)
+        self.set(start)
+        self._thread = threading.Thread(target=self._tick)
 
-    thread = threading.Thread(target=tick)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join()
+    def set(self, seconds: int) -> None:
+        """Go on from there."""
+        self._hundredths = itertools.count(100 * seconds)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._thread.join()
+
+    def _tick(self) -> None:
+        while not self._over.wait(0.01):
+            seconds, rest = divmod(next(self._hundredths), 100)
+            self._peer.publish("/clock", Clock(rospy.Time(seconds, rest * 10_000_000)))
 
 
 def test_in_simulated_time_an_action_is_judged_by_it(tmp_path: Path) -> None:
-    with Scene(tmp_path, spec_folder(tmp_path, spec(ACTION))) as scene, going_on(scene, 100):
+    with Scene(tmp_path, spec_folder(tmp_path, spec(ACTION))) as scene, World(scene, 100):
         adapter = scene.adapter("counting")
         server(scene, count)
         peer = client(scene)
@@ -119,6 +124,67 @@ def test_in_simulated_time_an_action_is_judged_by_it(tmp_path: Path) -> None:
         assert {"goal", "reply", "feedback", "result"} <= {event["kind"] for event in events}
         assert all(100 * SECOND <= event["stamp"] < 1000 * SECOND for event in events)
         assert not any(event["late"] or event["skewed"] for event in events)
+
+
+SLOW = """
+  - topic: /slow
+    type: std_msgs/Header
+    stamp: stamp
+    latency: 200s"""
+"""A topic for whose clock all decisions wait, 200 s of simulated time."""
+
+
+def test_a_clock_that_goes_back_in_a_goal_begins_another_session_and_the_goal_goes_on(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, spec(ACTION))) as scene, World(scene, 100) as world:
+        adapter = scene.adapter("counting")
+        server(scene, until_asked)
+        peer = client(scene)
+        goal, _ = peer.send_goal("/count_mon", msg.TestGoal(1))
+        peer.until(lambda: peer.states(goal), lambda: "it is not taken")
+        world.set(10)
+        adapter.said(r"attached s\.run2")
+        assert peer.ended(goal, wait=False) is None
+        peer.cancel_goal(goal)
+        ended = peer.ended(goal)
+        assert ended is not None
+        assert (ended.status, ended.text, ended.result) == (GoalStatus.SUCCEEDED, "done all the same", 3)
+        long, _ = peer.send_goal("/count_mon", msg.TestGoal(60))
+        ended = peer.ended(long)
+        assert ended is not None
+        assert (ended.status, ended.text) == (GoalStatus.REJECTED, "denied: short")
+        adapter.ends_well()
+        first, second = scene.server.session("s"), scene.server.session("s.run2")
+        assert (first["status"], first["continued_by"]) == ("closed", "s.run2")
+        assert violated(first) == set()
+        # the result's goal has no reply in this session
+        assert violated(second) == {"short", "end_has_a_reply"}
+        assert all(session["counters"]["lost"] == 0 for session in (first, second))
+        events = scene.server.events("s.run2")
+        assert all(event["stamp"] < 100 * SECOND for event in events)
+        assert not any(event["late"] or event["skewed"] for event in events)
+
+
+def test_goals_that_wait_for_their_decision_as_the_clock_goes_back_do_not_pass_by_accident(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, spec(ACTION, SLOW))) as scene, World(scene, 1000) as world:
+        adapter = scene.adapter("counting")
+        serving = server(scene, count)
+        peer = client(scene)
+        eventually(lambda: reached(scene), lambda time: time > 1000 * SECOND)
+        goals = [peer.send_goal("/count_mon", msg.TestGoal(number)) for number in (60, 3)]
+        eventually(lambda: scene.server.session("s")["counters"]["held"], lambda held: held == 2)
+        assert [peer.states(goal) for goal, _ in goals] == [[], []]
+        world.set(10)
+        ended = peer.ended(goals[0][0])
+        assert ended is not None
+        assert (ended.status, ended.text) == (GoalStatus.REJECTED, "denied: short")
+        assert serving.goals("/count", 1) == [goals[1][1]]
+        adapter.ends_well()
+        assert violated(scene.server.session("s")) == {"short"}, "as the session that ends decides"
+
+
+def reached(scene: Scene) -> int:
+    """How far the goals of a session have come, in its time."""
+    return max((s["frontier"] or 0 for s in scene.server.session("s")["streams"] if s["kind"] == "goal"), default=0)
 
 
 def violated(session: Any) -> set[str]:

@@ -2,24 +2,47 @@
 
 from __future__ import annotations
 
+import io
+from collections.abc import Sequence
+
+import pytest
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
+from oracle_ros1 import statusarray
 from oracle_ros1.actionmessages import covers, text_of
 from oracle_ros1.actionstatus import LAG, SHOWN, Statuses, accepted, status, word
-from rospy import Time
+from oracle_ros1.statusarray import ArrayReader, StatusArray
+from rospy import AnyMsg, Time
+from std_msgs.msg import Header
 
 ACTIVE, SUCCEEDED, ABORTED, REJECTED = (
     GoalStatus.ACTIVE, GoalStatus.SUCCEEDED, GoalStatus.ABORTED, GoalStatus.REJECTED
 )  # fmt: skip
 
 
-def array(**codes: int) -> GoalStatusArray:
-    return GoalStatusArray(status_list=[GoalStatus(GoalID(id=goal), code, "") for goal, code in codes.items()])
+def sent(*entries: GoalStatus) -> AnyMsg:
+    """An array as it comes."""
+    written = io.BytesIO()
+    GoalStatusArray(Header(7, Time(8, 9), "map"), list(entries)).serialize(written)
+    return came(written.getvalue())
+
+
+def came(serialized: bytes) -> AnyMsg:
+    message = AnyMsg().deserialize(serialized)
+    message._connection_header = {"type": "actionlib_msgs/GoalStatusArray"}
+    return message
+
+
+def decoded(message: AnyMsg | None) -> GoalStatusArray:
+    assert message is not None
+    return GoalStatusArray().deserialize(message._buff)
+
+
+def array(**codes: int) -> StatusArray:
+    return ArrayReader().read(sent(*(GoalStatus(GoalID(id=goal), code, "") for goal, code in codes.items())))
 
 
 def seen(statuses: Statuses, now: float) -> dict[str, int]:
-    shown = statuses.view(now)
-    assert shown is not None
-    return {entry.goal_id.id: entry.status for entry in shown.status_list}
+    return {entry.goal_id.id: entry.status for entry in decoded(statuses.view(now)).status_list}
 
 
 def test_changes_are_the_difference_to_the_last_array() -> None:
@@ -35,7 +58,10 @@ def test_an_array_to_which_nothing_is_added_is_shown_as_it_is() -> None:
     assert statuses.view(0) is None
     same = array(a=ACTIVE)
     statuses.changes(same)
-    assert statuses.view(0) is same
+    assert statuses.view(0) is same.message
+    statuses.give(status(GoalID(id="x"), REJECTED, "denied"), 0)
+    assert statuses.view(SHOWN - 1) is not same.message
+    assert statuses.view(SHOWN + 1) is same.message
 
 
 def test_a_refused_goal_is_shown_for_a_time_and_is_no_change() -> None:
@@ -71,6 +97,68 @@ def test_an_end_whose_result_does_not_come_is_shown_after_all() -> None:
     assert seen(statuses, 0) == {"a": GoalStatus.PENDING}
     assert seen(statuses, LAG + 0.1) == {"a": SUCCEEDED}
     assert not statuses.rewriting
+
+
+def long_array(count: int, changing: int = ACTIVE) -> list[GoalStatus]:
+    """Statuses of so many goals, of which one changes."""
+    made = [GoalStatus(GoalID(Time(n, n), f"/node-{n}-ü"), n % 10, n * "text ") for n in range(count)]
+    made[count // 2].status = changing
+    return made
+
+
+@pytest.mark.parametrize("count", [1, 2, 200])
+def test_an_array_is_read_as_genpy_reads_it(count: int) -> None:
+    wanted = long_array(count)
+    read = ArrayReader().read(sent(*wanted))
+    assert [(one.goal_id, one.code) for one in read.entries] == [(one.goal_id, one.status) for one in wanted]
+    assert read.header == Header(7, Time(8, 9), "map")
+
+
+def test_only_what_is_new_is_decoded(monkeypatch: pytest.MonkeyPatch) -> None:
+    counted: list[bytes] = []
+
+    class Counting(GoalStatus):  # type: ignore[misc]
+        def deserialize(self, serialized: bytes) -> GoalStatus:
+            counted.append(serialized)
+            return super().deserialize(serialized)
+
+    monkeypatch.setattr(statusarray, "GoalStatus", Counting)
+    reader = ArrayReader()
+    reader.read(sent(*long_array(200)))
+    assert len(counted) == 200
+    reader.read(sent(*long_array(200)))
+    reader.read(sent(*long_array(200)[50:]))  # some have expired
+    assert len(counted) == 200
+    read = reader.read(sent(*long_array(200, SUCCEEDED)[50:]))
+    assert len(counted) == 201
+    assert read.entries[50].code == SUCCEEDED
+
+
+def shown(read: StatusArray, denied: Sequence[str]) -> AnyMsg:
+    """What clients see of an array in which the proxy has rejected some goals, and one more."""
+    statuses = Statuses()
+    statuses.changes(read)
+    for goal in (*denied, "new"):
+        statuses.give(status(GoalID(Time(1), goal), REJECTED, f"denied: {goal}"), 0)
+    return statuses.view(0)
+
+
+def test_beside_denied_goals_all_else_is_byte_for_byte_what_came() -> None:
+    wanted = long_array(200)
+    read = ArrayReader().read(sent(*wanted))
+    denied = wanted[3].goal_id.id
+    made = shown(read, [denied])
+    assert made._connection_header == read.message._connection_header
+    for place, goal in ((3, denied), (200, "new")):
+        wanted[place : place + 1] = [GoalStatus(GoalID(Time(1), goal), REJECTED, f"denied: {goal}")]
+    assert made._buff == sent(*wanted)._buff
+
+
+@pytest.mark.parametrize("missing", [1, 30, 4000])
+def test_what_is_cut_off_is_not_read(missing: int) -> None:
+    whole = sent(*long_array(30))._buff
+    with pytest.raises(Exception, match=r"."):
+        ArrayReader().read(came(whole[:-missing]))
 
 
 def test_words_and_replies_of_statuses() -> None:

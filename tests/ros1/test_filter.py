@@ -79,7 +79,7 @@ def test_without_an_oracle_messages_pass_where_the_spec_says_so(away: Callable[[
 
 @pytest.mark.parametrize("unavailable", ["deny", "pass"])
 def test_a_frozen_oracle_is_done_without_as_the_spec_says_and_catches_up(unavailable: str, tmp_path: Path) -> None:
-    words = {"intercept": "publisher", "unavailable": unavailable, "within": "400ms"}
+    words = {"intercept": "publisher", "unavailable": unavailable, "within": "1500ms"}
     with Scene(tmp_path, spec_folder(tmp_path, GATE_AND_LOG, **words)) as scene:
         adapter = scene.adapter("gate")
         speaker, hearer, source, target = opened(scene)

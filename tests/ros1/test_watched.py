@@ -40,5 +40,5 @@ def test_a_supervisor_that_calls_inside_its_round_completes(tmp_path: Path) -> N
 
 
 def test_a_server_killed_twice_loses_nothing_and_judges_nothing_twice(tmp_path: Path) -> None:
-    with landed(tmp_path, act=kill_twice, speed=0.5) as flown:
+    with landed(tmp_path, act=kill_twice, undecided=True, speed=0.5) as flown:
         killed_twice(flown)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -45,9 +46,9 @@ class Acting:
         self.scene, self.judge, self._module = scene, judge, module
         self.adapter = self.monitor()
 
-    def monitor(self, name: str = "uav1") -> Process:
-        """An adapter that has begun to observe."""
-        words = ("--oracle", self.judge.url, "--spec", "s", "--monitor", name)
+    def monitor(self, name: str = "uav1", judge: Judge | None = None) -> Process:
+        """An adapter that has begun to observe, for this judge or another."""
+        words = ("--oracle", (judge or self.judge).url, "--spec", "s", "--monitor", name)
         adapter = self.scene.run("adapter", sys.executable, "-m", self._module, *words)
         adapter.said("observing")
         return adapter
@@ -85,13 +86,20 @@ class Client:
         self.client = action.ActionClient(peer.node, test_msgs.Fibonacci, name, feedback_sub_qos_profile=profile)
         peer.made.append(self.client)
         peer.until(self.client.server_is_ready, f"nobody serves {name}")
-        self.heard: dict[str, list[int]] = {}
+        self.heard: dict[str, list[int]] = defaultdict(list)
+        """The feedback of each goal: rclpy's client itself drops what a result overtakes there."""
+        self._fed: set[str] = set()
+        message = test_msgs.Fibonacci.Impl.FeedbackMessage
+        self._ear = peer.node.create_subscription(message, f"{name}/_action/feedback", self._hear, depth)
+
+    def _hear(self, message: Any) -> None:
+        self.heard[bytes(message.goal_id.uuid).hex()].append(message.feedback.sequence[0])
 
     def send(self, order: int) -> Any:
         """A goal that is on its way."""
 
         def hear(message: Any) -> None:
-            self.heard.setdefault(bytes(message.goal_id.uuid).hex(), []).append(message.feedback.sequence[0])
+            self._fed.add(bytes(message.goal_id.uuid).hex())
 
         return self.client.send_goal_async(test_msgs.Fibonacci.Goal(order=order), hear)
 
@@ -115,7 +123,7 @@ class Client:
         def heard() -> bool:
             goal = self.goal(1)
             self.result(goal)
-            return hex_of(goal) in self.heard
+            return hex_of(goal) in self._fed and hex_of(goal) in self.heard
 
         self.peer.until(heard, "no feedback comes")
 
@@ -123,6 +131,7 @@ class Client:
         """Be there no more."""
         self.peer.made.remove(self.client)
         self.client.destroy()
+        self.peer.node.destroy_subscription(self._ear)
 
     def cancel(self, goal_id: bytes = bytes(16)) -> Any:
         """The answer to a cancel, of all goals unless one is named."""

@@ -8,8 +8,9 @@ from __future__ import annotations
 import sys
 
 import oracle_adapter.behind
+import oracle_ros2.goals
 import oracle_ros2.standing
 from oracle_ros2.__main__ import main
 
-oracle_adapter.behind.LONGEST = oracle_ros2.standing.LONGEST = 3600.0
+oracle_adapter.behind.LONGEST = oracle_ros2.standing.LONGEST = oracle_ros2.goals.UNASKED = 3600.0
 sys.exit(main())

@@ -142,17 +142,23 @@ def test_what_is_reported_of_a_goal_has_times_in_the_order_in_which_it_is_told(t
         scene.adapter.ends_well()
 
 
+def told_of(client: Client) -> dict[str, list[int]]:
+    """The statuses that a client is told of each goal, as they come."""
+    told: dict[str, list[int]] = {}
+
+    def take(array: Any) -> None:
+        for one in array.status_list:
+            told.setdefault(bytes(one.goal_info.goal_id.uuid).hex(), []).append(one.status)
+
+    client.peer.node.create_subscription(action_msgs.GoalStatusArray, "/fib_mon/_action/status", take, LASTING)
+    return told
+
+
 def test_no_status_tells_of_an_end_while_the_result_is_decided_on(tmp_path: Path) -> None:
     with acting(tmp_path, streams("result", decide_within=3600 * 10**9)) as scene:
         scene.server()
         client = scene.client()
-        told: dict[str, list[int]] = {}
-
-        def take(array: Any) -> None:
-            for one in array.status_list:
-                told.setdefault(bytes(one.goal_info.goal_id.uuid).hex(), []).append(one.status)
-
-        client.peer.node.create_subscription(action_msgs.GoalStatusArray, "/fib_mon/_action/status", take, LASTING)
+        told = told_of(client)
         client.meet()
         scene.judge.waits = lambda event: event["kind"] == "result"
         goal = client.goal(1)
@@ -167,4 +173,37 @@ def test_no_status_tells_of_an_end_while_the_result_is_decided_on(tmp_path: Path
         assert (client.done(result).status, list(result.result().result.sequence)) == (ABORTED, DENIED["sequence"])
         client.peer.until(lambda: told[hex_of(goal)][-1] == ABORTED)
         assert SUCCEEDED not in told[hex_of(goal)]
+        scene.adapter.ends_well()
+
+
+def test_no_status_tells_of_an_end_before_the_result_is_asked_for(tmp_path: Path) -> None:
+    with acting(tmp_path, streams("result"), "tests.ros2.patient") as scene:
+        server, client = scene.server(), scene.client()
+        told = told_of(client)
+        client.meet()
+        goal = client.goal(2)
+        server.said("ended 2")
+        other = client.goal(3)
+        client.peer.until(lambda: EXECUTING in told.get(hex_of(other), []))
+        assert SUCCEEDED not in told.get(hex_of(goal), [])
+        scene.judge.denies = lambda event: event["goal_id"] == hex_of(goal)
+        assert client.result(goal) == (ABORTED, DENIED["sequence"])
+        assert client.result(other)[0] == SUCCEEDED
+        client.peer.until(lambda: told[hex_of(goal)][-1] == ABORTED and told[hex_of(other)][-1] == SUCCEEDED)
+        assert SUCCEEDED not in told[hex_of(goal)]
+        scene.adapter.ends_well()
+
+
+def test_an_end_is_told_though_nobody_asks_for_its_result_and_is_not_taken_back(tmp_path: Path) -> None:
+    with acting(tmp_path, streams("result")) as scene:
+        scene.server()
+        client = scene.client()
+        told = told_of(client)
+        client.meet()
+        goal = client.goal(1)
+        client.peer.until(lambda: SUCCEEDED in told.get(hex_of(goal), []), "it is never told")
+        scene.judge.denies = lambda _: True
+        assert client.result(goal) == (ABORTED, DENIED["sequence"])
+        client.peer.until(lambda: told[hex_of(goal)][-1] == ABORTED)
+        assert EXECUTING not in told[hex_of(goal)][told[hex_of(goal)].index(SUCCEEDED) :]
         scene.adapter.ends_well()

@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 from tests.adapters.standin import SWITCHES
+from tests.processes import Process
 from tests.robot import spec_folder
-from tests.ros2.acting import ABORTED, SUCCEEDED, Client, acting, hex_of, streams
+from tests.ros2.acting import ABORTED, CANCELED, SUCCEEDED, Client, acting, hex_of, streams
 from tests.ros2.harness import Peer, Scene, eventually
 
 clock_msgs = pytest.importorskip("rosgraph_msgs.msg")
@@ -57,8 +58,10 @@ def spec(*streams: str, more: str = "") -> str:
     return "id: fib\n" + DELAY + "streams:" + "".join(streams) + RULES + more
 
 
-def fibonacci(scene: Scene) -> None:
-    scene.run("fibonacci", sys.executable, "-m", "tests.ros2.fibonacci", 0.01).said("ready")
+def fibonacci(scene: Scene, period: float = 0.01) -> Process:
+    server = scene.run("fibonacci", sys.executable, "-m", "tests.ros2.fibonacci", period)
+    server.said("ready")
+    return server
 
 
 def test_four_services_and_an_action_do_not_wait_for_each_other(tmp_path: Path) -> None:
@@ -100,7 +103,8 @@ class World:
 
     def tick(self) -> None:
         self.seconds += 0.01
-        stamp = time_msg.Time(sec=int(self.seconds), nanosec=round(self.seconds % 1 * SECOND) % SECOND)
+        sec, nanosec = divmod(round(self.seconds * SECOND), SECOND)  # rounded first: 10.999… is not 10.000
+        stamp = time_msg.Time(sec=sec, nanosec=nanosec)
         self._clock.publish(clock_msgs.Clock(clock=stamp))
 
 
@@ -122,6 +126,69 @@ def test_in_simulated_time_an_action_is_judged_by_it(tmp_path: Path) -> None:
         assert all(100 * SECOND < event["stamp"] < 1000 * SECOND for event in events[-5:]), (
             "it has heard the clock by then"
         )
+
+
+SLOW = """
+  - topic: /slow
+    type: std_msgs/msg/Empty
+    latency: 200s"""
+"""A topic for whose clock all decisions wait, 200 s of simulated time."""
+
+
+def test_a_clock_that_goes_back_in_a_goal_begins_another_session_and_the_goal_goes_on(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, spec(ACTION))) as scene:
+        adapter = scene.adapter("fib", more=("--ros-args", "-p", "use_sim_time:=true"))
+        fibonacci(scene, 0.2)
+        peer = scene.peer()
+        world = World(peer, 100)
+        client = Client(peer, "/fib_mon", 1000)
+        client.meet()
+        goal = client.goal(50)
+        result = goal.get_result_async()
+        peer.until(lambda: client.heard.get(hex_of(goal)))
+        world.seconds = 10
+        peer.until(lambda: "attached s.run2" in adapter.log)
+        before = len(client.heard[hex_of(goal)])
+        peer.until(lambda: len(client.heard[hex_of(goal)]) > before, "no more feedback comes")
+        assert client.done(goal.cancel_goal_async()).return_code == 0
+        assert client.done(result).status == CANCELED
+        later, long = client.goal(3), client.goal(60)
+        assert (later.accepted, long.accepted) == (True, False)
+        assert client.result(later) == (SUCCEEDED, [0, 1, 2])
+        adapter.ends_well()
+        first, second = scene.server.session("s"), scene.server.session("s.run2")
+        assert (first["status"], first["continued_by"]) == ("closed", "s.run2")
+        assert violated(scene, "s") == set()
+        # what it feeds back there has no reply in this session
+        assert violated(scene, "s.run2") == {"short", "feedback_has_a_reply"}
+        assert all(session["counters"]["lost"] == 0 for session in (first, second))
+        events = scene.server.events("s.run2")
+        assert all(e["stamp"] < 100 * SECOND for e in events)
+        assert not any(e["late"] or e["skewed"] for e in events)
+
+
+def test_goals_that_wait_for_their_decision_as_the_clock_goes_back_do_not_pass_by_accident(tmp_path: Path) -> None:
+    with Scene(tmp_path, spec_folder(tmp_path, spec(ACTION, SLOW))) as scene:
+        adapter = scene.adapter("fib", more=("--ros-args", "-p", "use_sim_time:=true"))
+        server = fibonacci(scene)
+        peer = scene.peer()
+        world = World(peer, 1000)
+        client = Client(peer, "/fib_mon", 1000)
+        peer.until(lambda: reached(scene) > 1000 * SECOND, "the adapter hears no clock")
+        sent = [client.send(60), client.send(3)]
+        peer.until(lambda: scene.server.session("s")["counters"]["held"] == 2)
+        assert not any(goal.done() for goal in sent)
+        world.seconds = 10
+        assert [client.done(goal).accepted for goal in sent] == [False, True], "as the session that ends decides"
+        server.said("goal 3")
+        adapter.ends_well()
+        assert "goal 60" not in server.log
+        assert violated(scene, "s") == {"short"}
+
+
+def reached(scene: Scene) -> int:
+    """How far the goals of a session have come, in its time."""
+    return max((s["frontier"] or 0 for s in scene.server.session("s")["streams"] if s["kind"] == "goal"), default=0)
 
 
 def test_results_of_a_server_that_was_killed_are_aborted_though_another_is_there(tmp_path: Path) -> None:

@@ -103,7 +103,7 @@ def test_a_denied_reply_is_a_rejection_and_its_goal_is_cancelled(tmp_path: Path)
         assert not client.goal(400).accepted
         server.said("cancelled 400")
         [reply] = scene.judge.of("reply")
-        eventually(lambda: scene.judge.of("status")[-1], lambda last: last["status"] == "canceled")
+        eventually(lambda: [e["status"] for e in scene.judge.of("status")], lambda told: told[-1:] == ["canceled"])
         scene.judge.denies = lambda _: False
         after = client.goal(1)
         assert client.result(after) == (SUCCEEDED, [0])

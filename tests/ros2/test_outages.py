@@ -41,7 +41,7 @@ def values(heard: list[Any]) -> list[int]:
 
 @pytest.mark.parametrize("unavailable", ["deny", "pass"])
 def test_a_frozen_oracle_is_done_without_as_the_spec_says_and_catches_up(unavailable: str, tmp_path: Path) -> None:
-    with gate(tmp_path, unavailable, "300ms") as (scene, adapter):
+    with gate(tmp_path, unavailable, "1500ms") as (scene, adapter):
         peer = scene.peer()
         heard = peer.record(msg.Int64, "/number")
         numbers, logged = peer.publisher(msg.Int64, "/number_mon"), peer.publisher(msg.Int64, "/logged")

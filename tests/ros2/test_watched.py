@@ -67,7 +67,7 @@ def says_after(later: Arrival, request: Arrival) -> bool:
 
 
 def test_a_server_killed_twice_loses_nothing_and_judges_nothing_twice(tmp_path: Path) -> None:
-    with landed(tmp_path, act=kill_twice, speed=0.5) as flown:
+    with landed(tmp_path, act=kill_twice, undecided=True, speed=0.5) as flown:
         killed_twice(flown)
 
 

@@ -11,7 +11,8 @@ from oracle_adapter.link import Link
 from oracle_adapter.logfile import LogFile, open_log
 from oracle_adapter.marks import ClockStamp
 from oracle_adapter.names import PROXY, Names
-from oracle_adapter.protocol import Attached, TimeSource
+from oracle_adapter.notices import Attached
+from oracle_adapter.protocol import TimeSource
 from oracle_adapter.screen import Status
 from oracle_adapter.stats import Stats
 

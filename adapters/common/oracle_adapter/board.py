@@ -13,8 +13,9 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Callable, Dict, List, Mapping, Tuple
 
 from oracle_adapter.decision import should_pass
+from oracle_adapter.episodes import SHOWN_AFTER, Recent, episode_text
 from oracle_adapter.outage import Outages
-from oracle_adapter.screen import ERROR, LEVELS, OK, STALE, SafeScreen, Status
+from oracle_adapter.screen import ERROR, LEVELS, OK, STALE, WARN, SafeScreen, Status
 from oracle_adapter.violations import Violations, first_text
 
 if TYPE_CHECKING:
@@ -45,6 +46,7 @@ class Board:
         self._lock = threading.Lock()  # guards what follows; nothing is shown under it
         self._outages = Outages(clock)
         self._violations = Violations()  # of the link's thread alone
+        self._recent = Recent(clock)
         self._attached, self._detail = False, "not attached yet"
         self._properties: Mapping[str, Mapping[str, Any]] = {}
         self._troubles: Dict[str, str] = {}
@@ -60,15 +62,22 @@ class Board:
         """Show the state of the properties."""
         with self._lock:
             self._properties = frame["properties"]
+            self._recent.take(self._properties)
         self._show_verdict(str(frame["worst"]))
 
     def on_violation(self, record: Mapping[str, Any]) -> None:
-        """Show a violation."""
+        """Show a violation, of a server that does not tell of episodes."""
         self._screen.error(self._violations.told(record))
 
+    def on_episode(self, frame: Mapping[str, Any]) -> None:
+        """Show that violations begin, that they are over, or that they were none."""
+        text = episode_text(frame)
+        if text is not None:
+            self._screen.error(text)
+
     def on_revision(self, record: Mapping[str, Any]) -> None:
-        """Show what was taken back; a violation that appears is told as one."""
-        if record.get("retracted"):
+        """Show what was taken back; a violation that appears is told as one, or as an episode."""
+        if record.get("retracted") and not self._recent.told:
             self._screen.error(self._violations.retracted(record))
 
     def on_state(self, state: State, detail: str) -> None:
@@ -77,6 +86,8 @@ class Board:
             self._violations.attached(detail)
         with self._lock:
             self._attached, self._detail = state == "attached", detail
+            if self._attached:
+                self._recent.attached(detail)
             over = self._outages.over() if self._attached else None
         self._screen.info(f"oracle: {detail if detail.startswith(state) else f'{state} {detail}'}")
         if over:
@@ -177,6 +188,10 @@ class Board:
         level, message = LEVELS.get(state["level"], STALE), str(state["text"])
         if not self._attached:
             level, message = STALE, f"the oracle is away; when it was last connected: {message}"
+        elif self._recent.is_open(name):
+            level = max(WARN, level) if level != STALE else WARN
+        elif self._recent.was_open(name) and level == OK:
+            level, message = WARN, f"{message}; it did not less than {SHOWN_AFTER:.0f} s ago"
         values = (
             ("outcome", str(state.get("outcome"))),
             ("violations", str(state.get("violations"))),

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import argparse
 import os
-from typing import TYPE_CHECKING, Callable, Optional, Union
+from typing import TYPE_CHECKING, Any, Callable, Optional, Union
 
 from oracle_adapter.errors import LinkError
+from oracle_adapter.link import Link
 
 if TYPE_CHECKING:
     import threading
 
-    from oracle_adapter.link import Link
     from oracle_adapter.names import Names
-    from oracle_adapter.protocol import Attached
+    from oracle_adapter.notices import Attached
 
 DEFAULT_URL = "http://127.0.0.1:8642"
 
@@ -21,7 +21,11 @@ DEFAULT_URL = "http://127.0.0.1:8642"
 def parser(program: str, description: Optional[str]) -> argparse.ArgumentParser:
     """The options of every adapter; None where one is not given."""
     options = argparse.ArgumentParser(program, description=description)
-    options.add_argument("--oracle", help=f"the server; default ORACLE_URL or {DEFAULT_URL}")
+    options.add_argument(
+        "--oracle",
+        help="the server, or several over one history, with commas between; default ORACLE_URL "
+        f"or {DEFAULT_URL}",
+    )
     options.add_argument("--spec", help="the spec to judge by; needed where the session is new")
     options.add_argument(
         "--session", help="the session to join or make; default a new one of its own"
@@ -43,6 +47,16 @@ def parser(program: str, description: Optional[str]) -> argparse.ArgumentParser:
         metavar="FILE",
         help="for --log, what to observe: the output of `oracle-server streams SPEC`",
     )
+    options.add_argument(
+        "--embedded",
+        metavar="SPEC",
+        help="judge in this process, by the spec in that file, without a server; needs Python 3.11",
+    )
+    options.add_argument(
+        "--data",
+        metavar="DIR",
+        help="for --embedded, the folder of the history; default that of oracle-server",
+    )
     options.add_argument("--token", help="the server's token; default ORACLE_TOKEN")
     return options
 
@@ -55,6 +69,33 @@ def default(name: str) -> Optional[str]:
         "token": os.environ.get("ORACLE_TOKEN"),
     }
     return defaults.get(name)
+
+
+def make_link(options: argparse.Namespace, **more: Any) -> Link:
+    """The link to the server that the options name, or to an oracle in this process.
+
+    `more` is as for `Link`. Raises `LinkError` and `ValueError`.
+    """
+    if not options.embedded:
+        if options.data:
+            raise ValueError("--data is for --embedded; a server has its own data directory")
+        return Link(
+            options.oracle,
+            options.monitor,
+            spec=options.spec,
+            session=options.session,
+            token=options.token,
+            **more,
+        )
+    if options.spec or options.log:
+        given = "--spec" if options.spec else "--log"
+        raise ValueError(f"--embedded names the spec and uses no server: leave {given} out")
+    from oracle_adapter.embedded import EmbeddedLink, log_warnings
+
+    log_warnings()
+    return EmbeddedLink(
+        options.embedded, options.data, options.monitor, session=options.session, **more
+    )
 
 
 def wait_attached(

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import asyncio
-import inspect
-from contextlib import suppress
+import os
+from contextlib import ExitStack
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Callable, Coroutine, Dict, Iterator, Optional, cast
+from typing import TYPE_CHECKING, Any, Callable, Dict, Iterator, List, Optional
 from urllib.parse import urlsplit, urlunsplit
 
-from websockets.asyncio.client import connect
-from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketException
-from websockets.typing import Subprotocol
+from websockets.exceptions import WebSocketException
 
 from oracle_adapter.errors import LinkError
-from oracle_adapter.websocket import WebSocket
+from oracle_adapter.tls import context_from
+from oracle_adapter.websocket import SWITCHING, WebSocket
 
 if TYPE_CHECKING:
     from ssl import SSLContext
@@ -26,7 +25,7 @@ _AT_ONCE = 1 << 14
 """Bytes that are written in one go, or one frame: a ping waits behind them."""
 REFUSALS = {401: "unauthorized", 403: "forbidden", 421: "misdirected"}
 """HTTP statuses that another attempt does not change."""
-FAILURES = (OSError, EOFError, asyncio.TimeoutError, WebSocketException)
+FAILURES = (OSError, asyncio.TimeoutError, WebSocketException)
 """What a connection that fails raises."""
 
 
@@ -57,6 +56,21 @@ class Address:
     tls: Optional[SSLContext] = None
 
 
+def addresses_of(urls: str, token: Optional[str], tls: Optional[SSLContext]) -> List[Address]:
+    """The addresses of servers that are separated by commas; all get the token.
+
+    Those that are encrypted are reached by `tls`, or by `context_from` the environment without one.
+    Raises `ValueError`.
+    """
+    found = [attach_url(url.strip()) for url in urls.split(",")]
+    plain = [url for url in found if not url.startswith("wss:")]
+    if tls is not None and plain:
+        raise ValueError(f"tls needs a wss:// or https:// address, not {plain[0]!r}")
+    if tls is None and len(plain) < len(found):
+        tls = context_from(os.environ)
+    return [Address(url, token, None if url in plain else tls) for url in found]
+
+
 def attach_url(url: str) -> str:
     """The WebSocket address for a server given as `ws://`, `wss://`, `http://` or `https://`."""
     parts = urlsplit(url)
@@ -70,43 +84,43 @@ def attach_url(url: str) -> str:
 
 async def open_connection(address: Address, timing: Timing) -> WebSocket:
     """Open a WebSocket; raises a fatal `LinkError` where it is refused, or one of `FAILURES`."""
-    options: Dict[str, Any] = {} if address.tls is None else {"ssl": address.tls}
-    # An oracle is on the robot's own network: websockets for Python 3.8 uses no proxies, and
-    # newer versions must not look for one either.
-    if "proxy" in inspect.signature(connect.__init__).parameters:
-        options["proxy"] = None
-    try:
-        socket = await connect(
-            address.url,
-            create_connection=WebSocket,
-            subprotocols=[Subprotocol("oracle.v1")],
-            additional_headers=_headers(address.token),
-            compression=None,
-            open_timeout=timing.open_timeout,
-            close_timeout=timing.close_timeout,
-            ping_interval=None,  # Conversation pings: see there
-            max_size=MAX_MESSAGE,
-            **options,
-        )
-        return cast(WebSocket, socket)  # by create_connection
-    except InvalidStatus as error:
-        status = error.response.status_code
-        if status in REFUSALS:
-            message = f"{address.url} answered HTTP {status}"
-            raise LinkError(REFUSALS[status], message, fatal=True) from error
-        raise
+    socket = WebSocket(address.url, "oracle.v1", _headers(address.token), MAX_MESSAGE)
+    opening = asyncio.ensure_future(_open(socket, address))
+    with ExitStack() as undo:
+        undo.callback(socket.abort)
+        undo.callback(opening.cancel)
+        await asyncio.wait([opening], timeout=timing.open_timeout)  # not wait_for: see below
+        if not opening.done():
+            raise asyncio.TimeoutError(f"no answer within {timing.open_timeout} s")
+        opening.result()
+        undo.pop_all()
+    return socket
+
+
+async def _open(socket: WebSocket, address: Address) -> None:
+    parts = urlsplit(address.url)
+    secure = parts.scheme == "wss"
+    host, port = parts.hostname or "", parts.port or (443 if secure else 80)
+    loop = asyncio.get_running_loop()
+    await loop.create_connection(lambda: socket, host, port, ssl=address.tls or secure or None)
+    status = await socket.opened()
+    if status in REFUSALS:
+        message = f"{address.url} answered HTTP {status}"
+        raise LinkError(REFUSALS[status], message, fatal=True)
+    if status != SWITCHING:
+        raise ConnectionError(f"the answer is HTTP {status}")
 
 
 def _headers(token: Optional[str]) -> Dict[str, str]:
     return {"Authorization": f"Bearer {token}"} if token else {}
 
 
-async def _until_closed(work: Coroutine[Any, Any, None]) -> None:
-    """Do not end where the connection is closed: frames may still be unread."""
-    with suppress(ConnectionClosed):
-        await work
-        return
-    await asyncio.Event().wait()
+class ClosedError(ConnectionError):
+    """A connection that was open has ended; `told` is whether the other side has said so before."""
+
+    def __init__(self, why: str, *, told: bool) -> None:
+        super().__init__(why)
+        self.told = told
 
 
 class Conversation:
@@ -128,7 +142,7 @@ class Conversation:
         self._receive, self._next_frame = receive, next_frame
         loop = asyncio.get_running_loop()
         self._time = loop.time
-        self._received_at = 0.0  # when the last frame came
+        self._answered = False
         self._over: asyncio.Future[None] = loop.create_future()  # the last frame, or what failed
 
     async def run(self, hello: str) -> None:
@@ -136,25 +150,23 @@ class Conversation:
         socket = self._socket
         socket.on_message, socket.on_room = self._take, self.pump
         socket.write([hello])
-        watching = asyncio.ensure_future(_until_closed(self._watch()))
-        closed = asyncio.ensure_future(socket.wait_closed())
+        watching = asyncio.ensure_future(self._watch())
+        ends: List[asyncio.Future[Any]] = [self._over, socket.closed, watching]
         try:
-            await asyncio.wait([self._over, watching, closed], return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
             if self._over.done():
                 self._over.result()
-            elif closed.done():
-                raise socket.protocol.close_exc
+                await socket.close(self._timing.close_timeout)
+            elif socket.closed.done():
+                raise ClosedError(socket.closed.result(), told=socket.told)
             else:
                 watching.result()
-            with suppress(asyncio.TimeoutError):
-                await asyncio.wait_for(socket.close(), self._timing.close_timeout)
         finally:
             self._over.cancel()  # later frames are ignored
             # A closing handshake would wait for unsent bytes, though the other side may be gone.
-            socket.transport.abort()
+            socket.abort()
             watching.cancel()
-            closed.cancel()
-            await asyncio.gather(watching, closed, return_exceptions=True)
+            await asyncio.gather(watching, return_exceptions=True)
 
     def pump(self) -> None:
         """Write what there is to write; the rest later, where the other side is slow."""
@@ -176,7 +188,7 @@ class Conversation:
     def _take(self, message: bytes) -> None:
         if self._over.done():
             return
-        self._received_at = self._time()
+        self._answered = True
         try:
             if self._receive(message):
                 self._over.set_result(None)
@@ -186,33 +198,26 @@ class Conversation:
     async def _watch(self) -> None:
         """Raise where nothing comes from the other side.
 
-        The keepalive of websockets does not suffice: with a full send buffer it waits without end
-        to write its ping. A ping may be queued after much data on a slow line, so
-        any frame that comes in the meantime counts as an answer.
+        A ping may be queued after much data on a slow line, so anything that comes in the meantime
+        counts as an answer.
         """
         answer_due = self._time() + self._timing.attach_timeout
         while True:
             await asyncio.sleep(self._timing.ping_interval)
             await self._check_alive()
-            if not self._received_at and self._time() > answer_due:
+            if not self._answered and self._time() > answer_due:
                 message = f"no answer to attach for {self._timing.attach_timeout} s"
                 raise LinkError("unreachable", message)
 
     async def _check_alive(self) -> None:
-        started = self._time()
-        ping = asyncio.ensure_future(self._ping())
+        self._socket.heard.clear()
+        self._socket.ping()
+        heard = asyncio.ensure_future(self._socket.heard.wait())
         try:
-            while not ping.done():
-                left = max(started, self._received_at) + self._timing.ping_timeout - self._time()
-                if left <= 0:
-                    message = f"no sign of the server for {self._timing.ping_timeout} s"
-                    raise LinkError("disconnected", message)
-                # Not wait_for: before Python 3.12 it can swallow a cancellation.
-                await asyncio.wait([ping], timeout=left)
-            ping.result()
+            # Not wait_for: before Python 3.12 it can swallow a cancellation.
+            await asyncio.wait([heard], timeout=self._timing.ping_timeout)
+            if not heard.done():
+                message = f"no sign of the server for {self._timing.ping_timeout} s"
+                raise LinkError("disconnected", message)
         finally:
-            ping.cancel()
-            await asyncio.gather(ping, return_exceptions=True)
-
-    async def _ping(self) -> None:
-        await (await self._socket.ping())
+            heard.cancel()

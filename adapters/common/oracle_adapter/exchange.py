@@ -15,22 +15,15 @@ from oracle_adapter import logs
 from oracle_adapter.deadlines import Deadlines
 from oracle_adapter.decision import Answer
 from oracle_adapter.errors import LinkError
-from oracle_adapter.protocol import (
-    Answered,
-    Attached,
-    Protocol,
-    Revision,
-    Room,
-    Verdicts,
-    Violation,
-)
+from oracle_adapter.notices import Answered, Attached, Episode, Revision, Room, Verdicts, Violation
+from oracle_adapter.protocol import Protocol
 
 if TYPE_CHECKING:
     from typing import Iterable, List, Mapping, Tuple
 
     from oracle_adapter.decision import Why
     from oracle_adapter.marks import ClockStamp
-    from oracle_adapter.protocol import Notice
+    from oracle_adapter.notices import Notice
     from oracle_adapter.queued import Queued
     from oracle_adapter.stats import Stats
 
@@ -55,9 +48,11 @@ class Exchange:
         on_error: Optional[Callable[[LinkError], None]],
         on_verdicts: Optional[Callable[[Mapping[str, Any]], None]] = None,
         on_revision: Optional[Callable[[Mapping[str, Any]], None]] = None,
+        on_episode: Optional[Callable[[Mapping[str, Any]], None]] = None,
     ) -> None:
         self._on_violation, self._on_state, self._on_error = on_violation, on_state, on_error
         self._on_verdicts, self._on_revision = on_verdicts, on_revision
+        self._on_episode = on_episode
         self._lock = threading.Lock()  # guards all that follows
         self._changed = threading.Condition(self._lock)  # opened, attached or ended
         self._protocol = protocol
@@ -71,6 +66,15 @@ class Exchange:
         self._opened = False  # the link's thread has been ready
         self._awake = False  # the queue will be looked at
         self._trouble: Optional[LinkError] = None  # why there is no connection
+        self._at_once: Optional[Callable[[], None]] = None
+        self._later: Optional[Callable[[], None]] = None
+
+    def judge_at_once(self, now: Callable[[], None], later: Callable[[], None]) -> None:
+        """Call `now` in the threads that ask or bring clocks, without the lock.
+
+        `later` is called in whatever thread, under the lock, for all else; it must not wait.
+        """
+        self._at_once, self._later = now, later
 
     # From robot threads
 
@@ -116,9 +120,12 @@ class Exchange:
                 self._asks[asked.number] = asked, then
                 if self._deadlines.add(self._loop.time() + seconds, asked.number):
                     self._loop.call_soon_threadsafe(self._set_timer, self._loop)
-                self._wake()
+                if self._at_once is None:
+                    self._wake()
         if isinstance(asked, Answer):
             _call(then, asked)
+        elif self._at_once is not None:
+            self._at_once()
 
     def handled(self, answer: Answer, passed: bool, why: Why) -> None:
         """Queue what was done with an ask, to be sent with others of the next moments."""
@@ -133,7 +140,10 @@ class Exchange:
         """Queue clocks after every event queued so far."""
         with self._lock:
             self._protocol.clock(stamps() if callable(stamps) else stamps)
-            self._wake()
+            if self._at_once is None:
+                self._wake()
+        if self._at_once is not None:
+            self._at_once()
 
     def renew(self, stamps: Callable[[], Iterable[ClockStamp]]) -> None:
         """End the session by clocks that go back."""
@@ -278,7 +288,10 @@ class Exchange:
     def _wake(self) -> None:
         if self._loop is not None and not self._awake:
             self._awake = True
-            self._soon(self._pump)
+            if self._later is not None:
+                self._later()
+            else:
+                self._soon(self._pump)
 
     def _soon(self, call: Callable[[], None]) -> None:
         """Call something in the link's thread."""
@@ -312,6 +325,8 @@ class Exchange:
                 _call(self._on_violation, notice.record)
             elif isinstance(notice, Revision):
                 _call(self._on_revision, notice.record)
+            elif isinstance(notice, Episode):
+                _call(self._on_episode, notice.frame)
             elif isinstance(notice, Verdicts):
                 _call(self._on_verdicts, notice.frame)
             elif not notice.fatal:  # a fatal one is reported at the end

@@ -5,17 +5,21 @@ from __future__ import annotations
 import asyncio
 import random
 import threading
-from typing import TYPE_CHECKING, Iterator, Optional
+import time
+from typing import TYPE_CHECKING, Iterator, Optional, Sequence
 
 from oracle_adapter import logs
-from oracle_adapter.connection import FAILURES, Conversation, open_connection
+from oracle_adapter.connection import FAILURES, ClosedError, Conversation, open_connection
 from oracle_adapter.errors import LinkError
+from oracle_adapter.route import Route
 
 if TYPE_CHECKING:
     from oracle_adapter.connection import Address, Timing
     from oracle_adapter.exchange import Exchange
 
 
+_OFTEN = 0.8
+"""Seconds between two rounds at the most, where another server may take over at any time."""
 READY_WITHIN = 10.0
 """Seconds that the thread may take until it is ready to connect."""
 
@@ -23,8 +27,9 @@ READY_WITHIN = 10.0
 class Keeper:
     """One thread with a loop of its own, from `start` to `stop`."""
 
-    def __init__(self, address: Address, timing: Timing, exchange: Exchange) -> None:
-        self._address, self._timing, self._exchange = address, timing, exchange
+    def __init__(self, addresses: Sequence[Address], timing: Timing, exchange: Exchange) -> None:
+        self._route = Route(addresses, time.monotonic)
+        self._timing, self._exchange = timing, exchange
         self._conversation: Optional[Conversation] = None  # the latest
         self._work: Optional[asyncio.Future[None]] = None
         self._thread = threading.Thread(target=self._run, name="oracle-link", daemon=True)
@@ -88,27 +93,46 @@ class Keeper:
         """Raise the `LinkError` after which another connection is useless."""
         delays, clock = self._delays(), asyncio.get_running_loop().time
         while not self._exchange.done:
-            began = clock()
+            began, url = clock(), self._route.address.url
             try:
                 await self._connect()
                 continue
             except LinkError as failure:
                 error = failure
+                at_once = self._move(failure)
             except FAILURES as failure:
                 code = "disconnected" if self._exchange.attached else "unreachable"
                 message = str(failure) or "timed out"
-                error = LinkError(code, f"{self._address.url}: {message}")
-            self._exchange.disconnected(error)
+                error = LinkError(code, f"{url}: {message}")
+                at_once = self._move(failure)
+            if not at_once or self._exchange.attached:  # else there may be a better answer
+                self._exchange.disconnected(error)
             if (
                 clock() - began > self._timing.backoff_last
             ):  # the connection lasted: this is a new failure
                 delays = self._delays()
             if error.fatal:
                 raise error
-            await self._pause(next(delays))
+            if not at_once:
+                await self._pause(next(delays))
+
+    def _move(self, failure: Exception) -> bool:
+        """Choose the server that is tried next; returns whether to try it at once."""
+        route = self._route
+        if isinstance(failure, LinkError) and failure.code == "moved":
+            if failure.url is not None and route.several and not route.knows(failure.url):
+                failure.message += "; that is none of this monitor's servers"
+            return route.refused(failure.url)
+        if isinstance(failure, ClosedError):
+            if self._exchange.attached:
+                route.lost()
+                return False
+            if failure.told:
+                return route.refused()
+        return route.unreachable()
 
     async def _connect(self) -> None:
-        socket = await open_connection(self._address, self._timing)
+        socket = await open_connection(self._route.address, self._timing)
         exchange = self._exchange
         conversation = Conversation(
             socket, self._timing, receive=exchange.receive, next_frame=exchange.next_frame
@@ -124,7 +148,7 @@ class Keeper:
         delay = self._timing.backoff_first
         while True:
             yield delay * random.uniform(0.5, 1.0)  # noqa: S311 - no secret
-            delay = min(2 * delay, self._timing.backoff_last)
+            delay = min(2 * delay, _OFTEN if self._route.several else self._timing.backoff_last)
 
     def _cancel(self) -> None:
         if self._work is not None:

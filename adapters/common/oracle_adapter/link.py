@@ -8,12 +8,11 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Callable, Dict, Literal, Optional, TypedDict, Union
 from uuid import uuid4
 
-from oracle_adapter.connection import Address, Timing, attach_url
+from oracle_adapter.connection import Timing, addresses_of
 from oracle_adapter.exchange import Exchange
 from oracle_adapter.jsonvalues import dumps
 from oracle_adapter.keeper import Keeper
 from oracle_adapter.protocol import Hello, Protocol
-from oracle_adapter.tls import context_from
 
 if TYPE_CHECKING:
     from ssl import SSLContext
@@ -26,7 +25,8 @@ if TYPE_CHECKING:
     from oracle_adapter.errors import LinkError
     from oracle_adapter.exchange import Stamp, State, Then
     from oracle_adapter.marks import ClockStamp
-    from oracle_adapter.protocol import Attached, TimeSource
+    from oracle_adapter.notices import Attached
+    from oracle_adapter.protocol import TimeSource
     from oracle_adapter.stats import Stats
 
 
@@ -52,17 +52,20 @@ _LONGEST = 1000
 class Link:
     """A monitor's link to the oracle, kept up by a thread of its own from `start` to `close`.
 
+    `url`: of several servers over one history all, separated by commas; they are tried in turn.
     `session`: without one the server makes one. `streams`: names of those that will be observed,
     default all. `capacity`: events held until the server has committed them; more than its order
     holds, or events are lost here before the server makes room. `tls`: default, for an encrypted
     address, by `ORACLE_CA`, `ORACLE_CLIENT_CERT` and `ORACLE_CLIENT_KEY`. `features`: what the
     adapter can do that not every adapter can, by the server's words, as `actions`.
 
-    `on_violation(record)`, `on_revision(record)`, `on_verdicts(frame)`, `on_state(state, detail)`,
-    `on_error(error)` are called in the link's thread, as the futures' callbacks are: they must be
-    quick, and must neither wait for an answer nor close the link. `on_verdicts` gets the state of
-    the properties, once attached and whenever it changes; `on_revision` what stands otherwise than
-    was said, because of what came late. Errors that no `on_error` takes are logged.
+    `on_violation(record)`, `on_episode(frame)`, `on_revision(record)`, `on_verdicts(frame)`,
+    `on_state(state, detail)`, `on_error(error)` are called in the link's thread, as the futures'
+    callbacks are: they must be quick, and must neither wait for an answer nor close the link.
+    `on_verdicts` gets the state of the properties, once attached and whenever it changes;
+    `on_revision` what stands otherwise than was said, because of what came late. Who has
+    `on_episode` is told of episodes, violations that follow each other closely, in place of each
+    violation, unless the server is older. Errors that no `on_error` takes are logged.
     """
 
     def __init__(
@@ -84,22 +87,20 @@ class Link:
         on_error: Optional[Callable[[LinkError], None]] = None,
         on_verdicts: Optional[Callable[[Mapping[str, Any]], None]] = None,
         on_revision: Optional[Callable[[Mapping[str, Any]], None]] = None,
+        on_episode: Optional[Callable[[Mapping[str, Any]], None]] = None,
     ) -> None:
         names = None if streams is None else tuple(streams)
         wanted = True if on_verdicts else None
-        wishes = (*features, *(("revisions",) if on_revision else ())) or None
+        told = (("revisions", on_revision), ("episodes", on_episode))
+        wishes = (*features, *(name for name, callback in told if callback)) or None
         instance = _instance(os.getpid())
         hello = Hello(monitor, instance, session, spec, names, clock, wanted, wishes)
         protocol = Protocol(hello, capacity)
         self._exchange = Exchange(
-            protocol, on_violation, on_state, on_error, on_verdicts, on_revision
+            protocol, on_violation, on_state, on_error, on_verdicts, on_revision, on_episode
         )
-        if tls is None and attach_url(url).startswith("wss:"):
-            tls = context_from(os.environ)
-        address = Address(attach_url(url), token, tls)
-        if tls is not None and not address.url.startswith("wss:"):
-            raise ValueError(f"tls needs a wss:// or https:// address, not {url!r}")
-        self._keeper = Keeper(address, timing or Timing(), self._exchange)
+        addresses = addresses_of(url, token, tls)
+        self._keeper = Keeper(addresses, timing or Timing(), self._exchange)
 
     def start(self) -> None:
         """Begin to connect, and return at once. A link starts once.

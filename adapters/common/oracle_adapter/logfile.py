@@ -10,7 +10,7 @@ from typing import IO, TYPE_CHECKING, Any, Callable, Dict, Mapping, Optional
 
 from oracle_adapter.errors import LinkError
 from oracle_adapter.jsonvalues import dumps
-from oracle_adapter.protocol import Attached
+from oracle_adapter.notices import Attached
 from oracle_adapter.stats import Stats
 
 if TYPE_CHECKING:

@@ -26,6 +26,16 @@ from oracle_adapter.decision import Answer, denied
 from oracle_adapter.errors import ENDING, LinkError
 from oracle_adapter.jsonvalues import dumps
 from oracle_adapter.losses import Losses, too_large
+from oracle_adapter.notices import (
+    Answered,
+    Attached,
+    Episode,
+    Notice,
+    Revision,
+    Room,
+    Verdicts,
+    Violation,
+)
 from oracle_adapter.outbox import FULL, MAX_FRAME, Outbox
 from oracle_adapter.queued import Queued
 from oracle_adapter.stats import Stats
@@ -55,55 +65,6 @@ class Hello:
     features: Optional[Tuple[str, ...]] = None
 
 
-@dataclass(frozen=True)
-class Attached:
-    """What the server answered: the session, and the streams to observe, as it described them."""
-
-    monitor: str
-    session: str
-    spec: Optional[str]
-    spec_digest: Optional[str]
-    streams: Tuple[Mapping[str, Any], ...]
-    limits: Mapping[str, Any]
-
-
-@dataclass(frozen=True)
-class Answered:
-    """An ask has its answer."""
-
-    event: Queued
-    answer: Answer
-
-
-@dataclass(frozen=True)
-class Violation:
-    """The server recorded a violation."""
-
-    record: Mapping[str, Any]
-
-
-@dataclass(frozen=True)
-class Revision:
-    """Verdicts stand otherwise than was said."""
-
-    record: Mapping[str, Any]
-
-
-@dataclass(frozen=True)
-class Room:
-    """There may be events to write again."""
-
-
-@dataclass(frozen=True)
-class Verdicts:
-    """The server reported the state of the properties."""
-
-    frame: Mapping[str, Any]
-
-
-Notice = Union[Attached, Answered, Violation, Revision, Verdicts, Room, LinkError]
-
-
 class Protocol:
     """One monitor's side of the wire, over any number of connections."""
 
@@ -125,6 +86,7 @@ class Protocol:
             "decision": self._on_decision,
             "violation": self._on_violation,
             "revision": self._on_revision,
+            "episode": self._on_episode,
             "verdicts": self._on_verdicts,
             "credit": self._on_credit,
             "error": self._on_error,
@@ -343,6 +305,9 @@ class Protocol:
     def _on_revision(self, frame: Mapping[str, Any]) -> None:
         self._notices.append(Revision(_without_type(frame)))
 
+    def _on_episode(self, frame: Mapping[str, Any]) -> None:
+        self._notices.append(Episode(_without_type(frame)))
+
     def _on_verdicts(self, frame: Mapping[str, Any]) -> None:
         self._notices.append(Verdicts(_without_type(frame)))
 
@@ -356,6 +321,9 @@ class Protocol:
         moving = code == "session_closed" and self._may_move
         fatal = code in ENDING and bool(frame.get("fatal", True)) and not moving
         error = LinkError(code, str(frame.get("message", "")), seq=seq, fatal=fatal)
+        if code == "moved":
+            error.url = frame.get("url")
+            raise error  # which ends the connection, not the link
         self._notices.append(error)
         if moving:
             self._hello = replace(self._hello, session=None)

@@ -1,7 +1,7 @@
 """`python3 -m oracle_ros1`: attach this machine's ROS 1 graph to an oracle server.
 
 Options but --remap can also be private parameters of the node: ~oracle, ~spec, ~session, ~monitor, ~namespace, ~token,
-~log, ~streams.
+~log, ~streams, ~embedded, ~data.
 """
 
 from __future__ import annotations
@@ -13,16 +13,19 @@ import signal
 import sys
 import threading
 import time
-from typing import Any, List, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, List, Optional, Sequence, Tuple
 
 import rospy
-from oracle_adapter import Board, Link, LinkError, Names, open_log
-from oracle_adapter.command import close, default, parser, wait_attached
+from oracle_adapter import Board, LinkError, Names, open_log
+from oracle_adapter.command import close, default, make_link, parser, wait_attached
 
 from oracle_ros1.codec import CodecError
 from oracle_ros1.graph import dump_graph
 from oracle_ros1.monitor import CLOCK_PERIOD, Monitor
 from oracle_ros1.screen import Screen
+
+if TYPE_CHECKING:
+    from oracle_adapter import Link
 
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:
@@ -86,14 +89,13 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
             stopping.set()
 
     simulated = bool(rospy.get_param("/use_sim_time", False))
-    if options.log:
+    if options.log and not options.embedded:
         link: Any = open_log(options.log, options.streams, options.monitor, board.on_state, on_error)
     else:
-        link = Link(
-            options.oracle, options.monitor, spec=options.spec, session=options.session, token=options.token,
-            clock="sim" if simulated else "wall", on_error=on_error, on_state=board.on_state,
+        link = make_link(
+            options, clock="sim" if simulated else "wall", on_error=on_error, on_state=board.on_state,
             on_violation=board.on_violation, on_verdicts=board.on_verdicts,
-            on_revision=board.on_revision, features=("actions",),
+            on_revision=board.on_revision, on_episode=board.on_episode, features=("actions",),
         )  # fmt: skip
     link.start()
     try:

@@ -124,8 +124,11 @@ class Goals:
         return self._topics.publish("goal", goal.message)
 
     def _answer(self, goal: Goal, code: int, text: str) -> None:
-        """Let a client have the end of a goal that the server has not got, unless it has it."""
-        if self._waiting.pop(goal.number, None) is not None:
+        """Let a client have the end of a goal that the server has not got, unless it has it.
+
+        Nothing is said of one that was sent again under its id while that goes on: servers take no notice of it either.
+        """
+        if self._waiting.pop(goal.number, None) is not None and goal.goal_id.id not in self._underway:
             self.end(status(goal.goal_id, code, text))
 
     def _look_for_server(self, now: float) -> None:

@@ -18,6 +18,7 @@ from oracle_ros1.definitions import lookup_installed, ros1_name
 from oracle_ros1.observed import Header, header_of
 from oracle_ros1.shared import Shared
 from oracle_ros1.stamps import stamp_reader
+from oracle_ros1.statusarray import ArrayReader
 
 LONGEST = 255
 """The most characters of a goal's id in events."""
@@ -34,11 +35,14 @@ class ActionTypes:
         for kind in ("goal", "feedback", "result"):
             self.topics[kind] = lookup_installed(f"{name}Action{kind.capitalize()}")
             self.inner[kind] = lookup_installed(f"{name}{kind.capitalize()}")
+        self._statuses = ArrayReader()
 
     def decoded(self, kind: str, message: rospy.AnyMsg) -> Any:
-        """A message of one of the topics. Raises `CodecError` with the node whose it is."""
+        """A message of a topic; a status as a `StatusArray`. Raises `CodecError` with the node whose it is."""
         self.check(kind, header_of(message))
         try:
+            if kind == "status":
+                return self._statuses.read(message)
             return self.topics[kind]().deserialize(message._buff)  # noqa: SLF001 - rospy's own interface
         except Exception as error:  # whatever another node sends
             raise CodecError(f"{_node(header_of(message))} publishes what can't be read: {error}") from error

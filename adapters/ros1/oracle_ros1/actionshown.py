@@ -49,9 +49,10 @@ class ShownStatuses:
                 return
             if self.goals.last is None:
                 array = self._events.decoded("status", self._last)
+                if array is None:
+                    return
                 self.goals.changes(array)
-            shown = self.goals.view(time.monotonic())
-            self._topics.publish("status", self._last if shown is self.goals.last else shown)
+            self._topics.publish("status", self.goals.view(time.monotonic()))
 
     def give(self, own: GoalStatus) -> None:
         """Show a status of the proxy's own."""

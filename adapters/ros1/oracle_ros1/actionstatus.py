@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import copy
 import math
-from typing import Any, Dict, Iterable, List, Optional, Tuple
+from typing import Dict, List, Optional, Tuple
 
-from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
+import rospy
+from actionlib_msgs.msg import GoalID, GoalStatus
+
+from oracle_ros1.statusarray import Entry, StatusArray, entry_of
 
 SHOWN = 5.0
 """Seconds for which a status of the proxy's own is shown, as servers show those of goals that are over."""
@@ -49,12 +52,12 @@ class Statuses:
     """The statuses of an action's goals. All times are in seconds, of a clock that never goes back."""
 
     def __init__(self) -> None:
-        self.last: Optional[GoalStatusArray] = None
+        self.last: Optional[StatusArray] = None
         """The server's last array, where it was read."""
         self._codes: Dict[str, int] = {}  # of the last array
-        self._own: Dict[str, Tuple[GoalStatus, float]] = {}  # given by the proxy, and until when
+        self._own: Dict[str, Tuple[Entry, float]] = {}  # given by the proxy, and until when
         self._open: Dict[str, float] = {}  # goals whose results are asked about: until when no end of them is shown
-        self._shown: Dict[str, GoalStatus] = {}  # of these, what clients saw last
+        self._shown: Dict[str, Entry] = {}  # of these, what clients saw last
 
     @property
     def rewriting(self) -> bool:
@@ -63,7 +66,7 @@ class Statuses:
 
     def give(self, own: GoalStatus, now: float) -> None:
         """Show this status for a goal, for `SHOWN` seconds and as long as the server shows one of it."""
-        self._own[own.goal_id.id] = own, now + SHOWN
+        self._own[own.goal_id.id] = entry_of(own), now + SHOWN
 
     def open(self, goal_id: str) -> None:
         """Show no end of this goal before its result is there, for `LAG` seconds at most."""
@@ -78,34 +81,33 @@ class Statuses:
         self._open.pop(goal_id, None)
         self._shown.pop(goal_id, None)
 
-    def changes(self, array: GoalStatusArray) -> List[Tuple[str, int]]:
+    def changes(self, array: StatusArray) -> List[Tuple[str, int]]:
         """Take the server's next array; the goals of another status than in the last one.
 
         Goals that the proxy has refused are none of them: the server knows these from cancels only.
         """
-        codes = {entry.goal_id.id: entry.status for entry in array.status_list}
+        codes = {entry.goal_id.id: entry.code for entry in array.entries}
         before, self._codes, self.last = self._codes, codes, array
-        refused = {goal for goal, (own, _) in self._own.items() if own.status in _REFUSED}
+        refused = {goal for goal, (own, _) in self._own.items() if own.code in _REFUSED}
         return [(goal, code) for goal, code in codes.items() if before.get(goal) != code and goal not in refused]
 
-    def view(self, now: float) -> Optional[GoalStatusArray]:
-        """What clients are to see of the last array; itself where that is as the server has it."""
+    def view(self, now: float) -> Optional[rospy.AnyMsg]:
+        """What clients are to see of the last array; as it came where that is as the server has it."""
         array = self.last
         if array is None:
             return None
         there = set(self._codes)
         self._own = {goal: own for goal, own in self._own.items() if own[1] > now or goal in there}
-        entries = [self._seen(entry, now) for entry in array.status_list]
-        entries += [own for goal, (own, _) in self._own.items() if goal not in there]
-        return array if _same(entries, array.status_list) else GoalStatusArray(array.header, entries)
+        entries = [self._seen(entry, now) for entry in array.entries]
+        return array.having([*entries, *(own for goal, (own, _) in self._own.items() if goal not in there)])
 
-    def _seen(self, entry: GoalStatus, now: float) -> GoalStatus:
+    def _seen(self, entry: Entry, now: float) -> Entry:
         goal = entry.goal_id.id
         if goal in self._own:
             return self._own[goal][0]
         if goal not in self._open:
             return entry
-        if entry.status not in _ENDED:
+        if entry.code not in _ENDED:
             self._shown[goal] = entry
             return entry
         if math.isnan(self._open[goal]):
@@ -113,9 +115,4 @@ class Statuses:
         if self._open[goal] <= now:
             self.settled(goal)
             return entry
-        return self._shown.get(goal, status(entry.goal_id, GoalStatus.PENDING, ""))
-
-
-def _same(entries: Iterable[Any], others: Iterable[Any]) -> bool:
-    entries, others = list(entries), list(others)
-    return len(entries) == len(others) and all(a is b for a, b in zip(entries, others))
+        return self._shown.get(goal) or entry_of(status(entry.goal_id, GoalStatus.PENDING, ""))

@@ -7,11 +7,11 @@ import json
 import signal
 import sys
 import threading
-from typing import Any, Sequence
+from typing import TYPE_CHECKING, Any, Sequence
 
 import rclpy
-from oracle_adapter import Board, Link, LinkError, Names, open_log
-from oracle_adapter.command import close, default, parser, wait_attached
+from oracle_adapter import Board, LinkError, Names, open_log
+from oracle_adapter.command import close, default, make_link, parser, wait_attached
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -22,6 +22,9 @@ from oracle_ros2.loop import Loop
 from oracle_ros2.monitor import Monitor
 from oracle_ros2.screen import Screen
 from oracle_ros2.stamps import simulated
+
+if TYPE_CHECKING:
+    from oracle_adapter import Link
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -83,18 +86,17 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
             failed.append(error)
             stopping.set()
 
-    def make_link() -> Any:
-        if options.log:
+    def linked() -> Any:
+        if options.log and not options.embedded:
             return open_log(options.log, options.streams, options.monitor, board.on_state, on_error)
-        return Link(
-            options.oracle, options.monitor, spec=options.spec, session=options.session, token=options.token,
-            clock="sim" if simulated(node) else "wall", on_error=on_error, on_state=board.on_state,
+        return make_link(
+            options, clock="sim" if simulated(node) else "wall", on_error=on_error, on_state=board.on_state,
             on_violation=board.on_violation, on_verdicts=board.on_verdicts,
-            on_revision=board.on_revision, features=["actions"],
+            on_revision=board.on_revision, on_episode=board.on_episode, features=["actions"],
         )  # fmt: skip
 
     try:
-        link = make_link()
+        link = linked()
         link.start()
         try:
             _observe(node, link, board, options.names, stopping)

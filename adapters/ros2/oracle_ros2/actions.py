@@ -13,7 +13,7 @@ from oracle_ros2.codec import load_type, write
 from oracle_ros2.feedback import RelayedFeedback
 from oracle_ros2.goals import Goals
 from oracle_ros2.graph import hidden, past_proxy
-from oracle_ros2.relay import UNDERWAY, Relay
+from oracle_ros2.relay import DISCOVERY, UNDERWAY, Relay
 from oracle_ros2.sides import Side, now
 from oracle_ros2.standing import RelayedStatus
 from oracle_ros2.statuses import ABORTED, UNKNOWN, word
@@ -28,6 +28,10 @@ if TYPE_CHECKING:
     from oracle_ros2.sides import When
     from oracle_ros2.standing import StatusStream
     from oracle_ros2.topics import Observed
+
+RESULT_DISCOVERY = 10.0
+"""Seconds for an action's server to be discovered before a result is told as ABORTED: the goal may be one that it has
+accepted before this adapter began, and go on."""
 
 
 class ProxiedAction:
@@ -56,8 +60,11 @@ class ProxiedAction:
         def topics(topic: str) -> tuple[str, str]:
             return hidden(served, topic), hidden(proxy, topic)
 
-        def relay(kind: Any, service: str, ask: Callable[[Call], None], answer: Callable[[Call, Any], None]) -> Relay:
-            return Relay(node, kind, *topics(service), ask, answer)
+        def relay(
+            kind: Any, service: str, ask: Callable[[Call], None], answer: Callable[[Call, Any], None],
+            discovery: float = DISCOVERY,
+        ) -> Relay:  # fmt: skip
+            return Relay(node, kind, *topics(service), ask, answer, discovery)
 
         self._feedback = RelayedFeedback(
             shared, self.name, streams.get("feedback"), impl.FeedbackMessage, topics("feedback"), self._goals
@@ -65,7 +72,9 @@ class ProxiedAction:
         self._status = RelayedStatus(shared, self.name, streams.get("status"), topics("status"), self._goals)
         self._sending = relay(impl.SendGoalService, "send_goal", self._ask_goal, self._answer_goal)
         self._cancelling = relay(CancelGoal, "cancel_goal", self._ask_cancel, self._answer_cancel)
-        self._results = relay(impl.GetResultService, "get_result", self._ask_result, self._answer_result)
+        self._results = relay(
+            impl.GetResultService, "get_result", self._ask_result, self._answer_result, RESULT_DISCOVERY
+        )
         self._withdrawals = Withdrawals(self._cancelling)
         observed = {**self._sides, "feedback": self._feedback.observed, "status": self._status.observed}
         self.streams: list[Side | Observed | StatusStream] = [
@@ -87,6 +96,8 @@ class ProxiedAction:
         self._feedback.subscription.take_all()
         self._feedback.behind.catch_up()
         self._status.flush()
+        if self._goals.tell_unasked(self._status.statuses, time.monotonic()):
+            self._status.withheld()
         for call in self._sending.catch_up():
             if call.forwarded:  # the server may have accepted it all the same
                 self._goals.refuse(_goal_of(call))
@@ -153,6 +164,8 @@ class ProxiedAction:
             self._reject(call)
 
         def give() -> bool:
+            if response.accepted:
+                self._goals.renew(goal, decides_result=self._asks_results)
             told = self._sending.reply(call, response)
             if told:
                 self._settle(goal)
@@ -169,10 +182,14 @@ class ProxiedAction:
         return told
 
     def _settle(self, goal: Goal) -> None:
-        """The client has its reply: what comes after that may come."""
+        """The client has its reply: what comes after that may come.
+
+        Statuses come with the next `catch_up`, as rclpy's clients would read an array of 200 before the reply, for
+        5 ms.
+        """
         waiting = self._goals.settle(goal)
         self._feedback.reply_settled(goal)
-        self._status.flush()
+        self._status.report()
         for call in waiting:
             call()
 

@@ -13,6 +13,9 @@ Goal = bytes
 MOST = 1000
 """Goals whose ends were told or withheld that are remembered; a server forgets them after 10 s, usually."""
 
+UNASKED = 1.0
+"""Seconds in which a client may ask for the result of a goal that has ended, before its end is told all the same."""
+
 
 class Goals:
     """All of it may be called in any thread; `lock` is held where several things must go together."""
@@ -22,6 +25,7 @@ class Goals:
         self._unsettled: dict[Goal, list[Callable[[], Any]]] = {}
         self._awaited: Counter[Goal] = Counter()
         self._deciding: Counter[Goal] = Counter()
+        self._unasked: dict[Goal, float | None] = {}  # since when its end is there (s)
         self._told: dict[Goal, None] = {}
         self._refused: dict[Goal, None] = {}
         self._withheld: dict[Goal, None] = {}
@@ -39,6 +43,17 @@ class Goals:
     def is_unsettled(self, goal: Goal) -> bool:
         """Whether its client has no reply yet."""
         return goal in self._unsettled
+
+    def renew(self, goal: Goal, *, decides_result: bool) -> None:
+        """The server has taken a goal, whose id may have been that of another one.
+
+        Where its result will be decided on its end is not told before somebody asks for that, for `UNASKED` at most.
+        """
+        with self.lock:
+            for goals in (self._told, self._refused, self._withheld):
+                goals.pop(goal, None)
+            if decides_result:
+                _remember(self._unasked, goal)
 
     def after_reply(self, goal: Goal, call: Callable[[], Any]) -> bool:
         """Have something called once its client has the reply; False where there is nothing to wait for."""
@@ -66,7 +81,20 @@ class Goals:
     def await_result(self, goal: Goal) -> None:
         """A result is to be decided on: how the goal ends is not told before."""
         with self.lock:
+            self._unasked.pop(goal, None)
             self._awaited[goal] += 1
+
+    def tell_unasked(self, statuses: Statuses, now: float) -> bool:
+        """Let ends be told that nobody has asked about in time (s); whether there are some."""
+        with self.lock:
+            for goal, ended in list(self._unasked.items()):
+                if ended is None and statuses.get(goal) in FINAL:
+                    self._unasked[goal] = now
+            late = [goal for goal, ended in self._unasked.items() if ended is not None and now - ended >= UNASKED]
+            for goal in late:
+                del self._unasked[goal]
+                _remember(self._told, goal)
+            return bool(late)
 
     def decide(self, goal: Goal) -> None:
         """The result is there, and is decided on: meanwhile the goal is shown as before, unless its end was told."""
@@ -75,7 +103,7 @@ class Goals:
                 self._deciding[goal] += 1
 
     def tell(self, goal: Goal) -> None:
-        """A client has the result."""
+        """A client has the result, or was told of the end."""
         with self.lock:
             _remember(self._told, goal)
 
@@ -111,11 +139,15 @@ class Goals:
         with self.lock:
             hidden: dict[Goal, int | None] = {goal: None for goal in self._refused if goal in statuses}
             ended = (goal for goal in self._withheld if statuses.get(goal, ABORTED) in FINAL - {ABORTED})
-            early = {goal: BEFORE[statuses[goal]] for goal in self._deciding if statuses.get(goal) in FINAL}
+            early = {
+                goal: BEFORE[statuses[goal]]
+                for goal in (*self._deciding, *self._unasked)
+                if statuses.get(goal) in FINAL
+            }
             return {**early, **dict.fromkeys(ended, ABORTED), **hidden}
 
 
-def _remember(goals: dict[Goal, None], goal: Goal) -> None:
+def _remember(goals: dict[Goal, Any], goal: Goal) -> None:
     goals[goal] = None
     if len(goals) > MOST:
         del goals[next(iter(goals))]

@@ -41,15 +41,19 @@ class Relay:
 
     def __init__(
         self, node: Node, service_type: Any, served: str, proxy: str,
-        on_request: Callable[[Call], None], on_response: Callable[[Call, Any], None],
+        on_request: Callable[[Call], None], on_response: Callable[[Call, Any], None], discovery: float = DISCOVERY,
     ) -> None:  # fmt: skip
-        """Serve at once. `on_request` and `on_response` are called in the thread of the callbacks."""
+        """Serve at once. `on_request` and `on_response` are called in the thread of the callbacks.
+
+        `discovery`: seconds for the service to be discovered at first; once it was, it has `DISCOVERY` to come back.
+        """
         self._node, self._on_request, self._on_response = node, on_request, on_response
         self._calls = itertools.count(1)
         self._lock = threading.Lock()  # guards what follows: decisions come in the link's thread
         self._open: dict[int, Call] = {}  # without an answer
         self._early: deque[Call] = deque()  # that wait for the service to be discovered
         self._away: float | None = None  # since when the service has not been there (s)
+        self._patience = discovery
         self._client = node.create_client(service_type, served, qos_profile=CALLS)
         self._service = node.create_service(service_type, proxy, Later(self._serve), qos_profile=CALLS)
 
@@ -99,13 +103,13 @@ class Relay:
             return []
         now = time.monotonic()
         if self._client.service_is_ready():
-            self._away = None
+            self._away, self._patience = None, DISCOVERY
             while self._early:
                 self._forward(self._early.popleft())
             return []
         self._away = since = self._away or now
         # those that came while it was away have their time too
-        return [call for call in self.open if call.allowed and now - max(call.allowed, since) > DISCOVERY]
+        return [call for call in self.open if call.allowed and now - max(call.allowed, since) > self._patience]
 
     def destroy(self) -> None:
         """Serve no more."""

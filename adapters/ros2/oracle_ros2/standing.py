@@ -118,6 +118,11 @@ class RelayedStatus:
                 self._waiting.popleft()
                 self._last = array, statuses
                 self._publish(self._shown(array, statuses))
+            self.report()
+
+    def report(self) -> None:
+        """Report what waits for no reply."""
+        with self._goals.lock:
             while self.observed is not None and self._unreported:
                 statuses, since, info, lost = self._unreported[0]
                 if not self._goals.have_replies(statuses) and _recent(since):

@@ -8,34 +8,79 @@ import queue
 import socket
 import sys
 import threading
+from concurrent.futures import Future
 from http import HTTPStatus
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Coroutine, Dict, Iterator, List, Optional
+from typing import Any, Callable, Coroutine, Dict, Iterator, List, Optional, cast
 
 import pytest
-from websockets.asyncio.server import Server, ServerConnection, serve
-from websockets.exceptions import ConnectionClosed
-from websockets.http11 import Request, Response
+from websockets.frames import Frame as Piece
+from websockets.frames import Opcode
+from websockets.http11 import Request
+from websockets.typing import Subprotocol
+
+try:
+    from websockets.server import ServerProtocol
+except ImportError:  # before 11.0
+    from websockets.server import ServerConnection as ServerProtocol
 
 if find_spec("oracle_adapter") is None:
     sys.path.insert(0, str(Path(__file__).parents[3] / "adapters" / "common"))
 
-from oracle_adapter import Link
+from oracle_adapter import Board, Link
+from tests.adapters.common.boards import Clock, Screen
 from tests.adapters.common.links import PATIENCE, QUICK
 from tests.adapters.common.side import Side
 
 Frame = Dict[str, Any]
 
 
-class Peer:
-    """The server's end of one connection; all calls are from the test's thread."""
+class Peer(asyncio.Protocol):
+    """The server's end of one connection; a test's calls are from its own thread.
 
-    def __init__(self, socket: ServerConnection, loop: asyncio.AbstractEventLoop) -> None:
-        self.socket = socket
+    It stands, as the link does, on what all versions of websockets have.
+    """
+
+    def __init__(self, oracle: Oracle, loop: asyncio.AbstractEventLoop) -> None:
         self.finished = threading.Event()
         self.frames: queue.Queue[Frame] = queue.Queue()
-        self._loop = loop
+        self._oracle, self._loop = oracle, loop
+        self._protocol = ServerProtocol(subprotocols=[Subprotocol("oracle.v1")], max_size=1 << 26)
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self.transport = cast(asyncio.Transport, transport)
+        self._oracle.transports.append(self.transport)
+
+    def data_received(self, data: bytes) -> None:
+        self._protocol.receive_data(data)
+        self._flush()
+        for event in self._protocol.events_received():
+            if isinstance(event, Request):
+                self._answer(event)
+            elif isinstance(event, Piece) and event.opcode is Opcode.TEXT:
+                self.frames.put(json.loads(bytes(event.data)))
+
+    def connection_lost(self, exc: Optional[Exception]) -> None:
+        self.finished.set()
+
+    def _answer(self, request: Request) -> None:
+        self._oracle.requests.put(request)
+        refusal = self._oracle.refuse_with
+        if refusal is None:
+            answer = self._protocol.accept(request)
+            self._oracle.peers.put(self)
+        else:
+            answer = self._protocol.reject(refusal, "no\n")
+        self._protocol.send_response(answer)
+        self._flush()
+
+    def _flush(self) -> None:
+        for data in self._protocol.data_to_send():
+            if data:
+                self.transport.write(data)
+            else:
+                self.transport.close()
 
     def recv(self) -> Frame:
         """The next frame from the client."""
@@ -55,11 +100,20 @@ class Peer:
         self.send_text(json.dumps({"type": type_, **fields}))
 
     def send_text(self, text: str) -> None:
-        self._run(self.socket.send(text))
+        self.send_in_pieces([text])
 
     def send_in_pieces(self, pieces: List[str]) -> None:
         """Send a text as a proxy may: in several frames."""
-        self._run(self.socket.send(pieces))
+        texts = [piece.encode() for piece in pieces]
+
+        def send() -> None:
+            last = len(texts) - 1
+            self._protocol.send_text(texts[0], fin=not last)
+            for number, text in enumerate(texts[1:], start=1):
+                self._protocol.send_continuation(text, fin=number == last)
+            self._flush()
+
+        self._call(send)
 
     def attach(self, upcoming: int = 1, session: str = "s1", **fields: Any) -> Frame:
         """Read `attach` and answer it."""
@@ -79,20 +133,39 @@ class Peer:
 
     def drop(self) -> None:
         """Break the connection without a word."""
-        self._loop.call_soon_threadsafe(self.socket.transport.abort)
+        self._call(self.transport.abort)
 
     def close(self, code: int = 1000) -> None:
-        self._run(self.socket.close(code))
+        """Say that this is the end, and wait for the other side to agree."""
+
+        def close() -> None:
+            self._protocol.send_close(code)
+            for data in self._protocol.data_to_send():
+                self.transport.write(data)
+
+        self._call(close)
+        self.wait_finished()
 
     def freeze(self) -> None:
         """Read and answer nothing more, not even pings, as a machine that lost its power."""
-        self._loop.call_soon_threadsafe(self.socket.transport.pause_reading)
+        self._call(self.transport.pause_reading)
 
     def wait_finished(self) -> None:
         assert self.finished.wait(PATIENCE)
 
-    def _run(self, work: Coroutine[Any, Any, None]) -> None:
-        asyncio.run_coroutine_threadsafe(work, self._loop).result(PATIENCE)
+    def _call(self, work: Callable[[], None]) -> None:
+        """Have it done in the loop's thread, where the connection still is."""
+        done: Future[None] = Future()
+
+        def run() -> None:
+            try:
+                work()
+                done.set_result(None)
+            except Exception as error:  # noqa: BLE001 - raised where it can be handled
+                done.set_exception(error)
+
+        self._loop.call_soon_threadsafe(run)
+        done.result(PATIENCE)
 
 
 class Oracle:
@@ -105,10 +178,10 @@ class Oracle:
         self._place.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         self._place.bind(("127.0.0.1", 0))
         self.port = int(self._place.getsockname()[1])
-        self._peers: queue.Queue[Peer] = queue.Queue()
-        self._transports: List[asyncio.Transport] = []
+        self.peers: queue.Queue[Peer] = queue.Queue()
+        self.transports: List[asyncio.Transport] = []
         self._loop = asyncio.new_event_loop()
-        self._server: Optional[Server] = None
+        self._server: Optional[asyncio.AbstractServer] = None
         self._thread = threading.Thread(target=self._loop.run_forever)
         self._thread.start()
 
@@ -126,10 +199,10 @@ class Oracle:
         if server is not None:
             self._run(self._break(server))
 
-    async def _break(self, server: Server) -> None:
-        server.close(False)
+    async def _break(self, server: asyncio.AbstractServer) -> None:
+        server.close()
         await asyncio.sleep(0)  # what has just come is known from the next turn on
-        for transport in self._transports:
+        for transport in self.transports:
             transport.abort()
         await server.wait_closed()
         await asyncio.sleep(0)
@@ -151,43 +224,11 @@ class Oracle:
 
     def accept(self) -> Peer:
         """The next connection."""
-        return self._peers.get(timeout=PATIENCE)
+        return self.peers.get(timeout=PATIENCE)
 
-    async def _serve(self) -> Server:
-        transports = self._transports
-
-        class Connection(ServerConnection):
-            def connection_made(self, transport: asyncio.BaseTransport) -> None:
-                assert isinstance(transport, asyncio.Transport)
-                transports.append(transport)
-                super().connection_made(transport)
-
-        return await serve(
-            self._handle,
-            "127.0.0.1",
-            self.port,
-            process_request=self._process_request,
-            subprotocols=["oracle.v1"],  # type: ignore[list-item]
-            ping_interval=None,
-            create_connection=Connection,
-        )
-
-    def _process_request(self, socket: ServerConnection, request: Request) -> Optional[Response]:
-        self.requests.put(request)
-        if self.refuse_with is None:
-            return None
-        return socket.respond(self.refuse_with, "no\n")
-
-    async def _handle(self, socket: ServerConnection) -> None:
-        peer = Peer(socket, self._loop)
-        self._peers.put(peer)
-        try:
-            async for text in socket:
-                peer.frames.put(json.loads(text))
-        except ConnectionClosed:
-            pass
-        finally:
-            peer.finished.set()
+    async def _serve(self) -> asyncio.AbstractServer:
+        loop = self._loop
+        return await loop.create_server(lambda: Peer(self, loop), "127.0.0.1", self.port)
 
     def _run(self, work: Coroutine[Any, Any, Any]) -> Any:
         return asyncio.run_coroutine_threadsafe(work, self._loop).result(PATIENCE)
@@ -257,3 +298,18 @@ def often_switched() -> Iterator[None]:
 @pytest.fixture
 def side() -> Side:
     return Side()
+
+
+@pytest.fixture
+def screen() -> Screen:
+    return Screen()
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def board(screen: Screen, clock: Clock) -> Board:
+    return Board("uav1", screen, clock)

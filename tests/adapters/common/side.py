@@ -6,7 +6,8 @@ import json
 from typing import Any, Dict, List, Union
 
 from oracle_adapter import Answer
-from oracle_adapter.protocol import Answered, Hello, Protocol
+from oracle_adapter.notices import Answered
+from oracle_adapter.protocol import Hello, Protocol
 from oracle_adapter.queued import Queued
 
 Frame = Dict[str, Any]

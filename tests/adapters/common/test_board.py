@@ -2,80 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, List, Optional, Sequence, Tuple
+from typing import Optional
 
 import pytest
-from oracle_adapter import Answer, Board, LinkError, Stats, Status, graph_name
+from oracle_adapter import Answer, Board, LinkError, Stats, graph_name
 from oracle_adapter.screen import ERROR, OK, STALE, WARN
 from oracle_adapter.violations import MOST
+from tests.adapters.common.boards import CAUSE, REVISION, Clock, Screen, statuses, told
 
 DENIED = Answer("decision", "deny", ("p", "q"))
 ALLOWED = Answer("decision", "allow")
 SILENT = Answer("timeout", reason="no decision in time")
 AWAY = Answer("unavailable", reason="no connection to the oracle")
-
-
-class Screen:
-    """Keeps what is shown."""
-
-    def __init__(self) -> None:
-        self.verdicts: List[str] = []
-        self.errors: List[str] = []
-        self.infos: List[str] = []
-        self.shown: List[List[Status]] = []
-
-    def verdict(self, outcome: str) -> None:
-        self.verdicts.append(outcome)
-
-    def error(self, text: str) -> None:
-        self.errors.append(text)
-
-    def info(self, text: str) -> None:
-        self.infos.append(text)
-
-    def diagnostics(self, statuses: Sequence[Status]) -> None:
-        self.shown.append(list(statuses))
-
-
-class Clock:
-    now = 0.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
-@pytest.fixture
-def screen() -> Screen:
-    return Screen()
-
-
-@pytest.fixture
-def clock() -> Clock:
-    return Clock()
-
-
-@pytest.fixture
-def board(screen: Screen, clock: Clock) -> Board:
-    return Board("uav1", screen, clock)
-
-
-def told(worst: str, **levels: Tuple[str, str]) -> Dict[str, Any]:
-    """A `verdicts` frame with each property's level and text."""
-    properties = {
-        name: {
-            "outcome": "unknown",
-            "level": level,
-            "text": text,
-            "violations": 2,
-            "first_violation": 7,
-        }
-        for name, (level, text) in levels.items()
-    }
-    return {"n": 9, "worst": worst, "properties": properties}
-
-
-def statuses(screen: Screen) -> Dict[str, Tuple[int, str]]:
-    return {status.name: (status.level, status.message) for status in screen.shown[-1]}
 
 
 def test_nothing_is_known_until_the_oracle_has_spoken(screen: Screen, board: Board) -> None:
@@ -228,65 +166,6 @@ def test_trouble_is_told_where_it_is_new_and_shown_until_it_is_over(
     board.tick(Stats())
     assert statuses(screen)["uav1: /a"] == (OK, "recovered")
     assert "uav1: /b" not in statuses(screen)
-
-
-def test_a_violation_is_told_with_its_property_its_event_and_why(
-    screen: Screen, board: Board
-) -> None:
-    event = {"stream": "/a", "kind": "topic", "seq": 3, "monitor": "m"}
-    record = {"n": 4, "property": "p", "step": 2, **event}
-    board.on_violation({**record, "explanation": {"text": "p fails, since it is late"}})
-    board.on_violation(record)
-    board.on_violation({})
-    assert screen.errors[0] == "violation: p fails, since it is late (#4)"
-    assert screen.errors[1] == "violation: p does not hold at step 2, /a (topic 3 of m) (#4)"
-    assert len(screen.errors) == 3
-
-
-LATE = {"stream": "/odom", "kind": "topic", "seq": 17, "monitor": "m", "stamp": 10**18}
-REVISION = {
-    "n": 57,
-    "step": None,
-    "property": "near",
-    "kind": "revision",
-    "stamp": 10**18,
-    "arrived": 10**18 + 310_999_999,
-    "revises": {"from": 12, "to": 14},
-    "because": [LATE],
-    "causes": 1,
-}
-CAUSE = "/odom (topic 17 of m) came 310 ms late"
-
-
-def test_what_is_taken_back_is_told_with_its_step_and_what_came_late(
-    screen: Screen, board: Board
-) -> None:
-    board.on_state("attached", "s1")
-    board.on_violation({"n": 12, "property": "near", "step": 40, "stamp": 10**18 + 12 * 10**6})
-    board.on_revision({**REVISION, "retracted": True})
-    board.on_revision({**REVISION, "retracted": True, "causes": 3})
-    assert screen.errors[1:] == [
-        f"retracted: near is not violated at step 40 (01:46:40.012Z) (#12): {CAUSE}",
-        f"retracted: near is not violated (#12): {CAUSE}, and 2 more",
-    ]
-
-
-def test_other_revisions_are_told_by_the_verdicts_that_they_change(
-    screen: Screen, board: Board
-) -> None:
-    board.on_revision({**REVISION, "retracted": False, "violation": False})
-    board.on_revision({**REVISION, "violation": True})
-    assert screen.errors == []
-
-
-def test_a_violation_that_appears_says_since_when_it_is_known_and_may_be_taken_back(
-    screen: Screen, board: Board
-) -> None:
-    why = {"text": "near does not hold at step 40", "event": {"stamp": 10**18 + 9 * 10**6}}
-    board.on_violation({**REVISION, "violation": True, "explanation": why})
-    assert screen.errors == [f"violation: near does not hold at step 40; known since {CAUSE} (#57)"]
-    board.on_revision({**REVISION, "n": 90, "retracted": True})
-    assert screen.errors[1] == f"retracted: near is not violated at 01:46:40.009Z (#12): {CAUSE}"
 
 
 def test_numbers_are_those_of_one_session(screen: Screen, board: Board) -> None:

@@ -7,7 +7,7 @@ from typing import List, Optional
 
 import pytest
 from oracle_adapter import Answer, Attached, LinkError
-from oracle_adapter.protocol import Revision, Violation
+from oracle_adapter.notices import Revision, Violation
 from tests.adapters.common.side import Frame, Side
 
 

@@ -6,7 +6,7 @@ from typing import Any, List
 
 import pytest
 from oracle_adapter import Answer, LinkError, should_pass
-from oracle_adapter.protocol import Answered
+from oracle_adapter.notices import Answered
 from tests.adapters.common.side import Side, answer_in
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from oracle_adapter import Attached, LinkError
-from oracle_adapter.protocol import Answered
+from oracle_adapter.notices import Answered
 from tests.adapters.common.side import Side, answer_in
 
 

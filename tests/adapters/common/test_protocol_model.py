@@ -18,7 +18,8 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )  # fmt: skip
 from oracle_adapter import Answer
-from oracle_adapter.protocol import Answered, Hello, Protocol
+from oracle_adapter.notices import Answered
+from oracle_adapter.protocol import Hello, Protocol
 from oracle_adapter.queued import Queued
 
 Frame = Dict[str, Any]

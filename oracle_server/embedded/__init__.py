@@ -1,0 +1,1 @@
+"""The sessions of a data directory in the process of an adapter, without a server."""

@@ -1,0 +1,104 @@
+"""Clients of an action on real ROS 1 that do what actionlib's don't: their own ids, and cancels by time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+from actionlib import msg
+from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
+from rospy import Time
+
+from tests.processes import Data
+from tests.ros1.actionscene import count, ids, last, server, streams, watched
+from tests.ros1.harness import Peer, Scene
+
+DENIED, OPEN = 7, 8
+"""The goals that are denied, and not decided on."""
+
+
+def decide(event: Data) -> str | Literal[False] | None:
+    return {DENIED: "no_sevens", OPEN: False}.get(event["data"].get("goal"))
+
+
+def raw(scene: Scene) -> Peer:
+    """A client that publishes goals and cancels itself; its server is heard first."""
+    peer = scene.peer()
+    for kind, name in ((GoalStatusArray, "status"), (msg.TestActionResult, "result")):
+        peer.record(kind, f"/count_mon/{name}", speakers=1)
+    for kind, name in ((msg.TestActionGoal, "goal"), (GoalID, "cancel")):
+        peer.advertise(kind, f"/count_mon/{name}")
+    peer.heard("/count_mon/status", 1)
+    return peer
+
+
+def send(peer: Peer, number: int, goal_id: str, seconds: int = 1) -> None:
+    peer.publish(
+        "/count_mon/goal", msg.TestActionGoal(goal_id=GoalID(Time(seconds), goal_id), goal=msg.TestGoal(number))
+    )
+
+
+def ended(peer: Peer, count: int) -> list[tuple[str, int]]:
+    """The goals that have ended, and how, once there are so many."""
+    return sorted((one.status.goal_id.id, one.status.status) for one in peer.heard("/count_mon/result", count))
+
+
+def shown(peer: Peer, goal_id: str) -> list[int]:
+    """How a goal stands by each array of statuses."""
+    arrays: list[Any] = peer.heard("/count_mon/status")
+    return [one.status for array in arrays for one in array.status_list if one.goal_id.id == goal_id]
+
+
+def test_a_goal_that_is_sent_again_under_its_id_and_denied_goes_on(tmp_path: Path) -> None:
+    with watched(tmp_path, streams("goal", ask="goal"), decide) as (scene, oracle, process):
+        serving = server(scene, last)
+        peer = raw(scene)
+        send(peer, 1, "mine")
+        serving.goals("/count", 1)
+        peer.until(lambda: GoalStatus.ACTIVE in shown(peer, "mine"), lambda: "it is not shown")
+        send(peer, DENIED, "mine")
+        process.said("denied a goal of /count, goal mine: no_sevens")
+        send(peer, DENIED, "other")
+        assert ended(peer, 1) == [("other", GoalStatus.REJECTED)]
+        send(peer, OPEN, "mine")
+        oracle.heard("goal", 4)
+        peer.publish("/count_mon/cancel", GoalID(id="mine"))
+        assert ended(peer, 2) == [("mine", GoalStatus.PREEMPTED), ("other", GoalStatus.REJECTED)]
+        assert not {GoalStatus.REJECTED, GoalStatus.RECALLED} & set(shown(peer, "mine"))
+        process.ends_well()
+
+
+def test_a_cancel_by_time_ends_what_is_older_wherever_it_is(tmp_path: Path) -> None:
+    with watched(tmp_path, streams("goal", "cancel", ask="goal"), decide) as (scene, oracle, process):
+        serving = server(scene, last)
+        peer = raw(scene)
+        for number, goal_id, seconds in (
+            (1, "old", 10),
+            (1, "new", 30),
+            (OPEN, "old and open", 20),
+            (OPEN, "open", 40),
+        ):
+            send(peer, number, goal_id, seconds)
+        oracle.heard("goal", 4)
+        serving.goals("/count", 2)
+        peer.publish("/count_mon/cancel", GoalID(stamp=Time(25)))
+        assert ended(peer, 2) == [("old", GoalStatus.PREEMPTED), ("old and open", GoalStatus.RECALLED)]
+        [cancel] = oracle.heard("cancel", 1)
+        assert (cancel["goal_id"], cancel["data"]["stamp"]["sec"]) == ("", 25)
+        oracle.allow("goal")
+        assert serving.goals("/count", 3) == ["old", "new", "open"]
+        peer.publish("/count_mon/cancel", GoalID())
+        assert [goal_id for goal_id, _ in ended(peer, 4)] == ["new", "old", "old and open", "open"]
+        process.ends_well()
+
+
+def test_a_goal_without_an_id_passes_and_has_that_of_its_server(tmp_path: Path) -> None:
+    with watched(tmp_path, streams("goal", "result", ask="goal"), decide) as (scene, oracle, process):
+        serving = server(scene, count)
+        peer = raw(scene)
+        send(peer, 3, "")
+        [(goal_id, code)] = ended(peer, 1)
+        assert code == GoalStatus.SUCCEEDED
+        assert serving.goals("/count") == [goal_id] == ids(oracle.heard("result", 1))
+        assert ids(oracle.heard("goal")) == [""]
+        process.ends_well()

@@ -1,0 +1,61 @@
+"""How long a call waits for its service: longer at first where its owner says so, as discovery takes time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from tests.ros2.harness import Peer, Scene
+
+relay = pytest.importorskip("oracle_ros2.relay")
+srv = pytest.importorskip("std_srvs.srv")
+
+# rclpy imports an old lark with its first node.
+pytestmark = pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")
+
+
+@pytest.fixture
+def peer(tmp_path: Any) -> Iterator[Peer]:
+    with Scene(tmp_path) as scene:
+        yield scene.peer()
+
+
+def test_a_call_waits_longer_for_a_service_that_was_never_there(peer: Peer, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = [100.0]
+    monkeypatch.setattr(relay, "time", SimpleNamespace(monotonic=lambda: clock[0]))
+    made = relay.Relay(peer.node, srv.Trigger, "/late", "/late_mon", lambda call: None, lambda call, _: None, 10.0)
+
+    def given_up(after: float) -> bool:
+        """Whether a call is given up so long (s) after it might go to the service."""
+        call = begun()
+        assert made.catch_up() == []
+        clock[0] += after
+        found = made.catch_up()
+        made.reply(call, srv.Trigger.Response())
+        made.catch_up()
+        return bool(found == [call])
+
+    def begun() -> Any:
+        """A call that may go to the service."""
+        made._serve(srv.Trigger.Request(), lambda response: None)
+        [call] = made.open
+        made.forward(call)
+        return call
+
+    assert not given_up(9.0)
+    assert given_up(10.1)
+
+    service = peer.node.create_service(srv.Trigger, "/late", lambda _, response: response)
+    peer.until(lambda: made.is_there, "the service is not discovered")
+    made.reply(begun(), srv.Trigger.Response())
+    call = begun()
+    assert made.catch_up() == []
+    made.reply(call, srv.Trigger.Response())
+    peer.node.destroy_service(service)
+    peer.until(lambda: not made.is_there, "the service does not go")
+    assert not given_up(1.9)
+    assert given_up(2.1)
+    made.destroy()
