@@ -39,8 +39,8 @@ from oracle_server.core.plan import Plan, plan
 from oracle_server.core.spec import orders
 from oracle_server.engines.table import make_engines
 from oracle_server.history.records import stored
-from oracle_server.history.sqlite.rows import Row, step_row
-from oracle_server.history.sqlite.schema import DDL, STEP_COLUMNS
+from oracle_server.history.sql.rows import Row, step_row
+from oracle_server.history.sql.schema import DDL, STEP_COLUMNS
 from oracle_server.specfiles.load import parse_spec
 
 ROOT = Path(__file__).resolve().parents[1]

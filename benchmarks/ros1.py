@@ -52,12 +52,12 @@ def serve() -> None:
     rospy.spin()
 
 
-def call(service: str) -> None:
+def call(service: str, pause: float) -> None:
     """The service's client."""
     start("caller")
     rospy.wait_for_service(service, PATIENCE)
     proxy = rospy.ServiceProxy(service, SetBool)
-    time_calls(lambda: proxy(True))
+    time_calls(lambda: proxy(True), pause)
 
 
 def microseconds() -> int:
@@ -194,7 +194,7 @@ def described() -> Ros:
             "send": lambda rate, seconds: send(int(rate), float(seconds)),
             "receive": lambda topic, wanted: receive(topic, int(wanted)),
             "serve": serve,
-            "call": call,
+            "call": lambda service, pause: call(service, float(pause)),
             "perform": lambda kept: perform(int(kept)),
             "act": lambda name, kept: act(name, int(kept)),
             "echo": echo,

@@ -12,6 +12,7 @@ from __future__ import annotations
 import importlib
 import json
 import os
+import threading
 import time
 from typing import Any
 
@@ -19,6 +20,8 @@ from chains.parts import DEPTH, GOALS, PATIENCE, BareLink, echo, hear_times, say
 from chains.run import FEW, PAUSE, Ros, main
 
 SUCCEEDED = 4
+LATER = 1000
+"""The order of a goal that begins some time after its reply: the others begin while that is on its way."""
 
 
 def node_of(name: str) -> tuple[Any, Any]:
@@ -64,7 +67,7 @@ def serve() -> None:
     spin(executor)
 
 
-def call(service: str) -> None:
+def call(service: str, pause: float) -> None:
     """The service's client."""
     node, executor = node_of("caller")
     client = node.create_client(switch_type(), service)
@@ -75,7 +78,7 @@ def call(service: str) -> None:
         executor.spin_until_future_complete(answer, PATIENCE)
         assert answer.done()
 
-    time_calls(once)
+    time_calls(once, pause)
 
 
 def fibonacci_type() -> Any:
@@ -90,14 +93,21 @@ def perform(kept: int) -> None:
     executor.remove_node(node)
     threads.add_node(node)
 
+    def begin(handle: Any) -> None:
+        if handle.request.order == LATER:
+            threading.Timer(0.03, handle.execute).start()
+        else:
+            handle.execute()
+
     def execute(handle: Any) -> Any:
-        for _ in range(handle.request.order):
+        for _ in range(handle.request.order % LATER):
             handle.publish_feedback(kind.Feedback(sequence=divmod(time.monotonic_ns(), 2**31)))
             time.sleep(0.01)
         handle.succeed()
         return kind.Result()
 
-    server = action.ActionServer(node, kind, "/fib", execute, result_timeout=PAUSE if kept == FEW else 900)
+    expiry = PAUSE if kept == FEW else 900
+    server = action.ActionServer(node, kind, "/fib", execute, handle_accepted_callback=begin, result_timeout=expiry)
     say("ready")
     while server:
         threads.spin_once(timeout_sec=0.1)
@@ -133,10 +143,11 @@ def act(name: str, kept: int) -> None:
     for _ in range(max(20, kept)):
         run(0)
     times = [run(0) for _ in range(GOALS)]
+    later = [run(LATER)[0] for _ in range(GOALS)]
     run(GOALS)
     wait(lambda: len(feedback) == GOALS or executor.spin_once(timeout_sec=0.1))
-    say(json.dumps({"goal to reply": [t for t, _ in times], "goal to result": [t for _, t in times],
-                    "feedback at 100 Hz": feedback}))  # fmt: skip
+    say(json.dumps({"goal to reply": [t for t, _ in times], "reply to a goal begun later": later,
+                    "goal to result": [t for _, t in times], "feedback at 100 Hz": feedback}))  # fmt: skip
 
 
 def bare_action(node: Any, executor: Any, link: BareLink, group: Any) -> None:
@@ -248,14 +259,14 @@ ROS2 = Ros(
         "send": lambda rate, seconds: send(int(rate), float(seconds)),
         "receive": lambda topic, wanted: receive(topic, int(wanted)),
         "serve": serve,
-        "call": call,
+        "call": lambda service, pause: call(service, float(pause)),
         "perform": lambda kept: perform(int(kept)),
         "act": lambda name, kept: act(name, int(kept)),
         "echo": echo,
         "bare": lambda port: bare(int(port)),
     },
     action=FIBONACCI,
-    settings={"ROS_DOMAIN_ID": str(os.getpid() % 80 + 20), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"},
+    settings={"ROS_DOMAIN_ID": str(os.getpid() % 18 + 215), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"},
 )
 
 if __name__ == "__main__":

@@ -22,11 +22,12 @@ from statistics import median
 
 from oracle_server.history.columns import PARTS, Part
 from oracle_server.history.records import SessionRecord
-from oracle_server.history.sqlite.batch import Work, write
-from oracle_server.history.sqlite.blocks import BlockWriter
+from oracle_server.history.sql.batch import Work, insert_rows, write
+from oracle_server.history.sql.blocks import BlockWriter
+from oracle_server.history.sql.rows import Row
+from oracle_server.history.sql.timeline import asked
+from oracle_server.history.sqlite.history import NAME, SqliteHistory
 from oracle_server.history.sqlite.migrations import migrate
-from oracle_server.history.sqlite.rows import Row
-from oracle_server.history.sqlite.timeline import asked
 from oracle_server.history.timeline import Question
 
 BASE = 1_732_147_200 * 10**9
@@ -42,6 +43,16 @@ OPEN = (
     'VALUES (1, \'long\', \'uav\', \'id: uav\', \'digest\', \'["a","b","c","d","e","f"]\', 0, 0)'
 )
 WHY = '{"2":{"text":"c does not hold at step 394","formula":"once {topic: \\"/a\\"}","event":{"signals":{"id":"51"}}}}'
+
+
+def filled(folder: Path, count: int) -> None:
+    """Make a history in a folder, of one open session with so many steps and nothing else."""
+    SqliteHistory(folder).close()
+    with closing(sqlite3.connect(folder / NAME, isolation_level=None)) as database:
+        database.execute("BEGIN")
+        database.execute(OPEN)
+        insert_rows(database, "steps", [*rows(count)])
+        database.execute("COMMIT")
 
 
 def rows(count: int) -> Iterator[Row]:

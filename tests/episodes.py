@@ -97,9 +97,11 @@ class Kept:
     def __init__(self) -> None:
         self.known: dict[Key, Episode] = {}
         self.texts: dict[Key, str] = {}
+        self.over: set[Key] = set()
 
     def take(self, rows: Iterable[Judged]) -> None:
         for row in rows:
+            self._note_ends(row)
             for change in row.episodes:
                 key = change.index, change.episode.first
                 if change.kind == "goes":
@@ -111,6 +113,14 @@ class Kept:
                 elif change.is_kept:
                     assert key in self.known
                     self.known[key] = change.episode
+
+    def _note_ends(self, row: Judged) -> None:
+        """No episode is told to end twice, unless it was told to be otherwise since."""
+        ends = [(change.index, change.episode.first) for change in row.episodes if change.kind == "ends"]
+        assert len(ends) == len({*ends})
+        assert not self.over & {*ends}
+        self.over -= {(change.index, change.episode.first) for change in row.episodes}
+        self.over |= {*ends}
 
     @staticmethod
     def _text(row: Judged, change: EpisodeChange) -> str:

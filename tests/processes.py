@@ -8,6 +8,7 @@ import re
 import signal
 import socket
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -34,6 +35,13 @@ def environment(without: Sequence[str] = (), **settings: str) -> Setting:
     """This process's environment without what would set up a server or an adapter, and with what is given."""
     plain = {k: v for k, v in os.environ.items() if not k.startswith("ORACLE_") and k not in without}
     return plain | {"COLUMNS": "200"} | settings
+
+
+def beside_server() -> Setting:
+    """What lets a program of this Python import the server's package, behind all else; empty where it can't."""
+    packages = SERVER.parents[1] / "lib" / f"python{sys.version_info.major}.{sys.version_info.minor}" / "site-packages"
+    paths = (str(ROOT), os.environ.get("PYTHONPATH", ""), str(packages))
+    return {"PYTHONPATH": os.pathsep.join(path for path in paths if path)} if packages.is_dir() else {}
 
 
 def reserved_port() -> socket.socket:
@@ -75,6 +83,10 @@ class Process:
         """What it has said so far."""
         with self._said:
             return "".join(self._lines)
+
+    @property
+    def pid(self) -> int:
+        return self._process.pid
 
     @property
     def running(self) -> bool:

@@ -20,6 +20,7 @@ from oracle_server.specfiles.model import (
     StampModel,
     TopicModel,
 )
+from tests.pages import Reader, steps
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = [
@@ -35,10 +36,38 @@ SPECS = [
     if "properties:" in block and "…" not in block
 ]
 
+ELSEWHERE = re.compile(r"python3 -m (venv|oracle_ros2)|pip install|.* --follow$")
+"""What is tested elsewhere (installing; adapters, in tests/ros2/test_pages.py), and what does not end."""
+
 
 @pytest.mark.parametrize("text", SPECS)
 def test_specs_in_the_documents_are_sound(text: str) -> None:
     assert parse_spec(text, "document").spec.properties
+
+
+@pytest.mark.parametrize("name", ["tutorial", "guard-nav2", "ci"])
+def test_a_page_shows_what_happens(name: str, tmp_path: Path) -> None:
+    text = (ROOT / "docs" / f"{name}.md").read_text()
+    done = [step for step in steps(text) if not ELSEWHERE.match(step.command)]
+    assert len(done) > 2
+    with Reader(tmp_path) as reader:
+        for step in done:
+            reader.does(step)
+
+
+def test_a_job_runs_what_its_page_shows() -> None:
+    text = (ROOT / "docs" / "ci.md").read_text()
+    run = re.findall(r"^    - (oracle-server .*)$", text, re.MULTILINE)
+    assert len(run) == 2
+    assert set(run) <= {step.command for step in steps(text)}
+
+
+def test_the_tutorial_shows_the_spec_that_init_writes() -> None:
+    (text,) = re.findall(r"```yaml\n(.*?)```", (ROOT / "docs/tutorial.md").read_text(), re.DOTALL)
+    shown = parse_spec(text, "document").spec
+    text = (ROOT / "oracle_server/starter/spec.yaml").read_text().replace("ROBOT", "myrobot")
+    written = parse_spec(text, "starter").spec
+    assert (shown.streams, shown.properties) == (written.streams, written.properties)
 
 
 def test_expressions_in_the_documents_can_be_computed() -> None:
@@ -60,7 +89,9 @@ def test_expressions_in_the_documents_can_be_computed() -> None:
 def test_files_named_in_the_documents_are_there(path: Path) -> None:
     text = path.read_text()
     links = [link for link in re.findall(r"\]\(([^)#]+)", text) if "://" not in link]
-    scripts = re.findall(r"\./scripts/[\w-]+", text)
+    links += [link for link in re.findall(r"^\[\w+\]: (\S+)$", text, re.MULTILINE) if "://" not in link]
+    scripts = re.findall(r"(?:\./|\b)((?:scripts|benchmarks)/[\w/-]+(?:\.py)?)", text)
+    scripts += re.findall(r"\bpytest (tests/[\w/]+\.py)", text)
     missing = [name for name in links if not (path.parent / name).exists()]
     missing += [name for name in scripts if not (ROOT / name).exists()]
     assert missing == []

@@ -81,10 +81,11 @@ def hear_times(wanted: int, subscribe: Callable[[Callable[[Any], None]], object]
     say(json.dumps(latencies))
 
 
-def time_calls(call: Callable[[], object]) -> None:
-    """Call one after the other, and tell the latencies (ms)."""
+def time_calls(call: Callable[[], object], pause: float) -> None:
+    """Call one after the other, after a pause (s) each, and tell the latencies (ms)."""
     latencies = []
     for number in range(CALLS + 20):
+        time.sleep(pause)
         began = time.monotonic_ns()
         call()
         if number >= 20:

@@ -19,7 +19,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from .measured import Measured, print_goals, print_table, rows
+from .measured import RESTED, Measured, print_goals, print_table, rows
 from .parts import CALLS, GOALS, PATIENCE
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -72,15 +72,19 @@ PAUSE = 0.1
 """Seconds between goals, and for which each is kept, where few are."""
 LAST_WORDS = 5.0
 """Seconds in which a process that is given up may still say something."""
-CALLED = {"service": ["/switch"], "one of 4 services": ["/switch", "/second", "/third", "/fourth"]}
-"""The services of a session, of which the first is called."""
+CALLED = {
+    "service": (["/switch"], 0.0),
+    RESTED: (["/switch"], PAUSE),
+    "one of 4 services": (["/switch", "/second", "/third", "/fourth"], 0.0),
+}
+"""The services of a session, of which the first is called, and the pause (s) before each call."""
 
 
 def specs(ros: Ros) -> Iterator[tuple[str, str]]:
     """The specs' ids and texts."""
     yield "topic", TOPIC
     yield "action", ACTION.replace("STREAM", ros.action)
-    for case, names in CALLED.items():
+    for case, (names, _) in CALLED.items():
         streams = "".join(SERVICE.replace("NAME", name) for name in names)
         text = SERVICES.replace("NAME", spec_of(case)).replace("STREAMS", streams)
         yield spec_of(case), text.replace("GUARDED", ", ".join(names))
@@ -88,7 +92,7 @@ def specs(ros: Ros) -> Iterator[tuple[str, str]]:
 
 def spec_of(case: str) -> str:
     """The id of a case's spec."""
-    return case.replace(" ", "_")
+    return case.replace(" ", "_").replace(",", "").replace(".", "")
 
 
 class Part:
@@ -192,9 +196,9 @@ class Run:
             for rate in RATES if self._topics else ():
                 with chain("topic"):
                     self._measure_topic(path, rate)
-            for case in CALLED:
+            for case, (_, pause) in CALLED.items():
                 with chain(spec_of(case)):
-                    self._measure_service(case, path)
+                    self._measure_service(case, path, pause)
             for kept in KEPT:
                 with chain("action"):
                     self._measure_action(path, kept)
@@ -241,18 +245,18 @@ class Run:
             sender.tell("end")
         self._add(f"topic at {rate} Hz", path, wanted, latencies)
 
-    def _measure_service(self, case: str, path: str) -> None:
+    def _measure_service(self, case: str, path: str, pause: float) -> None:
         with ExitStack() as stack:
             self._part(stack, "serve").until("ready")
-            caller = self._part(stack, "call", "/switch" if path == "direct" else "/switch_mon")
-            latencies = json.loads(caller.until(r"^\[.*\]$")[0])
+            caller = self._part(stack, "call", "/switch" if path == "direct" else "/switch_mon", pause)
+            latencies = json.loads(caller.until(r"^\[.*\]$", PATIENCE)[0])
         self._add(case, path, CALLS, latencies)
 
     def _measure_action(self, path: str, kept: int) -> None:
         with ExitStack() as stack:
             self._part(stack, "perform", kept).until("ready")
             client = self._part(stack, "act", "/fib" if path == "direct" else "/fib_mon", kept)
-            found = json.loads(client.until(r"^\{.*\}$", 4 * PATIENCE)[0])
+            found = json.loads(client.until(r"^\{.*\}$", 8 * PATIENCE)[0])
         for case, latencies in found.items():
             self._add(f"{case}, {kept} kept", path, GOALS, latencies)
 
@@ -288,5 +292,5 @@ def main(ros: Ros, description: str | None) -> None:
         print(json.dumps({"cpus": os.cpu_count(), "load_before": before, "rows": found}))
         return
     print_table(found)
-    print_goals(run.measured, KEPT)
+    print_goals(run.measured, KEPT, FEW)
     print(f"{os.cpu_count()} CPUs; load before the run {before:.1f}")
