@@ -27,8 +27,8 @@ PORTS = ("8642", "8080", "8765")
 """Ports that pages name; in the test there are others in their places."""
 ENDLESS = re.compile(r"(?:\w+=\S+ )*oracle-server (serve|replay --serve)\b")
 """What goes on until somebody ends it."""
-READS = ("oracle-server verdicts", "oracle-server sessions")
-"""What shows how a session stands, which a reader asks again until the session is as far."""
+READS = ("oracle-server verdicts", "oracle-server sessions", "curl --silent http://127.0.0.1:8642/metrics")
+"""What shows how a session, or the server, stands, which a reader asks again until it is as far."""
 
 
 class Step(NamedTuple):

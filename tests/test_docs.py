@@ -57,7 +57,7 @@ id: around
   - {{topic: /status, signals: {{id: msg.id, status: msg.status}}}}
   - {{service: /SetLED, action: filter}}
 {streams}properties:
-  - {{id: p, formula: '{{topic: /a}}'}}
+  - {{id: p, formula: '{{topic: /a}}', guards: [/chatter, /SetLED]}}
 {properties}"""
 """A spec around a part of one."""
 PLACES = {"  - id: ": "properties", "  - topic: ": "streams", "retention: ": "keys"}
