@@ -27,6 +27,8 @@ PORTS = ("8642", "8080", "8765")
 """Ports that pages name; in the test there are others in their places."""
 ENDLESS = re.compile(r"(?:\w+=\S+ )*oracle-server (serve|replay --serve)\b")
 """What goes on until somebody ends it."""
+CTRL_C = "^C"
+"""Ends that."""
 READS = ("oracle-server verdicts", "oracle-server sessions", "curl --silent http://127.0.0.1:8642/metrics")
 """What shows how a session, or the server, stands, which a reader asks again until it is as far."""
 
@@ -112,8 +114,10 @@ class Reader:
         if step.file:
             self.save(step.file, "\n".join(step.shown) + "\n")
             return
-        if ENDLESS.match(step.command):
-            self._begin(step)
+        if step.command == CTRL_C or ENDLESS.match(step.command):
+            self._end()
+            if step.command != CTRL_C:
+                self._begin(step)
             return
         end = time.monotonic() + PATIENCE
         while True:
@@ -145,7 +149,6 @@ class Reader:
 
     def _begin(self, step: Step) -> None:
         """Start what does not end by itself, and wait until it has said what is shown; a server is ready then."""
-        self._end()
         place = self.types("pwd")[0].strip()
         words = ["env", "-C", place, "bash", "-c", f"exec env {self._here(step.command)}"]
         self._server = Process(step.command, words, self._settings)

@@ -107,12 +107,13 @@ def test_the_alarms_shown_are_taken(tmp_path: Path) -> None:
 def test_the_adapter_of_ones_own_is_attached_and_denied(tmp_path: Path) -> None:
     (block,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "adapters.md").read_text(), re.DOTALL)
     with Server(ROOT / "specs", tmp_path) as server:
-        script = block.replace(ADDRESS, server.url) + "\nprint(passed, *sorted(each.name for each in streams))"
+        script = block.replace(ADDRESS, server.url) + "\nprint(passed, len(streams))"
         ran = subprocess.run(
             [sys.executable, "-c", script], capture_output=True, encoding="utf-8", timeout=PATIENCE, check=False
         )
         assert (ran.returncode, ran.stderr) == (0, "")
-        assert ran.stdout.startswith("False /")
+        passed, streams = ran.stdout.split()
+        assert (passed, int(streams) > 3) == ("False", True)
         assert {record["stream"] for record in server.records("flight1")} == {"/battery_status", "/SetLED"}
 
 

@@ -19,7 +19,7 @@ import typer
 import yaml
 
 from oracle_server.cli.commands import app
-from tests.pages import Reader, Step, steps
+from tests.pages import CTRL_C, Reader, Step, steps
 from tests.postgres import Postgres, programs
 from tests.processes import ROOT
 
@@ -154,13 +154,8 @@ def test_the_page_on_postgresql_shows_what_happens(tmp_path: Path) -> None:
         reader = stack.enter_context(
             Reader(tmp_path, urls, str(folder), PGHOST=str(postgres.folder), PGPORT=str(postgres.port), PGUSER="tests")
         )
-        again = (
-            "oracle-server init --examples .",
-            "dropdb oracle",
-            "createdb --owner=oracle --encoding=UTF8 --template=template0 oracle",
-            *SESSION,
-        )
-        follow(reader, "docs/fleet.md", {"oracle-server stop": again})
+        anew = ("dropdb oracle", "createdb --owner=oracle --encoding=UTF8 --template=template0 oracle")
+        follow(reader, "docs/fleet.md", {"oracle-server stop": (CTRL_C, *anew, *BEGUN, *SESSION)})
 
 
 def test_what_is_listed_is_on_a_page() -> None:

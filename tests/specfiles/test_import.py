@@ -13,8 +13,6 @@ from oracle_server.core.stamps import Stamp
 from oracle_server.specfiles.load import parse_spec
 from tests.whole.harness import failed, run
 
-ROOT = Path(__file__).parents[2]
-
 FIRST = """
 path: /home/user/catkin_ws/src
 nodes:
