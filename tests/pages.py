@@ -71,6 +71,7 @@ class Reader:
         self._path = ":".join(each for each in (str(Path(sys.executable).parent), path, "/usr/bin:/bin") if each)
         self._stack = ExitStack()
         self._server: Process | None = None
+        self._started = False
 
     def __enter__(self) -> Self:
         self._words |= {port: str(held_port(self._stack)) for port in PORTS}
@@ -107,7 +108,8 @@ class Reader:
         self._shell.communicate()
         if self._server is not None:
             self._server.remove()
-        subprocess.run(["oracle-server", "stop"], env=self._settings, check=False, capture_output=True)
+        if self._started:
+            subprocess.run(["oracle-server", "stop"], env=self._settings, check=False, capture_output=True)
 
     def does(self, step: Step) -> None:
         """Do a step, and find what is shown."""
@@ -138,6 +140,7 @@ class Reader:
         """What a command prints, and its exit status, which `$?` is for the next one."""
         assert self._shell.stdin is not None
         assert self._shell.stdout is not None
+        self._started |= "oracle-server start" in command
         self._shell.stdin.write(f"{self._here(command)}\n( s=$?; printf '\\n\\036%s\\n' $s; exit $s )\n")
         self._shell.stdin.flush()
         lines: list[str] = []
