@@ -122,8 +122,8 @@ def _begun(expr: Reference, own: frozenset[str], variables: _Variables) -> tuple
     if expr.alias in variables:
         if variables[expr.alias] is None:
             return expr.alias, expr.steps
-        message = f"`@{expr.alias}` may be an index or an element, of which HPL's tools make either: write `array[@{expr.alias}]`"
-        raise NoCounterpartError(message, expr.at)
+        told = f"`@{expr.alias}` may be an index or an element: HPL's tools differ; `array[@{expr.alias}]` is clear"
+        raise NoCounterpartError(told, expr.at)
     for name, array in variables.items():
         if array is not None and array.alias == expr.alias:
             length = len(array.steps)
