@@ -10,7 +10,16 @@ from dataclasses import dataclass, field
 from oracle_server.core.kinds import RESERVED
 from oracle_server.specfiles.hpl.cel import cel
 from oracle_server.specfiles.hpl.shared import both, conjuncts
-from oracle_server.specfiles.hpl.tree import Binary, Event, Events, Expr, NoCounterpartError, Property, referred
+from oracle_server.specfiles.hpl.tree import (
+    Binary,
+    Event,
+    Events,
+    Expr,
+    NoCounterpartError,
+    Property,
+    Reference,
+    referred,
+)
 
 Signals = dict[str, dict[str, str]]
 """For each topic the signals by their names, as expressions."""
@@ -81,6 +90,8 @@ def _constraints(draft: Draft, event: Event) -> list[str]:
 
 def _operand(part: Expr, event: Event, number: int) -> str:
     text = cel(part, event.alias)
+    if isinstance(part, Reference) and number == 1:
+        return f"{text} && true"  # a value that is no Boolean fails there, and would be as false in an atom
     loose = isinstance(part, Binary) and part.sign in ("or", "implies")
     return f"({text})" if loose and number > 1 else text
 
@@ -147,16 +158,18 @@ def _opening(draft: Draft) -> str:
         return _events(draft, opens)
     shared = next(both(opens, closes), None)
     if shared is not None:
-        raise NoCounterpartError(
-            "a message may open and close the scope, and values of the one that opens are asked for", shared[1].at
-        )
-    plain = _atom(opens[0], draft.constraints[opens[0].at])
-    first = _atom(opens[0], _meets(draft, opens[0]))
-    before = f"once {plain}"
-    if closes:
-        ends = " or ".join(_atom(each, _meets(draft, each)) for each in closes)
-        before = f"(not ({ends}) since {plain})"
-    return f"({first} and not pre {before})"
+        message = "a message may open and close the scope, and values of the one that opens are asked for"
+        raise NoCounterpartError(message, shared[1].at)
+    return f"({_atom(opens[0], _meets(draft, opens[0]))} and not pre {_open(draft)})"
+
+
+def _open(draft: Draft) -> str:
+    """That the scope, which something opens, is open."""
+    opened = " or ".join(_atom(each, draft.constraints[each.at]) for each in draft.prop.opens)
+    if not draft.prop.closes:
+        return f"once ({opened})"
+    closed = " or ".join(_atom(each, _meets(draft, each)) for each in draft.prop.closes)
+    return f"(not ({closed}) since ({opened}))"
 
 
 def _meets(draft: Draft, event: Event) -> list[str]:
@@ -169,11 +182,16 @@ def _atom(event: Event, constraints: Iterable[str]) -> str:
 
 
 def _events(draft: Draft, events: Events) -> str:
-    found = []
-    for event in events:
-        meets = _meets(draft, event)
-        found.append(f"{event.topic} {{{', '.join(meets)}}}" if meets else event.topic)
+    found = [_event(draft, event) for event in events]
     return found[0] if len(found) == 1 else f"({' or '.join(found)})"
+
+
+def _event(draft: Draft, event: Event) -> str:
+    """An event; where its message may open the scope too, that one is not meant, as the scope was not open before."""
+    meets = _meets(draft, event)
+    if event in (*draft.prop.trigger, *draft.prop.behaviour) and any(both(draft.prop.opens, (event,))):
+        return f"({_atom(event, meets)} and pre {_open(draft)})"
+    return f"{event.topic} {{{', '.join(meets)}}}" if meets else event.topic
 
 
 def _signal(draft: Draft, topic: str, name: str, text: str) -> str:
@@ -181,7 +199,7 @@ def _signal(draft: Draft, topic: str, name: str, text: str) -> str:
     known = draft.signals.setdefault(topic, {})
     plain = "".join(c if c.isascii() and c.isprintable() and c != "\\" else "?" for c in name.replace('"', "'"))
     plain = f"msg.{plain}" if plain in RESERVED or plain == "todo" else plain
-    plain = plain if len(plain) <= _LONGEST_NAME else f"{plain[:_LONGEST_NAME]}…"
+    plain = plain if len(plain) <= _LONGEST_NAME else f"{plain[:_LONGEST_NAME]}..."
     called, number = plain, 1
     while known.get(called, text) != text:
         number += 1

@@ -152,8 +152,8 @@ class Property:
     at: int
 
     def events(self) -> Iterator[Event]:
-        """All events in it."""
-        yield from (*self.opens, *self.closes, *self.trigger, *self.behaviour)
+        """All events in it, as they stand in the text."""
+        yield from sorted((*self.opens, *self.closes, *self.trigger, *self.behaviour), key=lambda event: event.at)
 
 
 def below(expr: Expr) -> tuple[Expr, ...]:

@@ -112,12 +112,17 @@ def _check(read: _Read, signals: Signals, types: Types) -> None:
 
 def _check_answers(prop: Property) -> None:
     """Refuse what is always met, or never, where one message counts as both events."""
-    for one in prop.trigger:
-        for other in prop.behaviour:
-            triggers, answers = implies(one, other), implies(other, one)
-            if (triggers and prop.verb != "requires") or (answers and prop.verb != "causes"):
-                message = f"each such message on {other.topic} is both events, and would answer itself"
-                raise NoCounterpartError(message, other.at)
+    for one, other in both(prop.trigger, prop.behaviour):
+        triggers, answers = implies(one, other), implies(other, one)
+        if (triggers and prop.verb != "requires") or (answers and prop.verb != "causes"):
+            raise NoCounterpartError(
+                f"each such message on {other.topic} is both events, and would answer itself", other.at
+            )
+    for one, other in both(prop.opens, prop.closes):
+        if implies(one, other) or implies(other, one):
+            raise NoCounterpartError(
+                f"each such message on {other.topic} would both open the scope and close it", other.at
+            )
 
 
 def _doubts(prop: Property) -> Iterator[tuple[int, str]]:
@@ -126,8 +131,6 @@ def _doubts(prop: Property) -> Iterator[tuple[int, str]]:
         yield other.at, _twice(one, other, "answers itself")
     for one, other in both(prop.opens, prop.closes):
         yield other.at, _twice(one, other, "leaves the scope open")
-    for one, other in both(prop.opens, (*prop.trigger, *prop.behaviour)):
-        yield other.at, _twice(one, other, "counts in the scope that it opens")
 
 
 def _twice(one: Event, other: Event, does: str) -> str:
