@@ -442,6 +442,10 @@ def test_each_scope_and_pattern_is_that_of_a_pattern_written_here(tmp_path: Path
         ("globally: /a causes /b {x = @A.x}", "no message that comes before is called `A`"),
         ("globally: /a {x = @B.x} causes /b as B", "no message that comes before is called `B`"),
         ("globally: (/a as A or /c) causes /b {x = @A.x}", "one of several events"),
+        ("after /p as A: /a as A causes /b {x = @A.x}", "two messages are called `A`"),
+        ("globally: no /b {x + 1}", "no condition that holds or not (line 1, column 18)"),
+        ("globally: no /b {y and len(x)}", "no condition that holds or not (line 1, column 24)"),
+        ("globally: no /b {-x and y}", "no condition"),
         ("globally: no /b {x = 99999999999999999999999}", ""),
     ],
 )

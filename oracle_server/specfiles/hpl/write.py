@@ -11,8 +11,9 @@ from pathlib import Path
 
 from oracle_server.core.errors import Finding, SpecError, one_line
 from oracle_server.rostypes.known import Types
-from oracle_server.specfiles.hpl.draft import Draft, Signals, pattern
+from oracle_server.specfiles.hpl.draft import Draft, Signals
 from oracle_server.specfiles.hpl.parse import read_properties
+from oracle_server.specfiles.hpl.pattern import pattern
 from oracle_server.specfiles.hpl.scan import Scanner
 from oracle_server.specfiles.hpl.shared import both, implies
 from oracle_server.specfiles.hpl.tree import Event, HplError, NoCounterpartError, Property
