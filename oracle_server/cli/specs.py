@@ -15,6 +15,7 @@ from oracle_server.cli.options import SpecFiles, TypeFolders
 from oracle_server.core.errors import Finding, SpecError
 
 if TYPE_CHECKING:
+    from oracle_server.core.derived.definition import Definition
     from oracle_server.core.spec import Property
 
 _ROS: dict[str, Literal[1, 2]] = {"1": 1, "2": 2}
@@ -51,6 +52,7 @@ def check(
         FindingsFormat, typer.Option("--format", help="The format of what is found.")
     ] = FindingsFormat.TEXT,
     formulas: Annotated[bool, typer.Option("--formulas", help="Print formulas with all names written out.")] = False,
+    mermaid: Annotated[bool, typer.Option("--mermaid", help="Print machines as diagrams of mermaid.")] = False,
 ) -> None:
     """Validate specs: schema, types, expressions, formulas, ordering hazards."""
     from oracle_server.rostypes.known import Types
@@ -74,6 +76,7 @@ def check(
         else:
             findings = (*loaded.warnings, *_doubled(loaded.spec.id, path, ids))
             _print_formulas(path, loaded.spec.properties if formulas else (), form)
+            _print_machines(path, loaded.spec.derive if mermaid else (), form)
         _print(findings, form)
         all_findings += findings
         counts.update(finding.severity for finding in findings)
@@ -136,6 +139,23 @@ def _print_formulas(path: Path, properties: Iterable[Property], form: FindingsFo
                 typer.echo(f"{path}: {told['property']}: {measure.name}: {described(measure)}")
 
 
+def _print_machines(path: Path, derived: Iterable[Definition], form: FindingsFormat) -> None:
+    """Print each machine as a diagram, where the format has room for them."""
+    import json
+
+    from oracle_server.core.machines.drawing import mermaid
+
+    for definition in derived:
+        if definition.table is None:
+            continue
+        lines = list(mermaid(definition))
+        if form is FindingsFormat.JSON:
+            found = {"file": str(path), "machine": definition.name, "mermaid": "\n".join(lines)}
+            typer.echo(json.dumps(found, ensure_ascii=False))
+        elif form is FindingsFormat.TEXT:
+            typer.echo("\n".join([f"%% {path}: {definition.name}", *lines]))
+
+
 def _count(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
@@ -157,6 +177,9 @@ def import_(
     variables: Annotated[
         Path | None, typer.Option(help="With --fret: Ogma's variable file (.json), which says the topics.")
     ] = None,
+    diagram: Annotated[
+        Path | None, typer.Option(help="A state diagram of mermaid or DOT, in place of a CONFIG.")
+    ] = None,
     properties: Annotated[list[Path] | None, typer.Option(help="A property module; repeatable.")] = None,
     out: Annotated[Path | None, typer.Option("--output", "-o", help="The spec to write; default: print it.")] = None,
     types: TypeFolders = None,
@@ -164,19 +187,23 @@ def import_(
         bool, typer.Option("--strict", help="Exit with 1 where something is left to be written, or warned of.")
     ] = False,
 ) -> None:
-    """Write a spec from FRET's requirements, or ROSMonitoring's configuration and modules, which are never run."""
+    """Write a spec from FRET's requirements, a state diagram, or ROSMonitoring's configuration, which is never run."""
     from oracle_server.process.progress import progress
     from oracle_server.rostypes.known import Types
+    from oracle_server.specfiles.diagrams.write import import_diagram
     from oracle_server.specfiles.fret.write import import_fret
     from oracle_server.specfiles.rosmonitoring.write import import_config
 
-    if (source := config or fret) is None or (config and fret):
-        raise typer.BadParameter("one of the two is wanted: a CONFIG, or `--fret reqs.json`")
-    if (fret and properties) or (variables and not fret):
+    source = config or fret or diagram
+    if source is None or sum(each is not None for each in (config, fret, diagram)) > 1:
+        raise typer.BadParameter("one is wanted: a CONFIG, `--fret reqs.json`, or `--diagram modes.mmd`")
+    if (properties and not config) or (variables and not fret):
         raise typer.BadParameter("`--variables` goes with `--fret`, and `--properties` with a CONFIG")
     known = Types(types or ())
     with progress(f"reading {source.name}"):
-        if fret:
+        if diagram:
+            imported = import_diagram(diagram, out, known)
+        elif fret:
             imported = import_fret(fret, variables, out, known)
         else:
             imported = import_config(source, properties or [], out, known)
