@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import msgspec
+from msgspec.structs import replace
 
 from oracle_server.core.atoms import canonical
 from oracle_server.core.derived.definition import MAX_MACHINES, Definition
@@ -25,7 +26,7 @@ _ONE: Final = ""
 class Standing(msgspec.Struct, frozen=True, gc=False):
     """How a machine stands: its state, by which event, and since which step; the same of the state before.
 
-    `last` is the step of its last event, `at` its time (ns) where machines are forgotten. Tens of thousands are kept.
+    `at` is the time (ns) of its last event, where machines are forgotten. Tens of thousands are kept.
     """
 
     state: int
@@ -34,15 +35,7 @@ class Standing(msgspec.Struct, frozen=True, gc=False):
     was: int = -1
     was_event: int = -1
     was_since: int = 0
-    last: int = 0
     at: int = 0
-
-
-class _Mark(NamedTuple):
-    """A sample that may have been of another machine than of which it is known: its time (ns) and step."""
-
-    at: int
-    number: int
 
 
 class _Had(msgspec.Struct, frozen=True, gc=False):
@@ -71,10 +64,10 @@ class Machines:
         """How long a machine is kept after its last event, None for ever."""
         self._standings: dict[Key, Standing] = {}
         self._queue = Queue(session.journal)
-        self._blind: _Mark | None = None
-        """The last event of which the machine is not known: it may be any."""
-        self._crowded: _Mark | None = None
-        """The last event of a machine for which there was no room."""
+        self._blind: int | None = None
+        """When (ns) there was an event last of which the machine is not known: it may be any."""
+        self._crowded: int | None = None
+        """The same of one for which there was no room."""
         self._fresh, self._unknown = Standing(self.table.start), Standing(self.table.any)
         self.last = 0
 
@@ -85,33 +78,24 @@ class Machines:
             self._let_go(now)
             value = signals.get(self._by)
             if value is None:
-                return self._lose("_blind", now, number) if self._by in failed else None
+                return self._lose_all(now) if self._by in failed else None
             key = value if type(value) is str and len(value) < _SHORT else key_of(value)
         standings = self._standings
         standing = had = standings.get(key)
-        if standing is None or self._blind is not None:
-            if had is None and len(standings) >= MAX_MACHINES:
-                return self._lose("_crowded", now, number)
-            standing = self._known(had, now)
-        state, life = standing.state, self._life
-        found = self._rows[state].get(sample) if state >= 0 else None  # type: ignore[call-overload] # bits
-        alone = found is not None  # as most often: one event, and one of the row
-        if found is None:
-            found = self.table.after(state, sample)  # type: ignore[arg-type] # bits
-        at = 0 if life is None else now
-        if found == state:
-            standings[key] = Standing(state, standing.event, standing.since, standing.was, standing.was_event,
-                                      standing.was_since, number, at)  # fmt: skip
-        else:
-            event = sample.bit_length() - 1 if alone else self.table.event(state, sample)  # type: ignore[union-attr, arg-type] # bits
-            standings[key] = Standing(found, event, number, state, standing.event, standing.since, number, at)
+        if standing is None:
+            if len(standings) >= MAX_MACHINES:
+                self._change("_crowded", now)
+                return FAILED
+            standing = self._unseen(now)
+        life = self._life
+        after = standings[key] = self._after(standing, sample, number, 0 if life is None else now)  # type: ignore[arg-type] # bits
         if self._session.journal.entries is not None:
             self._session.journal.entries.append(_Had(standings, key, had))
         if life is not None and (had is None or had.at != now):
             self._queue.add(now, key)
             if self._queue.is_long and not self._queue.trim():
                 self._fill()
-        return self._values[found] if found >= 0 else self._value(found)
+        return self._values[after.state] if after.state >= 0 else self._value(after.state)
 
     def value(self, now: int, _number: int, signals: Signals, failed: Collection[str]) -> Value | None:
         """What it is at a step, of the machine of that step."""
@@ -145,19 +129,29 @@ class Machines:
         """How all stand, as plain data."""
         known = sorted(self._standings.items(), key=lambda each: canonical(value_of(each[0])))
         standings = [
-            [value_of(key), str(s.state), s.event, s.since, str(s.was), s.was_event, s.was_since, s.last, s.at]
+            [value_of(key), str(s.state), s.event, s.since, str(s.was), s.was_event, s.was_since, s.at]
             for key, s in known
         ]
         return [standings, self._blind, self._crowded]
 
     def restore(self, data: Any) -> None:
         """Take over a snapshot."""
-        standings, blind, crowded = data
+        standings, self._blind, self._crowded = data
         for value, state, event, since, was, *rest in standings:
             self._standings[key_of(value)] = Standing(int(state), event, since, int(was), *rest)
-        self._blind, self._crowded = (None if mark is None else _Mark(*mark) for mark in (blind, crowded))
         if self._life is not None:
             self._fill()
+
+    def _after(self, standing: Standing, sample: int, number: int, at: int) -> Standing:
+        """How a machine stands behind the events of step `number`."""
+        state = standing.state
+        found = self._rows[state].get(sample) if state >= 0 else None
+        event = sample.bit_length() - 1  # as most often: one event, and one of the row
+        if found is None:
+            found, event = self.table.after(state, sample), self.table.event(state, sample)
+        if found == state:
+            return standing if at == standing.at else replace(standing, at=at)
+        return Standing(found, event, number, state, standing.event, standing.since, at)
 
     def _value_at(self, now: int, signals: Signals, failed: Collection[str]) -> Value | None:
         key: Key = _ONE
@@ -174,21 +168,19 @@ class Machines:
         return found[0] if len(found) == 1 else FAILED
 
     def _known(self, standing: Standing | None, now: int) -> Standing:
-        """How a machine stands that stood so at its last event, by what happened since."""
-        if standing is not None and self._life is not None and standing.at + self._life <= now:
-            standing = None
-        blind = self._lasting(self._blind, now)
-        if standing is None:
-            return self._unknown if blind or self._lasting(self._crowded, now) else self._fresh
-        return self._unknown if blind and blind.number > standing.last else standing
+        """How a machine stands that stood so at its last event."""
+        is_kept = standing is not None and (self._life is None or standing.at + self._life > now)
+        return standing if standing is not None and is_kept else self._unseen(now)
 
-    def _lasting(self, mark: _Mark | None, now: int) -> _Mark | None:
-        """A mark that still counts."""
-        return mark if mark is not None and (self._life is None or mark.at + self._life > now) else None
+    def _unseen(self, now: int) -> Standing:
+        """How one stands of which no event is remembered: where events were lost, it may have had any."""
+        lost = [at for at in (self._blind, self._crowded) if at is not None]
+        return self._unknown if any(self._life is None or at + self._life > now for at in lost) else self._fresh
 
-    def _lose(self, name: str, now: int, number: int) -> Value:
-        """Note an event that no machine is known to have had."""
-        self._change(name, _Mark(now, number))
+    def _lose_all(self, now: int) -> Value:
+        """Note an event that may be of any machine: of none is known how it stands."""
+        self._change("_blind", now)
+        self._change("_standings", {})
         return FAILED
 
     def _let_go(self, now: int) -> None:
@@ -203,15 +195,15 @@ class Machines:
                 if undone is not None:
                     undone.append(_Had(self._standings, key, standing))
                 del self._standings[key]
-        if self._blind is not None and self._blind.at <= limit:
+        if self._blind is not None and self._blind <= limit:
             self._change("_blind", None)
-        if self._crowded is not None and self._crowded.at <= limit:
+        if self._crowded is not None and self._crowded <= limit:
             self._change("_crowded", None)
 
-    def _change(self, name: str, mark: _Mark | None) -> None:
+    def _change(self, name: str, value: object) -> None:
         if self._session.journal.entries is not None:
             self._session.journal.entries.append(Was(self, name, getattr(self, name)))
-        setattr(self, name, mark)
+        setattr(self, name, value)
 
     def _fill(self) -> None:
         """Fill the queue with what is still needed of it."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Final
+from typing import Any, Final
 
 MAX_TERMS = 100_000
 """Terms that one expression may need."""
@@ -14,7 +14,7 @@ class Term:
 
     __slots__ = ("kind", "nullable", "parts", "place")
 
-    def __init__(self, kind: str, parts: tuple[object, ...], place: int, *, nullable: bool) -> None:
+    def __init__(self, kind: str, parts: tuple[Any, ...], place: int, *, nullable: bool) -> None:
         self.kind, self.parts, self.place, self.nullable = kind, parts, place, nullable
 
 
@@ -44,7 +44,7 @@ class Terms:
             return right if left is EMPTY else left
         if left.kind == "behind":
             first, second = left.parts
-            return self.behind(first, self.behind(second, right))  # type: ignore[arg-type] # two terms
+            return self.behind(first, self.behind(second, right))
         return self._made("behind", (left, right), nullable=left.nullable and right.nullable)
 
     def either(self, terms: Iterable[Term]) -> Term:
@@ -64,8 +64,8 @@ class Terms:
     def other(self, term: Term) -> Term:
         """All but one."""
         if term.kind == "other":
-            (inner,) = term.parts
-            return inner  # type: ignore[return-value] # a term
+            inner: Term = term.parts[0]
+            return inner
         return self._made("other", (term,), nullable=not term.nullable)
 
     def repeated(self, term: Term, low: int, high: int | None) -> Term:
@@ -94,7 +94,7 @@ class Terms:
         return known
 
     def _derived(self, term: Term, letter: int) -> Term:  # noqa: PLR0911 -- a case a kind
-        parts: tuple[object, ...] = term.parts
+        parts = term.parts
         match term.kind, parts:
             case "letter", (own,):
                 return EMPTY if own == letter else NOTHING
@@ -108,8 +108,8 @@ class Terms:
             case "other", (Term() as inner,):
                 return self.other(self._behind(inner, letter))
             case "repeated", (Term() as inner, int(low), high):
-                left = None if high is None else high - 1  # type: ignore[operator] # a number
-                return self.behind(self._behind(inner, letter), self.repeated(inner, max(low - 1, 0), left))
+                rest = self.repeated(inner, max(low - 1, 0), None if high is None else high - 1)
+                return self.behind(self._behind(inner, letter), rest)
         return NOTHING
 
     def _set(self, kind: str, found: set[Term], none: Term, *, nullable: bool) -> Term:
@@ -117,7 +117,7 @@ class Terms:
             return next(iter(found), none)
         return self._made(kind, tuple(sorted(found, key=lambda t: t.place)), nullable=nullable)
 
-    def _made(self, kind: str, parts: tuple[object, ...], *, nullable: bool) -> Term:
+    def _made(self, kind: str, parts: tuple[Any, ...], *, nullable: bool) -> Term:
         key = (kind, *(part.place if isinstance(part, Term) else ("", part) for part in parts))
         known = self._known.get(key)
         if known is None:

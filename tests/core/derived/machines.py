@@ -49,7 +49,8 @@ def value_of(d: Definition, samples: Sequence[tuple[Any, Any]]) -> object:
     """What the signal is behind these samples: one that is neither events nor a value may have been of another key."""
     assert d.table is not None
     source = _SOURCES[id(d.table)][1]
-    kind = {"states": _States, "follows": _Values, "sequence": _Words}[d.op](source, d.table.events)
+    kinds: dict[str, Any] = {"states": _States, "follows": _Values, "sequence": _Words}
+    kind = kinds[d.op](source, d.table.events)
     found = {kind.start}
     for step, sample in samples:
         blind = bool(d.by) and d.by not in step.seen

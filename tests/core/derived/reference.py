@@ -126,7 +126,8 @@ class Reference:
     def _sample(self, d: Definition, step: Step) -> Value:
         """The sample that a step is, None where it is none."""
         if d.events:
-            return self._events(d, step)
+            events: Value = self._events(d, step)
+            return events
         if d.formula is not None:
             holds = self.holds(d.formula, step)
             return FAILED if holds is None else True if holds else None
