@@ -29,7 +29,7 @@ from oracle_server.specfiles.defining import Definitions
 from oracle_server.specfiles.derive import definitions
 from oracle_server.specfiles.document import MAX_TEXT, Document, read_yaml
 from oracle_server.specfiles.elsewhere import external_problems
-from oracle_server.specfiles.machines import is_machine
+from oracle_server.specfiles.machines import is_machine, is_read
 from oracle_server.specfiles.model import ActionModel, HalfModel, PropertyModel, ServiceModel, SpecModel, TopicModel
 from oracle_server.specfiles.sentences import ENGINES_OF_SENTENCES, SAYS, measured, measuring, read_said
 from oracle_server.specfiles.texts import formula_finding, texts_findings
@@ -96,11 +96,10 @@ def parse_spec(
     named = Definitions(document)
     findings = [*named.findings(), *action_findings(document, model.streams)]
     derived = definitions(document, model.derive, findings, named.names)
-    known = {each.name: each for each in derived}
-    machines = [name for name, each in model.derive.items() if is_machine(each) and name in known]
-    unread = {name for name in machines if known[name].table is None}
+    signals = {each.name: each for each in derived}
+    unread = {name for name, each in model.derive.items() if is_machine(each) and not is_read(signals.get(name))}
     properties = [
-        None if (p.machine or "").strip() in unread else _property(document, i, p, named, known, findings)
+        None if (p.machine or "").strip() in unread else _property(document, i, p, named, signals, findings)
         for i, p in enumerate(model.properties)
     ]
     made = [p or _make(m, SILENT, "") for p, m in zip(properties, model.properties, strict=True)]

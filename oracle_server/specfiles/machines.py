@@ -36,6 +36,11 @@ def is_machine(model: DeriveModel) -> bool:
     return any(getattr(model, key) is not None for key in ("follows", "states", "sequence", "start", "otherwise"))
 
 
+def is_read(definition: Definition | None) -> bool:
+    """Whether a machine could be read."""
+    return definition is not None and definition.table is not None
+
+
 def read_machine(document: Document, name: str, model: DeriveModel, names: Names) -> Definition:
     """A machine, whose events are among the `names` of formulas. Raises `MachineError`."""
     _check_keys(model)

@@ -238,7 +238,7 @@ def _is_number(found: Range) -> bool:
 
 def _problem(
     definition: Definition,
-    path: tuple[str, ...],
+    path: KeyPath,
     message: str,
     within: Position | None = None,
     severity: Literal["error", "warning"] = "error",

@@ -63,6 +63,7 @@ def test_an_event_that_a_state_has_not_is_explained() -> None:
     (judged,) = told.tell("/amcl", "cleanup")
     why = judged.verdicts[0].explanation
     assert why is not None
+    assert why.text is not None
     assert (
         'nav "error" for node "/amcl": active since step 3 (activate); cleanup at step 5; allowed: deactivate'
     ) in why.text
