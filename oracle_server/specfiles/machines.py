@@ -8,7 +8,7 @@ from typing import Any
 from yaml import events as yaml_events
 
 from oracle_server.core.derived.definition import OPS, Definition
-from oracle_server.core.errors import FormulaError
+from oracle_server.core.errors import FormulaError, OracleError
 from oracle_server.core.formula.names import Names
 from oracle_server.core.formula.parse import parse_formula
 from oracle_server.core.formula.tree import Formula, Position
@@ -23,7 +23,7 @@ from oracle_server.specfiles.model import DeriveModel
 _LIMITS = ("within", "leave")
 
 
-class MachineError(Exception):
+class MachineError(OracleError):
     """What is wrong with a machine, and where: in the text at a path, or at the key that it ends in."""
 
     def __init__(self, message: str, *path: str | int, within: Position | None = None, at_key: bool = False) -> None:

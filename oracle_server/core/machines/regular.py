@@ -5,8 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, Final
 
+from oracle_server.core.errors import FormulaError
+from oracle_server.core.machines.table import MAX_STATES
+
 MAX_TERMS = 100_000
 """Terms that one expression may need."""
+MAX_PARTS_LOOKED_AT = 2_000_000
+"""The same of what is put together on the way: terms may have many parts."""
+TOO_LARGE = f"the sequence has more than {MAX_STATES:,} states: shorten its counts, or make several of it"
 
 
 class Term:
@@ -30,6 +36,7 @@ class Terms:
     def __init__(self) -> None:
         self._known: dict[object, Term] = {}
         self._derivatives: dict[tuple[int, int], Term] = {}
+        self._parts = 0
         self._all = self.other(NOTHING)
 
     def letter(self, letter: int) -> Term:
@@ -80,12 +87,9 @@ class Terms:
             return term
         return self._made("repeated", (term, low, high), nullable=not low)
 
-    def derivative(self, term: Term, letter: int) -> Term | None:
-        """What is left of a term behind a letter; None where it needs too much."""
-        try:
-            return self._behind(term, letter)
-        except _TooLargeError:
-            return None
+    def derivative(self, term: Term, letter: int) -> Term:
+        """What is left of a term behind a letter. Raises `FormulaError` where it needs too much."""
+        return self._behind(term, letter)
 
     def _behind(self, term: Term, letter: int) -> Term:
         known = self._derivatives.get((term.place, letter))
@@ -113,6 +117,9 @@ class Terms:
         return NOTHING
 
     def _set(self, kind: str, found: set[Term], none: Term, *, nullable: bool) -> Term:
+        self._parts += len(found)
+        if self._parts > MAX_PARTS_LOOKED_AT:
+            raise FormulaError(TOO_LARGE)
         if len(found) < 2:
             return next(iter(found), none)
         return self._made(kind, tuple(sorted(found, key=lambda t: t.place)), nullable=nullable)
@@ -122,13 +129,9 @@ class Terms:
         known = self._known.get(key)
         if known is None:
             if len(self._known) >= MAX_TERMS:
-                raise _TooLargeError
+                raise FormulaError(TOO_LARGE)
             known = self._known[key] = Term(kind, parts, len(self._known) + 2, nullable=nullable)
         return known
-
-
-class _TooLargeError(Exception):
-    pass
 
 
 def _flat(kind: str, terms: Iterable[Term]) -> Iterable[Term]:

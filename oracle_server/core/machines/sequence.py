@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 from typing import NoReturn
 
 from oracle_server.core.errors import FormulaError
-from oracle_server.core.machines.regular import Term, Terms
+from oracle_server.core.machines.regular import TOO_LARGE, Term, Terms
 from oracle_server.core.machines.table import MAX_STATES, Table
 from oracle_server.core.nearest import listed, nearest
 
@@ -31,10 +31,8 @@ def by_sequence(text: str, events: Collection[str]) -> Table:
         rows.append([])
         for letter in range(len(letters)):
             to = terms.derivative(term, letter)
-            if to is None or len(states) > MAX_STATES:
-                raise FormulaError(
-                    f"the sequence has more than {MAX_STATES:,} states: shorten its counts, or make several of it"
-                )
+            if len(states) > MAX_STATES:
+                raise FormulaError(TOO_LARGE)
             if to not in states:
                 states[to] = len(states)
                 found.append(to)
