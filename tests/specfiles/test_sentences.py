@@ -97,7 +97,7 @@ def test_a_sentence_stands_for_a_formula(line: str, time: str, formula: str) -> 
          "29: pattern of 'p': `eventually` waits for what comes; within a sentence stands what holds at a step"),
         ("pattern: 'no /goal'\n    engine: both", "13: property 'p': a pattern is judged by the project's own engine"),
         ("pattern: 'no /goal'\n    formula: low", "5: property 'p': what must hold is said by one of"),
-        ("guards: []", "5: property 'p': the key 'formula' is missing, or `pattern` or `requirement`"),
+        ("guards: []", "5: property 'p': the key 'formula' is missing, or `pattern`, `requirement` or `machine`"),
         ("pattern: after /goal: no /status", "14: not YAML: a pattern with `: ` in it must stand in quotes, as "
          "pattern: 'after /start: no /error'"),
         ("pattern: {no: x}", "14: property 'p': `pattern` must be a text in quotes"),
