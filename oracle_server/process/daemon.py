@@ -28,7 +28,7 @@ NOT_RUNNING = 3
 _POLL_INTERVAL = 0.05
 _ON_THE_COMMAND_LINE = (
     "specs", "types", "host", "port", "legacy", "legacy_finals", "tls_cert", "tls_key", "tls_client_ca",
-    "insecure", "foxglove", "foxglove_insecure", "forward", "origin",
+    "insecure", "foxglove", "foxglove_insecure", "forward", "origin", "unix",
 )  # fmt: skip
 
 
@@ -39,6 +39,8 @@ class DaemonError(OracleError):
 def start(settings: Settings, within: float) -> None:
     """Start a server, and return once it accepts work. Raises `DaemonError` if it does not within `within` seconds."""
     folder = settings.data_dir.absolute()
+    if settings.read_only:
+        raise DaemonError("ORACLE_READ_ONLY: it is not found by its data directory; use `oracle-server serve`")
     other = running(folder)
     if other is not None:
         raise DaemonError(f"{folder}: its server runs already (pid {other.pid}); `oracle-server stop` ends it")

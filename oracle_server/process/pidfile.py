@@ -40,8 +40,8 @@ class PidFile:
         if not self._locked():
             self._file.close()
             raise PidFileError(
-                f"{folder}: another server, or an adapter with --embedded, uses this data directory; stop it, or "
-                "choose another one"
+                f"{folder}: another server, or an adapter with --embedded, uses this data directory; stop it, "
+                "choose another one, or read it beside that by `oracle-server serve --read-only`"
             )
         self.publish(None)
 

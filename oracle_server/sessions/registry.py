@@ -114,6 +114,8 @@ class Registry:
 
     async def attach(self, wanted: Attach, outbox: Outbox) -> tuple[LiveSession, Monitor]:
         """Attach a monitor to the session that it names, or to a new one. Raises a fatal `WireError`."""
+        if self._history.read_only is not None:
+            raise WireError("read_only", self._history.read_only, fatal=True)
         session = await self._session_for(wanted)
         if self._stopping:
             raise stops()
