@@ -97,11 +97,11 @@ def serve(settings: Settings) -> None:
         listener = held.enter_context(listen(settings.host, settings.port, visitors))
         unix = held.enter_context(listening_unix(settings.unix, visitors))
         foxglove = None if settings.foxglove is None else _listen_to_foxglove(settings, settings.foxglove)
-        history = _history(settings, listener.getsockname()[1])
-        held.callback(history.close)
         webhooks = Webhooks(receivers) if receivers else None
         if webhooks:
             held.callback(webhooks.close)
+        history = _history(settings, listener.getsockname()[1])
+        held.callback(history.close)
         door = _Door(tokens, tls, pid_file, listener, unix, visitors, webhooks, foxglove)
         asyncio.run(_serve(settings, library, history, door))
         if history.fenced is not None:

@@ -52,7 +52,7 @@ _Command = Callable[..., None]
 
 def _takes_settings(command: _Command) -> _Command:
     """Add the options `_OF_A_SERVER` to a command; it receives them as keyword arguments, None where not given."""
-    own = [p for p in signature(command).parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
+    own = [p for p in signature(command, eval_str=True).parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
     settings = [
         Parameter(name, Parameter.KEYWORD_ONLY, default=None, annotation=kind) for name, kind in _OF_A_SERVER.items()
     ]

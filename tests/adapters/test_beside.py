@@ -19,7 +19,7 @@ from oracle_adapter.embedded import EmbeddedLink
 
 from tests.processes import PATIENCE, environment, eventually
 from tests.whole.conftest import copy_specs
-from tests.whole.harness import Server, failed, problem
+from tests.whole.harness import Server, failed, problem, run
 
 SPEC = """
 id: guarded
@@ -204,8 +204,12 @@ def test_who_else_wants_to_write_is_told_what_to_do(stack: ExitStack, spec: Path
     data = tmp_path / "own"
     words = ("--data-dir", data, "--port", "0")
     assert "history.sqlite: is not there yet" in failed("serve", "--read-only", *words)
-    Robot(stack, spec, data)
+    robot = Robot(stack, spec, data)
     assert "or read it beside that by `oracle-server serve --read-only`" in failed("serve", *words)
+    for command in ("stop", "start"):
+        assert f"an adapter with --embedded (pid {robot.process.pid}) uses" in failed(command, *words[:2])
+    stands = run("status", *words[:2], "--json")
+    assert (stands.returncode, json.loads(stands.stdout)["state"]) == (3, "embedded")
     with pytest.raises(LinkError, match="another server, or an adapter with --embedded, uses this data directory"):
         EmbeddedLink(str(spec), str(data), "m2")
     assert "no sessions of its own: leave ORACLE_ALARMS out" in failed(
