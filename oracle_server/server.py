@@ -364,7 +364,7 @@ class _Server(uvicorn.Server):
         """Accept at a UNIX socket: without TLS, as nobody is between."""
 
         def protocol() -> asyncio.Protocol:
-            return self.config.http_protocol_class(  # type: ignore[call-arg, return-value, operator]
+            return self.config.http_protocol_class(  # type: ignore[call-arg]
                 config=self.config, server_state=self.server_state, app_state=self.lifespan.state
             )
 

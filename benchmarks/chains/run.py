@@ -27,7 +27,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SERVER = ROOT / ".build" / "server" / "bin" / "oracle-server"
 PACKAGES = SERVER.parents[1] / "lib" / f"python{sys.version_info.major}.{sys.version_info.minor}" / "site-packages"
 """Where an adapter of this Python finds the server's package, to judge by itself."""
-PATHS = ("direct", "bare", "oracle", "embedded")
+PATHS: tuple[str, ...] = ("direct", "bare", "oracle", "embedded")
 ROS_ONLY = ("PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
 RATES = (100, 1000)
 

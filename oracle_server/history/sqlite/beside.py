@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import closing
 from functools import partial
 from pathlib import Path
@@ -145,7 +145,7 @@ def _demand_format(path: Path) -> None:
         )
 
 
-def _other(place: Elsewhere, row: Sequence[Any]) -> OtherSession:
+def _other(place: Elsewhere, row: Row) -> OtherSession:
     record = session_of(row[: len(SESSION_COLUMNS)])
     steps, outcomes, pending, told, them = row[-5:]
     properties = stands(record.properties, outcomes, pending, told) if steps else []
