@@ -113,11 +113,6 @@ class MemoryHistory(Alone):
         """End the threads; what is kept ends with the process."""
         self._readers.close()
 
-    @property
-    def read_only(self) -> str | None:
-        """Why nothing is kept: all is."""
-        return None
-
     def failure_of(self, session: int) -> str | None:
         """Why nothing more of a session can be kept."""
         return self._failures.get(session)

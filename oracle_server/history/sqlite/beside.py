@@ -86,10 +86,10 @@ class SqliteBeside(Alone, SqlHistory):
         found = await self._lookups.one(tuple, _IS_OPEN, (name,))
         return None if found is None else await self._place()
 
-    async def open_elsewhere(self, name: str | None = None) -> list[OtherSession]:
-        """The sessions that are open, the newest first; or the one of a name."""
+    async def open_elsewhere(self, name: str | None = None, origin: str | None = None) -> list[OtherSession]:
+        """The sessions that are open, the newest first; or the one of a name. None is forwarded to here."""
         place = await self._place()
-        return await self._reader.all(partial(_other, place), _OPEN, (name,))
+        return [] if origin is not None else await self._reader.all(partial(_other, place), _OPEN, (name,))
 
     async def _place(self) -> Elsewhere:
         try:
