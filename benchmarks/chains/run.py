@@ -185,12 +185,19 @@ class Run:
     """One benchmark: a graph, a folder, and what was measured of each case on each path."""
 
     def __init__(
-        self, folder: Path, ros: Ros, seconds: float, *, topics: bool = True, paths: tuple[str, ...] = PATHS
+        self,
+        folder: Path,
+        ros: Ros,
+        seconds: float,
+        *,
+        topics: bool = True,
+        calls: bool = True,
+        paths: tuple[str, ...] = PATHS,
     ) -> None:
         self.measured: dict[tuple[str, str], Measured] = {}
         self._paths = paths
         self._between: list[Part] = []
-        self._folder, self._ros, self._seconds, self._topics = folder, ros, seconds, topics
+        self._folder, self._ros, self._seconds, self._topics, self._calls = folder, ros, seconds, topics, calls
         self._setting = {**os.environ, **ros.settings, "ROS_LOG_DIR": str(folder / "ros"), "PYTHONFAULTHANDLER": "1"}
         (folder / "specs").mkdir()
         for name, text in specs(ros):
@@ -212,10 +219,10 @@ class Run:
             for rate in RATES if self._topics else ():
                 with chain("topic"):
                     self._measure_topic(path, rate)
-            for case, (_, pause) in CALLED.items():
+            for case, (_, pause) in CALLED.items() if self._calls else ():
                 with chain(spec_of(case)):
                     self._measure_service(case, path, pause)
-            for kept in KEPT:
+            for kept in KEPT if self._calls else ():
                 with chain("action"):
                     self._measure_action(path, kept)
 
@@ -318,7 +325,9 @@ def main(ros: Ros, description: str | None) -> None:
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=2)
     parser.add_argument("--seconds", type=float, default=2.0, help="how long a topic is published (%(default)s)")
-    parser.add_argument("--no-topics", action="store_true", help="services and actions alone")
+    some = parser.add_mutually_exclusive_group()
+    some.add_argument("--no-topics", action="store_true", help="services and actions alone")
+    some.add_argument("--topics-alone", action="store_true", help="neither services nor actions")
     parser.add_argument("--json", action="store_true", help="one JSON document instead of a table")
     parser.add_argument("--part", nargs="+", help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -330,12 +339,14 @@ def main(ros: Ros, description: str | None) -> None:
         print(f"embedded is left out: {PACKAGES} is not there, the server has another Python", file=sys.stderr)
         paths = PATHS[:3]
     with tempfile.TemporaryDirectory(prefix="oracle-benchmark.") as folder:
-        run = Run(Path(folder), ros, options.seconds, topics=not options.no_topics, paths=paths)
+        topics, calls = not options.no_topics, not options.topics_alone
+        run = Run(Path(folder), ros, options.seconds, topics=topics, calls=calls, paths=paths)
         run.rounds(options.rounds)
     found = rows(run.measured)
     if options.json:
         print(json.dumps({"cpus": os.cpu_count(), "load_before": before, "rows": found}))
         return
     print_table(found)
-    print_goals(run.measured, KEPT, FEW)
+    if calls:
+        print_goals(run.measured, KEPT, FEW)
     print(f"{os.cpu_count()} CPUs; load before the run {before:.1f}")
