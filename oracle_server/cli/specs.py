@@ -154,6 +154,7 @@ def import_(
         Path | None, typer.Argument(metavar="[CONFIG]", help="A configuration of ROSMonitoring (.yaml).")
     ] = None,
     fret: Annotated[Path | None, typer.Option(help="An export of FRET's requirements (.json), in its place.")] = None,
+    hpl: Annotated[Path | None, typer.Option(help="A file of properties in HPL, of HAROS, in its place.")] = None,
     variables: Annotated[
         Path | None, typer.Option(help="With --fret: Ogma's variable file (.json), which says the topics.")
     ] = None,
@@ -164,22 +165,26 @@ def import_(
         bool, typer.Option("--strict", help="Exit with 1 where something is left to be written, or warned of.")
     ] = False,
 ) -> None:
-    """Write a spec from FRET's requirements, or ROSMonitoring's configuration and modules, which are never run."""
+    """Write a spec from ROSMonitoring's configuration and modules, FRET's requirements, or properties in HPL."""
     from oracle_server.process.progress import progress
     from oracle_server.rostypes.known import Types
     from oracle_server.specfiles.fret.write import import_fret
+    from oracle_server.specfiles.hpl.write import import_hpl
     from oracle_server.specfiles.rosmonitoring.write import import_config
 
-    if (source := config or fret) is None or (config and fret):
-        raise typer.BadParameter("one of the two is wanted: a CONFIG, or `--fret reqs.json`")
-    if (fret and properties) or (variables and not fret):
+    given = [source for source in (config, fret, hpl) if source]
+    if len(given) != 1:
+        raise typer.BadParameter("one of these is wanted: a CONFIG, `--fret reqs.json`, or `--hpl robot.hpl`")
+    if (properties and not config) or (variables and not fret):
         raise typer.BadParameter("`--variables` goes with `--fret`, and `--properties` with a CONFIG")
     known = Types(types or ())
-    with progress(f"reading {source.name}"):
+    with progress(f"reading {given[0].name}"):
         if fret:
             imported = import_fret(fret, variables, out, known)
+        elif hpl:
+            imported = import_hpl(hpl, out, known)
         else:
-            imported = import_config(source, properties or [], out, known)
+            imported = import_config(given[0], properties or [], out, known)
     for finding in imported.findings:
         typer.echo(str(finding), err=True)
     for line in imported.summary:
