@@ -15,7 +15,13 @@ _HEAD = ("property", "began", "lasted", "violations", "worst", "first", "last")
 
 
 def show_episodes(
-    client: Client, session: str | None, properties: list[str], origin: str | None, *, only_open: bool, as_json: bool
+    client: Client,
+    session: str | None,
+    properties: list[str],
+    origin: str | None = None,
+    *,
+    only_open: bool,
+    as_json: bool,
 ) -> None:
     """Print the episodes of a session, or of all sessions, or of all that are forwarded from a robot."""
     path = "episodes" if session is None else f"sessions/{session}/episodes"

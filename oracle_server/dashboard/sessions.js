@@ -131,7 +131,7 @@ function wrong({ id, open: [worst, ...more], trouble, latest }) {
 
 /** The robot that a session is forwarded from, as a link to all of its sessions. */
 function from({ origin }) {
-  return origin ? h("span", { class: "hint" }, "from ", h("a", { tabindex: -1, href: ofRobot(origin) }, origin)) : null;
+  return origin ? h("span", { class: "hint" }, " from ", h("a", { tabindex: -1, href: ofRobot(origin) }, origin)) : null;
 }
 
 /** A time without its milliseconds. */

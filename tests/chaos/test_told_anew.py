@@ -17,11 +17,17 @@ from websockets.asyncio.client import ClientConnection
 from tests.chaos.by_hand import attached, event, say, until_acked
 from tests.chaos.link import Frame
 from tests.chaos.served import Served
-from tests.fleet.works import spec_folder
 from tests.postgres import Postgres, Relay
 from tests.processes import PATIENCE
 
 SESSION = "s"
+SPEC = """
+id: guarded
+streams:
+  - {topic: /a, action: filter, decide_within: 1h, signals: {ok: msg.ok}}
+properties:
+  - {id: fine, guards: [/a], formula: '{ok: true}'}
+"""
 _QUICK = "from oracle_server.history.postgres import store; store.PATIENCE = 2.0"
 
 
@@ -43,13 +49,15 @@ async def until(served: Served, status: int) -> None:
 async def test_what_was_told_is_unknown_where_postgresql_is_lost_once_more(postgres: Postgres, tmp_path: Path) -> None:
     with ExitStack() as stack:
         relays = {name: stack.enter_context(closing(Relay(postgres))) for name in "ab"}
-        part, specs = postgres.part(), spec_folder(tmp_path)
+        part, specs = postgres.part(), tmp_path / "specs"
+        specs.mkdir()
+        (specs / "guarded.yaml").write_text(SPEC)
         a, b = (
             Served(specs, tmp_path / name, prelude=_QUICK, history=postgres.past(relay, part), node=name, lease="1")
             for name, relay in relays.items()
         )
         async with a, b, asyncio.timeout(PATIENCE):
-            async with attached(a, "crowd", SESSION, "m", ["/a"]) as socket:
+            async with attached(a, "guarded", SESSION, "m", ["/a"]) as socket:
                 assert (await decided(socket, 1))["decision"] == "allow"
                 await until_acked(socket, 1)
                 relays["a"].fall_silent()
@@ -57,7 +65,7 @@ async def test_what_was_told_is_unknown_where_postgresql_is_lost_once_more(postg
                 a.kill()
             while "node" in await b.get(f"sessions/{SESSION}"):
                 await asyncio.sleep(0.02)
-            async with attached(b, "crowd", SESSION, "m", ["/a"]) as socket:
+            async with attached(b, "guarded", SESSION, "m", ["/a"]) as socket:
                 relays["b"].fall_silent()
                 await until(b, 503)
                 again = await decided(socket, 2)
