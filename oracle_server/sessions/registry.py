@@ -195,7 +195,7 @@ class Registry:
             for session in [*reversed(self.open.values())]:
                 live.append(session_state(session, session.clock.now()))
                 await asyncio.sleep(0)  # so that decisions wait for one state, not for a thousand
-            live += [each.state for each in (*self.recorded.values(), *self.unrestored.values())]
+            live += [one.state for one in self.recorded.values()] + [one.state for one in self.unrestored.values()]
         live += await self.others.states(origin)
         listed = {state["id"] for state in live}  # one of these may be closed meanwhile
         closed = await self._history.closed_states(_LISTED, origin)
