@@ -15,7 +15,7 @@ from oracle_server.api.beginnings import episode_events
 from oracle_server.api.known import demand_session
 from oracle_server.api.leaving import unless_left
 from oracle_server.api.packing import tagged_answer
-from oracle_server.api.questions import Properties
+from oracle_server.api.questions import Origin, Properties
 from oracle_server.core.events import Order
 from oracle_server.edge.access import grant_of
 from oracle_server.edge.scopes import needs
@@ -82,10 +82,12 @@ def router(registry: Registry, history: History) -> APIRouter:
 
     @routes.get("/episodes", response_model=EpisodePage)
     @needs("read")
-    async def list_all_episodes(request: Request, query: Annotated[EpisodeQuery, Depends(wanted)]) -> Response:
+    async def list_all_episodes(
+        request: Request, query: Annotated[EpisodeQuery, Depends(wanted)], origin: Origin = None
+    ) -> Response:
         """List the episodes of all sessions that the token covers, open and closed ones. The answer has an `ETag`."""
         grant = grant_of(request)
-        return await page(request, replace(query, specs=grant.specs, sessions=grant.sessions))
+        return await page(request, replace(query, specs=grant.specs, sessions=grant.sessions, origin=origin))
 
     @routes.get("/sessions/{session_id}/episodes", response_model=EpisodePage)
     @needs("read")

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Annotated, Literal
 
 from fastapi import Depends, Query
+from pydantic import StringConstraints
 
 from oracle_server.core.verdicts import Outcome
 from oracle_server.history.query import Query as Question
@@ -31,8 +32,10 @@ As = Annotated[
         "There is no difference where the spec does not revise",
     ),
 ]
-
-
+Origin = Annotated[
+    Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_.-]{1,64}$")] | None,
+    Query(description="Only what is forwarded from the robot of this name"),
+]
 Properties = Annotated[
     list[str], Query(default_factory=_none, description="Only the properties of these ids; repeatable")
 ]

@@ -7,13 +7,13 @@ from functools import partial
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Body, HTTPException, Query, Request, Response
-from pydantic import BaseModel, ConfigDict, StringConstraints
+from pydantic import BaseModel, ConfigDict
 
 from oracle_server.api.known import demand_name, demand_session, state_of, unknown_spec
 from oracle_server.api.packing import json_answer, tagged_answer
+from oracle_server.api.questions import Origin
 from oracle_server.edge.access import demand, grant_of
 from oracle_server.edge.scopes import needs
-from oracle_server.history.origins import origin_of
 from oracle_server.history.port import History
 from oracle_server.sessions.elsewhere import OtherServerError
 from oracle_server.sessions.opening import SessionExistsError
@@ -25,9 +25,6 @@ from oracle_server.wire.json import encode_bytes
 
 _COMMIT_WITHIN = _CLOSE_WITHIN = 10.0
 """Seconds for a session to be committed, or closed, before a request is answered by 503."""
-
-
-Origin = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_.-]{1,64}$")]
 
 
 class NewSession(BaseModel):
@@ -54,11 +51,11 @@ def router(registry: Registry, history: History) -> APIRouter:
     async def list_sessions(
         request: Request,
         short: Annotated[bool, Query(alias="brief", description="Of each what a list shows")] = False,
-        origin: Annotated[Origin | None, Query(description="Those that are forwarded from this robot")] = None,
+        origin: Origin = None,
     ) -> Response:
         """List all sessions, open ones first; in brief, what a list of many shows of each. The answer has an `ETag`."""
-        grant, states = grant_of(request), await registry.states()
-        seen = [s for s in _from(states, origin) if grant.covers(spec=s["spec"], session=s["id"])]
+        grant, states = grant_of(request), await registry.states(origin)
+        seen = [s for s in states if grant.covers(spec=s["spec"], session=s["id"])]
         return await tagged_answer(request, history, partial(_listed, seen, short))
 
     @routes.post("/sessions", status_code=201)
@@ -105,10 +102,6 @@ def router(registry: Registry, history: History) -> APIRouter:
         return await state_of(registry, session_id)
 
     return routes
-
-
-def _from(states: list[dict[str, Any]], origin: str | None) -> list[dict[str, Any]]:
-    return states if origin is None else [state for state in states if origin_of(state["id"]) == origin]
 
 
 def _listed(states: list[dict[str, Any]], short: bool) -> bytes:

@@ -15,11 +15,17 @@ _HEAD = ("property", "began", "lasted", "violations", "worst", "first", "last")
 
 
 def show_episodes(
-    client: Client, session: str | None, properties: list[str], *, only_open: bool, as_json: bool
+    client: Client,
+    session: str | None,
+    properties: list[str],
+    origin: str | None = None,
+    *,
+    only_open: bool,
+    as_json: bool,
 ) -> None:
-    """Print the episodes of a session, or of all."""
+    """Print the episodes of a session, or of all sessions, or of all that are forwarded from a robot."""
     path = "episodes" if session is None else f"sessions/{session}/episodes"
-    items = client.pages(path, property=properties, open=True if only_open else None)
+    items = client.pages(path, property=properties, open=True if only_open else None, origin=origin)
     head = _HEAD if session is not None else ("session", *_HEAD)
     rows = [(item["session"], *_row(item))[-len(head) :] for item in items]
     show({"items": items}, head, rows, as_json=as_json)

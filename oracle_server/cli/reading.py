@@ -12,6 +12,9 @@ from oracle_server.cli.options import AsJson, SpecFiles
 
 UrlOption = Annotated[str, typer.Option(envvar="ORACLE_URL", help="The server's address.")]
 TokenOption = Annotated[str | None, typer.Option(envvar="ORACLE_TOKEN", help="The server's token.")]
+OriginOption = Annotated[
+    str | None, typer.Option(metavar="ROBOT", help="Only what is forwarded from the robot of this name.")
+]
 _DEFAULT_URL = "http://127.0.0.1:8642"
 
 
@@ -33,6 +36,7 @@ def specs(url: UrlOption = _DEFAULT_URL, token: TokenOption = None, as_json: AsJ
 
 def sessions(
     watch: Annotated[bool, typer.Option("--watch", help="Draw them again every 2 s, until Ctrl-C.")] = False,
+    origin: OriginOption = None,
     url: UrlOption = _DEFAULT_URL,
     token: TokenOption = None,
     as_json: AsJson = False,
@@ -43,9 +47,9 @@ def sessions(
     from oracle_server.cli.top import watch_sessions
 
     if watch and not as_json:
-        watch_sessions(Client(url, token))
+        watch_sessions(Client(url, token), origin)
     else:
-        show_sessions(Client(url, token), as_json=as_json)
+        show_sessions(Client(url, token), origin, as_json=as_json)
 
 
 def top(url: UrlOption = _DEFAULT_URL, token: TokenOption = None) -> None:
@@ -86,6 +90,7 @@ def episodes(
     ] = None,
     property_: Annotated[list[str] | None, typer.Option("--property", help="Only this property; repeatable.")] = None,
     only_open: Annotated[bool, typer.Option("--open", help="Only those that are open.")] = False,
+    origin: OriginOption = None,
     url: UrlOption = _DEFAULT_URL,
     token: TokenOption = None,
     as_json: AsJson = False,
@@ -94,7 +99,9 @@ def episodes(
     from oracle_server.cli.client import Client
     from oracle_server.cli.episodes import show_episodes
 
-    show_episodes(Client(url, token), session, property_ or [], only_open=only_open, as_json=as_json)
+    if session is not None and origin is not None:
+        raise typer.BadParameter("a session is of one robot already: name the session or --origin")
+    show_episodes(Client(url, token), session, property_ or [], origin, only_open=only_open, as_json=as_json)
 
 
 def record(

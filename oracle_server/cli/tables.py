@@ -42,9 +42,9 @@ def _unsound(spec: Mapping[str, Any]) -> str:
     return f"unsound: {reasons[0]}{more}" if reasons else ""
 
 
-def show_sessions(client: Client, *, as_json: bool) -> None:
-    """Print all sessions."""
-    document = client.get("sessions")
+def show_sessions(client: Client, origin: str | None = None, *, as_json: bool) -> None:
+    """Print all sessions, or those that are forwarded from a robot."""
+    document = client.get("sessions", origin=origin)
     show(document, SESSIONS, [session_row(state) for state in document["items"]], as_json=as_json)
     if not as_json:
         for state in document["items"]:

@@ -20,9 +20,9 @@ _EVERY = 2.0
 """Seconds between two looks."""
 
 
-def watch_sessions(client: Client) -> None:
-    """Draw the sessions until Ctrl-C."""
-    _watch(SESSIONS, lambda: [session_row(state) for state in client.get("sessions")["items"]])
+def watch_sessions(client: Client, origin: str | None = None) -> None:
+    """Draw the sessions, or those that are forwarded from a robot, until Ctrl-C."""
+    _watch(SESSIONS, lambda: [session_row(state) for state in client.get("sessions", origin=origin)["items"]])
 
 
 def show_top(client: Client) -> None:

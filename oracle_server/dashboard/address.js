@@ -12,6 +12,11 @@ export function compared(session, other) {
   return `#/compare/${encodeURIComponent(session)}${other ? `/${encodeURIComponent(other)}` : ""}`;
 }
 
+/** The address of all sessions that are forwarded from a robot. */
+export function ofRobot(origin) {
+  return `#/?${new URLSearchParams({ q: `origin:${origin}` })}`;
+}
+
 /** What the address of the page names: `kind` and `id` of a view, `other` where it names two, `n`, `from` and `to`, null where they are not there, and the search `q` of a list and what it shows. */
 export function read() {
   const [path, text] = location.hash.slice(1).split("?");

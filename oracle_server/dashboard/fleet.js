@@ -46,10 +46,13 @@ function groupOf({ status, kind, live, idle, outcome, trouble }, open, latest) {
   return idle || !live ? "Idle" : "Fine";
 }
 
-/** Whether a search means a session: each of its words is in the session's name, its spec or a property that is violated, or was that day. */
-export function matches({ id, spec, open, day = [] }, search) {
+/**
+ * Whether a search means a session: each of its words is in the session's name, its spec, the robot that it is forwarded from, or a
+ * property that is violated, or was that day.
+ */
+export function matches({ id, spec, origin, open, day = [] }, search) {
   const names = [...new Set([...open, ...day].map(({ property }) => property))];
-  const places = { "spec:": [spec], "property:": names, "session:": [id], "": [id, spec, ...names] };
+  const places = { "spec:": [spec], "property:": names, "session:": [id], "origin:": [origin ?? ""], "": [id, spec, ...names] };
   return search.toLowerCase().split(/\s+/).every((word) => {
     const kind = Object.keys(places).find((each) => word.startsWith(each));
     return places[kind].some((text) => text.toLowerCase().includes(word.slice(kind.length)));

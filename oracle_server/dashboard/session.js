@@ -1,6 +1,6 @@
 // The view of one session: its properties, steps, violations, streams and monitors, and the explanation of a verdict.
 
-import { at, compared, rename } from "./address.js";
+import { at, compared, ofRobot, rename } from "./address.js";
 import { get, items, of } from "./api.js";
 import { barView } from "./bar.js";
 import { chartView } from "./chart.js";
@@ -160,10 +160,10 @@ async function specOf(state) {
   return { formulas: Object.fromEntries(found.properties.map((each) => [each.id, each])), thresholds: found.thresholds ?? [] };
 }
 
-function headline({ id, spec, kind, run, status, live, idle, without_monitor_since: since, closed_because: because, clock, opened, closed, trouble, waiting, counters, disagree, continued_by: next, monitors, recording }, found, first) {
+function headline({ id, spec, kind, origin, run, status, live, idle, without_monitor_since: since, closed_because: because, clock, opened, closed, trouble, waiting, counters, disagree, continued_by: next, monitors, recording }, found, first) {
   const open = found.filter((each) => each.open).length;
   const there = monitors.filter((each) => each.connected).length;
-  return { id, spec, kind, run, status, live, idle, since, because, clock, opened, closed, trouble, waiting, counters, disagree, next, open, first, there, monitors: monitors.length, recording };
+  return { id, spec, kind, origin, run, status, live, idle, since, because, clock, opened, closed, trouble, waiting, counters, disagree, next, open, first, there, monitors: monitors.length, recording };
 }
 
 function headed(state, visit) {
@@ -171,6 +171,7 @@ function headed(state, visit) {
   return [
     h("p", { class: "facts" },
       state.run > 1 ? h("span", { class: "tag" }, `run ${state.run}`) : null,
+      state.origin ? h("span", {}, "forwarded from ", h("a", { href: ofRobot(state.origin) }, state.origin)) : null,
       state.open ? h("span", { class: "chip bad" }, `✗ ${counted(state.open, "open episode")}`) : null,
       h("span", {}, h("strong", { class: state.status }, life(state)), `, ${state.status} since ${moment(state.closed ?? state.opened)}`,
         state.because ? ` (${state.because})` : ""),

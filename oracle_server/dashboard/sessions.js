@@ -1,6 +1,6 @@
 // The fleet: all sessions, what is wrong in each now, and those that need somebody first.
 
-import { at, rename } from "./address.js";
+import { at, ofRobot, rename } from "./address.js";
 import { getKept, items } from "./api.js";
 import { h, Place, rove, TO_AND_FRO, UP_AND_DOWN } from "./dom.js";
 import { dropView } from "./drop.js";
@@ -20,22 +20,23 @@ export function sessionsView({ q = "", show: shown = "" } = {}, again = () => {}
   const list = new Place("section", { class: "found" });
   const day = dayView(() => show());
   const drop = dropView(again);
-  const field = h("input", { type: "search", placeholder: "Session, spec:… or property:…", "aria-label": "Search sessions", "aria-keyshortcuts": "/", value: q, oninput: changed });
+  const field = h("input", { type: "search", placeholder: "Session, spec:…, property:… or origin:…", "aria-label": "Search sessions", "aria-keyshortcuts": "/", value: q, oninput: changed });
   const kinds = Object.keys(KINDS).map((name) => h("button", { "data-kind": name, onclick: () => choose(name) }, name));
   const joint = h("span", { class: "kinds", role: "toolbar", "aria-label": "Kinds" }, kinds);
   const node = h("div", { class: "fleet" }, h("h1", {}, "Sessions"), h("p", { class: "tools" }, joint, h("span", { class: "end" }, field)), day.node, day.list, drop.node, list.node);
   const body = h("tbody");
   const frame = h("table", { class: "sessions", "aria-label": "sessions; arrow keys go from one to the next" },
     h("thead", {}, h("tr", {}, HEAD.map((title) => h("th", { scope: "col" }, title)))), body);
-  const settle = rove(body, "td:first-child a", UP_AND_DOWN);
+  const settle = rove(body, "td:first-child > a:first-child", UP_AND_DOWN);
   const rows = new Map(); // of what is shown: the text that a row was made of, and the row
-  let [all, ofDay, order, kind, most] = [[], [], [], KINDS[shown] ? shown : "All", MOST];
+  let [all, origins, ofDay, order, kind, most] = [[], new Map(), [], [], KINDS[shown] ? shown : "All", MOST];
   rove(joint, "button", TO_AND_FRO)();
 
   async function refresh() {
     const [sessions, open] = await Promise.all([
       items("sessions", { brief: true }, getKept), items("episodes", { open: true, limit: EPISODES }, getKept),
     ]);
+    origins = new Map(sessions.map(({ id, origin }) => [id, origin]));
     const simulated = new Set(sessions.filter(({ clock }) => clock === "sim").map(({ id }) => id)); // whose times are none of the day
     ofDay = (await day.refresh(open)).filter(({ session }) => !simulated.has(session));
     all = grouped(sessions, open, ofDay);
@@ -60,7 +61,7 @@ export function sessionsView({ q = "", show: shown = "" } = {}, again = () => {}
       button.setAttribute("aria-pressed", String(name === kind));
       button.replaceChildren(`${name} `, h("b", {}, String(all.filter(KINDS[name]).length)));
     }
-    day.show(ofDay.filter((each) => matches({ id: each.session, spec: each.spec, open: [each] }, field.value)));
+    day.show(ofDay.filter((each) => matches({ id: each.session, spec: each.spec, origin: origins.get(each.session), open: [each] }, field.value)));
     const found = all.filter((each) => KINDS[kind](each) && matches(each, field.value));
     const places = new Map((list.node.matches(":hover, :focus-within") ? order : []).map((id, i) => [id, i]));
     const place = ({ id }) => places.get(id) ?? places.size;
@@ -128,6 +129,11 @@ function wrong({ id, open: [worst, ...more], trouble, latest }) {
   ];
 }
 
+/** The robot that a session is forwarded from, as a link to all of its sessions. */
+function from({ origin }) {
+  return origin ? h("span", { class: "hint" }, " from ", h("a", { tabindex: -1, href: ofRobot(origin) }, origin)) : null;
+}
+
 /** A time without its milliseconds. */
 function brief(text) {
   return text.replace(/\.\d{3}$/, "");
@@ -147,7 +153,7 @@ function hour({ clock, opened, closed, without_monitor_since: alone, day, open }
 function row(each, long) {
   const { id, spec, outcome, open, day, status, steps, connected, monitors } = each;
   const cells = [
-    h("a", { href: at(id) }, id),
+    [h("a", { href: at(id) }, id), from(each)],
     wrong(each),
     long,
     hour(each),

@@ -38,7 +38,7 @@ class Alone:
         """Who has a session that is open: nobody else."""
         return None
 
-    async def open_elsewhere(self, name: str | None = None) -> list[OtherSession]:  # noqa: ARG002
+    async def open_elsewhere(self, name: str | None = None, origin: str | None = None) -> list[OtherSession]:  # noqa: ARG002
         """The sessions that other servers have open: none."""
         return []
 

@@ -18,6 +18,7 @@ from oracle_server.core.verdicts import FINAL
 from oracle_server.history.alone import Alone
 from oracle_server.history.episodes import EpisodeQuery, KeptEpisodes, Page, StoredEpisode, page_of
 from oracle_server.history.matching import Take, Told, told
+from oracle_server.history.origins import origin_of
 from oracle_server.history.port import Done
 from oracle_server.history.query import Query
 from oracle_server.history.readers import Readers
@@ -280,10 +281,11 @@ class MemoryHistory(Alone):
         """How a closed session stood."""
         return next((kept.state for kept in self._kept.values() if kept.record.id == name), None)
 
-    async def closed_states(self, limit: int) -> list[Document]:
-        """How the closed sessions stood, the newest first."""
-        states = [kept.state for _, kept in sorted(self._kept.items(), reverse=True) if kept.state is not None]
-        return states[:limit]
+    async def closed_states(self, limit: int, origin: str | None = None) -> list[Document]:
+        """How the closed sessions stood, all or those that are forwarded from a robot, the newest first."""
+        kept = [self._kept[number] for number in sorted(self._kept, reverse=True)]
+        asked = [one for one in kept if origin is None or origin_of(one.record.id) == origin]
+        return [one.state for one in asked if one.state is not None][:limit]
 
     async def monitors(self, session: int) -> list[MonitorRecord]:
         """The monitors of a session."""

@@ -23,6 +23,11 @@ def forwarded_name(name: str, origin: str) -> str:
     return f"{name}{_AT}{origin}"
 
 
+def silent_text(origin: str, since: str) -> str:
+    """What people are told of a robot that forwards nothing any more; `since` is a time of UTC."""
+    return f"'{origin}' was heard last at {since} UTC: what was judged there since then is not known here"
+
+
 def missing_text(gaps: Iterable[Sequence[int]]) -> str:
     """What people are told of steps that were deleted at a robot before they were forwarded."""
     told = ", ".join(f"{first} to {last}" for first, last in gaps)

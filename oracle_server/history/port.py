@@ -167,8 +167,8 @@ class Reading(Protocol):
         """How a closed session stood, None where none of that id is closed."""
         ...
 
-    async def closed_states(self, limit: int) -> list[Document]:
-        """How the sessions stood that were opened last and are closed, the newest first."""
+    async def closed_states(self, limit: int, origin: str | None = None) -> list[Document]:
+        """How the sessions stood that were opened last and are closed, the newest first; `origin`: of this robot."""
         ...
 
     async def monitors(self, session: int) -> list[MonitorRecord]:
@@ -278,10 +278,11 @@ class Sharing(Protocol):
         """Who has a session that is open, by its id; None where it is closed, unknown, or nobody else can have it."""
         ...
 
-    async def open_elsewhere(self, name: str | None = None) -> list[OtherSession]:
+    async def open_elsewhere(self, name: str | None = None, origin: str | None = None) -> list[OtherSession]:
         """The sessions that other servers have open, the newest first; or the open one of a name, whoever has it.
 
-        What they tell of properties is that of the order that decides.
+        With `origin` those that are forwarded from this robot. What they tell of properties is that of the order that
+        decides.
         """
         ...
 

@@ -54,21 +54,23 @@ class Others:
         found = await self._history.open_elsewhere(name)
         return _state(found[0]) if found else None
 
-    async def states(self) -> list[Document]:
-        """How all of them stand, the newest first."""
-        return [_state(other) for other in await self._history.open_elsewhere()]
+    async def states(self, origin: str | None = None) -> list[Document]:
+        """How all of them stand, or those that are forwarded from a robot, the newest first."""
+        return [_state(other) for other in await self._history.open_elsewhere(origin=origin)]
 
 
 def _state(other: OtherSession) -> Document:
     """With the keys of an open session's, and its server's name; what only that one knows is None, 0 or left out."""
     record, place = other.record, other.place
     there = [name for name, attached, _ in other.monitors if attached and place.lasting]
-    silent = f"its server '{place.node}' does not answer; another one takes over"
+    origin, trouble = origin_of(record.id), other.trouble
+    if origin is None and place.node and not place.lasting:
+        trouble = f"its server '{place.node}' does not answer; another one takes over"
     return bare(record) | {
         "live": bool(there),
         "clock": next((clock for _, _, clock in other.monitors), None),
-        "node": None if origin_of(record.id) else place.node or None,
-        "trouble": other.trouble if place.lasting or not place.node else silent,
+        "node": (place.node or None) if origin is None else None,
+        "trouble": trouble,
         "monitors": [_monitor(name, attached, name in there) for name, attached, _ in other.monitors],
         "properties": [_property(stands, record.decides) for stands in other.properties],
         "counters": bare(record)["counters"] | {"steps": other.steps},

@@ -186,17 +186,17 @@ class Registry:
             return recorded.state
         return await self._history.closed_state(session_id) or await self.others.state(session_id)
 
-    async def states(self) -> list[dict[str, Any]]:
-        """The states of all sessions, open ones first, then closed ones, the newest first. Raises `HistoryError`."""
+    async def states(self, origin: str | None = None) -> list[dict[str, Any]]:
+        """The states of all sessions, or of a robot's, open ones first, the newest first. Raises `HistoryError`."""
         live = []
-        for session in [*reversed(self.open.values())]:
-            live.append(session_state(session, session.clock.now()))
-            await asyncio.sleep(0)  # so that decisions wait for one state, not for a thousand
-        live += [recorded.state for recorded in self.recorded.values()]
-        live += [unrestored.state for unrestored in self.unrestored.values()]
-        live += await self.others.states()
+        if origin is None:  # what is forwarded is never open here
+            for session in [*reversed(self.open.values())]:
+                live.append(session_state(session, session.clock.now()))
+                await asyncio.sleep(0)  # so that decisions wait for one state, not for a thousand
+            live += [one.state for one in self.recorded.values()] + [one.state for one in self.unrestored.values()]
+        live += await self.others.states(origin)
         listed = {state["id"] for state in live}  # one of these may be closed meanwhile
-        closed = await self._history.closed_states(_LISTED)
+        closed = await self._history.closed_states(_LISTED, origin)
         return [*live, *(state for state in closed if state["id"] not in listed)]
 
     async def _close(self, session: LiveSession, because: str) -> None:

@@ -64,6 +64,8 @@ class Link:
     acked: int = 0
     attaches: int = 0
     decisions: dict[int, Frame] = field(default_factory=dict)
+    first: dict[int, Frame] = field(default_factory=dict)
+    """Decisions as they were told first; where one that was not kept is made anew, `decisions` has the last one."""
     attached: asyncio.Event = field(default_factory=asyncio.Event)
     done: asyncio.Event = field(default_factory=asyncio.Event)
 
@@ -164,6 +166,7 @@ class Link:
                 self._move_on(upto)
             case {"type": "decision", "seq": seq}:
                 self.decided(seq, self._asked[seq])
+                self.first.setdefault(seq, frame)
                 known = self.decisions.setdefault(seq, frame)
                 unjudged = set(known["verdicts"].values()) == {"unknown"}
                 if unjudged or self.skips or not self.waited_for:

@@ -50,7 +50,7 @@ def test_each_is_a_row_with_how_long_it_lasted_and_its_worst() -> None:
 def test_of_all_sessions_each_row_says_whose_it_is() -> None:
     client = Told(ENDED)
     assert shown(client, None, only_open=True).splitlines()[1].startswith("s ")
-    assert client.asked == [("episodes", {"property": [], "open": True})]
+    assert client.asked == [("episodes", {"property": [], "open": True, "origin": None})]
 
 
 def test_as_json_it_is_what_the_server_says() -> None:

@@ -48,10 +48,13 @@ def main() -> None:
             total.records += count.records
             total.unknown += count.unknown
             total.moves += count.moves
+            total.otherwise += count.otherwise
             print(f"{total.faults.total()} faults, {total.acked} acked, {time.monotonic() - begun:.0f} s", flush=True)
     for name, number in total.faults.most_common():
         print(f"{number:5} {name}")
     print(f"{total.acked} events acked, {total.records} verdicts, {total.unknown} unknown")
+    for name, number in total.otherwise.most_common():
+        print(f"{number:5} decisions were {name}")
     print(f"sessions went to another process {total.moves} times")
     print(f"rounds in which something was wrong: {failed}")
     sys.exit(1 if failed else 0)

@@ -26,6 +26,10 @@ from tests.postgres import Postgres
 from tests.processes import PATIENCE
 
 LIMIT = 20 * PATIENCE
+NOT_JUDGED = "judged, and not when it was asked again"
+JUDGED_LATER = "not judged, and judged when it was asked again"
+FOR_NO_REASON = "judged, and again otherwise for no reason"
+DEGRADED = "judged, and again behind something that was not"
 _FINE = {True: "currently_true", False: "currently_false"}
 
 
@@ -74,6 +78,8 @@ class Count:
     records: int = 0
     unknown: int = 0
     """Of these, those of what was asked while its server had no PostgreSQL: denied, and not judged."""
+    otherwise: Counter[str] = field(default_factory=Counter)
+    """Decisions that are not recorded as they were told first, by why: they were not committed, and made anew."""
     moves: int = 0
     """Sessions in which a second process decided, a third and so on."""
 
@@ -116,7 +122,9 @@ async def run_round(
             count.unknown += sum(record["outcome"] == "unknown" for record in records)
             count.records += len(records)
             count.acked += sum(link.acked for link in told.links)
+            count.otherwise += _told_otherwise(told, records)
             count.moves += len({ruling.process for ruling in told.rulings}) - 1
+        assert FOR_NO_REASON not in count.otherwise, count.otherwise
         for node in cluster.fleet.nodes.values():
             bugs = [line for line in node.log if "Traceback" in line["event"] or "exception" in line]
             assert not bugs, bugs[:3]
@@ -195,6 +203,25 @@ def _excuse_unjudged(told: Told, records: list[Frame]) -> None:
             if decision is not None:
                 verdicts = dict.fromkeys(frame["verdicts"], "unknown")
                 link.decisions[seq] = frame | {"decision": decision, "verdicts": verdicts}
+
+
+def _told_otherwise(told: Told, records: list[Frame]) -> Counter[str]:
+    kept = {(record["monitor"], record["seq"], record["property"]): record for record in records}
+    found: Counter[str] = Counter()
+    for link in told.links:
+        for seq, frame in link.first.items():
+            own = {name: kept[link.attach["monitor"], seq, name] for name in frame["verdicts"]}
+            if any(r["outcome"] != frame["verdicts"][n] or r["decision"] != frame["decision"] for n, r in own.items()):
+                found[_why_otherwise(frame, [*own.values()])] += 1
+    return found
+
+
+def _why_otherwise(frame: Frame, own: list[Frame]) -> str:
+    if any(record["step"] is None for record in own):
+        return NOT_JUDGED
+    if set(frame["verdicts"].values()) == {"unknown"}:
+        return JUDGED_LATER
+    return DEGRADED if any(record["degraded"] for record in own) else FOR_NO_REASON
 
 
 async def _assert_right(fleet: Fleet, told: Told, folder: Path, expected: list[Frame], spoilt: bool) -> list[Frame]:

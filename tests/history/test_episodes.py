@@ -83,6 +83,22 @@ async def test_those_are_found_that_are_asked_for(filled: History, query: Episod
     assert await firsts(filled, query) == found
 
 
+ROBOTS = ("s@robot7", "s@Robot7", "s@robot70", "s@robot_", "t@robot7", "@robot7", "robot7", "s7", "s@7")
+
+
+@pytest.mark.parametrize("origin", ["robot7", "Robot7", "robot70", "robot_", "7", "robot.", "robot"])
+async def test_those_of_a_robot_are_its_own_alone(history: History, origin: str) -> None:
+    for number, name in enumerate(ROBOTS, 1):
+        history.open_session(opened(number, name))
+        await keep(history, number, StoredEpisode("p", "publication", episode(number, 100)))
+        history.close_session(number, 500, {"id": name})
+    await history.flush()
+    own = [name for name in ROBOTS if "@" in name and name.split("@")[1] == origin]
+    found, _ = await history.episodes(EpisodeQuery(origin=origin))
+    assert [record["session"] for record in found] == own
+    assert [state["id"] for state in await history.closed_states(2, origin)] == own[::-1][:2]
+
+
 @pytest.mark.parametrize("order", ["asc", "desc"])
 async def test_pages_have_each_once(filled: History, order: str) -> None:
     query, found, pages = EpisodeQuery(limit=1, order="desc" if order == "desc" else "asc"), [], 0

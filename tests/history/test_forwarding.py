@@ -22,6 +22,7 @@ from oracle_server.history.copying.inpostgres import PostgresEnd
 from oracle_server.history.copying.insqlite import SqliteEnd
 from oracle_server.history.copying.tables import tables
 from oracle_server.history.episodes import StoredEpisode
+from oracle_server.history.forwarding import centre as centre_module
 from oracle_server.history.forwarding.messages import Ask, Told
 from oracle_server.history.forwarding.working import Bringing
 from oracle_server.history.postgres.history import PostgresHistory
@@ -130,6 +131,38 @@ async def test_all_that_is_there_and_what_changes_later_comes_along(postgres: Po
         told = await brought(history, url, bringing)
         assert told.rows == 0
         bringing.close()
+
+
+async def test_of_a_robot_that_is_not_heard_any_more_that_is_told(
+    postgres: Postgres, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    url, bringing = postgres.empty(), Bringing()
+    centre = PostgresHistory(url)
+    centre.start(asyncio.get_running_loop())
+
+    async def stands() -> tuple[bool, str | None]:
+        (other,) = await centre.open_elsewhere(f"s@{ORIGIN}")
+        assert [other] == await centre.open_elsewhere(origin=ORIGIN) == await centre.open_elsewhere()
+        assert await centre.open_elsewhere(origin="robot") == []
+        return other.place.lasting, other.trouble
+
+    async with robot(tmp_path) as history:
+        history.open_session(opened())
+        await add(history, step(1))
+        await brought(history, url, bringing)
+        assert await stands() == (True, None)
+        postgres.do("UPDATE origins SET heard = '2026-01-02 03:04:59+00'", url)
+        lasting, trouble = await stands()
+        assert not lasting
+        assert trouble is not None
+        assert trouble.startswith("'robot7' was heard last at 2026-01-02 03:04 UTC")
+        assert (await brought(history, url, bringing)).rows == 0
+        assert await stands() == (False, trouble), "it was heard a moment ago, and says nothing more so soon"
+        monkeypatch.setattr(centre_module, "_HEARD_EVERY", 0.0)
+        await brought(history, url, bringing)
+        assert await stands() == (True, None)
+    bringing.close()
+    await asyncio.to_thread(centre.close)
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -6,7 +6,9 @@ there; what was deleted at the centre stays deleted.
 
 from __future__ import annotations
 
+import math
 import secrets
+import time
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
@@ -31,6 +33,9 @@ ON CONFLICT (origin, robot) DO UPDATE SET writer = excluded.writer RETURNING seq
 """
 """It waits for what a process before this one has begun."""
 _HOLD = "UPDATE origins SET seq = ?, heard = clock_timestamp() WHERE origin = ? AND robot = ? AND writer = ?"
+_HEARD = "UPDATE origins SET heard = clock_timestamp() WHERE origin = ? AND robot = ? AND writer = ? RETURNING 1"
+_HEARD_EVERY = 60.0
+"""Seconds between two signs of life where nothing is brought."""
 _HELD = "SELECT 1 FROM origins WHERE origin = ? AND robot = ? AND writer = ?"
 _KNOWN = """
 SELECT f.number, f.session, s.opened, f.position, last.judged, f.gaps
@@ -69,6 +74,7 @@ class Centre:
     def __init__(self, url: str, origin: str, robot: str) -> None:
         """Bring what a `robot` has, by the name of `origin`; no other process brings it any more."""
         self._origin, self._robot, self._writer = origin, robot, secrets.token_hex(8)
+        self._heard = -math.inf
         self._database = Connection(url, f"oracle-server forwarding {origin}", _PATIENCE)
         try:
             self._demand_format()
@@ -92,8 +98,11 @@ class Centre:
 
     def demand_held(self) -> None:
         """Raise `HistoryError` where the centre does not answer, or would take nothing."""
-        if not self._database.execute(_HELD, (self._origin, self._robot, self._writer)).fetchone():
+        due = time.monotonic() - self._heard >= _HEARD_EVERY
+        if not self._database.execute(_HEARD if due else _HELD, (self._origin, self._robot, self._writer)).fetchone():
             raise self._fenced()
+        if due:
+            self._heard = time.monotonic()
 
     def _fenced(self) -> HistoryError:
         return HistoryError(f"another process forwards this history as '{self._origin}'")
@@ -116,7 +125,7 @@ class Centre:
             if places[number].session in there:
                 self._replace(BY_NAME[table], places[number], changes)
         self._database.commit()
-        self.places, self.seq = places, chunk.seq
+        self.places, self.seq, self._heard = places, chunk.seq, time.monotonic()
         return lost
 
     def close(self) -> None:

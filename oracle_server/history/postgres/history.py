@@ -11,7 +11,7 @@ import structlog
 
 from oracle_server.core.errors import HistoryError
 from oracle_server.core.verdicts import Outcome
-from oracle_server.history.origins import missing_text, origin_of
+from oracle_server.history.origins import forwarded_name, missing_text, origin_of, silent_text
 from oracle_server.history.port import Done
 from oracle_server.history.postgres import sharing
 from oracle_server.history.postgres.reader import Pool, PostgresReader, connect
@@ -32,6 +32,8 @@ ALONE = Node("server")
 """The name of a server that has its database for itself."""
 _SHARED_WITHIN = 6.0
 """Seconds for a number or sessions to be got: who waits for one gives up a little later."""
+_SILENT = 180.0
+"""Seconds for which nothing is heard of a robot before its monitors do not count as there."""
 _TRIES = 100
 """Numbers that may have been given already by who did not ask for one."""
 _NOBODY = 0
@@ -126,11 +128,14 @@ class PostgresHistory(SqlHistory):
             return None if found is None else Elsewhere(origin, None, here=False, lasting=True)
         return await self._lookups.one(self._place, sharing.WHERE_IS, (name,))
 
-    async def open_elsewhere(self, name: str | None = None) -> list[OtherSession]:
-        """The sessions that other nodes have open, the newest first; or the open one of a name, whoever has it."""
-        found = await self._reader.all(self._other, sharing.OTHERS_OPEN, (self._node, name))
-        gaps = dict(await self._reader.all(tuple, sharing.GAPS)) if any(origin_of(o.record.id) for o in found) else {}
-        return [o._replace(trouble=_missing(gaps.get(o.record.number))) for o in found]
+    async def open_elsewhere(self, name: str | None = None, origin: str | None = None) -> list[OtherSession]:
+        """The sessions that other nodes have open, or a robot's, the newest first; or the open one of a name."""
+        end = None if origin is None else forwarded_name("", origin)
+        found = await self._reader.all(self._other, sharing.OTHERS_OPEN, (self._node, name, end))
+        numbers = ",".join(str(other.record.number) for other in found if origin_of(other.record.id))
+        rows = await self._reader.all(tuple, sharing.FORWARDED, (_SILENT, f"{{{numbers}}}")) if numbers else []
+        robots = {session: (gaps, silent) for session, gaps, silent in rows}
+        return [_of_robot(other, *robots.get(other.record.number, ("[]", None))) for other in found]
 
     async def take_over(self, known: Collection[int]) -> list[SessionRecord]:
         """Take the sessions of nodes whose lease has run out; returns those that are this one's, and not `known`."""
@@ -159,8 +164,6 @@ class PostgresHistory(SqlHistory):
 
     def _other(self, row: Row) -> OtherSession:
         record, place = session_of(row[: len(SESSION_COLUMNS)]), self._place(row[-8:-5])
-        if (origin := origin_of(record.id)) is not None:
-            place = Elsewhere(origin, None, here=False, lasting=True)
         steps, outcomes, pending, told, them = row[-5:]
         stands = _stands(record.properties, outcomes, pending, told) if steps else []
         return OtherSession(record, place, steps, stands, [tuple(one) for one in _decode(them or "[]")])
@@ -170,8 +173,15 @@ class PostgresHistory(SqlHistory):
         return Elsewhere(node or "", url, node == self._node, lasting)
 
 
-def _missing(gaps: str | None) -> str | None:
-    return None if gaps is None else missing_text(_decode(gaps))
+def _of_robot(other: OtherSession, gaps: str, silent: str | None) -> OtherSession:
+    """A session with its place at the robot that forwards it, if one does; `silent`: since when that is not heard."""
+    origin = origin_of(other.record.id)
+    if origin is None:
+        return other
+    troubles = [missing_text(missing)] if (missing := _decode(gaps)) else []
+    troubles += [silent_text(origin, silent)] if silent else []
+    place = Elsewhere(origin, None, here=False, lasting=silent is None)
+    return other._replace(place=place, trouble="; ".join(troubles) or None)
 
 
 def _end_writer(database: Database, name: str) -> None:

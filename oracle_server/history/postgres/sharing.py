@@ -42,6 +42,7 @@ LEFT JOIN LATERAL (
     SELECT json_agg(json_build_array(name, attached > 0, clock)) AS them FROM monitors WHERE session = s.number
 ) AS m ON true
 WHERE s.closed IS NULL AND (s.id = ?2::text OR (?2::text IS NULL AND o.node IS DISTINCT FROM ?1))
+    AND (?3::text IS NULL OR right(s.id, length(?3::text)) = ?3::text)
 ORDER BY s.number DESC LIMIT 1000
 """
 )
@@ -52,11 +53,13 @@ WHERE_IS = (
 )
 """Nobody has a closed session, though a server that was killed may have left its row."""
 FORWARDED_OPEN = "SELECT 1 FROM sessions WHERE id = ? AND closed IS NULL"
-GAPS = """
-SELECT f.session, f.gaps FROM forwarded f JOIN sessions s ON s.number = f.session
-WHERE f.gaps <> '[]' AND s.closed IS NULL
+FORWARDED = """
+SELECT f.session, f.gaps, CASE WHEN o.heard < clock_timestamp() - ?1 * interval '1 second'
+    THEN to_char(o.heard AT TIME ZONE 'UTC', 'YYYY-MM-DD HH24:MI') END
+FROM forwarded f LEFT JOIN origins o ON o.origin = f.origin AND o.robot = f.robot
+WHERE f.session = ANY(?2::bigint[])
 """
-"""What is missing of sessions that robots forward, and that are open there."""
+"""Of sessions that robots forward: what is missing, and since when a robot is silent that is for some seconds."""
 NODES = (
     "SELECT node, owner, until <= clock_timestamp(), EXISTS (SELECT 1 FROM owners o WHERE o.node = nodes.node) "
     "FROM nodes WHERE node <> ?"

@@ -10,6 +10,7 @@ import msgspec
 from oracle_server.core.episode import Episode
 from oracle_server.history.episodes import Cursor, EpisodeQuery, Page, StoredEpisode, told, worst_of
 from oracle_server.history.sql.database import Database
+from oracle_server.history.sql.origins import of_origin
 
 KEEP = """
 INSERT INTO episodes (session, property, first, ord, began, last, until, open, final, count, worst, explanation)
@@ -101,6 +102,8 @@ def _conditions(query: EpisodeQuery) -> tuple[str, list[Any]]:
     for column, names in (("e.property", query.properties), ("s.spec", query.specs), ("s.id", query.sessions)):
         if names or (names is not None and column != "e.property"):
             wanted.append((f"{column} IN ({','.join('?' * len(names))})" if names else "false", sorted(names)))
+    if query.origin is not None:
+        wanted.append(of_origin("s.id", query.origin))
     if query.since is not None:
         wanted.append(("(e.open OR e.until >= ?)", (query.since,)))
     if query.until is not None:

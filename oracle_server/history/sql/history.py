@@ -33,6 +33,7 @@ from oracle_server.history.sql.blocks import forgetting
 from oracle_server.history.sql.catching import catch_up
 from oracle_server.history.sql.database import Database, Store
 from oracle_server.history.sql.episodes import END, FORGET, keeping, read
+from oracle_server.history.sql.origins import of_origin
 from oracle_server.history.sql.reader import Reader
 from oracle_server.history.sql.rows import (
     Row,
@@ -264,10 +265,11 @@ class SqlHistory:
         sql = "SELECT state FROM sessions WHERE id = ? AND closed IS NOT NULL"
         return await self._lookups.one(document_of, sql, (name,))
 
-    async def closed_states(self, limit: int) -> list[Document]:
-        """How the closed sessions stood, the newest first."""
-        sql = "SELECT state FROM sessions WHERE closed IS NOT NULL ORDER BY number DESC LIMIT ?"
-        return await self._reader.all(document_of, sql, (limit,))
+    async def closed_states(self, limit: int, origin: str | None = None) -> list[Document]:
+        """How the closed sessions stood, all or those that are forwarded from a robot, the newest first."""
+        where, values = ("true", ()) if origin is None else of_origin("id", origin)
+        sql = f"SELECT state FROM sessions WHERE closed IS NOT NULL AND {where} ORDER BY number DESC LIMIT ?"  # noqa: S608
+        return await self._reader.all(document_of, sql, (*values, limit))
 
     async def monitors(self, session: int) -> list[MonitorRecord]:
         """The monitors of a session."""
