@@ -52,6 +52,7 @@ class Obligations:
     slot = 0
     variables: Variables = ()
     flat = True
+    slim = multiplies = lasting = False
 
     def __init__(
         self,

@@ -32,6 +32,7 @@ class Some:
     """
 
     __slots__ = ("_body", "_operand", "_timeline", "changes", "flat", "held", "variables")
+    slim = multiplies = lasting = False
 
     def __init__(self, body: Body, timeline: Timeline) -> None:
         self._body, self._timeline = body, timeline
@@ -146,6 +147,8 @@ class SomeOf:
         self._own = len(body.variables) - bound
         self.variables = body.variables[: self._own]
         self.flat = body.flat or self._own == 1
+        self.slim = self.flat and body.binds.issuperset(self.variables)
+        self.multiplies, self.lasting = body.multiplies, body.lasting
         self.changes: list[Key] = []
         self._table = table(self._own, _Held(), _Held.copy, timeline, flat=self.flat)
         self._asked = _Asked(self._table, self._own, bound, timeline)
