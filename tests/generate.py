@@ -16,6 +16,7 @@ _KINDS = (
     *("not", "and", "or", "implies", "pre", "historically"),
     *("once", "once", "since", "since", "quantifier", "quantifier"),
 )
+_JOINING = ("and", "and", "and", "order", "order", "unbroken", "unbroken")
 _ALPHABETS: tuple[tuple[Scalar, ...], ...] = ((7, "7", 8), (1, 2, 3, 4), (True, 1, 2))
 
 
@@ -58,7 +59,8 @@ def either(rng: random.Random, time: Time, depth: int) -> Formula:
 def joined(rng: random.Random, time: Time, depth: int) -> Formula:
     """A closed formula of two variables or three, of which some parts bind some of them, and other parts the others."""
     names = tuple(rng.sample("xyz", rng.choice((2, 2, 3))))
-    body, kinds = _binding(rng, time, depth, names), (tree.Exists,)
+    body = _binding(rng, time, depth, names)
+    kinds: tuple[type[tree.Exists | tree.Forall], ...] = (tree.Exists,)
     if rng.random() < 0.5:
         body, kinds = tree.Implies(body, formula(rng, time, rng.randint(0, 2), 1, names)), (tree.Forall,)
     if rng.random() < 0.3:
@@ -79,12 +81,15 @@ def _binding(rng: random.Random, time: Time, depth: int, names: tuple[str, ...])
         keys = rng.sample(KEYS, len(names)) if len(names) <= len(KEYS) else ()
         return Atom(tuple(Constraint(key, "==", Ref(name)) for key, name in zip(keys, names, strict=True)))
     past = rng.choice((tree.ALL_PAST, tree.ALL_PAST, bound(rng, time)))
-    kind = rng.choice(("and", "and", "and", "order", "order", "but", "or", "pre", "once", "once", "since", "exists"))
+    kind = rng.choice((*_JOINING, "but", "or", "pre", "once", "once", "since", "exists"))
     cut = rng.randint(1, max(1, len(names) - 1))
     if kind == "order" and len(names) > 1:
         return _order(rng, time, depth, names[:cut], names[cut:])
+    shared = tuple(dict.fromkeys((rng.choice(names), *names[cut:])))
+    if kind == "unbroken" and len(names) > 1:
+        left = tree.Not(part(rng.choice((shared, names[cut:]))))
+        return tree.And(part(), tree.Since(left, part(names[:cut]), past))
     if kind == "and" and len(names) > 1:
-        shared = tuple(dict.fromkeys((rng.choice(names), *names[cut:])))
         sides = [part(names[:cut]), part(shared)]
         rng.shuffle(sides)
         return tree.And(*sides)

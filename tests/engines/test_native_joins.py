@@ -15,6 +15,7 @@ from oracle_server.engines.native import NativeEngine
 from tests import generate
 from tests.brute import TimedSignals
 from tests.engines.test_against_brute import SEED, compare, matches, outcomes
+from tests.strategies import SECOND
 
 SHARE = 0.02
 """Of what an engine may cost: a hundred combinations of values a step, over many of them."""
@@ -24,6 +25,8 @@ ITERATOR = (
     "forall[m, c, i]. {next: *i} -> "
     "not once ({update: *m} and once ({iterator: *i, of: *c} and once {view: *c, map: *m}))"
 )
+ZONES = "forall[r, z]. {enters: *r, zone: *z} -> (not {closed: *z} since {permitted: *r})"
+LATELY = "forall[r, z]. {enters: *r, zone: *z} -> (not {closed: *z} since[:40] {permitted: *r})"
 
 Told = tuple[dict[str, int], bool]
 """The signals of a step, and whether the property holds there."""
@@ -68,17 +71,43 @@ def iterators(rng: random.Random, count: int) -> Iterator[Told]:
         yield {"next": i}, i not in spoilt
 
 
-TRACES = {"files": (FILES, files), "fifo": (FIFO, fifo), "iterators": (ITERATOR, iterators)}
+def zones(rng: random.Random, count: int, most: int | None = None) -> Iterator[Told]:
+    """Robots are permitted to enter the zones that are open, until these are closed."""
+    permitted, closed = dict[int, int](), dict[int, int]()
+    for n in range(count):
+        at = 3 * n + 1
+        permitted[n] = at
+        yield {"permitted": n}, True
+        closed[zone := rng.randint(0, n)] = at + 1
+        yield {"closed": zone}, True
+        robot, other = rng.randint(max(0, n - 20), n + 1), rng.randint(0, n)
+        since = permitted.get(robot, -1)
+        recent = most is None or at + 2 - since <= most
+        yield {"enters": robot, "zone": other}, since >= 0 and recent and closed.get(other, -1) <= since
+
+
+def lately(rng: random.Random, count: int) -> Iterator[Told]:
+    """The same where a permission lasts for 40 steps."""
+    return zones(rng, count, 40)
+
+
+TRACES = {
+    "files": (FILES, files),
+    "fifo": (FIFO, fifo),
+    "iterators": (ITERATOR, iterators),
+    "zones": (ZONES, zones),
+    "lately": (LATELY, lately),
+}
 
 
 @pytest.mark.parametrize("time", ["steps", "seconds"])
 @pytest.mark.parametrize("name", TRACES)
 def test_all_is_judged_and_right_though_there_are_many_values(time: Time, name: str) -> None:
     text, trace = TRACES[name]
-    formula = parse_formula(text, time)
+    formula = parse_formula(text.replace("[:40]", "[:40s]") if time == "seconds" else text, time)
     engine, failed = NativeEngine(formula, time, SHARE), 0
     for n, (signals, holds) in enumerate(trace(random.Random(name), 600), start=1):
-        ((at, found),) = list(matches(formula, [(n * 10**6, {**signals})]))
+        ((at, found),) = list(matches(formula, [(n * SECOND, {**signals})]))
         assert (engine.step(at, found) not in NEGATIVE) is holds, f"{name}, step {n}: {signals}"
         failed += not holds
     assert failed > 5
@@ -95,7 +124,7 @@ def test_they_are_what_the_table_says_at_any_order_of_events(time: Time, name: s
             (at, {key: rng.choice((1, 2)) for key in rng.sample(keys, rng.randint(1, 2))})
             for at, _ in generate.trace(rng, rng.randint(5, 14))
         ]
-        compare(lambda formula: NativeEngine(formula, time), parse_formula(text, time), steps, time)
+        compare(lambda formula: NativeEngine(formula, time), parse_formula(text.replace("40", "3"), time), steps, time)
 
 
 def test_what_must_be_listed_has_an_end() -> None:

@@ -33,13 +33,25 @@ from oracle_server.engines.native.preceded import Preceded
 from oracle_server.engines.native.previous import Previous
 from oracle_server.engines.native.some import Some, SomeOf
 from oracle_server.engines.native.timeline import Timeline
+from oracle_server.engines.native.unbroken import Unbroken
 from oracle_server.engines.native.waiting import Present
 from oracle_server.engines.native.window import Window
 
 Scope = Mapping[str, int]
 """The number of the quantifier that binds each variable: inner ones have larger numbers."""
 Operator = (
-    Ever | Latest | Window | Preceded | Outstanding | Matching | Previous | Some | SomeOf | SomeGuarded | Obligations
+    Ever
+    | Latest
+    | Window
+    | Preceded
+    | Unbroken
+    | Outstanding
+    | Matching
+    | Previous
+    | Some
+    | SomeOf
+    | SomeGuarded
+    | Obligations
 )
 
 
@@ -138,11 +150,15 @@ class _Builder:
                 return ("not", self._once(path, negated(self.expression(operand, scope, (*path, 0))), bound))
             case tree.Since(left, right, bound):
                 sides = self.expression(right, scope, (*path, 1)), self.expression(left, scope, (*path, 0))
-                within = {*variables_of(sides[1])} <= {*variables_of(sides[0])}
-                if not bound.lower and is_finite(sides[0]) and within:
-                    ever = Body(self._timeline, sides[1])
-                    return self._add(path, Latest(self._body(sides[0]), ever, bound.upper, self._timeline))
-                return self._add(path, Window(Body(self._timeline, *sides), bound, self._timeline))
+                return self._add(path, self._since(*sides, bound))
+
+    def _since(self, right: Expression, left: Expression, bound: Bound) -> Latest | Unbroken | Window:
+        if not bound.lower and is_finite(right):
+            if {*variables_of(left)} <= {*variables_of(right)}:
+                return Latest(self._body(right), Body(self._timeline, left), bound.upper, self._timeline)
+            if is_finite(negated(left)):
+                return Unbroken(self._body(right), self._body(negated(left)), bound.upper, self._timeline)
+        return Window(Body(self._timeline, right, left), bound, self._timeline)
 
     def _atom(self, atom: Atom, scope: Scope, path: Path) -> AtomNode | ComparedNode:
         refs = tuple(scope[name] for _, name in atom.refs)

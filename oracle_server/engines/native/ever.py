@@ -25,11 +25,11 @@ class Ever:
         "_lower",
         "_timeline",
         "at",
+        "binds",
         "changes",
         "flat",
         "held",
         "multiplies",
-        "slim",
         "variables",
         "waiting",
         "waits",
@@ -40,7 +40,7 @@ class Ever:
         self._body, self._lower, self._timeline = body, lower, timeline
         self._at = body.at[0]
         self.variables = body.variables
-        self.flat, self.slim, self.multiplies = True, bool(body.variables), body.multiplies
+        self.flat, self.binds, self.multiplies = True, frozenset(body.variables), body.multiplies
         self.changes: list[Key] = []
         self._held = Held(len(self.variables), timeline, counted=body.multiplies)
         self.held = self._held.times

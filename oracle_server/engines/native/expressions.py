@@ -50,7 +50,7 @@ def all_of(parts: Iterable[Expression]) -> Expression:
 def bound(expression: Expression) -> frozenset[int]:
     """The variables of which some node tells the values wherever an expression holds: finitely many, none fresh."""
     if not isinstance(expression, tuple):
-        return frozenset(expression.variables) if expression.slim else frozenset()
+        return frozenset(expression.binds)
     if expression[0] == "not":
         return frozenset()
     left, right = bound(expression[1]), bound(expression[2])

@@ -16,7 +16,7 @@ Finder = Callable[[Region], Collection[str]]
 def finder(expression: Expression, variables: Variables, place: int) -> Finder | None:
     """What finds candidates for a variable, None where no node tells its values wherever the expression holds."""
     if not isinstance(expression, tuple):
-        if not expression.slim or variables[place] not in expression.variables:
+        if variables[place] not in expression.binds:
             return None
         places = [variables.index(v) for v in expression.variables]
         return partial(_of_node, expression, places, places.index(place))

@@ -18,7 +18,8 @@ class SomeGuarded:
     """A quantifier that binds all variables of its body, one conjunct of which is an atom with all of them."""
 
     __slots__ = ("_body", "_guard", "_operand", "_timeline", "changes", "flat", "held", "variables")
-    slim = multiplies = lasting = False
+    binds: frozenset[int] = frozenset()
+    multiplies = lasting = False
 
     def __init__(self, guard: AtomNode, operand: Expression, timeline: Timeline) -> None:
         self._guard, self._timeline = guard, timeline

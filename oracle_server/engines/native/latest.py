@@ -34,10 +34,10 @@ class Latest:
         "_timeline",
         "_upper",
         "at",
+        "binds",
         "changes",
         "flat",
         "multiplies",
-        "slim",
         "variables",
     )  # fmt: skip
     lasting = False
@@ -56,7 +56,7 @@ class Latest:
             for node in left.nodes:
                 places = [self.variables.index(v) for v in node.variables]
                 self._breaking.append((node, None if node.variables == self.variables else places))
-        self.flat, self.slim, self.multiplies = True, True, right.multiplies
+        self.flat, self.binds, self.multiplies = True, frozenset(right.variables), right.multiplies
         self.changes: list[Key] = []
         self._held = Held(len(self.variables), timeline, counted=right.multiplies)
         """Where it holds, and since when."""

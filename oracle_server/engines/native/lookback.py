@@ -11,7 +11,10 @@ from oracle_server.engines.native.keys import key_of
 from oracle_server.engines.native.latest import Latest
 from oracle_server.engines.native.parts import Part, is_simple
 from oracle_server.engines.native.preceded import Preceded
+from oracle_server.engines.native.unbroken import Unbroken
 from oracle_server.engines.native.window import Window
+
+LooksBack = Ever | Latest | Window | Preceded | Unbroken
 
 
 class LookingBack(Deciding):
@@ -84,7 +87,7 @@ class LookingBack(Deciding):
     def _when(self, part: Part) -> int | None:
         """The time of a step that makes an operator hold now, as the engine knows it."""
         node = self._network.places[part.path]
-        assert isinstance(node, Ever | Latest | Window | Preceded)  # noqa: S101 -- what these operators are built as
+        assert isinstance(node, LooksBack)  # noqa: S101 -- what these operators are built as
         return node.when(key_of([part.values.get(v) for v in node.variables]))
 
     def _nowhere(self, part: Part, operand: Part, steps: Steps, holds: bool) -> Reason:

@@ -21,7 +21,7 @@ from oracle_server.engines.native.timeline import FEW, Timeline
 class Matching:
     """Holds where an expression does that can't hold for fresh values; it stands between the expression and a node."""
 
-    flat = slim = multiplies = True
+    flat = multiplies = True
 
     def __init__(self, expression: Expression, timeline: Timeline) -> None:
         """`expression` is finite; see `is_finite`."""
@@ -30,6 +30,7 @@ class Matching:
         body = self._body = Body(timeline, all_of(parts))
         self._operand, self._constant = body.at[0], body.constant[0]
         self.variables, self.lasting = body.variables, body.lasting
+        self.binds = frozenset(body.variables)
         self.changes: list[Key] = []
         self._held = Held(len(self.variables), timeline, counted=True)
         self.at = self._held.times.__contains__

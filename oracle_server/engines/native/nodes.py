@@ -27,8 +27,8 @@ class Node(Protocol):
     """The keys at which the value may have changed with this step; a fresh value stands for all."""
     at: Callable[[Key], bool]
     """The value at a key."""
-    slim: bool
-    """Whether it holds at finitely many keys, none with a fresh value, and `spread` tells the texts in any region."""
+    binds: frozenset[int]
+    """Variables that have finitely many values where it holds, and none fresh; `spread` tells these in any region."""
     multiplies: bool
     """Whether it can come to hold at more keys with a step than events have values."""
     lasting: bool
@@ -82,9 +82,10 @@ ABSENT = Absent()
 class Leaf:
     """A node of the last step alone: where it holds now, and at which keys that has changed."""
 
-    __slots__ = ("changes", "current", "slim")
+    __slots__ = ("binds", "changes", "current")
     multiplies = lasting = False
 
+    binds: frozenset[int]
     changes: list[Key]
     current: Key | Absent
 
@@ -107,7 +108,7 @@ class AtomNode(Leaf):
     def __init__(self, variables: Variables, refs: tuple[int, ...]) -> None:
         """`refs` are the variables at the atom's refs, in their order; one can stand at several."""
         self.variables = variables
-        self.flat, self.slim = True, bool(variables)
+        self.flat, self.binds = True, frozenset(variables)
         self.changes = []
         self.current = ABSENT
         places = [refs.index(v) for v in variables]

@@ -25,12 +25,12 @@ class Outstanding:
     """Holds where a `Preceded` does, and an expression over the variable of its ψ."""
 
     flat = lasting = False
-    slim = multiplies = True
+    multiplies = True
 
     def __init__(self, preceded: Preceded, also: Expression, timeline: Timeline) -> None:
         """`also` has that variable, and each of its nodes has."""
         self._preceded, self._also, self._timeline = preceded, Body(timeline, also), timeline
-        self.variables = preceded.variables
+        self.variables, self.binds = preceded.variables, preceded.binds
         whole = self._whole = Body(timeline, ("and", preceded, also))
         self.at, self.constant, self.settled, self.can_settle = (
             whole.at[0], whole.constant[0], whole.settled[0], whole.can_settle[0]

@@ -35,7 +35,7 @@ class Previous:
         self._body, self._timeline = body, timeline
         self._operand = body.at[0]
         self.variables, self.flat = body.variables, body.flat
-        self.slim = body.flat and bool(body.variables) and body.binds.issuperset(body.variables)
+        self.binds = body.binds if body.flat else frozenset()
         self.multiplies, self.lasting = body.multiplies, body.lasting
         self.changes: list[Key] = []
         self._table = table(len(self.variables), _Value(False), _Value.copy, timeline, flat=self.flat)
