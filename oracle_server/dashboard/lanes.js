@@ -93,7 +93,7 @@ function streams(answer, { since, width }, awaited) {
 }
 
 function valueOf(rate, isAwaited) {
-  return isAwaited ? { value: `⧗ waited for, ${rate}`, mood: "unsure" } : { value: rate };
+  return isAwaited ? { value: `waited for, ${rate}`, mood: "unsure" } : { value: rate };
 }
 
 function rate(total, seconds) {

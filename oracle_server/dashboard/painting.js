@@ -226,7 +226,8 @@ export function paintSignal(canvas, window, { since, width, min, max, mean }, bo
   context.textBaseline = "bottom";
   context.textAlign = "left";
   lines.forEach(({ text }, i) => names[i] !== null && written(context, text, 4, names[i], "bad"));
-  reach(at, from, to, above, below);
+  const told = lines.filter((_, i) => names[i] !== null).map(({ value }) => value); // a bound's name has its number
+  reach(at, from, to, above, below, told);
 }
 
 /** Where each line's name stands, null where there is no room for it; the first ones have it before others. */
@@ -249,9 +250,12 @@ function written(context, text, x, y, ink) {
   context.fillText(text, x, y);
 }
 
-/** What the plot reaches from and to, and how many bounds are beyond. */
-function reach({ context, width, height }, from, to, above, below) {
-  const text = (value, beyond, sign) => `${beyond ? `${sign} ${counted(beyond, "more bound")}, ` : ""}${Number(value.toPrecision(4))}`;
+/** What the plot reaches from and to, unless it is `told` there, and how many bounds are beyond. */
+function reach({ context, width, height }, from, to, above, below, told) {
+  const text = (value, beyond, sign) => [
+    ...(beyond ? [`${sign} ${counted(beyond, "more bound")}`] : []),
+    ...(told.includes(value) ? [] : [Number(value.toPrecision(4))]),
+  ].join(", ");
   context.textAlign = "right";
   context.textBaseline = "top";
   written(context, text(to, above, "↑"), width - TICK - 4, 1, "quiet");

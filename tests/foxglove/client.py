@@ -32,6 +32,7 @@ class Viewer:
     def __init__(self, socket: ClientConnection, wanted: Callable[[str], bool]) -> None:
         self.socket, self._wanted = socket, wanted
         self.channels: dict[int, dict[str, Any]] = {}
+        self._names: dict[int, str] = {}  # of those that are gone, too: what was sent before may come after that
         self.seen: list[Seen] = []
 
     @property
@@ -62,7 +63,7 @@ class Viewer:
         if isinstance(message, bytes):
             kind, number, time = _DATA.unpack_from(message)
             assert kind == 1
-            seen = Seen(self.channels[number]["topic"], time, json.loads(message[_DATA.size :]))
+            seen = Seen(self._names[number], time, json.loads(message[_DATA.size :]))
             if self.of(seen.topic)[-1:] != [seen]:  # the last one is repeated for who subscribes
                 self.seen.append(seen)
             return
@@ -71,6 +72,7 @@ class Viewer:
             for channel in told["channels"]:
                 assert (channel["encoding"], channel["schemaEncoding"]) == ("json", "jsonschema")
                 self.channels[channel["id"]] = channel
+                self._names[channel["id"]] = channel["topic"]
             wanted = [c["id"] for c in told["channels"] if self._wanted(c["topic"])]
             subscriptions = [{"id": number, "channelId": number} for number in wanted]
             await self.socket.send(json.dumps({"op": "subscribe", "subscriptions": subscriptions}))
