@@ -40,11 +40,11 @@ class Server:
 
 
 @contextmanager
-def oracle(specs: Path, data: Path) -> Iterator[Server]:
-    """A server with some specs."""
+def oracle(specs: Path, data: Path, unix: Path | None = None) -> Iterator[Server]:
+    """A server with some specs, which listens at a UNIX socket, too, where one is given."""
     command = [sys.executable, "-c", "from oracle_server.cli.commands import main; main()", "serve", "--port", "0"]
     environment = {k: v for k, v in os.environ.items() if not k.startswith("ORACLE_")} | _SETTINGS
-    arguments = ["--specs", str(specs), "--data-dir", str(data)]
+    arguments = ["--specs", str(specs), "--data-dir", str(data), *(() if unix is None else ("--unix", str(unix)))]
     with running([*command, *arguments], environment) as process:
         assert process.stderr is not None
         line = json.loads(process.stderr.readline())

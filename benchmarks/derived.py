@@ -37,6 +37,10 @@ SIGNALS = {
     "sum": "{sum: x, over: WINDOW}",
     "mean": "{mean: x, over: WINDOW}",
     "count, by 1000 keys": "{count: '{topic: /a}', over: WINDOW, by: k}",
+    "states": "{start: s, states: {s: {on: t}, t: {off: s}}, otherwise: stay}",
+    "states, by 1000 keys": "{start: s, states: {s: {on: t}, t: {off: s}}, otherwise: stay, by: k, forget: 24h}",
+    "follows": "{follows: state, states: {IDLE: [AUTO], AUTO: [IDLE, FAULT], FAULT: [IDLE]}}",
+    "sequence": "{sequence: '(off on)* off?'}",
 }
 
 
@@ -53,6 +57,7 @@ def show(*, quick: bool) -> None:
     plain, beside = (min(times) for times in zip(*turns, strict=True))
     more = (beside - plain) / native
     print(f"a whole step that concerns none: {beside:.2f} µs by {plain:.2f}, {more:+.2f} native steps")
+    print(f"a machine, of 10^5 keys: {machine_bytes(10**5):.0f} bytes", flush=True)
     for name in ("count", "sum", "max", "count, by 1000 keys"):
         last = 2 * 10**4 if quick else 10**6
         print(f"{name:22} {growth(SIGNALS[name], last):9.0f} kB from 10^4 to {last:,} steps", flush=True)
@@ -113,6 +118,18 @@ def growth(text: str, steps: int) -> float:
     return (resident() - early) / 1e3
 
 
+def machine_bytes(count: int) -> float:
+    """Bytes that each of so many keys of a machine has added to the process, its key included."""
+    ready = made(SIGNALS["states, by 1000 keys"], 100)
+    derived, parts = Derived(ready.derived), ready.streams[STREAM].derives
+    before = resident()
+    for n in range(2 * count):
+        event = step_of(n, STREAM)
+        signals: dict[str, Scalar] = {**event.signals, "k": f"key{n % count}"}
+        derived.step(parts, Step(event.event, signals, frozenset(), n), dict(signals), frozenset(), n * STEP, n + 1)
+    return (resident() - before) / count
+
+
 def made(text: str, size: int) -> Plan:
     """A plan with one derived signal, over a window that holds so many samples."""
     derive = f"derive: {{d: {text.replace('WINDOW', f'{size}ms')}}}" if text else ""
@@ -120,19 +137,24 @@ def made(text: str, size: int) -> Plan:
 id: t
 ordering: {{by: arrival}}
 streams:
-  - {{topic: /a, signals: {{x: msg.x, k: msg.k}}}}
+  - {{topic: /a, signals: {{x: msg.x, k: msg.k, state: msg.state}}}}
   - {{topic: /b, signals: {{x: msg.x}}}}
+define: {{on: '{{state: AUTO}}', off: '{{state: IDLE}}'}}
 {derive}
 properties:
   - {{id: p, formula: '{{topic: /a}} -> once[:10] {{topic: /b}}'}}
-  - {{id: q, formula: '{{topic: /a{", d > 1" if text else ""}}}'}}
+  - {{id: q, formula: '{{topic: /a{", d: *" if text else ""}}}'}}
 """
     return plan(parse_spec(spec, "benchmark").spec)
 
 
 def step_of(number: int, stream: StreamKey) -> Step:
     """A step with a number that jumps, and one of 1000 keys."""
-    signals: dict[str, Scalar] = {"x": (number * 7919 % 1_000) / 7, "k": f"key{number % 1_000}"}
+    signals: dict[str, Scalar] = {
+        "x": (number * 7919 % 1_000) / 7,
+        "k": f"key{number % 1_000}",
+        "state": ("IDLE", "AUTO")[number % 2],
+    }
     event = Event(stream, "m", number + 1, number * STEP, number * STEP, {})
     return Step(event, signals if stream == STREAM else {"x": 1.5}, frozenset(), number * STEP)
 

@@ -3,7 +3,8 @@
     python benchmarks/oracle.py [--json] [--quick]
 
 *Round trip*: one ask at a time over one connection, against an echo over the same stack in a process of its own. Who
-asks keeps to one core and both servers to others: else the system puts it with the one and apart from the other.
+asks keeps to one core and both servers to others: else the system puts it with the one and apart from the other. The
+same by a UNIX socket is compared with the oracle by TCP.
 *Throughput*: from the first event until the ack of the last one, against one loop without any server that decodes the
 same frames, computes the same signals, steps the same engines and inserts the same rows, 256 to a commit. Each is
 measured three times, in turns, and the best counts: whatever else the machine does only slows.
@@ -31,7 +32,7 @@ from typing import Any, NamedTuple
 import msgspec
 from apart import Server, apart, echo, oracle
 from lines import Line, table
-from websockets.asyncio.client import ClientConnection, connect
+from websockets.asyncio.client import ClientConnection, connect, unix_connect
 
 from oracle_server.core.events import Event, Step, StreamKey
 from oracle_server.core.judge import Judge
@@ -132,9 +133,10 @@ async def measure(folder: Path, *, quick: bool) -> list[Line]:
     small = Load("1 property", "one_stream", ONE_STREAM, statuses(few))
     large = Load("1 property", "one_stream", ONE_STREAM, statuses(many))
     whole = Load("battery_uav, 6 properties", "battery_uav", battery, battery_events(many))
-    with oracle(specs, folder / "data") as server, echo() as other:
+    socket = folder / "oracle.sock"
+    with oracle(specs, folder / "data", socket) as server, echo() as other:
         with apart(server.pid, other.pid):
-            lines = await round_trips(server.url, other.url, small.events)
+            lines = await round_trips(server.url, other.url, socket, small.events)
         for load, size in ((small, 1), (large, 16), (large, 256), (whole, 256)):
             served, bare = [], []
             for turn in range(turns):
@@ -163,23 +165,32 @@ async def by_revising(server: Server, plain: Load, revising: Load, size: int, tu
     return [Line(f"late: revise, batches of {size}: CPU", "µs", 1e6 * least, 1e6 * without, goal)] if without else []
 
 
-async def round_trips(oracle_url: str, echo_url: str, events: list[Frame]) -> list[Line]:
+async def round_trips(oracle_url: str, echo_url: str, path: Path, events: list[Frame]) -> list[Line]:
     """Times from sending an ask to having its decision, and from sending the same frame to having it back."""
     asks = [_encode(event | {"ask": True}) for event in events]
     decided: list[int] = []
+    by_path: list[int] = []
     echoed: list[int] = []
-    async with dial(oracle_url) as monitor, dial(echo_url) as other:
+    async with (
+        dial(oracle_url) as monitor,
+        unix_connect(str(path), "ws://localhost/api/v1/attach", compression=None, ping_interval=None) as beside,
+        dial(echo_url) as other,
+    ):
         await attach(monitor, "one_stream", "round-trips")
-        for start in range(0, len(asks), 100):  # in turns, so that what else the machine does hits both
+        await attach(beside, "one_stream", "round-trips-by-path")
+        for start in range(0, len(asks), 100):  # in turns, so that what else the machine does hits all
             block = asks[start : start + 100]
             decided += [await until(monitor, text, '"type":"decision"') for text in block]
+            by_path += [await until(beside, text, '"type":"decision"') for text in block]
             echoed += [await until(other, text, "") for text in block]
     warm = len(asks) // 10
-    decided, echoed = decided[warm:], echoed[warm:]
-    return [
-        Line(f"round trip {name}", "µs", percentile(decided, share) / 1e3, percentile(echoed, share) / 1e3, goal)
-        for name, share, goal in (("p50", 0.5, 1.5), ("p99", 0.99, 2.5))
-    ]
+    decided, by_path, echoed = decided[warm:], by_path[warm:], echoed[warm:]
+    lines = []
+    for name, share, goal in (("p50", 0.5, 1.5), ("p99", 0.99, 2.5)):
+        ours, beside_it, bare = (percentile(times, share) / 1e3 for times in (decided, by_path, echoed))
+        lines.append(Line(f"round trip {name}", "µs", ours, bare, goal))
+        lines.append(Line("  UNIX socket, beside TCP", "µs", beside_it, ours))
+    return lines
 
 
 async def until(peer: ClientConnection, text: str, wanted: str) -> int:

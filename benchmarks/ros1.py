@@ -1,10 +1,11 @@
 """What the oracle costs on ROS 1: topics, services and an action, beside the direct ones and a bare chain.
 
-    source .build/ros1/setup.sh && python benchmarks/ros1.py [--rounds 2] [--seconds 2] [--no-topics] [--json]
+    source .build/ros1/setup.sh && python benchmarks/ros1.py [--rounds 2] [--no-topics | --topics-alone] [--json]
 
 The bare chain has the same hops and no logic: rospy in, a WebSocket echo in another process, rospy out; its link has a
-thread of its own, as the adapter's has. Everything runs in processes of its own, on this machine, one path after the
-other, round by round. Latency is from before a message is published, or a service called, until it is there.
+thread of its own, as the adapter's has. Embedded, the adapter judges by itself: left out where the server has another
+Python. Everything runs in processes of its own, on this machine, one path after the other, round by round. Latency is
+from before a message is published, or a service called, until it is there.
 """
 
 from __future__ import annotations

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import errno
 import faulthandler
 import importlib.util
 import os
@@ -27,8 +26,9 @@ from oracle_server.core.errors import OracleError, SpecError
 from oracle_server.core.spec import Retention
 from oracle_server.edge.access import Access
 from oracle_server.edge.bodies import Bodies
-from oracle_server.edge.listener import Listener
+from oracle_server.edge.listening import bracketed, listen, listening_unix
 from oracle_server.edge.origins import Origins
+from oracle_server.edge.readonly import ReadOnly
 from oracle_server.edge.scopes import RouteScopes
 from oracle_server.edge.tokens import Tokens
 from oracle_server.edge.transport import WebSocketTransport, http_transport
@@ -38,6 +38,7 @@ from oracle_server.foxglove.live import Live
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.port import History
 from oracle_server.history.retention import Hold, Pruner
+from oracle_server.history.sqlite.beside import SqliteBeside
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.jobs.checking import Checking
 from oracle_server.jobs.forwarding import Forwarding
@@ -60,8 +61,6 @@ from oracle_server.wire.incoming import MAX_FRAME
 
 _LOOPBACK = ("127.0.0.1", "::1", "localhost")
 _STOP_WITHIN = 10
-_UNSENT = 2**14
-"""Bytes that the operating system buffers for a client that does not read."""
 _OTHER_FILES = STRANGERS + LEAVING + 200
 """Files that the server has open beyond its connections: those that come and go, and its history's."""
 _IN_MEMORY = 200_000
@@ -83,8 +82,11 @@ def serve(settings: Settings) -> None:
     os.umask(0o077)  # all that it writes says what robots did
     faulthandler.enable()  # where systemd ends a server that stands still, its journal says where
     set_up_logs(settings)
-    pid_file = PidFile(settings.data_dir)
-    try:
+    with contextlib.ExitStack() as held:
+        pid_file = None
+        if not settings.read_only:
+            pid_file = PidFile(settings.data_dir)
+            held.callback(pid_file.release)
         tokens = Tokens(settings.token_file)
         _require_protection(settings, tokens)
         tls = _tls(settings)
@@ -92,24 +94,18 @@ def serve(settings: Settings) -> None:
         library = _library(settings)
         receivers = load_receivers(settings.alarms) if settings.alarms else []
         visitors = Visitors(_connections(settings.max_connections))
-        listener = _listen(settings.host, settings.port, visitors)
-        try:
-            foxglove = None if settings.foxglove is None else _listen_to_foxglove(settings, settings.foxglove)
-            history = _history(settings, listener.getsockname()[1])
-            webhooks = Webhooks(receivers) if receivers else None
-            try:
-                door = _Door(tokens, tls, pid_file, listener, visitors, webhooks, foxglove)
-                asyncio.run(_serve(settings, library, history, door))
-                if history.fenced is not None:
-                    raise ServerError(f"{history.fenced}; start it again")
-            finally:
-                history.close()
-                if webhooks:
-                    webhooks.close()
-        finally:
-            listener.close()
-    finally:
-        pid_file.release()
+        listener = held.enter_context(listen(settings.host, settings.port, visitors))
+        unix = held.enter_context(listening_unix(settings.unix, visitors))
+        foxglove = None if settings.foxglove is None else _listen_to_foxglove(settings, settings.foxglove)
+        webhooks = Webhooks(receivers) if receivers else None
+        if webhooks:
+            held.callback(webhooks.close)
+        history = _history(settings, listener.getsockname()[1])
+        held.callback(history.close)
+        door = _Door(tokens, tls, pid_file, listener, unix, visitors, webhooks, foxglove)
+        asyncio.run(_serve(settings, library, history, door))
+        if history.fenced is not None:
+            raise ServerError(f"{history.fenced}; start it again")
 
 
 def _library(settings: Settings) -> Library:
@@ -126,6 +122,8 @@ def _library(settings: Settings) -> Library:
 
 
 def _history(settings: Settings, port: int) -> History:
+    if settings.read_only:
+        return SqliteBeside(settings.data_dir)
     if settings.history == "sqlite":
         return SqliteHistory(settings.data_dir, settings.durability, forwarding=settings.forward is not None)
     if settings.history.startswith(POSTGRES):
@@ -169,8 +167,9 @@ class _Door(NamedTuple):
 
     tokens: Tokens
     tls: ssl.SSLContext | None
-    pid_file: PidFile
+    pid_file: PidFile | None
     listener: socket.socket
+    unix: socket.socket | None
     visitors: Visitors
     webhooks: Webhooks | None
     foxglove: Listening | None
@@ -193,6 +192,8 @@ async def _serve(settings: Settings, library: Library, history: History, door: _
             collect_rarely()
         checking, folders = Checking(settings.type_folders), settings.type_folders
         uploads = Uploads(settings.data_dir / "recordings", settings.max_recording)
+        if history.read_only is None:
+            uploads.clear()
         recordings = Recordings(
             registry, library, uploads, folders, _IN_MEMORY if settings.history == "memory" else None
         )
@@ -209,7 +210,8 @@ async def _serve(settings: Settings, library: Library, history: History, door: _
             max_rate=settings.max_rate,
             forwarding=forwarding.progress if forwarding else None,
         )
-        access = Access(Bodies(app, {RECORDINGS: settings.max_recording}), door.tokens, RouteScopes(app.routes))
+        inside = app if history.read_only is None else ReadOnly(app, history.read_only)
+        access = Access(Bodies(inside, {RECORDINGS: settings.max_recording}), door.tokens, RouteScopes(app.routes))
         config = uvicorn.Config(
             Origins(access, _hosts(settings)),
             http=http_transport(door.visitors),
@@ -226,7 +228,9 @@ async def _serve(settings: Settings, library: Library, history: History, door: _
             timeout_graceful_shutdown=_STOP_WITHIN,
             ssl_context_factory=(lambda *_: tls) if tls else None,
         )
-        works = [pruner.run(settings.retain_check), access.watch(), history.catch_up()]
+        works = [access.watch()]
+        if history.read_only is None:
+            works += [pruner.run(settings.retain_check), history.catch_up()]
         if settings.history.startswith(POSTGRES):
             works.append(share(registry, history, settings.lease / _LOOKS))
         if forwarding is not None:
@@ -235,7 +239,7 @@ async def _serve(settings: Settings, library: Library, history: History, door: _
             works.append(Live(door.foxglove, registry, history, lambda: _may_draw(settings, door.tokens)).run())
         beside = [asyncio.create_task(work) for work in works]
         try:
-            await _Server(config, registry, recordings, settings, door.pid_file).serve(sockets=[door.listener])
+            await _Server(config, registry, recordings, settings, door).serve(sockets=[door.listener])
         finally:
             for task in beside:
                 task.cancel()
@@ -328,10 +332,10 @@ class _Server(uvicorn.Server):
     """Reports when it accepts work; to stop, closes the listeners, commits, and then closes the connections."""
 
     def __init__(
-        self, config: uvicorn.Config, registry: Registry, recordings: Recordings, settings: Settings, pid_file: PidFile
+        self, config: uvicorn.Config, registry: Registry, recordings: Recordings, settings: Settings, door: _Door
     ) -> None:
         super().__init__(config)
-        self._registry, self._recordings, self._settings, self._pid_file = registry, recordings, settings, pid_file
+        self._registry, self._recordings, self._settings, self._door = registry, recordings, settings, door
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -346,11 +350,27 @@ class _Server(uvicorn.Server):
         for listener in sockets or ():
             host, port = listener.getsockname()[:2]
             scheme = "https" if self._settings.tls_cert else "http"
-            url = f"{scheme}://{_bracketed(host)}:{port}"
-            self._pid_file.publish(url)
-            log.info("accepting work", url=url, data=str(self._settings.data_dir))
+            url = f"{scheme}://{bracketed(host)}:{port}"
+            if self._door.pid_file is not None:
+                self._door.pid_file.publish(url)
+            what = "reading only, and accepting no work" if self._settings.read_only else "accepting work"
+            log.info(what, url=url, data=str(self._settings.data_dir))
+        if self._door.unix is not None:
+            await self._begin_unix(self._door.unix)
         self._registry.accept_work()
         notify("READY=1")
+
+    async def _begin_unix(self, listener: socket.socket) -> None:
+        """Accept at a UNIX socket: without TLS, as nobody is between."""
+
+        def protocol() -> asyncio.Protocol:
+            return self.config.http_protocol_class(  # type: ignore[call-arg]
+                config=self.config, server_state=self.server_state, app_state=self.lifespan.state
+            )
+
+        loop = asyncio.get_running_loop()
+        self.servers.append(await loop.create_server(protocol, sock=listener, backlog=self.config.backlog))
+        log.info("accepting work at a UNIX socket", path=listener.getsockname())
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         for listener in self.servers:
@@ -370,22 +390,3 @@ def _specs_folder(settings: Settings) -> Path | None:
         return settings.specs
     default = Path("specs")
     return default if default.is_dir() else None
-
-
-def _listen(host: str, port: int, visitors: Visitors) -> Listener:
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    # asyncio disables Nagle's algorithm only where the protocol is given; with it a decision can wait 40 ms
-    listener = Listener(visitors, family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, _UNSENT)
-    try:
-        listener.bind((host, port))
-    except OSError as error:
-        listener.close()
-        hint = "; stop what uses it, or choose another --port" if error.errno == errno.EADDRINUSE else ""
-        raise ServerError(f"{_bracketed(host)}:{port}: {error.strerror}{hint}") from None
-    return listener
-
-
-def _bracketed(host: str) -> str:
-    return f"[{host}]" if ":" in host else host

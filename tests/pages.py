@@ -3,7 +3,8 @@
 A file is a block under a line that ends with its name: "`spec.yaml`:". Commands are the lines of a `console` block that
 begin with `$`, in one shell, and what they print stands below them: each line shown is printed, and each line printed
 is shown; `…` stands for anything, and a line of it for any lines. Where nothing is shown, nothing is compared. A
-command ends with 0, unless the next one is `echo $?`.
+command ends with 0, unless the next one is `echo $?`, or its comment says with what it ends. A server in the foreground
+runs until the next one, or the page, ends.
 """
 
 from __future__ import annotations
@@ -12,18 +13,24 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import NamedTuple, Self
 
-from tests.processes import PATIENCE, environment, held_port
+from tests.processes import PATIENCE, Process, environment, held_port
 
 BLOCK = re.compile(r"(?:`([\w.-]+)`:\n\n)?^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 ADDRESS = "http://127.0.0.1:8642"
 """Where the server of a page is; in the test it is elsewhere."""
-READS = ("oracle-server verdicts", "oracle-server sessions")
-"""What shows how a session stands, which a reader asks again until the session is as far."""
+PORTS = ("8642", "8080", "8765")
+"""Ports that pages name; in the test there are others in their places."""
+ENDLESS = re.compile(r"(?:\w+=\S+ )*oracle-server (serve|replay --serve)\b")
+"""What goes on until somebody ends it."""
+CTRL_C = "^C"
+"""Ends that."""
+READS = ("oracle-server verdicts", "oracle-server sessions", "curl --silent http://127.0.0.1:8642/metrics")
+"""What shows how a session, or the server, stands, which a reader asks again until it is as far."""
 
 
 class Step(NamedTuple):
@@ -40,33 +47,42 @@ def steps(text: str) -> Iterator[Step]:
     """All that a page has its reader do, in its order."""
     typed: list[Step] = []
     for name, language, block in BLOCK.findall(text):
-        if name:
+        if name and language != "console":
             typed.append(Step("", block.splitlines(), name))
         elif language == "console":
             for part in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
-                command, *shown = part.splitlines()
-                typed.append(Step(re.sub(r"\s{2,}# .*", "", command).strip(), shown))
+                line, *shown = part.splitlines()
+                command, _, comment = re.sub(r"\s{2,}# ", "\0", line).partition("\0")
+                typed.append(Step(command.strip(), shown, ends=not re.search(r"\bends with [1-9]", comment)))
     for step, after in zip(typed, [*typed[1:], Step("", [])], strict=False):
-        yield step._replace(ends=after.command != "echo $?")
+        yield step._replace(ends=step.ends and after.command != "echo $?")
 
 
 class Reader:
-    """A shell in a folder with a server's place of its own; use it as a context manager."""
+    """A shell in an empty home with a server's place of its own; use it as a context manager.
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    `stands_for` has what is typed in place of what a page names; `path` the folders of programs that the page takes for
+    installed.
+    """
+
+    def __init__(self, folder: Path, stands_for: Mapping[str, str] | None = None, path: str = "", **more: str) -> None:
+        self._folder, self._more = folder, more
+        self._words = dict(stands_for or {})
+        self._path = ":".join(each for each in (str(Path(sys.executable).parent), path, "/usr/bin:/bin") if each)
         self._stack = ExitStack()
+        self._server: Process | None = None
+        self._started = False
 
     def __enter__(self) -> Self:
-        port = held_port(self._stack)
-        self._address = f"http://127.0.0.1:{port}"
-        path = f"{Path(sys.executable).parent}:/usr/bin:/bin"
-        settings = environment(
-            PATH=path,
-            ORACLE_PORT=str(port),
-            ORACLE_URL=self._address,
-            ORACLE_DATA_DIR=str(self._folder / "data"),
+        self._words |= {port: str(held_port(self._stack)) for port in PORTS}
+        url = self._here(ADDRESS)
+        self._settings = environment(
+            ("XDG_STATE_HOME",),
+            PATH=self._path,
             HOME=str(self._folder),
+            ORACLE_URL=url,
+            ORACLE_PORT=url.rpartition(":")[2],
+            **self._more,
         )
         (self._folder / "here").mkdir()
         self._shell = subprocess.Popen(
@@ -76,23 +92,34 @@ class Reader:
             stderr=subprocess.STDOUT,
             encoding="utf-8",
             cwd=self._folder / "here",
-            env=settings,
+            env=self._settings,
         )
-        self._stack.callback(self._close, settings)
+        self._stack.callback(self._close)
+        self.types('curl() { command curl --fail-with-body --silent --show-error "$@"; }')
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self._stack.close()
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        with self._stack:
+            if kind is None:
+                self._end()
 
-    def _close(self, settings: dict[str, str]) -> None:
+    def _close(self) -> None:
         self._shell.kill()
         self._shell.communicate()
-        subprocess.run(["oracle-server", "stop"], env=settings, check=False, capture_output=True)
+        if self._server is not None:
+            self._server.remove()
+        if self._started:
+            subprocess.run(["oracle-server", "stop"], env=self._settings, check=False, capture_output=True)
 
     def does(self, step: Step) -> None:
         """Do a step, and find what is shown."""
         if step.file:
             self.save(step.file, "\n".join(step.shown) + "\n")
+            return
+        if step.command == CTRL_C or ENDLESS.match(step.command):
+            self._end()
+            if step.command != CTRL_C:
+                self._begin(step)
             return
         end = time.monotonic() + PATIENCE
         while True:
@@ -113,15 +140,44 @@ class Reader:
         """What a command prints, and its exit status, which `$?` is for the next one."""
         assert self._shell.stdin is not None
         assert self._shell.stdout is not None
-        command = command.replace(ADDRESS, self._address)
-        self._shell.stdin.write(f"{command}\n( s=$?; printf '\\n\\036%s\\n' $s; exit $s )\n")
+        self._started |= "oracle-server start" in command
+        self._shell.stdin.write(f"{self._here(command)}\n( s=$?; printf '\\n\\036%s\\n' $s; exit $s )\n")
         self._shell.stdin.flush()
         lines: list[str] = []
         for line in self._shell.stdout:
             if line.startswith("\x1e"):
-                return "".join(lines).replace(self._address, ADDRESS), int(line[1:])
+                return self._there("".join(lines)), int(line[1:])
             lines.append(line)
         raise AssertionError(f"the shell ended at: {command}")
+
+    def _begin(self, step: Step) -> None:
+        """Start what does not end by itself, and wait until it has said what is shown; a server is ready then."""
+        place = self.types("pwd")[0].strip()
+        words = ["env", "-C", place, "bash", "-c", f"exec env {self._here(step.command)}"]
+        self._server = Process(step.command, words, self._settings)
+        if "oracle-server serve" in step.command:
+            self._server.said("accepting work")
+        for line in step.shown:
+            self._server.said(pattern(self._here(line)).replace("\\ ", r"\s+"))
+
+    def _end(self) -> None:
+        """End what was begun; a server ends with 0."""
+        if self._server is not None:
+            name, status = self._server.name, self._server.end()
+            assert status in ((0,) if "oracle-server serve" in name else (0, 1)), self._server.log
+            self._server = None
+
+    def _here(self, text: str) -> str:
+        """What a page has, as it is in the test."""
+        for word, here in self._words.items():
+            text = text.replace(word, here)
+        return text
+
+    def _there(self, text: str) -> str:
+        """What the test has, as it is on a page."""
+        for word, here in self._words.items():
+            text = text.replace(here, word)
+        return text
 
 
 def difference(shown: list[str], printed: str) -> str:
@@ -130,12 +186,17 @@ def difference(shown: list[str], printed: str) -> str:
     wanted = [words(line) for line in shown if line.strip()]
     if not wanted:
         return ""
-    patterns = [re.escape(line).replace("…", ".*") for line in wanted if line != "…"]
-    missing = [pattern for pattern in patterns if not any(re.fullmatch(pattern, line) for line in said)]
-    more = [line for line in said if not any(re.fullmatch(pattern, line) for pattern in patterns)]
+    patterns = [pattern(line) for line in wanted if line != "…"]
+    missing = [each for each in patterns if not any(re.fullmatch(each, line) for line in said)]
+    more = [line for line in said if not any(re.fullmatch(each, line) for each in patterns)]
     if missing or (more and "…" not in wanted):
         return f"shown and not printed: {missing}\nprinted and not shown: {more}"
     return ""
+
+
+def pattern(line: str) -> str:
+    """What matches a line that is shown."""
+    return re.escape(words(line)).replace("…", ".*")
 
 
 def words(line: str) -> str:

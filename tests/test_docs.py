@@ -1,12 +1,16 @@
 """What the documents show is true: whole specs are sound, files that they name are there, and nothing is left out."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+import yaml
 
 from oracle_server.core.signals import Projection
 from oracle_server.process.settings import Settings
+from oracle_server.remote.receivers import load_receivers
 from oracle_server.specfiles.load import parse_spec
 from oracle_server.specfiles.model import (
     ActionModel,
@@ -20,7 +24,9 @@ from oracle_server.specfiles.model import (
     StampModel,
     TopicModel,
 )
-from tests.pages import Reader, steps
+from tests.pages import ADDRESS, steps
+from tests.processes import PATIENCE
+from tests.whole.harness import Server
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = [
@@ -36,8 +42,33 @@ SPECS = [
     if "properties:" in block and "…" not in block
 ]
 
-ELSEWHERE = re.compile(r"python3 -m (venv|oracle_ros2)|pip install|.* --follow$")
-"""What is tested elsewhere (installing; adapters, in tests/ros2/test_pages.py), and what does not end."""
+PARTS = [
+    pytest.param(block, id=f"{path.name}-{i}")
+    for path in DOCUMENTS
+    for i, block in enumerate(re.findall(r"```yaml\n(.*?)```", path.read_text(), re.DOTALL))
+    if "properties:" not in block or "…" in block
+]
+AROUND = """
+id: around
+{keys}streams:
+  - {{topic: /a}}
+  - {{topic: /chatter, action: filter}}
+  - {{topic: /goal, signals: {{id: msg.id}}}}
+  - {{topic: /status, signals: {{id: msg.id, status: msg.status}}}}
+  - {{service: /SetLED, action: filter}}
+{streams}properties:
+  - {{id: p, formula: '{{topic: /a}}', guards: [/chatter, /SetLED]}}
+{properties}"""
+"""A spec around a part of one."""
+PLACES = {"  - id: ": "properties", "  - topic: ": "streams", "retention: ": "keys"}
+"""Where a part goes, by how it begins."""
+NO_SPECS = {
+    "judge:": "test_a_job_runs_what_its_page_shows",
+    "- uses:": "test_the_job_on_github_gives_what_the_action_takes",
+    "monitors:": "tests/test_pages.py",
+    "alarms:": "test_the_alarms_shown_are_taken",
+}
+"""How blocks begin that are no part of a spec, and what reads them."""
 
 
 @pytest.mark.parametrize("text", SPECS)
@@ -45,14 +76,45 @@ def test_specs_in_the_documents_are_sound(text: str) -> None:
     assert parse_spec(text, "document").spec.properties
 
 
-@pytest.mark.parametrize("name", ["tutorial", "guard-nav2", "ci"])
-def test_a_page_shows_what_happens(name: str, tmp_path: Path) -> None:
-    text = (ROOT / "docs" / f"{name}.md").read_text()
-    done = [step for step in steps(text) if not ELSEWHERE.match(step.command)]
-    assert len(done) > 2
-    with Reader(tmp_path) as reader:
-        for step in done:
-            reader.does(step)
+@pytest.mark.parametrize("text", PARTS)
+def test_parts_of_specs_in_the_documents_are_sound(text: str) -> None:
+    if text.startswith(tuple(NO_SPECS)):
+        return
+    (place,) = [place for beginning, place in PLACES.items() if text.startswith(beginning)]
+    parts = dict.fromkeys(PLACES.values(), "") | {place: text}
+    assert parse_spec(AROUND.format(**parts), "document").spec.properties
+
+
+def test_the_job_on_github_gives_what_the_action_takes() -> None:
+    text = (ROOT / "docs" / "installing.md").read_text()
+    ((*_, step),) = [yaml.safe_load(block) for block in re.findall(r"```yaml\n(- uses:.*?)```", text, re.DOTALL)]
+    inputs = yaml.safe_load((ROOT / "action.yml").read_text())["inputs"]
+    assert {name for name, of in inputs.items() if of.get("required")} <= step["with"].keys() <= inputs.keys()
+    assert {"types", "strict"} <= inputs.keys()  # as the text below has it
+
+
+def test_the_alarms_shown_are_taken(tmp_path: Path) -> None:
+    text = (ROOT / "docs" / "operations.md").read_text()
+    (block,) = re.findall(r"```yaml\n(alarms:.*?)```", text, re.DOTALL)
+    secret = tmp_path / "alarms.secret"
+    secret.write_text("0" * 32)
+    secret.chmod(0o600)
+    path = tmp_path / "alarms.yaml"
+    path.write_text(block.replace("/etc/oracle/alarms.secret", str(secret)))
+    assert [receiver.url for receiver in load_receivers(path)] == ["https://ops.example/oracle"]
+
+
+def test_the_adapter_of_ones_own_is_attached_and_denied(tmp_path: Path) -> None:
+    (block,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "adapters.md").read_text(), re.DOTALL)
+    with Server(ROOT / "specs", tmp_path) as server:
+        script = block.replace(ADDRESS, server.url) + "\nprint(passed, len(streams))"
+        ran = subprocess.run(
+            [sys.executable, "-c", script], capture_output=True, encoding="utf-8", timeout=PATIENCE, check=False
+        )
+        assert (ran.returncode, ran.stderr) == (0, "")
+        passed, streams = ran.stdout.split()
+        assert (passed, int(streams) > 3) == ("False", True)
+        assert {record["stream"] for record in server.records("flight1")} == {"/battery_status", "/SetLED"}
 
 
 def test_a_job_runs_what_its_page_shows() -> None:

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import httpx
 import pytest
 
+from tests.pages import steps
 from tests.processes import PATIENCE, ROOT, Process
 
 UV = shutil.which("uv", path=str(Path(sys.executable).parent)) or shutil.which("uv")
@@ -129,6 +130,5 @@ def test_the_examples_commands_work_where_they_are_written(built: Built) -> None
     checked = built.run("oracle-server", "check", *types, *specs, cwd=folder)
     assert checked.returncode == 0, checked.stderr
     assert f"{len(specs)} specs sound" in checked.stdout
-    readme = (folder / "examples/rover/README.md").read_text()
-    commands = re.findall(r"^\$ (oracle-server replay .*)$", readme, re.MULTILINE)
+    commands = [step.command for step in steps((folder / "examples/rover/README.md").read_text())]
     assert [built.run(*command.split(), cwd=folder).returncode for command in commands] == [0, 1]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import queue
 import re
@@ -24,6 +25,9 @@ from .parts import CALLS, GOALS, PATIENCE
 
 ROOT = Path(__file__).resolve().parents[2]
 SERVER = ROOT / ".build" / "server" / "bin" / "oracle-server"
+PACKAGES = SERVER.parents[1] / "lib" / f"python{sys.version_info.major}.{sys.version_info.minor}" / "site-packages"
+"""Where an adapter of this Python finds the server's package, to judge by itself."""
+PATHS: tuple[str, ...] = ("direct", "bare", "oracle", "embedded")
 ROS_ONLY = ("PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
 RATES = (100, 1000)
 
@@ -136,6 +140,12 @@ class Part:
             self._lines.put(line)
         self._lines.put(None)
 
+    @property
+    def cpu(self) -> float:
+        """The CPU seconds that it has spent."""
+        fields = Path(f"/proc/{self._process.pid}/stat").read_text().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
     def tell(self, word: str) -> None:
         assert self._process.stdin is not None
         with suppress(BrokenPipeError):
@@ -174,9 +184,20 @@ class Ros:
 class Run:
     """One benchmark: a graph, a folder, and what was measured of each case on each path."""
 
-    def __init__(self, folder: Path, ros: Ros, seconds: float, *, topics: bool = True) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        ros: Ros,
+        seconds: float,
+        *,
+        topics: bool = True,
+        calls: bool = True,
+        paths: tuple[str, ...] = PATHS,
+    ) -> None:
         self.measured: dict[tuple[str, str], Measured] = {}
-        self._folder, self._ros, self._seconds, self._topics = folder, ros, seconds, topics
+        self._paths = paths
+        self._between: list[Part] = []
+        self._folder, self._ros, self._seconds, self._topics, self._calls = folder, ros, seconds, topics, calls
         self._setting = {**os.environ, **ros.settings, "ROS_LOG_DIR": str(folder / "ros"), "PYTHONFAULTHANDLER": "1"}
         (folder / "specs").mkdir()
         for name, text in specs(ros):
@@ -192,34 +213,39 @@ class Run:
                 self._round()
 
     def _round(self) -> None:
-        for path, chain in (("direct", self._direct), ("bare", self._bare), ("oracle", self._oracle)):
+        chains = {"direct": self._direct, "bare": self._bare, "oracle": self._oracle, "embedded": self._embedded}
+        for path in self._paths:
+            chain = chains[path]
             for rate in RATES if self._topics else ():
                 with chain("topic"):
                     self._measure_topic(path, rate)
-            for case, (_, pause) in CALLED.items():
+            for case, (_, pause) in CALLED.items() if self._calls else ():
                 with chain(spec_of(case)):
                     self._measure_service(case, path, pause)
-            for kept in KEPT:
+            for kept in KEPT if self._calls else ():
                 with chain("action"):
                     self._measure_action(path, kept)
 
     def _part(self, stack: ExitStack, *words: object) -> Part:
         return self._start(stack, [sys.executable, self._ros.script, "--part", *words])
 
-    def _start(self, stack: ExitStack, command: list[object], without: tuple[str, ...] = ()) -> Part:
-        part = Part(command, {k: v for k, v in self._setting.items() if k not in without})
+    def _start(self, stack: ExitStack, command: list[object], without: tuple[str, ...] = (), **more: str) -> Part:
+        part = Part(command, {k: v for k, v in self._setting.items() if k not in without} | more)
         stack.callback(part.end)
         return part
 
     @contextmanager
     def _direct(self, _what: str) -> Iterator[None]:
+        self._between = []
         yield
 
     @contextmanager
     def _bare(self, _what: str) -> Iterator[None]:
         with ExitStack() as stack:
-            port = self._part(stack, "echo").until(r"port=(\d+)")[1]
-            self._part(stack, "bare", port).until("ready")
+            echo = self._part(stack, "echo")
+            bare = self._part(stack, "bare", echo.until(r"port=(\d+)")[1])
+            bare.until("ready")
+            self._between = [echo, bare]
             yield
 
     @contextmanager
@@ -227,10 +253,28 @@ class Run:
         with ExitStack() as stack:
             data = tempfile.mkdtemp(dir=self._folder)
             command = [SERVER, "serve", "--specs", self._folder / "specs", "--data-dir", data, "--port", "0"]
-            url = self._start(stack, command, ROS_ONLY).until(r"url=(http://\S+)")[1]
-            adapter = [sys.executable, "-m", self._ros.adapter, "--oracle", url, "--spec", what]
-            self._start(stack, adapter).until("observing")
+            server = self._start(stack, command, ROS_ONLY)
+            url = server.until(r"url=(http://\S+)")[1]
+            adapter = self._start(stack, [sys.executable, "-m", self._ros.adapter, "--oracle", url, "--spec", what])
+            adapter.until("observing")
+            self._between = [server, adapter]
             yield
+
+    @contextmanager
+    def _embedded(self, what: str) -> Iterator[None]:
+        with ExitStack() as stack:
+            spec, data = self._folder / "specs" / f"{what}.yaml", tempfile.mkdtemp(dir=self._folder)
+            command = [sys.executable, "-m", self._ros.adapter, "--embedded", spec, "--data", data]
+            found = [str(ROOT), *filter(None, [self._setting.get("PYTHONPATH")]), str(PACKAGES)]
+            adapter = self._start(stack, command, PYTHONPATH=os.pathsep.join(found))
+            adapter.until("observing")
+            self._between = [adapter]
+            yield
+
+    @property
+    def _spent(self) -> float:
+        """The CPU seconds of what stands between the nodes."""
+        return sum(part.cpu for part in self._between)
 
     def _measure_topic(self, path: str, rate: int) -> None:
         wanted = int(rate * self._seconds)
@@ -238,19 +282,23 @@ class Run:
             receiver = self._part(stack, "receive", "/number" if path == "direct" else "/number_mon", wanted)
             sender = self._part(stack, "send", rate, self._seconds)
             receiver.until("heard")
+            spent = self._spent
             sender.tell("go")
             sender.until("sent", self._seconds)
             receiver.tell("stop")
             latencies = json.loads(receiver.until(r"^\[.*\]$")[0])
+            spent = self._spent - spent
             sender.tell("end")
-        self._add(f"topic at {rate} Hz", path, wanted, latencies)
+        self._add(f"topic at {rate} Hz", path, wanted, latencies, spent)
 
     def _measure_service(self, case: str, path: str, pause: float) -> None:
         with ExitStack() as stack:
             self._part(stack, "serve").until("ready")
+            spent = self._spent
             caller = self._part(stack, "call", "/switch" if path == "direct" else "/switch_mon", pause)
             latencies = json.loads(caller.until(r"^\[.*\]$", PATIENCE)[0])
-        self._add(case, path, CALLS, latencies)
+            spent = self._spent - spent
+        self._add(case, path, CALLS, latencies, spent)
 
     def _measure_action(self, path: str, kept: int) -> None:
         with ExitStack() as stack:
@@ -260,10 +308,11 @@ class Run:
         for case, latencies in found.items():
             self._add(f"{case}, {kept} kept", path, GOALS, latencies)
 
-    def _add(self, case: str, path: str, sent: int, latencies: list[float]) -> None:
+    def _add(self, case: str, path: str, sent: int, latencies: list[float], spent: float = math.nan) -> None:
         measured = self.measured.setdefault((case, path), Measured())
         measured.sent += sent
         measured.latencies += latencies
+        measured.cpu += spent
 
 
 def free_port() -> int:
@@ -276,21 +325,28 @@ def main(ros: Ros, description: str | None) -> None:
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=2)
     parser.add_argument("--seconds", type=float, default=2.0, help="how long a topic is published (%(default)s)")
-    parser.add_argument("--no-topics", action="store_true", help="services and actions alone")
+    some = parser.add_mutually_exclusive_group()
+    some.add_argument("--no-topics", action="store_true", help="services and actions alone")
+    some.add_argument("--topics-alone", action="store_true", help="neither services nor actions")
     parser.add_argument("--json", action="store_true", help="one JSON document instead of a table")
     parser.add_argument("--part", nargs="+", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.part:
         ros.parts[options.part[0]](*options.part[1:])
         return
-    before = os.getloadavg()[0]
+    before, paths = os.getloadavg()[0], PATHS
+    if not PACKAGES.is_dir():
+        print(f"embedded is left out: {PACKAGES} is not there, the server has another Python", file=sys.stderr)
+        paths = PATHS[:3]
     with tempfile.TemporaryDirectory(prefix="oracle-benchmark.") as folder:
-        run = Run(Path(folder), ros, options.seconds, topics=not options.no_topics)
+        topics, calls = not options.no_topics, not options.topics_alone
+        run = Run(Path(folder), ros, options.seconds, topics=topics, calls=calls, paths=paths)
         run.rounds(options.rounds)
     found = rows(run.measured)
     if options.json:
         print(json.dumps({"cpus": os.cpu_count(), "load_before": before, "rows": found}))
         return
     print_table(found)
-    print_goals(run.measured, KEPT, FEW)
+    if calls:
+        print_goals(run.measured, KEPT, FEW)
     print(f"{os.cpu_count()} CPUs; load before the run {before:.1f}")

@@ -14,7 +14,7 @@ from oracle_server.history.port import History
 class Health(BaseModel):
     """The answer of a health check that succeeds."""
 
-    status: Literal["ok", "ready"]
+    status: Literal["ok", "ready", "read_only"]
 
 
 def router(history: History) -> APIRouter:
@@ -30,7 +30,9 @@ def router(history: History) -> APIRouter:
     @routes.get("/readyz")
     @needs(None)
     async def ready() -> Health:
-        """Check that the server can judge; 503 while its history can't be written."""
+        """Check that the server can judge; 503 while its history can't be written. `read_only`: it is to read alone."""
+        if history.read_only is not None:
+            return Health(status="read_only")
         if history.failure is not None:
             raise HTTPException(503, f"the history can't be written: {history.failure}")
         return Health(status="ready")

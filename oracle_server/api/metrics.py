@@ -162,7 +162,7 @@ class ServerCollector:
         yield GaugeMetricFamily("oracle_sessions_in_trouble", what, troubled)
         yield GaugeMetricFamily("oracle_monitors", "Monitors that are connected", len(outboxes))
         yield GaugeMetricFamily("oracle_history_lag_seconds", "Age of the oldest row not committed", self._history.lag)
-        writable = self._history.failure is None
+        writable = self._history.failure is None and self._history.read_only is None
         yield GaugeMetricFamily("oracle_history_writable", "Whether the history can be written", int(writable))
 
 

@@ -18,6 +18,8 @@ _WITHIN = 10.0
 _SILENT = 60.0
 """Seconds without data after which a stream is reopened; the server sends a comment every 15 s."""
 _RECONNECT_AFTER = 1.0
+_UNIX = "unix://"
+"""How the address of a UNIX socket begins; the rest is its path."""
 _CUT = httpx.RemoteProtocolError, httpx.ReadError, httpx.ReadTimeout
 """Errors after which a stream is reopened where it ended."""
 
@@ -27,7 +29,7 @@ class ServerUnreachableError(OracleError):
 
 
 class Client:
-    """A connection to one server, by its address and an optional token."""
+    """A connection to one server, by its address, which may be `unix:///PATH`, and an optional token."""
 
     def __init__(self, url: str, token: str | None = None) -> None:
         self._url = url.rstrip("/")
@@ -35,8 +37,12 @@ class Client:
             raise ServerUnreachableError("ORACLE_TOKEN or --token: not a token; `oracle-server token add` prints one")
         headers = {"Authorization": f"Bearer {token}"} if token else {}
         with self._reaching():
+            if self._url.startswith(_UNIX):
+                base, transport = "http://localhost", httpx.HTTPTransport(uds=self._url.removeprefix(_UNIX))
+            else:
+                base, transport = self._url, httpx.HTTPTransport(verify=_tls(), trust_env=False)
             self._http = httpx.Client(
-                base_url=f"{self._url}/api/v1/", headers=headers, timeout=_WITHIN, trust_env=False, verify=_tls()
+                base_url=f"{base}/api/v1/", headers=headers, timeout=_WITHIN, trust_env=False, transport=transport
             )
 
     def get(self, path: str, within: float = _WITHIN, **query: Any) -> dict[str, Any]:

@@ -19,6 +19,7 @@ _OF_A_SERVER: dict[str, Any] = {
     "data_dir": DataDir,
     "host": Annotated[str | None, typer.Option(help="The address to bind; default 127.0.0.1.")],
     "port": Annotated[int | None, typer.Option(min=0, max=65535, help="The port; default 8642.")],
+    "unix": Annotated[Path | None, typer.Option("--unix", metavar="PATH", help="Listen at a UNIX socket, too.")],
     "legacy": Annotated[str | None, typer.Option(metavar="SPEC", help="The spec of ROSMonitoring's monitors.")],
     "legacy_finals": Annotated[
         bool | None, typer.Option("--legacy-finals", help="Tell them final verdicts, at which those that only log end.")
@@ -51,7 +52,7 @@ _Command = Callable[..., None]
 
 def _takes_settings(command: _Command) -> _Command:
     """Add the options `_OF_A_SERVER` to a command; it receives them as keyword arguments, None where not given."""
-    own = [p for p in signature(command).parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
+    own = [p for p in signature(command, eval_str=True).parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
     settings = [
         Parameter(name, Parameter.KEYWORD_ONLY, default=None, annotation=kind) for name, kind in _OF_A_SERVER.items()
     ]
@@ -66,12 +67,17 @@ def _as_texts(settings: dict[str, Any]) -> dict[str, Any]:
 
 
 @_takes_settings
-def serve(**settings: Any) -> None:
+def serve(
+    read_only: Annotated[
+        bool | None, typer.Option("--read-only", help="Only read a history that another process writes.")
+    ] = None,
+    **settings: Any,
+) -> None:
     """Run the server in the foreground, until SIGTERM or SIGINT."""
     from oracle_server.process.settings import load_settings
     from oracle_server.server import serve as run
 
-    run(load_settings(**_as_texts(settings)))
+    run(load_settings(read_only=read_only, **_as_texts(settings)))
 
 
 @_takes_settings

@@ -15,6 +15,7 @@ from oracle_server.cli.options import SpecFiles, TypeFolders
 from oracle_server.core.errors import Finding, SpecError
 
 if TYPE_CHECKING:
+    from oracle_server.core.derived.definition import Definition
     from oracle_server.core.spec import Property
 
 _ROS: dict[str, Literal[1, 2]] = {"1": 1, "2": 2}
@@ -51,6 +52,7 @@ def check(
         FindingsFormat, typer.Option("--format", help="The format of what is found.")
     ] = FindingsFormat.TEXT,
     formulas: Annotated[bool, typer.Option("--formulas", help="Print formulas with all names written out.")] = False,
+    mermaid: Annotated[bool, typer.Option("--mermaid", help="Print machines as diagrams of mermaid.")] = False,
 ) -> None:
     """Validate specs: schema, types, expressions, formulas, ordering hazards."""
     from oracle_server.rostypes.known import Types
@@ -74,6 +76,7 @@ def check(
         else:
             findings = (*loaded.warnings, *_doubled(loaded.spec.id, path, ids))
             _print_formulas(path, loaded.spec.properties if formulas else (), form)
+            _print_machines(path, loaded.spec.derive if mermaid else (), form)
         _print(findings, form)
         all_findings += findings
         counts.update(finding.severity for finding in findings)
@@ -136,6 +139,23 @@ def _print_formulas(path: Path, properties: Iterable[Property], form: FindingsFo
                 typer.echo(f"{path}: {told['property']}: {measure.name}: {described(measure)}")
 
 
+def _print_machines(path: Path, derived: Iterable[Definition], form: FindingsFormat) -> None:
+    """Print each machine as a diagram, where the format has room for them."""
+    import json
+
+    from oracle_server.core.machines.drawing import mermaid
+
+    for definition in derived:
+        if definition.table is None:
+            continue
+        lines = list(mermaid(definition))
+        if form is FindingsFormat.JSON:
+            found = {"file": str(path), "machine": definition.name, "mermaid": "\n".join(lines)}
+            typer.echo(json.dumps(found, ensure_ascii=False))
+        elif form is FindingsFormat.TEXT:
+            typer.echo("\n".join([f"%% {path}: {definition.name}", *lines]))
+
+
 def _count(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
@@ -154,8 +174,12 @@ def import_(
         Path | None, typer.Argument(metavar="[CONFIG]", help="A configuration of ROSMonitoring (.yaml).")
     ] = None,
     fret: Annotated[Path | None, typer.Option(help="An export of FRET's requirements (.json), in its place.")] = None,
+    hpl: Annotated[Path | None, typer.Option(help="A file of properties in HPL, of HAROS, in its place.")] = None,
     variables: Annotated[
         Path | None, typer.Option(help="With --fret: Ogma's variable file (.json), which says the topics.")
+    ] = None,
+    diagram: Annotated[
+        Path | None, typer.Option(help="A state diagram of mermaid or DOT, in place of a CONFIG.")
     ] = None,
     properties: Annotated[list[Path] | None, typer.Option(help="A property module; repeatable.")] = None,
     out: Annotated[Path | None, typer.Option("--output", "-o", help="The spec to write; default: print it.")] = None,
@@ -164,22 +188,30 @@ def import_(
         bool, typer.Option("--strict", help="Exit with 1 where something is left to be written, or warned of.")
     ] = False,
 ) -> None:
-    """Write a spec from FRET's requirements, or ROSMonitoring's configuration and modules, which are never run."""
+    """Write a spec from ROSMonitoring's configuration, FRET's requirements, properties in HPL, or a state diagram."""
     from oracle_server.process.progress import progress
     from oracle_server.rostypes.known import Types
+    from oracle_server.specfiles.diagrams.write import import_diagram
     from oracle_server.specfiles.fret.write import import_fret
+    from oracle_server.specfiles.hpl.write import import_hpl
     from oracle_server.specfiles.rosmonitoring.write import import_config
 
-    if (source := config or fret) is None or (config and fret):
-        raise typer.BadParameter("one of the two is wanted: a CONFIG, or `--fret reqs.json`")
-    if (fret and properties) or (variables and not fret):
+    given = [source for source in (config, fret, hpl, diagram) if source]
+    if len(given) != 1:
+        message = "one of these is wanted: a CONFIG, `--fret reqs.json`, `--hpl robot.hpl`, or `--diagram modes.mmd`"
+        raise typer.BadParameter(message)
+    if (properties and not config) or (variables and not fret):
         raise typer.BadParameter("`--variables` goes with `--fret`, and `--properties` with a CONFIG")
     known = Types(types or ())
-    with progress(f"reading {source.name}"):
-        if fret:
+    with progress(f"reading {given[0].name}"):
+        if diagram:
+            imported = import_diagram(diagram, out, known)
+        elif fret:
             imported = import_fret(fret, variables, out, known)
+        elif hpl:
+            imported = import_hpl(hpl, out, known)
         else:
-            imported = import_config(source, properties or [], out, known)
+            imported = import_config(given[0], properties or [], out, known)
     for finding in imported.findings:
         typer.echo(str(finding), err=True)
     for line in imported.summary:

@@ -129,7 +129,7 @@ class Property:
     engine: str = "auto"
     numeric: bool = False
     external: External | None = None
-    says: Literal["formula", "pattern", "requirement"] = "formula"
+    says: Literal["formula", "pattern", "requirement", "machine"] = "formula"
     measures: tuple[Definition, ...] = ()
     """The derived signals that a pattern makes for itself."""
 

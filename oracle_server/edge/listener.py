@@ -12,6 +12,8 @@ from oracle_server.edge.visitors import Visitor, Visitors
 
 _AT_ONCE = 16
 """Connections that are accepted before the event loop has its turn; each may begin a TLS handshake."""
+_UNIX = "unix"
+"""The address of all that come by a UNIX socket."""
 
 
 class Listener(socket.socket):
@@ -41,7 +43,8 @@ class Listener(socket.socket):
             raise BlockingIOError from None
         self._run += 1
         made = _Accepted(accepted)
-        made.visitor = self._visitors.admit(made.fileno(), str(address[0]), made.cut)
+        who = str(address[0]) if address else _UNIX
+        made.visitor = self._visitors.admit(made.fileno(), who, made.cut)
         if made.visitor is None:
             made.close()
             raise BlockingIOError

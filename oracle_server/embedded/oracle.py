@@ -58,7 +58,7 @@ class EmbeddedOracle:
         types = Types(settings.type_folders)
         self.spec = load_spec(spec, types=types).spec.id
         """The spec's id."""
-        self._pid_file = PidFile(settings.data_dir)
+        self._pid_file = PidFile(settings.data_dir, embedded=True)
         try:
             uploads = settings.data_dir / "specs"
             self._library = Library(spec, uploads, types)

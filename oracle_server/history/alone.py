@@ -25,6 +25,11 @@ class Alone:
         """Why nothing more can be kept, ever: there is nothing."""
         return None
 
+    @property
+    def read_only(self) -> str | None:
+        """Why nothing is kept: all is."""
+        return None
+
     async def reserve(self, name: str, number: int) -> int | None:  # noqa: ARG002 -- of a `History`
         """The number of a new session."""
         return number

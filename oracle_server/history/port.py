@@ -48,6 +48,11 @@ class Writing(Protocol):
         """Why nothing can be written at the moment, None where it can."""
         ...
 
+    @property
+    def read_only(self) -> str | None:
+        """Why nothing is kept by this server, which only reads; None where it keeps what it judges."""
+        ...
+
     def failure_of(self, session: int) -> str | None:
         """Why nothing more of a session can be kept, None where it can."""
         ...

@@ -49,12 +49,14 @@ class Elsewhere(NamedTuple):
     """Which server of those that share a history has a session open; `url` is where monitors reach it, if it is known.
 
     `here`: it is this one. `lasting`: its lease has not run out, so that it may judge; else another one takes over.
+    `beside`: this one only reads the history of the other, a process of this machine.
     """
 
     node: str
     url: str | None
     here: bool
     lasting: bool
+    beside: bool = False
 
 
 class Forwarding(NamedTuple):

@@ -30,10 +30,12 @@ class Uploads:
     """A folder with a folder for each recording."""
 
     def __init__(self, folder: Path, most_bytes: int) -> None:
-        """Begin without any: what a server left behind that was killed is deleted."""
         self.most_bytes = most_bytes
         self._folder = folder
-        shutil.rmtree(folder, ignore_errors=True)
+
+    def clear(self) -> None:
+        """Begin without any: what a server left behind that was killed is deleted."""
+        shutil.rmtree(self._folder, ignore_errors=True)
 
     def check_room(self, more: int = 0) -> None:
         """Raise `FullError` where so many bytes would leave too little room on the disk."""

@@ -28,7 +28,7 @@ NOT_RUNNING = 3
 _POLL_INTERVAL = 0.05
 _ON_THE_COMMAND_LINE = (
     "specs", "types", "host", "port", "legacy", "legacy_finals", "tls_cert", "tls_key", "tls_client_ca",
-    "insecure", "foxglove", "foxglove_insecure", "forward", "origin",
+    "insecure", "foxglove", "foxglove_insecure", "forward", "origin", "unix",
 )  # fmt: skip
 
 
@@ -39,7 +39,11 @@ class DaemonError(OracleError):
 def start(settings: Settings, within: float) -> None:
     """Start a server, and return once it accepts work. Raises `DaemonError` if it does not within `within` seconds."""
     folder = settings.data_dir.absolute()
+    if settings.read_only:
+        raise DaemonError("ORACLE_READ_ONLY: it is not found by its data directory; use `oracle-server serve`")
     other = running(folder)
+    if other is not None and other.embedded:
+        raise DaemonError(_adapters(folder, other))
     if other is not None:
         raise DaemonError(f"{folder}: its server runs already (pid {other.pid}); `oracle-server stop` ends it")
     log = settings.log_file or folder / LOG
@@ -82,6 +86,8 @@ def stop(folder: Path, within: float) -> None:
     if server is None:
         sys.stdout.write(f"{folder}: no server runs\n")
         return
+    if server.embedded:
+        raise DaemonError(_adapters(folder, server))
     try:
         os.kill(server.pid, signal.SIGTERM)
     except OSError as error:
@@ -109,15 +115,19 @@ def status(folder: Path, *, as_json: bool, ready: bool = False) -> int:
         sys.stdout.write(json.dumps(document | {"data_dir": str(folder)}) + "\n")
     elif server is None:
         sys.stdout.write(f"{folder}: no server runs\n")
+    elif server.embedded:
+        sys.stdout.write(f"{_adapters(folder, server)}\n")
     else:
         sys.stdout.write(f"{server.url or folder}: {state} (pid {server.pid})\n")
-    return NOT_RUNNING if server is None or (ready and state not in ("ready", "running")) else 0
+    return NOT_RUNNING if server is None or server.embedded or (ready and state not in ("ready", "running")) else 0
 
 
 def _state(server: Running | None) -> str:
-    """`stopped`, `starting`, `ready`, `not ready`, or `running` where TLS prevents a request to it."""
+    """`stopped`, `embedded`, `starting`, `ready`, `not ready`, or `running` where TLS prevents a request to it."""
     if server is None:
         return "stopped"
+    if server.embedded:
+        return "embedded"
     if server.url is None:
         return "starting"
     if not server.url.startswith("http:"):
@@ -127,6 +137,14 @@ def _state(server: Running | None) -> str:
             return "ready" if http.get(f"{server.url}/readyz").is_success else "not ready"
     except httpx.HTTPError:
         return "not ready"
+
+
+def _adapters(folder: Path, adapter: Running) -> str:
+    """What is said of a data directory that no server uses, and an adapter does."""
+    return (
+        f"{folder}: no server runs: an adapter with --embedded (pid {adapter.pid}) uses this data directory; "
+        "`oracle-server serve --read-only` reads it meanwhile"
+    )
 
 
 def _environment(settings: Settings, log: Path) -> dict[str, str]:

@@ -14,6 +14,7 @@ NAME = "server.pid"
 _WITHIN = 1.0
 """Seconds to wait for processes that lock the file only to check it, and for a server to write its pid."""
 _POLL_INTERVAL = 0.01
+_EMBEDDED = "embedded"
 
 
 class PidFileError(OracleError):
@@ -21,17 +22,22 @@ class PidFileError(OracleError):
 
 
 class Running(NamedTuple):
-    """A server that runs; `url` is None until it accepts work."""
+    """A server that runs; `url` is None until it accepts work. `embedded`: it is an adapter that judges by itself."""
 
     pid: int
     url: str | None
+    embedded: bool = False
 
 
 class PidFile:
     """Holds a data directory for this process."""
 
-    def __init__(self, folder: Path) -> None:
-        """Make the folder and lock it. Raises `PidFileError` where another server has it, or it can't be used."""
+    def __init__(self, folder: Path, *, embedded: bool = False) -> None:
+        """Make the folder and lock it; `embedded`: for an adapter that judges by itself.
+
+        Raises `PidFileError` where another server has it, or it can't be used.
+        """
+        self._embedded = embedded
         try:
             folder.mkdir(parents=True, exist_ok=True, mode=0o700)
             self._file = open(folder / NAME, "a+", encoding="utf-8", opener=_private)  # noqa: SIM115 -- held
@@ -40,8 +46,8 @@ class PidFile:
         if not self._locked():
             self._file.close()
             raise PidFileError(
-                f"{folder}: another server, or an adapter with --embedded, uses this data directory; stop it, or "
-                "choose another one"
+                f"{folder}: another server, or an adapter with --embedded, uses this data directory; stop it, "
+                "choose another one, or read it beside that by `oracle-server serve --read-only`"
             )
         self.publish(None)
 
@@ -63,7 +69,7 @@ class PidFile:
         try:
             self._file.seek(0)
             self._file.truncate()
-            self._file.write(f"{os.getpid()}\n{url or ''}\n")
+            self._file.write(f"{os.getpid()}\n{url or ''}\n{_EMBEDDED if self._embedded else ''}")
             self._file.flush()
         except OSError as error:
             raise PidFileError(f"{self._file.name}: can't be written: {error.strerror}") from None
@@ -86,7 +92,7 @@ def running(folder: Path) -> Running | None:
                 file.seek(0)
                 pid, *more = file.read().split("\n")
                 if len(more) > 1:
-                    return Running(int(pid), more[0] or None)
+                    return Running(int(pid), more[0] or None, more[1] == _EMBEDDED)
                 if time.monotonic() > deadline:
                     raise PidFileError(f"{folder / NAME}: does not name the server that uses this data directory")
                 time.sleep(_POLL_INTERVAL)  # it is being written

@@ -83,6 +83,10 @@ class Settings(BaseSettings):
     tls_key: Path | None = None
     tls_client_ca: Path | None = None
     """Clients must present a certificate that this authority signed."""
+    read_only: bool = False
+    """Whether to only read a history that another process of this machine writes, or wrote."""
+    unix: Path | None = None
+    """A UNIX socket at which the server listens too."""
     insecure: bool = False
     """Whether to allow a bind beyond loopback without tokens or TLS."""
     allowed_hosts: str = ""
@@ -124,6 +128,18 @@ class Settings(BaseSettings):
                 "ORACLE_FORWARD forwards the history of the data directory: leave ORACLE_HISTORY out, and have "
                 "ORACLE_DURABILITY=full, so that the centre has nothing that a power cut took from here"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _only_reads(self) -> Self:
+        if not self.read_only:
+            return self
+        if self.history != "sqlite":
+            raise ValueError("ORACLE_READ_ONLY or --read-only reads a history in SQLite: leave ORACLE_HISTORY out")
+        writing = ("forward", "foxglove", "alarms", "legacy")
+        given = [f"ORACLE_{name.upper()}" for name in writing if getattr(self, name) is not None]
+        if given:
+            raise ValueError(f"a server that only reads has no sessions of its own: leave {', '.join(given)} out")
         return self
 
     @model_validator(mode="after")

@@ -67,7 +67,7 @@ def _state(other: OtherSession) -> Document:
     return bare(record) | {
         "live": bool(there),
         "clock": next((clock for _, _, clock in other.monitors), None),
-        "node": None if origin_of(record.id) else place.node,
+        "node": None if origin_of(record.id) else place.node or None,
         "trouble": other.trouble if place.lasting or not place.node else silent,
         "monitors": [_monitor(name, attached, name in there) for name, attached, _ in other.monitors],
         "properties": [_property(stands, record.decides) for stands in other.properties],
@@ -106,6 +106,9 @@ def _forwarded(name: str) -> str:
 
 def _where(place: Elsewhere) -> str:
     """In words, and what to do."""
+    if place.beside:
+        at = f"at another process here ({place.node})" if place.lasting else "at no process at present"
+        return f"{at}, and this server only reads"
     if place.here:
         return "just being taken over by this server; try again"
     if not place.lasting:

@@ -33,7 +33,7 @@ from oracle_server.sessions.recorded import RecordedSession
 from oracle_server.sessions.restoring import Restoring
 from oracle_server.sessions.shares import Shares
 from oracle_server.sessions.status import session_state
-from oracle_server.sessions.stopping import adrift, leave, let_go, settle, stops
+from oracle_server.sessions.stopping import adrift, demand_having, demand_keeping, leave, let_go, settle, stops
 from oracle_server.sessions.unrestored import Unrestored
 from oracle_server.specfiles.library import Entry, Library, UnknownSpecError
 from oracle_server.wire.errors import WireError
@@ -114,11 +114,9 @@ class Registry:
 
     async def attach(self, wanted: Attach, outbox: Outbox) -> tuple[LiveSession, Monitor]:
         """Attach a monitor to the session that it names, or to a new one. Raises a fatal `WireError`."""
+        demand_keeping(self._history)
         session = await self._session_for(wanted)
-        if self._stopping:
-            raise stops()
-        if self._history.adrift:
-            raise adrift()
+        demand_having(self._history, stopping=self._stopping)
         if wanted.spec is not None and wanted.spec != session.spec.id:
             message = f"session '{session.id}' judges by '{session.spec.id}', not by '{wanted.spec}'"
             raise WireError("spec_mismatch", message, fatal=True)

@@ -1,4 +1,4 @@
-"""How open sessions are left: because the server stops, or because another one may have them by now."""
+"""How open sessions are left, and why none is joined: the server stops or only reads, or another one may have them."""
 
 from __future__ import annotations
 
@@ -29,6 +29,20 @@ def adrift() -> WireError:
     """What they are told of one that can't know whether it has their sessions still."""
     message = "the database does not answer this server, and another one may have the session: attach there"
     return WireError("history_unavailable", message, fatal=True)
+
+
+def demand_keeping(history: History) -> None:
+    """Raise a fatal `WireError` where this server only reads."""
+    if history.read_only is not None:
+        raise WireError("read_only", history.read_only, fatal=True)
+
+
+def demand_having(history: History, *, stopping: bool) -> None:
+    """Raise a fatal `WireError` where this server stops, or another one may have its sessions by now."""
+    if stopping:
+        raise stops()
+    if history.adrift:
+        raise adrift()
 
 
 def let_go(sessions: Iterable[LiveSession], reason: WireError) -> list[Outbox]:

@@ -12,11 +12,12 @@ from oracle_server.core.formula.names import Names
 from oracle_server.core.formula.parse import parse_formula
 from oracle_server.core.nearest import listed
 from oracle_server.specfiles.document import Document, Position
+from oracle_server.specfiles.machines import MachineError, is_machine, read_machine
 from oracle_server.specfiles.model import DeriveModel
 
 _UNREAD = "monitor"
 """What one that can't be read stands for meanwhile: a signal that there is always."""
-_WORDS: tuple[Op, ...] = ("expression", *OPS)
+_WORDS: tuple[Op, ...] = ("expression", *(op for op, traits in OPS.items() if not traits.machine))
 
 
 def definitions(
@@ -40,6 +41,8 @@ def derive_findings(document: Document, derive: object, names: Names) -> Iterato
 
 
 def _definition(document: Document, name: str, model: DeriveModel, findings: list[Finding], names: Names) -> Definition:
+    if is_machine(model):
+        return _machine(document, name, model, findings, names)
     given: list[tuple[Op, str]] = [(op, text) for op in _WORDS if (text := getattr(model, op)) is not None]
     found = list(_keys(model, [op for op, _ in given])) if len(given) == 1 else [("", _which(given))]
     findings += [
@@ -56,9 +59,23 @@ def _definition(document: Document, name: str, model: DeriveModel, findings: lis
     return Definition(name, op, " ".join(text.split()), formula, over, counted, model.by or "", model.forget)
 
 
+def _machine(document: Document, name: str, model: DeriveModel, findings: list[Finding], names: Names) -> Definition:
+    try:
+        return read_machine(document, name, model, names)
+    except MachineError as error:
+        path = ("derive", name, *error.path)
+        where = document.key_place(path) if error.at_key else document.place(path, error.within)
+        if error.message:
+            findings.append(Finding(document.file, *where, f"derived signal '{name}': {error.message}"))
+    return Definition(name, "last", _UNREAD)
+
+
 def _which(given: list[tuple[Op, str]]) -> str:
     if not given:
-        return f"it says not what it is: write one of {listed(OPS)}, or an expression alone, as in `limit - speed`"
+        return (
+            f"it says not what it is: write one of {listed(_WORDS[1:])}, a machine, or an expression alone, as in "
+            "`limit - speed`"
+        )
     return f"it is one of {listed(op for op, _ in given)}, and not several: give each a name of its own"
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from oracle_server.specfiles.defining import Definitions
 from oracle_server.specfiles.derive import definitions
 from oracle_server.specfiles.document import MAX_TEXT, Document, read_yaml
 from oracle_server.specfiles.elsewhere import external_problems
+from oracle_server.specfiles.machines import is_machine, is_read
 from oracle_server.specfiles.model import ActionModel, HalfModel, PropertyModel, ServiceModel, SpecModel, TopicModel
 from oracle_server.specfiles.sentences import ENGINES_OF_SENTENCES, SAYS, measured, measuring, read_said
 from oracle_server.specfiles.texts import formula_finding, texts_findings
@@ -95,11 +96,16 @@ def parse_spec(
     named = Definitions(document)
     findings = [*named.findings(), *action_findings(document, model.streams)]
     derived = definitions(document, model.derive, findings, named.names)
-    properties = [_property(document, i, p, named, findings) for i, p in enumerate(model.properties)]
+    signals = {each.name: each for each in derived}
+    unread = {name for name, each in model.derive.items() if is_machine(each) and not is_read(signals.get(name))}
+    properties = [
+        None if (p.machine or "").strip() in unread else _property(document, i, p, named, signals, findings)
+        for i, p in enumerate(model.properties)
+    ]
     made = [p or _make(m, SILENT, "") for p, m in zip(properties, model.properties, strict=True)]
     derived += measured(document, derived, made, findings)
     spec = _spec(model, tuple(made), tuple(derived))
-    formulas = [prop.formula for prop in spec.properties] + [d.formula or SILENT for d in spec.derive]
+    formulas = [prop.formula for prop in spec.properties] + [f for d in spec.derive for f in d.formulas or [SILENT]]
     places = [i for i, stream in enumerate(model.streams) for _ in _streams(stream)]
     pairs = len(spec.streams) * sum(_parts(formula) for formula in formulas)
     if bounded and pairs > MOST_PAIRS:
@@ -152,13 +158,21 @@ def _crowd(document: Document, key: str) -> Finding:
     return Finding(document.file, *document.place((key, MOST)), message)
 
 
-_UNSAID = "the key 'formula' is missing, or `pattern` or `requirement`: write what must hold, in quotes"
-_SAID_TWICE = "what must hold is said by one of `formula`, `pattern` and `requirement`; give each a property of its own"
+_UNSAID = "the key 'formula' is missing, or `pattern`, `requirement` or `machine`: write what must hold, in quotes"
+_SAID_TWICE = (
+    "what must hold is said by one of `formula`, `pattern`, `requirement` and `machine`; give each a "
+    "property of its own"
+)
 _ONLY_EXTERNAL = ("url", "timeout", "streams", "names")
 
 
 def _property(
-    document: Document, index: int, model: PropertyModel, definitions: Definitions, findings: list[Finding]
+    document: Document,
+    index: int,
+    model: PropertyModel,
+    definitions: Definitions,
+    derived: Mapping[str, Definition],
+    findings: list[Finding],
 ) -> Property | None:
     place: tuple[str | int, ...] = ("properties", index)
     external = model.engine == "external"
@@ -177,11 +191,16 @@ def _property(
         received = None if model.streams is None else frozenset(model.streams)
         oracle = External(model.url, model.timeout, received, model.names == "bare")
         return _make(model, SILENT, f"the oracle at {model.url}", oracle)
-    return _said(document, index, model, definitions, findings)
+    return _said(document, index, model, definitions, derived, findings)
 
 
 def _said(
-    document: Document, index: int, model: PropertyModel, definitions: Definitions, findings: list[Finding]
+    document: Document,
+    index: int,
+    model: PropertyModel,
+    definitions: Definitions,
+    derived: Mapping[str, Definition],
+    findings: list[Finding],
 ) -> Property | None:
     """A property that is said by a formula, or by what stands for one."""
     place: tuple[str | int, ...] = ("properties", index)
@@ -198,7 +217,7 @@ def _said(
         return None
     time = model.time if "time" in model.model_fields_set else None
     try:
-        meant = read_said(document, key, text, model.engine, time, definitions.names, model.id)
+        meant = read_said(document, key, text, model.engine, time, definitions.names, model.id, derived)
     except EngineError as error:
         findings.append(Finding(document.file, *document.place((*place, "engine")), f"property '{model.id}': {error}"))
         return None
@@ -356,7 +375,11 @@ def _finding(
     if path[0] == "properties" and path[-1] == "formula":  # it may have been put together from a sentence
         key = spec.properties[int(path[1])].says
         path, message = (*path[:-1], key), re.sub("^formula of", f"{key} of", message)
-    place = document.key_place(path) if path[0] == "define" else document.place(path, problem.within)
+    place = (
+        document.key_place(path)
+        if path[0] == "define" or path[2:3] == ("states",)
+        else document.place(path, problem.within)
+    )
     first = definitions.where(path, problem.within)
     if problem.first is not None:
         line, _ = document.place(_in_file(problem.first, spec, places))

@@ -18,6 +18,7 @@ from pydantic import (
     StrictInt,
     StrictStr,
     Tag,
+    WithJsonSchema,
     model_serializer,
 )
 
@@ -226,6 +227,7 @@ class PropertyModel(_Model):
     formula: StrictStr | None = None
     pattern: StrictStr | None = None
     requirement: StrictStr | None = None
+    machine: StrictStr | None = None
     time: Literal["steps", "seconds"] = "steps"
     guards: list[RosName] = []
     blame: Literal["any", "caused"] = "any"
@@ -269,8 +271,26 @@ def _derived(value: object) -> object:
     return {"expression": value} if isinstance(value, str) else value
 
 
+def _state(value: object) -> object:
+    """A state's name: numbers and the like as they are written."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return str(value) if isinstance(value, int) else value
+
+
+State = Annotated[StrictStr, BeforeValidator(_state, str | int | bool)]
+_ROW: Any = {
+    "anyOf": [
+        {"type": "object", "additionalProperties": {"type": ["string", "integer", "boolean"]}},
+        {"type": "array", "items": {"type": ["string", "integer", "boolean"]}},
+        {"type": "null"},
+    ]
+}
+"""The states that may follow one, or the events that lead from it."""
+
+
 class DeriveModel(_Model):
-    """A derived signal: one operation with its operand, and its window."""
+    """A derived signal: one operation with its operand, and its window; or a machine."""
 
     expression: StrictStr | None = None
     count: StrictStr | None = None
@@ -286,6 +306,22 @@ class DeriveModel(_Model):
     over: Annotated[tuple[int, bool] | None, BeforeValidator(_over, _Time | Annotated[int, Field(ge=1)])] = None
     by: SignalName | None = None
     forget: Annotated[Duration, Field(gt=0)] | None = None
+    follows: SignalName | None = None
+    states: dict[SignalName, Annotated[Any, WithJsonSchema(_ROW)]] | None = None
+    start: State | None = None
+    otherwise: State | None = None
+    sequence: StrictStr | None = None
+
+    @model_serializer(mode="wrap")
+    def _meaning(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        meaning: dict[str, Any] = plain(self)
+        for key in ("follows", "states", "start", "otherwise", "sequence"):  # older versions knew none of these
+            if meaning[key] is None:
+                del meaning[key]
+        if self.states is not None:  # of several events that hold the first one counts
+            rows = self.states.items()
+            meaning["states"] = [(name, list(row.items()) if isinstance(row, dict) else row) for name, row in rows]
+        return meaning
 
 
 class SpecModel(_Model):

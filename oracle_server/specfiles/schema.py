@@ -71,6 +71,7 @@ DESCRIPTIONS = {
     "PropertyModel.pattern": "In place of a formula, a pattern, as `after /start: {goal} causes /status within 60s`",
     "PropertyModel.requirement": "In place of a formula, a sentence in FRETish over names of `define`, as "
     "`In auto, when low the robot shall within 30 seconds satisfy docking`",
+    "PropertyModel.machine": "In place of a formula, the name of a machine, which must be in no error",
     "PropertyModel.time": "What bounds count: `steps` (default) or `seconds`",
     "PropertyModel.guards": "The filtered streams whose events it may deny",
     "PropertyModel.blame": "Which events it denies: `any` at which it is negative (default), or those that `caused` it",
@@ -98,6 +99,11 @@ DESCRIPTIONS = {
     "DeriveModel.age": "Seconds since a formula held",
     "DeriveModel.over": "The window: a time, as `2s`, or a number of samples, as `20`",
     "DeriveModel.by": "One for each value of this signal",
+    "DeriveModel.follows": "A machine: the signal whose values are its states",
+    "DeriveModel.states": "A machine: its states, each with those that may follow, or with events and where they lead",
+    "DeriveModel.start": "A machine: the state in which it begins",
+    "DeriveModel.otherwise": "A machine: where other events lead: to `error` (default), `stay`, or a state",
+    "DeriveModel.sequence": "A machine: the order of its events, as `open (read | write)* close`",
     "DeriveModel.forget": "With `by`: how long a value is remembered that has not come again",
 }
 """Of each key: by its model, or for all models that have a key of that name."""

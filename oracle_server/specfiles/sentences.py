@@ -10,6 +10,7 @@ from oracle_server.core.errors import Finding
 from oracle_server.core.formula.names import Names
 from oracle_server.core.formula.tree import Time
 from oracle_server.core.kinds import GROUPS
+from oracle_server.core.sentences.machine import read_machine
 from oracle_server.core.sentences.pattern import read_pattern
 from oracle_server.core.sentences.reader import Meant
 from oracle_server.core.sentences.requirement import read_requirement
@@ -17,17 +18,26 @@ from oracle_server.core.spec import Property, Spec
 from oracle_server.engines.table import ENGINES
 from oracle_server.specfiles.document import Document, KeyPath
 
-Says = Literal["formula", "pattern", "requirement"]
-SAYS: tuple[Says, ...] = ("formula", "pattern", "requirement")
+Says = Literal["formula", "pattern", "requirement", "machine"]
+SAYS: tuple[Says, ...] = ("formula", "pattern", "requirement", "machine")
 """The keys of which a property has one."""
 ENGINES_OF_SENTENCES = ("auto", "native")
 """The engines that judge what is no formula."""
 
 
 def read_said(
-    document: Document, key: Says, text: str, engine: str, time: Time | None, names: Names, name: str
+    document: Document,
+    key: Says,
+    text: str,
+    engine: str,
+    time: Time | None,
+    names: Names,
+    name: str,
+    derived: Mapping[str, Definition],
 ) -> Meant:
     """What a property says under a key, whose `name` it is; `time` is what it says that bounds count, if it says so.
+
+    `derived` are the derived signals by their names, of which one may be a machine.
 
     Raises `FormulaError` with line and column, and `EngineError` where something is not installed.
     """
@@ -35,6 +45,8 @@ def read_said(
         return Meant(ENGINES[engine].read(text, time or "steps", names), time or "steps")
     if key == "pattern":
         return read_pattern(text, names, streams_of(document), time, name)
+    if key == "machine":
+        return read_machine(text, derived, time)
     return read_requirement(text, names, streams_of(document), time)
 
 

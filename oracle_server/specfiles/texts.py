@@ -30,10 +30,10 @@ def texts_findings(document: Document) -> Iterator[Finding]:
         if row is None or engine == "external":
             continue
         for key in SAYS:
-            if not isinstance(prop.get(key), str):
+            if key == "machine" or not isinstance(prop.get(key), str):
                 continue
             try:
-                read_said(document, key, prop[key], engine, time, definitions.names, str(i))
+                read_said(document, key, prop[key], engine, time, definitions.names, str(i), {})
             except FormulaError as error:
                 if not error.told:
                     yield formula_finding(document, i, prop.get("id", i + 1), error, definitions, key)

@@ -66,6 +66,7 @@ _TAKES: Mapping[str, str] = {
     "formula": "a text in quotes, such as '{speed > 1} -> {enabled}'",
     "pattern": "a text in quotes, such as '/goal causes /status within 60s'",
     "requirement": "a text in quotes, such as 'when low the robot shall within 30 seconds satisfy docking'",
+    "machine": "the name of a machine under `derive`",
     "define": "names, each with a formula in quotes, such as moving: '{speed > 0.1}'",
     "url": "an address such as ws://127.0.0.1:8080",
     "ordering": "keys of its own, such as {max_delay: 500ms}",
@@ -83,6 +84,11 @@ _DERIVING: Mapping[str, str] = {
     **dict.fromkeys(("sum", "mean", "min", "max", "last", "previous", "delta", "by"), "the name of a signal"),
     "over": "a time such as 2s, or a number of samples such as 20",
     "forget": f"{_DURATION}, longer than 0s",
+    "follows": "the name of a signal",
+    "states": "states, each with those that may follow, as {IDLE: [AUTO]}, or with its events, as {idle: {go: moving}}",
+    "start": "the name of a state",
+    "otherwise": "error, stay, or the name of a state",
+    "sequence": "events in quotes, such as 'open (read | write)* close'",
 }
 """What each key of a derived signal takes."""
 _STREAMS = "a list of at least one stream, each of which begins with `- topic:`, `- service:` or `- ros_action:`"

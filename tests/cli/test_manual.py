@@ -38,6 +38,16 @@ def test_shells_are_told_how_to_complete(shell: str) -> None:
     assert "_ORACLE_SERVER_COMPLETE" in script
 
 
-def test_commands_are_completed() -> None:
-    found = run(_ORACLE_SERVER_COMPLETE="complete_bash", COMP_WORDS="oracle-server ses", COMP_CWORD="1")
-    assert found.stdout.split() == ["sessions"]
+@pytest.mark.parametrize(
+    ("shell", "typed"),
+    [
+        ("bash", {"COMP_WORDS": "oracle-server ses", "COMP_CWORD": "1"}),
+        ("zsh", {"_TYPER_COMPLETE_ARGS": "oracle-server ses"}),
+        ("fish", {"_TYPER_COMPLETE_ARGS": "oracle-server ses", "_TYPER_COMPLETE_FISH_ACTION": "get-args"}),
+    ],
+)
+def test_commands_are_completed(shell: str, typed: dict[str, str]) -> None:
+    """By what the shell's own script asks for; zsh and fish take a command with its help."""
+    found = run(_ORACLE_SERVER_COMPLETE=f"complete_{shell}", **typed).stdout
+    assert re.match(r"""(?:_arguments '\*: :\(\(")?sessions\b""", found)
+    assert not re.search(r"\b(?:specs|verdicts)\b", found)

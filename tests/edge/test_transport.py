@@ -83,8 +83,9 @@ async def test_the_fields_that_are_used_are_there() -> None:
         words += [f"{owner.__name__}.{name} is gone" for name in fields if not hasattr(made, name)]
     if "self.response_complete" not in inspect.getsource(RequestResponseCycle.__init__):
         words.append("RequestResponseCycle.response_complete is gone")
-    if "self.servers" not in inspect.getsource(Server.startup):
-        words.append("Server.servers is gone")
+    begun = inspect.getsource(Server.startup)
+    used = ("self.servers", "config.http_protocol_class", "self.server_state", "self.lifespan.state")
+    words += [f"Server.startup has no {name}" for name in used if name not in begun]
     if "self.scope" not in inspect.getsource(WebSocketsSansIOProtocol.handle_connect):
         words.append("WebSocketsSansIOProtocol.scope is gone")
     assert words == [], f"uvicorn {uvicorn.__version__} has changed; see edge/transport.py and server.py"

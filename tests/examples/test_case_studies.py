@@ -20,6 +20,8 @@ BROKEN = {
     "rover": {"reports_are_of_visits": 1, "no_approach_into_danger": 1, "leaves_when_too_hot": 1},
     "turtle": {"no_speeding": 1, "slow_at_the_edge": 13, "teleported_inside_only": 1},
     "manipulator": {"slow_near_a_person": 18, "sees_where_it_goes": 1},
+    "lifecycle": {"lifecycle_ok": 2, "commands_while_active": 1},
+    "modes": {"modes_ok": 1, "leases_ok": 1, "driven_in_its_modes": 2},
 }
 
 
@@ -96,6 +98,12 @@ def test_the_turtle_is_held_back_each_time() -> None:
         "/turtle1/cmd_vel": speeding + BROKEN["turtle"]["slow_at_the_edge"],
         "/turtle1/teleport_absolute": 1,
     }
+
+
+@pytest.mark.parametrize(("name", "withheld"), [("lifecycle", 5), ("modes", 2)])
+def test_what_a_machine_does_not_allow_is_held_back(name: str, withheld: int) -> None:
+    _, judged = replayed(name, "fault")
+    assert sum(item.decision is not None and item.decision.choice == "deny" for item in judged) == withheld
 
 
 def test_the_base_is_not_sent_away_with_its_arm_out() -> None:

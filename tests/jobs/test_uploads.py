@@ -65,5 +65,5 @@ async def test_a_write_that_fails_is_told_as_text(tmp_path: Path) -> None:
 
 def test_what_a_server_left_is_deleted(tmp_path: Path) -> None:
     (tmp_path / "r" / "old").mkdir(parents=True)
-    Uploads(tmp_path / "r", 100)
+    Uploads(tmp_path / "r", 100).clear()
     assert left(tmp_path / "r") == []

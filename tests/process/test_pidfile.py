@@ -20,7 +20,7 @@ def test_who_looks_whether_a_server_runs_keeps_none_from_starting(
         fcntl.flock(looked_at, fcntl.LOCK_SH)
         monkeypatch.setattr(time, "sleep", lambda _: fcntl.flock(looked_at, fcntl.LOCK_UN))
         mine = PidFile(tmp_path)
-    assert running(tmp_path) == (os.getpid(), None)
+    assert running(tmp_path) == (os.getpid(), None, False)
     mine.release()
 
 
@@ -31,5 +31,5 @@ def test_a_server_that_has_not_told_yet_who_it_is_is_waited_for(
     mine = PidFile(tmp_path)
     (tmp_path / NAME).write_text("")
     monkeypatch.setattr(time, "sleep", lambda _: mine.publish("http://127.0.0.1:1"))
-    assert running(tmp_path) == (os.getpid(), "http://127.0.0.1:1")
+    assert running(tmp_path) == (os.getpid(), "http://127.0.0.1:1", False)
     mine.release()

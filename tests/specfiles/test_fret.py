@@ -149,5 +149,5 @@ def test_the_command(tmp_path: Path) -> None:
     assert [prop.time for prop in spec.properties[:2]] == ["seconds", "steps"]
 
 
-def test_the_command_wants_one_of_the_two() -> None:
-    assert "one of the two" in failed("import")
+def test_the_command_wants_one_source() -> None:
+    assert "one of these is wanted" in failed("import")

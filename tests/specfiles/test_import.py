@@ -1,10 +1,8 @@
-"""`import`: configurations of every dialect, property modules that are read and never run, and the guide."""
+"""`import`: configurations of every dialect and property modules that are read and never run."""
 
 from __future__ import annotations
 
 import json
-import re
-import shlex
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +12,6 @@ from oracle_server.core.spec import External
 from oracle_server.core.stamps import Stamp
 from oracle_server.specfiles.load import parse_spec
 from tests.whole.harness import failed, run
-
-ROOT = Path(__file__).parents[2]
-GUIDE = ROOT / "docs" / "from-rosmonitoring.md"
 
 FIRST = """
 path: /home/user/catkin_ws/src
@@ -338,20 +333,3 @@ def test_what_is_no_property_module_is_refused_in_one_line(tmp_path: Path, modul
     if module is not None:
         (tmp_path / "module.py").write_text(module)
     assert word in failed("import", tmp_path / "config.yaml", "--properties", tmp_path / "module.py")
-
-
-def test_the_guide_works_as_it_is_written(tmp_path: Path) -> None:
-    """Every file that the guide shows is written, and every command without a server is run, in its order."""
-    text = GUIDE.read_text()
-    for name, body in re.findall(r"`([\w.]+)`:\n\n```(?:yaml|python|json)\n(.*?)```", text, re.DOTALL):
-        (tmp_path / name).write_text(body)
-    commands = re.findall(r"^\$ oracle-server ((?:import|check|replay) .*)$", text, re.MULTILINE)
-    assert [c.split()[0] for c in commands] == ["import", "replay"]
-    for command in commands:
-        arguments = [
-            tmp_path / a if (tmp_path / a).exists() or a == "chat.spec.yaml" else a for a in shlex.split(command)
-        ]
-        ended = run(*arguments)
-        assert ended.returncode in (0, 1), ended.stderr
-    assert "1 violation, " in ended.stdout
-    assert "3 compared with old verdicts, 0 differ" in ended.stdout

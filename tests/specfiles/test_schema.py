@@ -55,10 +55,14 @@ derive:
   twice: a + a
   often: {rate: '{a}', over: 2s}
   top: {max: x, over: 20}
+  modes: {follows: x, states: {A: [B, 1], B: [A], 1: []}}
+  nav: {by: x, forget: 1h, start: s, states: {s: {up: t, within: 3s, leave: true}, t: {}}, otherwise: stay}
+  turns: {sequence: 'up*'}
 properties:
   - {id: p, formula: '{a}', time: seconds, guards: [/b], latch: true, at_end: violated}
   - {id: says, pattern: '/a causes /b within 5s'}
   - {id: asks, requirement: 'when up the robot shall within 5 steps satisfy up'}
+  - {id: m, machine: modes}
   - {id: q, engine: external, url: 'ws://127.0.0.1:1', timeout: 100ms, streams: [/a], names: bare}
 """
 UNSOUND = {
@@ -91,6 +95,11 @@ UNSOUND = {
     "define: {up: '{a}'}": "define: up",
     "over: 2s": "over: 2 s",
     "over: 20": "over: 0",
+    "states: {A: [B, 1]": "states: {A: B",
+    "follows: x": "follows: [x]",
+    "start: s": "start: [s]",
+    "sequence: 'up*'": "sequence: [up]",
+    "machine: modes": "machine: [modes]",
     "time: seconds": "time: second",
     "latch: true": "latch: 1",
     "at_end: violated": "at_end: violate",

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from oracle_server.cli.serving import serve
+from oracle_server.cli import serving
 from oracle_server.process.daemon import _ON_THE_COMMAND_LINE
 from oracle_server.process.pidfile import running
 from oracle_server.process.settings import Settings
@@ -62,7 +62,7 @@ def test_it_starts_tells_how_it_is_and_stops(data: Path, specs: Path) -> None:
 
 def test_what_is_said_on_the_command_line_is_heard(data: Path, specs: Path) -> None:
     """Every option that `start` shares with `serve` reaches the server that it starts."""
-    shared = set(signature(serve).parameters) & set(Settings.model_fields)
+    shared = {*signature(serving.serve).parameters} & {*signature(serving.start).parameters} & {*Settings.model_fields}
     assert shared == {*_ON_THE_COMMAND_LINE, "data_dir"}
     given = ("--data-dir", data, "--specs", specs, "--port", "0")
     assert "nowhere" in failed("start", *given, "--legacy", "nowhere")

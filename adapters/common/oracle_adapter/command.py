@@ -23,8 +23,8 @@ def parser(program: str, description: Optional[str]) -> argparse.ArgumentParser:
     options = argparse.ArgumentParser(program, description=description)
     options.add_argument(
         "--oracle",
-        help="the server, or several over one history, with commas between; default ORACLE_URL "
-        f"or {DEFAULT_URL}",
+        help="the server, or several over one history, with commas between; a UNIX socket as "
+        f"unix:///PATH; default ORACLE_URL or {DEFAULT_URL}",
     )
     options.add_argument("--spec", help="the spec to judge by; needed where the session is new")
     options.add_argument(

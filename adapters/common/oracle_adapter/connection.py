@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from ssl import SSLContext
 
 PATH = "/api/v1/attach"
+UNIX = "unix://"
+"""How the address of a UNIX socket begins; the rest is its path."""
 MAX_MESSAGE = 1 << 26
 """Bytes of a frame from the server: a violation carries its events."""
 _AT_ONCE = 1 << 14
@@ -72,7 +74,14 @@ def addresses_of(urls: str, token: Optional[str], tls: Optional[SSLContext]) -> 
 
 
 def attach_url(url: str) -> str:
-    """The WebSocket address for a server given as `ws://`, `wss://`, `http://` or `https://`."""
+    """The address for a server given as `ws://`, `wss://`, `http://`, `https://` or `unix:///PATH`.
+
+    That of a UNIX socket is as given, all others are those of a WebSocket. Raises `ValueError`.
+    """
+    if url.startswith(UNIX):
+        if not url.startswith(UNIX + "/"):
+            raise ValueError(f"{url!r} is no address like unix:///run/oracle/oracle.sock")
+        return url
     parts = urlsplit(url)
     scheme = {"ws": "ws", "http": "ws", "wss": "wss", "https": "wss"}.get(parts.scheme)
     if scheme is None or not parts.hostname or parts.port == 0:  # a bad port raises by itself
@@ -84,7 +93,9 @@ def attach_url(url: str) -> str:
 
 async def open_connection(address: Address, timing: Timing) -> WebSocket:
     """Open a WebSocket; raises a fatal `LinkError` where it is refused, or one of `FAILURES`."""
-    socket = WebSocket(address.url, "oracle.v1", _headers(address.token), MAX_MESSAGE)
+    by_path = address.url.startswith(UNIX)
+    url = f"ws://localhost{PATH}" if by_path else address.url
+    socket = WebSocket(url, "oracle.v1", _headers(address.token), MAX_MESSAGE)
     opening = asyncio.ensure_future(_open(socket, address))
     with ExitStack() as undo:
         undo.callback(socket.abort)
@@ -98,11 +109,14 @@ async def open_connection(address: Address, timing: Timing) -> WebSocket:
 
 
 async def _open(socket: WebSocket, address: Address) -> None:
-    parts = urlsplit(address.url)
-    secure = parts.scheme == "wss"
-    host, port = parts.hostname or "", parts.port or (443 if secure else 80)
     loop = asyncio.get_running_loop()
-    await loop.create_connection(lambda: socket, host, port, ssl=address.tls or secure or None)
+    if address.url.startswith(UNIX):
+        await loop.create_unix_connection(lambda: socket, address.url[len(UNIX) :])
+    else:
+        parts = urlsplit(address.url)
+        secure = parts.scheme == "wss"
+        host, port = parts.hostname or "", parts.port or (443 if secure else 80)
+        await loop.create_connection(lambda: socket, host, port, ssl=address.tls or secure or None)
     status = await socket.opened()
     if status in REFUSALS:
         message = f"{address.url} answered HTTP {status}"

@@ -12,6 +12,7 @@ ENDING = frozenset(
         "forbidden",
         "monitor_taken",
         "needs_feature",
+        "read_only",
         "replaced",
         "session_closed",
         "spec_mismatch",

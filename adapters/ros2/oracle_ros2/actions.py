@@ -123,6 +123,7 @@ class ProxiedAction:
 
     def stop(self) -> None:
         """Serve no more. Goals under way go on, and whoever waits for a result is told that it is unknown here."""
+        answers = bool(self._sending.open or self._results.open)
         self._feedback.behind.release()
         goals, results = self._sending.open, self._results.open
         under_way = self._status.under_way if self._sending.is_there else 0
@@ -139,7 +140,7 @@ class ProxiedAction:
                 f"the monitor of {self.name} ends: {under_way} goals go on at the server, "
                 f"and {len(results)} calls that wait for results are told that these are unknown"
             )
-        if goals or results:
+        if answers:
             time.sleep(UNDERWAY)  # answers that have not arrived yet go with the service
         for relay in (self._sending, self._cancelling, self._results):
             relay.destroy()

@@ -7,6 +7,7 @@ from typing import Literal
 
 from oracle_server.core.derived.compared import uncompared
 from oracle_server.core.derived.definition import MAX_SAMPLES, OPS, Definition
+from oracle_server.core.derived.machinery import KeyPath, machine_problems, never, placed
 from oracle_server.core.derived.ranges import derived_ranges
 from oracle_server.core.errors import ExpressionError, SpecProblem
 from oracle_server.core.expression import KEYWORDS, check_shape
@@ -57,8 +58,11 @@ def _name(spec: Spec, definition: Definition) -> Iterator[SpecProblem]:
 
 def _operands(spec: Spec, index: int, definition: Definition, ranges: Mapping[str, Range]) -> Iterator[SpecProblem]:
     path = ("derive", definition.name, definition.op)
-    if definition.formula is not None:
-        yield from _formula(spec, index, definition)
+    if definition.events:
+        yield from machine_problems(definition)
+    if definition.formulas:
+        for within, formula, start in placed(definition):
+            yield from _formula(spec, index, definition, formula, within, start)
     elif definition.op == "expression":
         yield from _expression(spec, index, definition, path)
     else:
@@ -73,25 +77,27 @@ def _operands(spec: Spec, index: int, definition: Definition, ranges: Mapping[st
             yield _problem(definition, ("derive", definition.name, "by"), reason)
 
 
-def _formula(spec: Spec, index: int, definition: Definition) -> Iterator[SpecProblem]:
-    assert definition.formula is not None  # noqa: S101 -- it has one
-    path = ("derive", definition.name, definition.op)
-    for node in tree.walk(definition.formula):
+def _formula(
+    spec: Spec, index: int, definition: Definition, formula: tree.Formula, path: KeyPath, start: Position | None
+) -> Iterator[SpecProblem]:
+    """What is wrong with a formula that stands at a path; `start` is where in the text, where that names it alone."""
+    taker = f"`{definition.op}`" if definition.formula is not None else "an event of a machine"
+    for node in tree.walk(formula):
         if not isinstance(node, _STATE):
             found = [n.at for n in tree.walk(node) if isinstance(n, Atom)]
             message = (
-                f"`{definition.op}` takes what holds at one step: atoms, with `not`, `and`, `or` and `->`; "
+                f"{taker} takes what holds at one step: atoms, with `not`, `and`, `or` and `->`; "
                 "what looks back, or asks for all values, stands in a property's formula"
             )
-            yield _problem(definition, path, message, min(found, default=(1, 1)))
+            yield _problem(definition, path, message, start or min(found, default=(1, 1)))
             return
     above = frozenset(d.name for d in spec.derive[:index]).union(*(s.hold for s in spec.streams))
     below = {d.name for d in spec.derive[index:]} - above - _declared(spec) - _reserved(spec)
-    for atom in tree.atoms(definition.formula):
+    for atom in tree.atoms(formula):
         reason = next((_below(spec, index, c.key) for c in atom.constraints if c.key in below), None)
         reason = reason or why_never(atom, spec, above)
         if reason is not None:
-            yield _problem(definition, path, reason, atom.at)
+            yield _problem(definition, path, reason, start or atom.at)
 
 
 def _expression(spec: Spec, index: int, definition: Definition, path: tuple[str, ...]) -> Iterator[SpecProblem]:
@@ -215,6 +221,8 @@ def _misfit(definition: Definition, constraint: Constraint, ranges: Mapping[str,
     name, text = definition.name, render_atom(Atom((constraint,)))
     if definition.op == "age" and isinstance(constraint.value, Ref):
         return f"`{text}` binds another value at every instant; compare '{name}' with a number, as `{{{name} > 0.5}}`"
+    if definition.table is not None:
+        return never(definition, constraint)
     if isinstance(constraint.value, str | bool) and ranges[name].kinds == {"number"}:
         return f"`{text}` is never met: '{name}' is a number; compare it with one, as `{{{name} > 1}}`"
     return None
@@ -230,7 +238,7 @@ def _is_number(found: Range) -> bool:
 
 def _problem(
     definition: Definition,
-    path: tuple[str, ...],
+    path: KeyPath,
     message: str,
     within: Position | None = None,
     severity: Literal["error", "warning"] = "error",

@@ -10,14 +10,18 @@ from typing import Literal, NamedTuple
 
 from oracle_server.core.expression import Expression, parse_expression
 from oracle_server.core.formula.tree import Any, Atom, Constraint, Formula, atoms
+from oracle_server.core.machines.table import Table
 
 Op = Literal[
-    "expression", "count", "rate", "sum", "mean", "min", "max", "last", "previous", "delta", "age"
+    "expression", "count", "rate", "sum", "mean", "min", "max", "last", "previous", "delta", "age",
+    "states", "follows", "sequence",
 ]  # fmt: skip
 MAX_SAMPLES = 100_000
 """Samples that all windows of a session may hold."""
 MAX_KEYS = 10_000
 """Keys that one signal may have."""
+MAX_MACHINES = 100_000
+"""The same of one whose value is the state of a machine."""
 MAX_DERIVED = 1_000
 """Derived signals that a spec may have."""
 
@@ -25,13 +29,15 @@ MAX_DERIVED = 1_000
 class Traits(NamedTuple):
     """What sets an operation apart: its operand is a `formula`, or else a signal; it is taken over a `window`.
 
-    `numbers`: samples that are no numbers fail; `lasting`: what it says of a key stays until the key is forgotten.
+    `numbers`: samples that are no numbers fail; `lasting`: what it says of a key stays until the key is forgotten;
+    `machine`: it is the state of a machine.
     """
 
     formula: bool = False
     window: bool = False
     numbers: bool = True
     lasting: bool = False
+    machine: bool = False
 
 
 OPS: Mapping[Op, Traits] = MappingProxyType(
@@ -46,6 +52,9 @@ OPS: Mapping[Op, Traits] = MappingProxyType(
         "previous": Traits(numbers=False, lasting=True),
         "delta": Traits(lasting=True),
         "age": Traits(formula=True, lasting=True),
+        "states": Traits(machine=True, numbers=False, lasting=True),
+        "follows": Traits(machine=True, numbers=False, lasting=True),
+        "sequence": Traits(machine=True, numbers=False, lasting=True),
     }
 )
 """The operations, by the keys that specs have for them."""
@@ -57,6 +66,7 @@ class Definition:
 
     `over` is its window: nanoseconds, or where `counted` samples, of a formula steps. `by` names the signal whose
     values are told apart, empty for none; a value is forgotten `forget` ns after its last sample, None for never.
+    A machine has its `table`, and but for one that follows a signal a formula for each of its `events`.
     """
 
     name: str
@@ -67,6 +77,8 @@ class Definition:
     counted: bool = False
     by: str = ""
     forget: int | None = None
+    table: Table | None = None
+    events: tuple[Formula, ...] = ()
 
     @property
     def timed(self) -> bool:
@@ -85,13 +97,22 @@ class Definition:
 
     @cached_property
     def operands(self) -> tuple[str, ...]:
-        """The signals that it is computed of, each once."""
-        if self.formula is not None:
-            keys = [c.key for atom in atoms(self.formula) for c in atom.constraints]
-            return tuple(dict.fromkeys(keys))
+        """The signals that it is computed of, each once; those of its formulas, where it has any."""
+        if self.formulas:
+            return tuple(dict.fromkeys(c.key for atom in self.tested for c in atom.constraints))
         if self.op == "expression":
             return self.expression.signals
         return (self.of,)
+
+    @property
+    def formulas(self) -> tuple[Formula, ...]:
+        """The formulas that it reads: that of an operation, or those of a machine's events."""
+        return self.events if self.formula is None else (self.formula,)
+
+    @cached_property
+    def tested(self) -> tuple[Atom, ...]:
+        """The different atoms of its formulas."""
+        return tuple(dict.fromkeys(atom for formula in self.formulas for atom in atoms(formula)))
 
     @property
     def reads(self) -> tuple[str, ...]:
@@ -101,6 +122,5 @@ class Definition:
     @cached_property
     def atoms(self) -> tuple[Atom, ...]:
         """What it reads, as atoms: those of its formula come first."""
-        own = atoms(self.formula) if self.formula is not None else ()
-        names = self.reads if not own else (self.by,) if self.by else ()
-        return (*own, *(Atom((Constraint(name, "==", Any.ANY),)) for name in names))
+        names = self.reads if not self.formulas else (self.by,) if self.by else ()
+        return (*self.tested, *(Atom((Constraint(name, "==", Any.ANY),)) for name in names))

@@ -16,10 +16,12 @@ from oracle_server.core.derived.samples import (
     sample_of,
     sample_of_any,
     sample_of_derived,
+    sample_of_events,
     sample_of_formula,
     sample_of_reserved,
+    sample_of_value,
 )
-from oracle_server.core.formula.tree import Atom, Constraint, Signal, atoms
+from oracle_server.core.formula.tree import Atom, Constraint, Signal
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +86,7 @@ def parts(
         sample, is_read = samplers.get(definition.name), definition.name in wanted
         if is_read or (sample is not None and definition.op != "expression"):
             wanted.update(definition.reads)
-            is_own = sample is not None and definition.of in own and definition.formula is None
+            is_own = sample is not None and definition.of in own and not definition.formulas and not definition.table
             found.append(Part(index, sample, is_read, definition.of if is_own and definition.op in OPS else ""))
     return tuple(reversed(found))
 
@@ -96,21 +98,28 @@ def _sampler(
     reserved: Collection[str],
     derived: Mapping[str, Sampler],
 ) -> Sampler | None:
+    if definition.events:
+        return sample_of_events(definition.events, definition.tested, tests, reserved)
     if definition.formula is not None:
-        count = len(atoms(definition.formula))
-        of_formula = tuple(test for test in tests if test.index < count)
+        of_formula = tuple(test for test in tests if test.index < len(definition.tested))
         reads = frozenset[str]().union(*(test.reads for test in of_formula)) - frozenset(reserved)
         return sample_of_formula(definition.formula, of_formula, reads)
     if definition.op == "expression":
         here = [name for name in definition.operands if name in own]
         above = [name for name in definition.operands if name in derived]
         return sample_of_any(here, above) if here or above else None
-    numbers = OPS[definition.op].numbers
-    if definition.of in derived:
-        return sample_of_derived(definition.of, numbers)
-    if definition.of in reserved:
-        return sample_of_reserved(definition.of, numbers)
-    return sample_of(definition.of, numbers) if definition.of in own else None
+    found = _of_signal(definition.of, OPS[definition.op].numbers, own, reserved, derived)
+    return found if found is None or definition.table is None else sample_of_value(found, definition.table.events)
+
+
+def _of_signal(
+    name: str, numbers: bool, own: Collection[str], reserved: Collection[str], derived: Collection[str]
+) -> Sampler | None:
+    if name in derived:
+        return sample_of_derived(name, numbers)
+    if name in reserved:
+        return sample_of_reserved(name, numbers)
+    return sample_of(name, numbers) if name in own else None
 
 
 def watched(definitions: Sequence[Definition], properties: Sequence[tuple[int, Sequence[Atom]]]) -> tuple[Watched, ...]:

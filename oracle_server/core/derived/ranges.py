@@ -30,6 +30,8 @@ def _range(definition: Definition, known: dict[str, Range]) -> Range:
         except ExpressionError:  # found elsewhere
             return ANYTHING
         return ANYTHING if kind is None else _KINDS.get(kind, ANYTHING)
+    if definition.table is not None:
+        return Range(values=tuple(dict.fromkeys(value for value in definition.table.values if value is not None)))
     if definition.op in ("last", "previous"):
         return known.get(definition.of, ANYTHING)
     return NUMBER

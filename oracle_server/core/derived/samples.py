@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping, Sequence
 from enum import Enum
 
-from oracle_server.core.atoms import AtomTest
+from oracle_server.core.atoms import AtomTest, canonical
 from oracle_server.core.events import Signals, Step
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.tree import Formula, Scalar
@@ -103,6 +103,77 @@ def sample_of_formula(formula: Formula, tests: tuple[AtomTest, ...], reads: Name
     return sample
 
 
+def sample_of_events(
+    formulas: Sequence[Formula], atoms: Sequence[tree.Atom], tests: Sequence[AtomTest], reserved: Names
+) -> Sampler | None:
+    """The events of a machine that hold at a step, as bits, and those of which it is not known, higher.
+
+    `atoms` are those of all their formulas, of which `tests` are what is left to test on the stream.
+    """
+    places, left = {atom: i for i, atom in enumerate(atoms)}, {test.index: test for test in tests}
+    sure, tested, texts = 0, list[tuple[int, _Holds, frozenset[str]]](), dict[str, dict[object, int]]()
+    for i, formula in enumerate(formulas):
+        holds = _compiled(formula, places, left)
+        if isinstance(holds, bool):
+            sure |= holds << i
+            continue
+        own = [left[place] for atom in tree.atoms(formula) if (place := places[atom]) in left]
+        text = _text_of(formula, own)
+        if text is not None:
+            bits = texts.setdefault(text[0], {})
+            bits[text[1]] = bits.get(text[1], 0) | 1 << i
+        else:
+            tested.append((1 << i, holds, frozenset[str]().union(*(test.reads for test in own)) - frozenset(reserved)))
+    return _sampler_of_events(len(formulas), sure, tested, texts) if sure or tested or texts else None
+
+
+def _sampler_of_events(
+    count: int,
+    sure: int,
+    tested: Sequence[tuple[int, _Holds, frozenset[str]]],
+    texts: Mapping[str, Mapping[object, int]],
+) -> Sampler:
+    """Of so many events: those that hold anyway, those to be tested, and those by the text of a signal."""
+    by_text = [(name, bits.get, sum(bits.values()) << count) for name, bits in texts.items()]
+
+    def sample(_step: Step, signals: Signals, failed: Names, _fresh: Names) -> Value:
+        found = sure
+        for name, bits_of, unsure in by_text:
+            found |= unsure if failed and name in failed else bits_of(signals.get(name), 0)
+        for bit, holds, reads in tested:
+            if failed and not reads.isdisjoint(failed):
+                found |= bit << count
+            elif holds(signals):
+                found |= bit
+        return found or NOTHING
+
+    return sample
+
+
+def _text_of(formula: Formula, tests: Sequence[AtomTest]) -> tuple[str, str] | None:
+    """The signal, and its text, where an event asks on the stream for no more than that: many are looked up at once."""
+    if not isinstance(formula, tree.Atom) or len(tests) != 1 or len(tests[0].checks) != 1 or tests[0].orders:
+        return None
+    ((name, _),) = tests[0].checks
+    asked = [c for c in formula.constraints if c.key == name]
+    alone = len(asked) == 1 and asked[0].op == "=="
+    return (name, asked[0].value) if alone and isinstance(asked[0].value, str) else None
+
+
+def sample_of_value(sampler: Sampler, values: Sequence[str]) -> Sampler:
+    """The place of a signal's sample among some values, as a bit: the last one stands for all others."""
+    bits = {value: 1 << i for i, value in enumerate(values[:-1])}
+    other, any_of_them = 1 << (len(values) - 1), ((1 << len(values)) - 1) << len(values)
+
+    def sample(step: Step, signals: Signals, failed: Names, fresh: Names) -> Value:
+        found = sampler(step, signals, failed, fresh)
+        if isinstance(found, Lack):
+            return any_of_them if found is FAILED else NOTHING
+        return bits.get(found if isinstance(found, str) else canonical(found), other)
+
+    return sample
+
+
 def _plain(holds: _Holds) -> Sampler:
     return lambda _step, signals, _failed, _fresh: True if holds(signals) else NOTHING
 
@@ -128,6 +199,11 @@ def _compiled(formula: Formula, places: dict[tree.Atom, int], tests: dict[int, A
 
 
 def _tested(test: AtomTest) -> _Holds:
+    if len(test.checks) == 1 and not test.orders:
+        ((name, check),) = test.checks
+        if check is None:
+            return lambda signals: signals.get(name) is not None
+        return lambda signals: (value := signals.get(name)) is not None and check(value)
     return lambda signals: test.match(signals) is not None
 
 

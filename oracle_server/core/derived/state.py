@@ -15,6 +15,7 @@ from oracle_server.core.derived.journal import Undo, Was, take_back
 from oracle_server.core.derived.keyed import Keyed, key_of, value_of
 from oracle_server.core.derived.latest import Delta, Last, Previous
 from oracle_server.core.derived.layout import Layout, Part
+from oracle_server.core.derived.machine import Machines
 from oracle_server.core.derived.samples import FAILED, NOTHING, Lack
 from oracle_server.core.derived.sums import Mean, Sum
 from oracle_server.core.derived.watch import Carried, Watch
@@ -35,6 +36,9 @@ _MAKE: Mapping[str, Callable[[Definition, Session], Series]] = {
     "previous": Previous,
     "delta": Delta,
     "age": Age,
+    "states": Machines,
+    "follows": Machines,
+    "sequence": Machines,
 }
 Names = frozenset[str] | set[str]
 _NOTHING: tuple[Signals, frozenset[str]] = {}, frozenset()
@@ -277,4 +281,4 @@ class Derived:
 
 def _made(definition: Definition, session: Session) -> Series:
     make = partial(_MAKE[definition.op], definition, session)
-    return Keyed(definition, make, session) if definition.by else make()
+    return Keyed(definition, make, session) if definition.by and definition.table is None else make()

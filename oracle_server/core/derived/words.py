@@ -7,6 +7,8 @@ from collections.abc import Callable
 from oracle_server.core.derived.counts import Count
 from oracle_server.core.derived.definition import MAX_SAMPLES, Definition
 from oracle_server.core.derived.keyed import Keyed
+from oracle_server.core.derived.machine import Machines
+from oracle_server.core.derived.machinewords import machine_described, machine_told
 from oracle_server.core.derived.sums import Sum
 from oracle_server.core.derived.window import Series, Window
 from oracle_server.core.events import Signals
@@ -28,6 +30,8 @@ def described(definition: Definition) -> str:
     """A derived signal as its spec says it, in one line."""
     if definition.op == "expression":
         return definition.of
+    if definition.table is not None:
+        return machine_described(definition)
     over = "" if definition.over is None else f" over {_window(definition)}"
     by = f" by {definition.by}" if definition.by else ""
     return f"{definition.op} of {definition.of}{over}{by}"
@@ -36,6 +40,8 @@ def described(definition: Definition) -> str:
 def told(definition: Definition, series: Series, signals: Signals, now: int, named: Callable[[int], str]) -> str:
     """What a derived signal is at a step or tick at `now` (ns), and what of; `named` names a step by its place."""
     value = signals.get(definition.name)
+    if isinstance(series, Machines):
+        return machine_told(definition, series, signals, now, named)
     own = series.series_of(signals) if isinstance(series, Keyed) else series
     begin = f"{definition.name} {'failed' if value is None else value_text(value)}"
     if definition.by and definition.by in signals:
@@ -47,7 +53,7 @@ def told(definition: Definition, series: Series, signals: Signals, now: int, nam
 
 def lack(series: Series) -> str:
     """Why a derived signal has failed for want of room, empty where it has not."""
-    if isinstance(series, Keyed):
+    if isinstance(series, Keyed | Machines):
         return series.lack
     return _no_room() if isinstance(series, Window) and series.short and series.failed_at is not None else ""
 

@@ -110,6 +110,11 @@ class SqlHistory:
         """Why nothing can be written at the moment."""
         return self._writer.failure
 
+    @property
+    def read_only(self) -> str | None:
+        """Why nothing is kept: all is."""
+        return None
+
     def failure_of(self, session: int) -> str | None:
         """Why nothing more is written of a session."""
         return self._writer.failures.get(session)

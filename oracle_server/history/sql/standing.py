@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -12,7 +12,7 @@ from oracle_server.core.records import ExplanationRecord
 from oracle_server.core.revisions import Change, Standing
 from oracle_server.core.verdicts import Outcome
 from oracle_server.history.letters import LETTERS, letters
-from oracle_server.history.records import Restated, StoredRevision, StoredStep
+from oracle_server.history.records import PropertyStands, Restated, StoredRevision, StoredStep
 
 _OUTCOMES = {letter: outcome for outcome, letter in LETTERS.items()}
 
@@ -79,6 +79,17 @@ def revision_of(text: str) -> StoredRevision:
 def outcomes_of(text: str) -> tuple[Outcome | None, ...]:
     """The same, back."""
     return tuple([_OUTCOMES[letter] for letter in text])
+
+
+def stands(names: Sequence[str], outcomes: str, pending: str | None, told: str | None) -> list[PropertyStands]:
+    """How each property stands, by the columns of a step, and its violations as JSON."""
+    counts = _decode(pending) if pending else {}
+    violations = _decode(told) if told else {}
+    found = []
+    for i, (name, outcome) in enumerate(zip(names, outcomes_of(outcomes), strict=True)):
+        count, first = violations.get(name, (0, None))
+        found.append(PropertyStands(name, outcome or Outcome.UNKNOWN, count, first, counts.get(str(i))))
+    return found
 
 
 def degraded_of(text: str) -> tuple[bool, ...]:

@@ -140,7 +140,9 @@ class TestEnding:
         assert told.wait(PATIENCE)
         assert "callback" in str(raised[0])
 
-    @pytest.mark.parametrize("code", ["spec_mismatch", "monitor_taken", "unknown_spec"])
+    @pytest.mark.parametrize(
+        "code", ["spec_mismatch", "monitor_taken", "unknown_spec", "read_only"]
+    )
     def test_a_fatal_answer_to_attach(
         self, oracle: Oracle, news: News, link: Link, code: str
     ) -> None:

@@ -11,16 +11,19 @@ from typing import Any
 
 from oracle_server.core.atoms import canonical
 from oracle_server.core.derived.compared import uncompared
-from oracle_server.core.derived.definition import OPS, Definition, Op
+from oracle_server.core.derived.definition import OPS, Definition, Op, Traits
 from oracle_server.core.events import Event, StreamKey
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.parse import Time, parse_formula
 from oracle_server.core.formula.tree import Constraint, Formula, Scalar, Signal
+from oracle_server.core.machines.making import by_states, by_values
+from oracle_server.core.machines.sequence import by_sequence
 from oracle_server.core.plan import Plan, plan
 from oracle_server.core.session import Session
 from oracle_server.core.spec import By, Ordering, Property, Spec, StreamSpec, orders
 from oracle_server.core.verdicts import Judged
 from oracle_server.engines.native import NativeEngine
+from tests.core.derived.machines import SEQUENCES, noted
 from tests.core.derived.reference import EXPRESSIONS, FAILED, SECOND, Failed, Reference, Step, Value, changes
 
 START = 1_000 * SECOND
@@ -32,6 +35,9 @@ STREAMS = (
 )
 HELD = frozenset({"y", "h"})
 FORMULAS = ("{topic: /a}", "{x > 2}", "not {x > 2}", "{y: 1} or {topic: /b}", "{topic: /b, z: *}", "{h: 1}")
+EVENTS = ("{topic: /a, x > 1}", "{topic: /b}", "{topic: /b, z: *}", "{x: 1}", "{y > 1}", "{topic: /c, h: 1}", "{k: u}")
+FOLLOWED = ("1", "2", "3", "0.1", "w", "true")
+PLAIN = Traits()
 VALUES: tuple[Any, ...] = (1, 2, 3, 0.1, 2.5, -4, 1e16, 3, 1, 2)
 ODD: tuple[Any, ...] = ("w", True, {}, None, None, 1)
 GAPS = (0, 1, SECOND // 2, SECOND - 1, SECOND, SECOND + 1, 2 * SECOND)
@@ -84,6 +90,8 @@ def definition_of(rng: random.Random, name: str, above: Sequence[Definition]) ->
     derived = [d.name for d in above if d.op != "age"]
     names = ["x", "y", "z", "h", *derived]
     op: Op = rng.choice(("expression", *OPS))
+    if OPS.get(op, PLAIN).machine:
+        return _machine_of(rng, name, op, names, derived)
     if op == "expression":
         text = rng.choice(EXPRESSIONS)
         return Definition(name, op, text.format(*rng.sample(names, text.count("{}"))))
@@ -97,6 +105,31 @@ def definition_of(rng: random.Random, name: str, above: Sequence[Definition]) ->
     return Definition(name, op, "" if formula else rng.choice(names), formula, over, counted, by, forget)
 
 
+def _machine_of(rng: random.Random, name: str, op: Op, names: Sequence[str], derived: Sequence[str]) -> Definition:
+    """A machine of any kind; `of` has what the reference reads of it."""
+    by = rng.choice(("", "", "k", "k", "h"))
+    forget = rng.choice((None, 2 * SECOND, 1)) if by else None
+    if op == "follows":
+        of = rng.choice(names)
+        values = rng.sample(FOLLOWED, rng.randint(1, 4))
+        successors = {value: rng.sample(values, rng.randint(0, len(values))) for value in values}
+        return Definition(name, op, of, by=by, forget=forget, table=noted(by_values(successors), successors))
+    formulas = {f"e{i}": text for i, text in enumerate(rng.sample(EVENTS, 3))}
+    if derived and rng.random() < 0.3:
+        formulas["e0"] = f"{{{rng.choice(derived)}: *}}"
+    if op == "sequence":
+        text = rng.choice(tuple(SEQUENCES))
+        table = noted(by_sequence(text, formulas), SEQUENCES[text])
+    else:
+        states = ("a", "b", "c", *(("error",) if rng.random() < 0.3 else ()))
+        lots = {state: rng.sample(sorted(formulas), rng.randint(0, 3)) for state in states}
+        rows = {state: {event: rng.choice((*states, "error")) for event in lot} for state, lot in lots.items()}
+        otherwise = rng.choice(("error", "error", "stay", "a"))
+        table = noted(by_states(rows, "a", otherwise), (rows, otherwise))
+    events = tuple(_formula(formulas[event]) for event in table.events)
+    return Definition(name, op, "", by=by, forget=forget, table=table, events=events)
+
+
 def property_of(rng: random.Random, index: int, definitions: Sequence[Definition], time: Time) -> Property:
     """A property that asks something of a derived signal."""
     of = rng.choice(definitions)
@@ -105,6 +138,10 @@ def property_of(rng: random.Random, index: int, definitions: Sequence[Definition
         if not [*uncompared(Spec("s", STREAMS, (found,), derive=tuple(definitions)))]:
             return found
     where = rng.choice(("", "", "", "topic: /b, "))
+    if of.table is not None:
+        value = json.dumps(rng.choice([value for value in of.table.values if value]))
+        text = f"{rng.choice(('', 'not '))}{{{where}{of.name}{rng.choice((f': {value}', f' != {value}', ': *'))}}}"
+        return Property(f"p{index}", _formula(text), text, time=time)
     what = rng.choice((*(f"{of.name} {op} {rng.choice(LIMITS)}" for op in ("<", "<=", ">", ">=", ":", "!=")),
                        f"{of.name}: *"))  # fmt: skip
     text = f"{rng.choice(('', 'not '))}{{{where}{what}}}"

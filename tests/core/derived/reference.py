@@ -6,12 +6,13 @@ import math
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Any, Final
 
 from oracle_server.core.atoms import canonical, meets, precedes
 from oracle_server.core.derived.definition import Definition
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.tree import Atom, Constraint, Formula, Scalar, Signal
+from tests.core.derived.machines import UNKNOWN, Events, value_of
 
 SECOND = 10**9
 
@@ -124,6 +125,9 @@ class Reference:
 
     def _sample(self, d: Definition, step: Step) -> Value:
         """The sample that a step is, None where it is none."""
+        if d.events:
+            events: Value = self._events(d, step)
+            return events
         if d.formula is not None:
             holds = self.holds(d.formula, step)
             return FAILED if holds is None else True if holds else None
@@ -135,7 +139,7 @@ class Reference:
             value: Value = None if d.of not in step.fresh else FAILED if d.of in step.failed else step.seen.get(d.of)
         else:
             value = FAILED if d.of in step.own_failed else step.own.get(d.of)
-        if d.op not in ("last", "previous") and isinstance(value, str | bool):
+        if d.op not in ("last", "previous", "follows") and isinstance(value, str | bool):
             return FAILED
         return value
 
@@ -145,7 +149,15 @@ class Reference:
         if d.by and d.by not in step.seen:
             return FAILED if d.by in step.failed else None
         samples = self._samples(d, history, _key(step.seen[d.by]) if d.by else ANY, now)
+        if d.table is not None:
+            return FAILED if (found := value_of(d, samples)) is UNKNOWN else found  # type: ignore[return-value]
         return self._computed(d, samples, history, step, now, number, begun)
+
+    def _events(self, d: Definition, step: Step) -> Any:
+        """The events of a machine that hold at a step, and those that may; None where there are none."""
+        held = {e: self.holds(f, step) for e, f in zip(d.table.events, d.events, strict=True)}  # type: ignore[union-attr]
+        found = Events([e for e in held if held[e]], [e for e in held if held[e] is None])
+        return found if found.held or found.unsure else None
 
     def _samples(self, d: Definition, history: Sequence[Step], key: Key, now: int) -> list[tuple[Step, Value]]:
         """All samples of a key, but for those that are forgotten."""

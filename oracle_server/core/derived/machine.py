@@ -1,0 +1,210 @@
+"""The states of machines, step by step: of one, or of one for each value of a signal."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any, Final
+
+import msgspec
+from msgspec.structs import replace
+
+from oracle_server.core.atoms import canonical
+from oracle_server.core.derived.definition import MAX_MACHINES, Definition
+from oracle_server.core.derived.journal import Was
+from oracle_server.core.derived.keyed import key_of, value_of
+from oracle_server.core.derived.queue import Key, Queue
+from oracle_server.core.derived.samples import FAILED, Value
+from oracle_server.core.derived.window import Asked, Session
+from oracle_server.core.events import Signals
+
+_SHORT: Final = 256
+"""Texts of fewer characters are keys as they are."""
+_ONE: Final = ""
+"""The key of a machine that is the only one."""
+
+
+class Standing(msgspec.Struct, frozen=True, gc=False):
+    """How a machine stands: its state, by which event, and since which step; the same of the state before.
+
+    `at` is the time (ns) of its last event, where machines are forgotten. Tens of thousands are kept.
+    """
+
+    state: int
+    event: int = -1
+    since: int = 0
+    was: int = -1
+    was_event: int = -1
+    was_since: int = 0
+    at: int = 0
+
+
+class _Had(msgspec.Struct, frozen=True, gc=False):
+    """Lets a machine stand as it stood, None for one that there was not."""
+
+    standings: dict[Key, Standing]
+    key: Key
+    standing: Standing | None
+
+    def __call__(self) -> None:
+        """Take the change back."""
+        if self.standing is None:
+            del self.standings[self.key]
+        else:
+            self.standings[self.key] = self.standing
+
+
+class Machines:
+    """Machines of one kind; a `Series`, of which time alone changes nothing but that some are forgotten."""
+
+    def __init__(self, definition: Definition, session: Session) -> None:
+        assert definition.table is not None  # noqa: S101 -- machines have one
+        self.table, self._by, self._session = definition.table, definition.by, session
+        self._rows, self._values = self.table.rows, self.table.values
+        self._life = definition.forget
+        """How long a machine is kept after its last event, None for ever."""
+        self._standings: dict[Key, Standing] = {}
+        self._queue = Queue(session.journal)
+        self._blind: int | None = None
+        """When (ns) there was an event last of which the machine is not known: it may be any."""
+        self._crowded: int | None = None
+        """The same of one for which there was no room."""
+        self._fresh, self._unknown = Standing(self.table.start), Standing(self.table.any)
+        self.last = 0
+
+    def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
+        """Take the events of a step, as bits; returns what the signal is with them."""
+        key: Key = _ONE
+        if self._by:
+            self._let_go(now)
+            value = signals.get(self._by)
+            if value is None:
+                return self._lose_all(now) if self._by in failed else None
+            key = value if type(value) is str and len(value) < _SHORT else key_of(value)
+        standings = self._standings
+        standing = had = standings.get(key)
+        if standing is None:
+            if len(standings) >= MAX_MACHINES:
+                self._change("_crowded", now)
+                return FAILED
+            standing = self._unseen(now)
+        life = self._life
+        after = standings[key] = self._after(standing, sample, number, 0 if life is None else now)  # type: ignore[arg-type] # bits
+        if self._session.journal.entries is not None:
+            self._session.journal.entries.append(_Had(standings, key, had))
+        if life is not None and (had is None or had.at != now):
+            self._queue.add(now, key)
+            if self._queue.is_long and not self._queue.trim():
+                self._fill()
+        return self._values[after.state] if after.state >= 0 else self._value(after.state)
+
+    def value(self, now: int, _number: int, signals: Signals, failed: Collection[str]) -> Value | None:
+        """What it is at a step, of the machine of that step."""
+        return self._value_at(now, signals, failed)
+
+    def at(self, now: int, _number: int, signals: Signals, failed: Collection[str]) -> Value | None:
+        """What it is at a tick, of the machine whose key this carries, or that is held."""
+        return self._value_at(now, signals, failed)
+
+    def next_change(self, _after: int, _asked: Asked) -> int | None:
+        """Time alone changes nothing that is awaited."""
+        return None
+
+    def settled(self, _now: int, _number: int) -> bool:
+        """Whether there was no event."""
+        return not self._standings
+
+    def standing(self, now: int, signals: Signals) -> Standing:
+        """How the machine of a step or tick stands at a time (ns)."""
+        key = key_of(signals[self._by]) if self._by else _ONE
+        return self._known(self._standings.get(key), now)
+
+    @property
+    def lack(self) -> str:
+        """Why it may have failed for some machine, empty for no reason of its own."""
+        if self._crowded is not None:
+            return f"more than {MAX_MACHINES:,} values of `{self._by}`"
+        return f"`{self._by}` has failed" if self._blind is not None else ""
+
+    def snapshot(self) -> Any:
+        """How all stand, as plain data."""
+        known = sorted(self._standings.items(), key=lambda each: canonical(value_of(each[0])))
+        standings = [
+            [value_of(key), str(s.state), s.event, s.since, str(s.was), s.was_event, s.was_since, s.at]
+            for key, s in known
+        ]
+        return [standings, self._blind, self._crowded]
+
+    def restore(self, data: Any) -> None:
+        """Take over a snapshot."""
+        standings, self._blind, self._crowded = data
+        for value, state, event, since, was, *rest in standings:
+            self._standings[key_of(value)] = Standing(int(state), event, since, int(was), *rest)
+        if self._life is not None:
+            self._fill()
+
+    def _after(self, standing: Standing, sample: int, number: int, at: int) -> Standing:
+        """How a machine stands behind the events of step `number`."""
+        state = standing.state
+        found = self._rows[state].get(sample) if state >= 0 else None
+        event = sample.bit_length() - 1  # as most often: one event, and one of the row
+        if found is None:
+            found, event = self.table.after(state, sample), self.table.event(state, sample)
+        if found == state:
+            return standing if at == standing.at else replace(standing, at=at)
+        return Standing(found, event, number, state, standing.event, standing.since, at)
+
+    def _value_at(self, now: int, signals: Signals, failed: Collection[str]) -> Value | None:
+        key: Key = _ONE
+        if self._by:
+            value = signals.get(self._by)
+            if value is None:
+                return FAILED if self._by in failed else None
+            key = key_of(value)
+        return self._value(self._known(self._standings.get(key), now).state)
+
+    def _value(self, state: int) -> Value | None:
+        """What the signal is in a state, `FAILED` where it may be one of several."""
+        found = self.table.alike(state)
+        return found[0] if len(found) == 1 else FAILED
+
+    def _known(self, standing: Standing | None, now: int) -> Standing:
+        """How a machine stands that stood so at its last event."""
+        is_kept = standing is not None and (self._life is None or standing.at + self._life > now)
+        return standing if standing is not None and is_kept else self._unseen(now)
+
+    def _unseen(self, now: int) -> Standing:
+        """How one stands of which no event is remembered: where events were lost, it may have had any."""
+        lost = [at for at in (self._blind, self._crowded) if at is not None]
+        return self._unknown if any(self._life is None or at + self._life > now for at in lost) else self._fresh
+
+    def _lose_all(self, now: int) -> Value:
+        """Note an event that may be of any machine: of none is known how it stands."""
+        self._change("_blind", now)
+        self._change("_standings", {})
+        return FAILED
+
+    def _let_go(self, now: int) -> None:
+        """Let go of the machines whose last event is long ago, and of marks."""
+        if self._life is None:
+            return
+        limit = now - self._life
+        undone = self._session.journal.entries
+        for key in self._queue.pass_by(limit):
+            standing = self._standings.get(key)
+            if standing is not None and standing.at <= limit:
+                if undone is not None:
+                    undone.append(_Had(self._standings, key, standing))
+                del self._standings[key]
+        if self._blind is not None and self._blind <= limit:
+            self._change("_blind", None)
+        if self._crowded is not None and self._crowded <= limit:
+            self._change("_crowded", None)
+
+    def _change(self, name: str, value: object) -> None:
+        if self._session.journal.entries is not None:
+            self._session.journal.entries.append(Was(self, name, getattr(self, name)))
+        setattr(self, name, value)
+
+    def _fill(self) -> None:
+        """Fill the queue with what is still needed of it."""
+        self._queue.fill(sorted(((s.at, key) for key, s in self._standings.items()), key=lambda pair: pair[0]))

@@ -1,0 +1,95 @@
+"""What `check` refuses or warns of in machines, and in what formulas ask of them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from oracle_server.core.derived.definition import Definition
+from oracle_server.core.errors import SpecProblem
+from oracle_server.core.formula.render import render_atom
+from oracle_server.core.formula.tree import Any, Atom, Constraint, Formula, Position, Ref
+from oracle_server.core.nearest import listed, nearest
+
+KeyPath = tuple[str | int, ...]
+
+
+def placed(definition: Definition) -> Iterator[tuple[KeyPath, Formula, Position | None]]:
+    """The formulas of a definition, each with where it stands, and where in a text that names it alone."""
+    path = "derive", definition.name, definition.op
+    if definition.formula is not None:
+        yield path, definition.formula, None
+    elif definition.table is not None:
+        for i, formula in enumerate(definition.events):
+            yield _named(definition, path, definition.table.events[i]), formula, _within(definition, i)
+
+
+def machine_problems(definition: Definition) -> Iterator[SpecProblem]:
+    """Events that are the same, so that the second never counts, and states that no event leads to."""
+    table = definition.table
+    assert table is not None  # noqa: S101 -- it is a machine
+    path = "derive", definition.name, definition.op
+    groups = [[bit.bit_length() - 1 for bit in row] for row in table.rows] if definition.op == "states" else []
+    told: set[tuple[int, int]] = set()
+    for events in groups or [list(range(len(table.events)))]:
+        first: dict[Formula, int] = {}
+        for event in events:
+            other = first.setdefault(definition.events[event], event)
+            if other != event and (other, event) not in told:
+                told.add((other, event))
+                message = (
+                    f"derived signal '{definition.name}': `{table.events[event]}` is the same as "
+                    f"`{table.events[other]}`, so that it never counts: only the first event that holds does"
+                )
+                yield SpecProblem(_named(definition, path, table.events[event]), message, _within(definition, event))
+    if definition.op == "states":
+        yield from _unreached(definition)
+
+
+def never(definition: Definition, constraint: Constraint) -> str | None:
+    """Why what is asked of a machine's signal never holds, None where it may."""
+    table, wanted = definition.table, constraint.value
+    if table is None or isinstance(wanted, Any | Ref):
+        return None
+    text, values = render_atom(Atom((constraint,))), list(dict.fromkeys(v for v in table.values if v is not None))
+    if constraint.op not in ("==", "!="):
+        return f"`{text}` is never met: '{definition.name}' is the state of a machine, and no number"
+    if wanted in values:
+        return None
+    hint = nearest(str(wanted), values)
+    meets = "never" if constraint.op == "==" else "always"
+    return f"`{text}` is {meets} met; {f'{hint} ' if hint else ''}'{definition.name}' is one of {listed(values)}"
+
+
+def _unreached(definition: Definition) -> Iterator[SpecProblem]:
+    table = definition.table
+    assert table is not None  # noqa: S101 -- it is a machine
+    reached = {table.start, *(to for i, row in enumerate(table.rows) for to in row.values() if to != i)}
+    reached |= {to for i, to in enumerate(table.otherwise) if to != i}
+    for i, name in enumerate(table.names):
+        if i not in reached and name != table.bad:
+            message = (
+                f"derived signal '{definition.name}': no event leads to the state '{name}': add one to another state, "
+                "or leave it out"
+            )
+            yield SpecProblem(("derive", definition.name, "states", name), message, severity="warning")
+
+
+def _named(definition: Definition, path: KeyPath, event: str) -> KeyPath:
+    """Where an event of a machine stands first."""
+    table = definition.table
+    if table is None or definition.op != "states":
+        return path
+    bit = 1 << table.events.index(event)
+    state = next(name for name, row in zip(table.names, table.rows, strict=True) if bit in row)
+    return (*path, state, event)
+
+
+def _within(definition: Definition, event: int) -> Position | None:
+    """Where in its sequence an event stands first, None where it stands in a row."""
+    if definition.table is None or definition.op != "sequence":
+        return None
+    name = definition.table.events[event]
+    found = re.search(rf"\b{name}\b", definition.of)
+    before = definition.of[: found.start()] if found else ""
+    return before.count("\n") + 1, len(before) - before.rfind("\n")

@@ -1,0 +1,1 @@
+"""Reads state diagrams of mermaid and DOT, and writes a spec with their machine."""

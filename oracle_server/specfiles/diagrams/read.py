@@ -1,0 +1,217 @@
+"""State diagrams: their states, where they begin, and their arrows."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import NoReturn
+
+from oracle_server.core.errors import OracleError
+
+MOST = 256 * 1024
+"""Characters of a diagram."""
+_HEADER = re.compile(r"stateDiagram(?:-v2)?\b")
+_ARROW = re.compile(r"(?P<one>\[\*\]|[^\s:]+)\s*-->\s*(?P<other>\[\*\]|[^\s:]+)\s*(?::\s*(?P<label>.*))?")
+_PASSED = re.compile(r"(?:direction|classDef|class|style|accTitle|accDescr|hide|scale)\b|%%|---$")
+_STATE = re.compile(r'state\s+(?:"[^"]*"\s+as\s+)?(?P<name>\S+)\s*(?P<rest>.*)')
+_NOTE = re.compile(r"note\s+(?:left|right)\s+of\s+\S+\s*(?P<text>:?)")
+_TOKEN = re.compile(
+    r'\s+|//[^\n]*|/\*.*?\*/|(?m:^#[^\n]*)|(?P<text>"(?:\\.|[^"\\])*")|(?P<sign>->|--|[{}\[\];,=])|(?P<name>[^\s{}\[\];,="]+?(?=->|--|[\s{}\[\];,="]|$))|(?P<odd>.)',
+    re.DOTALL,
+)
+
+
+class DiagramError(OracleError):
+    """A diagram that can't be read, with its place."""
+
+
+@dataclass(frozen=True, slots=True)
+class Arrow:
+    """A transition, and the line in which it stands; its label is empty where it has none."""
+
+    state: str
+    to: str
+    label: str
+    line: int
+
+
+@dataclass(slots=True)
+class Diagram:
+    """A state diagram; `start` is empty where none is drawn."""
+
+    start: str = ""
+    states: dict[str, None] = field(default_factory=dict)
+    arrows: list[Arrow] = field(default_factory=list)
+
+
+def read_diagram(path: Path) -> Diagram:
+    """Read a state diagram of mermaid, or a digraph of DOT. Raises `DiagramError`."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
+        raise DiagramError(f"{path}: can't be read: {reason}") from None
+    if len(text) > MOST:
+        raise DiagramError(f"{path}: {len(text):,} characters; at most {MOST:,} are read")
+    is_dot = re.search(r"^\s*(?:strict\s+)?(?:di)?graph\b[^\n>]*\{", text, re.MULTILINE)
+    found = _Dot(path, text).read() if is_dot else _mermaid(path, text)
+    if not found.arrows:
+        raise DiagramError(f"{path}: no arrow between states is in it: expected `A --> B: event`, or `A -> B`")
+    return found
+
+
+def _mermaid(path: Path, text: str) -> Diagram:
+    found = Diagram()
+    begun, noted = False, False
+    for number, written in enumerate(text.splitlines(), 1):
+        line = written.strip().rstrip(";")
+        if noted:
+            noted = line != "end note"
+        elif not begun:
+            begun = _HEADER.match(line) is not None
+        elif line.startswith("```"):
+            break
+        elif line and not _PASSED.match(line):
+            noted = _line(path, number, line, found)
+    if not begun:
+        raise DiagramError(f"{path}: no state diagram: mermaid's begins with `stateDiagram-v2`, DOT's with `digraph`")
+    return found
+
+
+def _line(path: Path, number: int, line: str, found: Diagram) -> bool:
+    """Read a line; returns whether a note of several lines begins."""
+    note = _NOTE.match(line)
+    if note:
+        return not note["text"]
+    arrow = _ARROW.fullmatch(line)
+    if arrow:
+        one, other, label = arrow["one"], arrow["other"], (arrow["label"] or "").strip()
+        if one == "[*]":
+            _begin(path, number, other, found)
+        elif other == "[*]":
+            found.states.setdefault(one)
+        else:
+            _add(found, Arrow(one, other, label, number))
+        return False
+    state = _STATE.fullmatch(line)
+    if state and not state["rest"]:
+        found.states.setdefault(state["name"])
+    elif state or line in ("--", "}"):
+        _refuse(path, number, "states within states, choices and forks are not taken: draw one machine a file")
+    elif not re.fullmatch(r"[^\s:]+(\s*:.*)?", line):
+        _refuse(path, number, f"`{line[:60]}` is not understood: expected `A --> B: event`")
+    else:
+        found.states.setdefault(line.partition(":")[0].strip())
+    return False
+
+
+class _Dot:
+    """Reads a digraph of DOT."""
+
+    def __init__(self, path: Path, text: str) -> None:
+        self.path = path
+        self.tokens: list[tuple[str, str, int]] = []
+        line = 1
+        for match in _TOKEN.finditer(text):
+            if match.lastgroup in ("text", "sign", "name", "odd"):
+                self.tokens.append((match.lastgroup, match[0], line))
+            line += match[0].count("\n")
+        self.at = 0
+        self.points: set[str] = set()
+        self.found = Diagram()
+
+    def read(self) -> Diagram:
+        """The diagram."""
+        head = [text.lower() for _, text, _ in self.tokens[:2]]
+        if "digraph" not in head:
+            self._refuse("a `graph` has no directions: write `digraph`, with `->`")
+        while self._text not in ("{", ""):
+            self.at += 1
+        self.at += 1
+        while self._text not in ("}", ""):
+            self._statement()
+        if not self._text:
+            self._refuse("a `}` is missing")
+        arrows, self.found.arrows = self.found.arrows, []
+        for arrow in arrows:
+            if arrow.state in self.points:
+                _begin(self.path, arrow.line, arrow.to, self.found)
+            elif arrow.to not in self.points:
+                _add(self.found, arrow)
+        for point in self.points:
+            self.found.states.pop(point, None)
+        return self.found
+
+    @property
+    def _text(self) -> str:
+        return self.tokens[self.at][1] if self.at < len(self.tokens) else ""
+
+    def _statement(self) -> None:
+        if self._text in (";", ","):
+            self.at += 1
+            return
+        if self._text == "{" or self._text.lower() == "subgraph":
+            self._refuse("graphs within graphs are not taken: draw one machine a file")
+        names, line = [self._name()], self.tokens[self.at - 1][2]
+        if self._text == "=":  # an attribute of the graph
+            self.at += 1
+            self._name()
+            return
+        while self._text in ("->", "--"):
+            if self._text == "--":
+                self._refuse("an arrow of a digraph is `->`")
+            self.at += 1
+            names.append(self._name())
+        attributes = self._attributes()
+        if len(names) == 1:
+            if names[0].lower() not in ("graph", "node", "edge"):
+                self.found.states.setdefault(names[0])
+                if attributes.get("shape") in ("point", "none", "plaintext"):
+                    self.points.add(names[0])
+            return
+        for one, other in pairwise(names):
+            self.found.arrows.append(Arrow(one, other, attributes.get("label", ""), line))
+
+    def _attributes(self) -> dict[str, str]:
+        found: dict[str, str] = {}
+        while self._text == "[":
+            self.at += 1
+            while self._text not in ("]", ""):
+                key = self._name()
+                if self._text == "=":
+                    self.at += 1
+                    found[key.lower()] = self._name()
+                if self._text in (",", ";"):
+                    self.at += 1
+            self.at += 1
+        return found
+
+    def _name(self) -> str:
+        kind, text, _ = self.tokens[self.at] if self.at < len(self.tokens) else ("", "", 0)
+        if kind not in ("text", "name"):
+            self._refuse(f"`{text}` is not expected here" if text else "the diagram ends in the midst of a statement")
+        self.at += 1
+        return " ".join(re.sub(r'\\(["\\])', r"\1", text[1:-1]).split()) if kind == "text" else text
+
+    def _refuse(self, message: str) -> NoReturn:
+        at = min(self.at, len(self.tokens) - 1)
+        _refuse(self.path, self.tokens[at][2] if self.tokens else 1, message)
+
+
+def _begin(path: Path, line: int, state: str, found: Diagram) -> None:
+    if found.start not in ("", state):
+        _refuse(path, line, f"it begins in `{found.start}` already: draw one machine a file")
+    found.start = state
+    found.states.setdefault(state)
+
+
+def _add(found: Diagram, arrow: Arrow) -> None:
+    found.states.setdefault(arrow.state)
+    found.states.setdefault(arrow.to)
+    found.arrows.append(arrow)
+
+
+def _refuse(path: Path, line: int, message: str) -> NoReturn:
+    raise DiagramError(f"{path}:{line}: {message}")

@@ -1,0 +1,1 @@
+"""Reads properties in HPL, the language of HAROS, and writes a spec of patterns."""

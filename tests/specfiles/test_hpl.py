@@ -1,0 +1,578 @@
+"""`import --hpl`: what properties become and judge, those that stay unknown, and files that can't be read."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from oracle_server.core.events import Event, StreamKey
+from oracle_server.core.plan import plan
+from oracle_server.core.session import Session
+from oracle_server.core.signals import Projection
+from oracle_server.core.verdicts import NEGATIVE
+from oracle_server.engines.table import make_engines
+from oracle_server.rostypes.known import Types
+from oracle_server.specfiles.hpl.cel import cel
+from oracle_server.specfiles.hpl.parse import read_properties
+from oracle_server.specfiles.hpl.shared import both, implies
+from oracle_server.specfiles.hpl.tree import HplError
+from oracle_server.specfiles.hpl.write import import_hpl
+from oracle_server.specfiles.load import parse_spec
+from oracle_server.specfiles.lowered import lowered
+from oracle_server.specfiles.rosmonitoring.report import Imported
+from tests.whole.harness import run
+
+ROOT = Path(__file__).parents[2]
+CORPUS = ROOT / "tests" / "corpus" / "hpl"
+SECOND = 10**9
+Message = Mapping[str, Any]
+Said = tuple[str, Callable[[Message], Any]]
+"""A part of a predicate, and what it is of a message, in Python."""
+
+few = settings(max_examples=30, deadline=None)
+
+
+def imported(folder: Path, text: str) -> tuple[str, Imported]:
+    """The spec of a text of HPL, and what is told of it."""
+    (folder / "it.hpl").write_text(text)
+    told = import_hpl(folder / "it.hpl", folder / "it.yaml", Types(()))
+    return (folder / "it.yaml").read_text(), told
+
+
+def patterns(spec: str) -> dict[str, str]:
+    return {p.id: p.text for p in parse_spec(spec, "it.yaml").spec.properties}
+
+
+# predicates, against Python
+
+
+def _numbers() -> st.SearchStrategy[Said]:
+    leaves: list[Said] = [
+        ("x", lambda m: m["x"]),
+        ("p.y", lambda m: m["p"]["y"]),
+        ("a[0]", lambda m: m["a"][0]),
+        ("a[1]", lambda m: m["a"][1]),
+        ("len(a)", lambda m: len(m["a"])),
+        ("max(a)", lambda m: max(m["a"])),
+        ("1", lambda _: 1),
+        ("2.", lambda _: 2.0),
+        (".5", lambda _: 0.5),
+        ("-1", lambda _: -1),
+    ]
+
+    def joined(inner: st.SearchStrategy[Said]) -> st.SearchStrategy[Said]:
+        def of(a: Said, sign: str, b: Said, bare: bool) -> Said:
+            text, python = {
+                "+": (f"{a[0]} + ({b[0]})", lambda m: a[1](m) + b[1](m)),
+                "-": (f"{a[0]} - ({b[0]})", lambda m: a[1](m) - b[1](m)),
+                "*": (f"({a[0]}) * ({b[0]})", lambda m: a[1](m) * b[1](m)),
+                "/": (f"({a[0]}) / 4", lambda m: a[1](m) / 4),
+                "abs": (f"abs({a[0]})", lambda m: abs(a[1](m))),
+            }[sign]
+            return (text, python) if bare and sign != "-" else (f"({text})", python)
+
+        return st.builds(of, inner, st.sampled_from(("+", "-", "*", "/", "abs")), inner, st.booleans())
+
+    return st.recursive(st.sampled_from(leaves), joined, max_leaves=3)
+
+
+_COMPARED: dict[str, Callable[[Any, Any], bool]] = {
+    "=": lambda a, b: a == b,
+    "!=": lambda a, b: a != b,
+    "<": lambda a, b: a < b,
+    "<=": lambda a, b: a <= b,
+    ">": lambda a, b: a > b,
+    ">=": lambda a, b: a >= b,
+}
+
+
+def _compared(a: Said, sign: str, b: Said) -> Said:
+    return f"{a[0]} {sign} {b[0]}", lambda m: _COMPARED[sign](a[1](m), b[1](m))
+
+
+def _ranged(a: Said, low: Said, high: Said, above: bool, below: bool) -> Said:
+    text = f"{a[0]} in {'![' if above else '['}{low[0]} to {high[0]}{']!' if below else ']'}"
+    lower, upper = _COMPARED[">" if above else ">="], _COMPARED["<" if below else "<="]
+    return text, lambda m: lower(a[1](m), low[1](m)) and upper(a[1](m), high[1](m))
+
+
+def _contained(a: Said, items: list[Said]) -> Said:
+    return f"{a[0]} in {{{', '.join(item[0] for item in items)}}}", lambda m: a[1](m) in [i[1](m) for i in items]
+
+
+NUMBERS = _numbers()
+ATOMS: st.SearchStrategy[Said] = st.one_of(
+    st.builds(_compared, NUMBERS, st.sampled_from(sorted(_COMPARED)), NUMBERS),
+    st.builds(_ranged, NUMBERS, NUMBERS, NUMBERS, st.booleans(), st.booleans()),
+    st.builds(_contained, NUMBERS, st.lists(NUMBERS, min_size=1, max_size=3)),
+    st.sampled_from(
+        [
+            ("f", lambda m: m["f"]),
+            ("f = False", lambda m: not m["f"]),
+            ('s = "it\'s \\"so\\""', lambda m: m["s"] == 'it\'s "so"'),
+            ("forall i in a: a[@i] > 0", lambda m: all(v > 0 for v in m["a"])),
+            ("exists i in [0 to len(a)]!: a[@i] = x", lambda m: any(v == m["x"] for v in m["a"])),
+            ("exists v in {0, x}: @v > p.y", lambda m: any(v > m["p"]["y"] for v in (0, m["x"]))),
+        ]
+    ),
+)
+
+
+def _conditions() -> st.SearchStrategy[Said]:
+    def joined(inner: st.SearchStrategy[Said]) -> st.SearchStrategy[Said]:
+        def of(a: Said, word: str, b: Said) -> Said:
+            return {
+                "and": (f"({a[0]}) and ({b[0]})", lambda m: a[1](m) and b[1](m)),
+                "or": (f"({a[0]}) or ({b[0]})", lambda m: a[1](m) or b[1](m)),
+                "implies": (f"(({a[0]}) implies ({b[0]}))", lambda m: not a[1](m) or b[1](m)),
+                "iff": (f"(({a[0]}) iff ({b[0]}))", lambda m: a[1](m) == b[1](m)),
+                "not": (f"not ({a[0]})", lambda m: not a[1](m)),
+            }[word]
+
+        return st.builds(of, inner, st.sampled_from(("and", "or", "implies", "iff", "not")), inner)
+
+    return st.recursive(ATOMS, joined, max_leaves=4)
+
+
+CONDITIONS = _conditions()
+MESSAGES = st.fixed_dictionaries(
+    {
+        "x": st.integers(0, 2),
+        "p": st.fixed_dictionaries({"y": st.sampled_from((0, 1.5, -1))}),
+        "a": st.lists(st.integers(0, 2), min_size=2, max_size=3),
+        "f": st.booleans(),
+        "s": st.sampled_from(("", 'it\'s "so"')),
+    }
+)
+
+
+@settings(max_examples=100, deadline=None)
+@given(CONDITIONS, st.lists(MESSAGES, min_size=1, max_size=8))
+def test_a_predicate_is_what_python_makes_of_it(said: Said, messages: list[Message]) -> None:
+    text, python = said
+    (prop,) = read_properties(f"globally: no /t {{{text}}}", "it.hpl")
+    (event,) = prop.behaviour
+    assert event.predicate is not None
+    project = Projection({"it": cel(event.predicate, "")})
+    assert [project(m) for m in messages] == [({"it": bool(python(m))}, frozenset()) for m in messages]
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("not x = 1 and f", "!(msg.x == 1) && msg.f"),
+        ("a or b and c implies d or e", "!(msg.a || msg.b && msg.c) || msg.d || msg.e"),
+        ("a implies b implies c", "!(!msg.a || msg.b) || msg.c"),
+        ("a - b - c = -d * e", "msg.a - msg.b - msg.c == -msg.d * msg.e"),
+        ("a - (b - c) < d / 2", "msg.a - (msg.b - msg.c) < msg.d * 1.0 / 2"),
+        ("a / (b / c) < 1", "msg.a * 1.0 / (msg.b * 1.0 / msg.c) < 1"),
+        ("not x in {1, 2} or f iff g", "(!(msg.x in [1, 2]) || msg.f) == msg.g"),
+        ("b[i + 1].c in list", "msg.b[msg.i + 1].c in msg.list"),
+        ("forall i in b.c: b.c[@i].d[0] > e", "msg.b.c.all(i, i.d[0] > msg.e)"),
+        ("x[0]!= 1", "msg.x[0] != 1"),
+        ("x in [0 to b[0]]!", "msg.x >= 0 && msg.x < msg.b[0]"),
+        ("r < 2 * PI", "msg.r < 2 * 3.141592653589793"),
+    ],
+)
+def test_operators_bind_as_in_hpl(text: str, wanted: str) -> None:
+    (prop,) = read_properties(f"globally: no /t {{{text}}}", "it.hpl")
+    assert prop.behaviour[0].predicate is not None
+    assert cel(prop.behaviour[0].predicate, "") == wanted
+
+
+# what one message can be twice
+
+FACTS = st.lists(
+    st.sampled_from(
+        (
+            *("x = 1", "2 = x", "x != 1", "x in {0, 2}", "x in [0 to 1]", "x in ![0 to 1]!", "x > 1", "1 >= x"),
+            *("x < 1.5", "not x = 1", "f", "not f", "f = True", "p.y > 0", "p.y = -1", "x > 0.5 or f", "x = p.y"),
+        )
+    ),
+    max_size=3,
+)
+
+
+@settings(max_examples=100, deadline=None)
+@given(FACTS, FACTS)
+def test_events_that_exclude_or_imply_each_other_do(ours: list[str], theirs: list[str]) -> None:
+    braces = [f"{{{' and '.join(f'({part})' for part in parts)}}}" if parts else "" for parts in (ours, theirs)]
+    (prop,) = read_properties(f"globally: /t {braces[0]} causes /t {braces[1]}", "it.hpl")
+    (one,), (other,) = prop.trigger, prop.behaviour
+    said = [cel(e.predicate, "") if e.predicate else "true" for e in (one, other)]
+    project = Projection({"one": said[0], "other": said[1]})
+    values = [{"x": x, "f": f, "p": {"y": y}} for x in (0, 0.5, 1, 1.25, 2) for f in (True, False) for y in (-1, 0, 1)]
+    found = [project(message)[0] for message in values]
+    if not list(both((one,), (other,))):
+        assert not any(f["one"] and f["other"] for f in found)
+    if implies(one, other):
+        assert all(f["other"] for f in found if f["one"])
+
+
+def test_what_share_a_topic_is_warned_of_at_its_place(tmp_path: Path) -> None:
+    text = (
+        "globally: /m {v = 1} causes /m {v = 2}\n"
+        "globally: /m {v > 0} causes /m {ok} within 1 s\n"
+        "after /m {v = 1} until /m {ok}: no /n\n"
+    )
+    spec, told = imported(tmp_path, text)
+    places = [(f.line, f.column) for f in told.findings if f.file.endswith(".hpl")]
+    assert places == [(2, 29), (3, 24)]
+    assert spec.count("# look at it: /m is the topic of an event before too") == 2
+    assert not told.done
+
+
+@pytest.mark.parametrize(
+    "text", ["/b requires /b", "/b {x} requires /b", "/b {x and y} causes /b {x}", "/b forbids /b {x}", "/b causes /b"]
+)
+def test_what_would_answer_itself_at_each_message_is_unknown(tmp_path: Path, text: str) -> None:
+    spec, told = imported(tmp_path, f"globally: {text} within 1 s")
+    assert "would answer itself" in spec
+    assert not told.judges
+
+
+# properties, against a reading by brute force
+
+
+def violated(spec: str, trace: list[tuple[float, str, Message]]) -> list[bool]:
+    """Whether the only property has been violated by each event, in the order of arrival."""
+    ready = plan(parse_spec(spec + "ordering: {by: arrival}\n", "it.yaml").spec)
+    session = Session(ready, make_engines(ready))
+    found, bad = list[bool](), False
+    for n, (time, topic, data) in enumerate(trace):
+        now = 10**18 + int(time * SECOND)
+        for judged in session.ingest(Event(StreamKey(topic, "topic"), "m", n + 1, now, now, data)):
+            bad = bad or judged.verdicts[0].outcome in NEGATIVE
+        found.append(bad)
+    return found
+
+
+Row = tuple[float, str, Message]
+Holds = Callable[[Message, Message], bool]
+RELATIONS: dict[str, Holds] = {
+    "x = @A.x": lambda m, a: bool(m["x"] == a["x"]),
+    "@A.x + 1 = x and y": lambda m, a: bool(a["x"] + 1 == m["x"] and m["y"]),
+    "x = @A.x and y = @A.y": lambda m, a: bool(m["x"] == a["x"] and m["y"] == a["y"]),
+    "x > @A.x": lambda m, a: bool(m["x"] > a["x"]),
+    "2 * @A.x >= x": lambda m, a: bool(2 * a["x"] >= m["x"]),
+}
+LIMIT = 2.5
+
+
+def _by_force(verb: str, holds: Holds, rows: list[Row], now: float) -> bool:
+    """Whether the property of a verb is violated by these events, at a time."""
+
+    def pairs(i: int, first: str, second: str, *, back: bool = False) -> bool:
+        """Whether some event goes with that of a place: after it, or before it, in time."""
+        time, _, data = rows[i]
+        span = rows[:i] if back else rows[i + 1 :]
+        return any(
+            topic == second and abs(t - time) < LIMIT and (holds(data, d) if first == "/m" else holds(d, data))
+            for t, topic, d in span
+        )
+
+    places = range(len(rows))
+    if verb == "causes":
+        return any(rows[i][1] == "/a" and not pairs(i, "/a", "/m") and rows[i][0] + LIMIT < now for i in places)
+    if verb == "forbids":
+        return any(rows[i][1] == "/a" and pairs(i, "/a", "/m") for i in places)
+    # `/a as A requires /m {…}`
+    return any(rows[i][1] == "/a" and not _earlier(rows, i, holds) for i in places)
+
+
+def _earlier(rows: list[Row], i: int, holds: Holds) -> bool:
+    time, _, data = rows[i]
+    return any(topic == "/m" and time - t < LIMIT and holds(d, data) for t, topic, d in rows[:i])
+
+
+ROWS = st.lists(
+    st.tuples(
+        st.sampled_from((0, 0, 1, 1, 2, 4)),
+        st.sampled_from(("/a", "/m")),
+        st.fixed_dictionaries({"x": st.integers(0, 2), "y": st.booleans()}),
+    ),
+    min_size=1,
+    max_size=9,
+)
+
+
+def _timed(rows: list[tuple[int, str, Message]]) -> list[Row]:
+    now, found = 0.0, []
+    for pause, topic, data in rows:
+        now += pause
+        found.append((now, topic, data))
+    return found
+
+
+ALIASES = [
+    (verb, r) for verb in ("causes", "forbids", "requires") for r in RELATIONS if verb == "causes" or ">" not in r
+]
+
+
+@pytest.mark.parametrize(("verb", "relation"), ALIASES)
+def test_an_alias_is_the_message_that_it_names(
+    tmp_path_factory: pytest.TempPathFactory, verb: str, relation: str
+) -> None:
+    text = f"globally: /a as A {verb} /m {{{relation}}} within 2500 ms"
+    spec, told = imported(tmp_path_factory.mktemp("hpl"), text)
+    assert told.judges
+    holds = RELATIONS[relation]
+
+    @few
+    @given(ROWS)
+    def check(rows: list[tuple[int, str, Message]]) -> None:
+        trace = _timed(rows)
+        wanted = [_by_force(verb, holds, trace[: n + 1], trace[n][0]) for n in range(len(trace))]
+        assert violated(spec, trace) == wanted
+
+    check()
+
+
+@pytest.mark.parametrize("closes", [False, True])
+def test_what_opens_a_scope_is_the_first_message_and_not_a_later_one(tmp_path: Path, closes: bool) -> None:
+    scope = "after /p as P until /q" if closes else "after /p as P"
+    spec, told = imported(tmp_path, f"{scope}: no /m {{x = @P.x}}")
+    assert told.done
+
+    @few
+    @given(st.lists(st.tuples(st.sampled_from(("/p", "/m", "/q" if closes else "/p")), st.integers(0, 2)), max_size=12))
+    def check(rows: list[tuple[str, int]]) -> None:
+        opened: int | None = None
+        bad, wanted = False, []
+        for topic, x in rows:
+            if topic == "/q":
+                opened = None
+            elif topic == "/p":
+                opened = x if opened is None else opened
+            bad = bad or (topic == "/m" and x == opened)
+            wanted.append(bad)
+        assert violated(spec, [(n, topic, {"x": x}) for n, (topic, x) in enumerate(rows)]) == wanted
+
+    check()
+
+
+@pytest.mark.parametrize("scope", ["after /p {y}", "after /p {y} until /q", "after (/p {y} or /r) until /q"])
+@pytest.mark.parametrize(
+    "body", ["no /p {x = 1}", "some /p {x = 1} within 2500 ms", "/p {x = 1} causes /m within 2500 ms"]
+)
+def test_the_message_that_opens_a_scope_is_not_in_it(
+    tmp_path_factory: pytest.TempPathFactory, scope: str, body: str
+) -> None:
+    spec, told = imported(tmp_path_factory.mktemp("hpl"), f"{scope}: {body}")
+    assert told.done
+
+    @few
+    @given(
+        st.lists(st.tuples(st.sampled_from((0, 1, 2, 4)), st.sampled_from("pppmqr"), st.integers(0, 1), st.booleans()))
+    )
+    def check(rows: list[tuple[int, str, int, bool]]) -> None:
+        now, opened, waits = 0.0, False, list[float]()
+        bad, trace, wanted = False, list[Row](), []
+        for pause, letter, x, y in rows:
+            topic = f"/{letter}"
+            if topic not in spec:
+                continue
+            now += pause
+            trace.append((now, topic, {"x": x, "y": y}))
+            bad = bad or any(time + LIMIT < now for time in waits)
+            if opened and letter == "q":
+                bad, opened, waits = bad or bool(waits), False, []
+            elif opened and letter == "p" and x == 1:
+                bad = bad or body.startswith("no")
+                waits = [*waits, now] if "causes" in body else []
+            elif opened and letter == "m" and "causes" in body:
+                waits = []
+            elif not opened and ((letter == "p" and y) or letter == "r"):
+                opened, waits = True, [now] if body.startswith("some") else []
+            wanted.append(bad)
+        assert violated(spec, trace) == wanted
+
+    check()
+
+
+BODIES = ("no /b", "some /b {x}", "/a causes /b", "/b requires (/a or /b2 {x})", "/a {x} forbids /b")
+SCOPES = ("globally", "after /p", "until /q {x}", "after /p {x} until (/q or /r)")
+
+
+def test_each_scope_and_pattern_is_that_of_a_pattern_written_here(tmp_path: Path) -> None:
+    said = [
+        f"{scope}: {body}{within}"
+        for scope in SCOPES
+        for body in BODIES
+        for within in ("", " within 5 s", " within .5s")
+    ]
+    spec, told = imported(tmp_path, "\n".join(said))
+    by_hand = {f"p{i + 1}": text.replace(".5s", "500ms").replace("5 s", "5s") for i, text in enumerate(said)}
+    written = spec.split("properties:")[0] + "properties:\n"
+    written += "".join(f"  - {{id: {name}, latch: true, pattern: '{text}'}}\n" for name, text in by_hand.items())
+    ours, theirs = (parse_spec(each, "it.yaml").spec.properties for each in (spec, written))
+    assert not told.todos
+    assert list(lowered(ours)) == list(lowered(theirs))
+    assert all(prop.latch for prop in ours)
+
+
+# what has no counterpart
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("globally: no /b {x ** 2 > 1}", "there is no `**` (line 1, column 18)"),
+        ("globally: no /b {sin(x) > 1}", "no function `sin` (line 1, column 18)"),
+        ("globally: no /b {x < INF}", "`INF`"),
+        ("globally: no /b {state = PRESSED}", "`PRESSED` looks like a constant"),
+        ("globally: no /b {s.level = s.WARN}", "`WARN` looks like a constant"),
+        ("globally: no /b {exists v in list: @v > 1}", "may be an index or an element"),
+        ("globally: no /b {forall i in [1 to 4]: list[@i] > 1}", "over a set, or over all of an array"),
+        ("globally: no ~b", "which node's is `~b`?"),
+        ("globally: /b as B requires /a {x < @B.x}", "`<` between two messages"),
+        ("after /p as P: no /b {x != @P.x}", "compared by `=`"),
+        ("after /p as P: no /b {x = @P.x or y}", "compared by `=`"),
+        ("globally: /a as A causes /b {x + @A.x = 1}", "those of one other message"),
+        ("after /p as P: /a as A causes /b {@A.x = @P.x}", "those of one other message"),
+        ("after /p as P until /q {x = @P.x}: no /b", "what closes a scope"),
+        ("after /p as P {x} until /p {y}: no /b {x = @P.x}", "may open and close the scope"),
+        ("after /p until /p {x}: no /b", "would both open the scope and close it"),
+        ("globally: /a causes /b {x = @A.x}", "no message that comes before is called `A`"),
+        ("globally: /a {x = @B.x} causes /b as B", "no message that comes before is called `B`"),
+        ("globally: (/a as A or /c) causes /b {x = @A.x}", "one of several events"),
+        ("after /p as A: /a as A causes /b {x = @A.x}", "two messages are called `A`"),
+        ("globally: no /b {x + 1}", "no condition that holds or not (line 1, column 18)"),
+        ("globally: no /b {y and len(x)}", "no condition that holds or not (line 1, column 24)"),
+        ("globally: no /b {-x and y}", "no condition"),
+        ("globally: no /b {x = 99999999999999999999999}", ""),
+    ],
+)
+def test_what_has_no_counterpart_is_unknown_with_its_reason(tmp_path: Path, text: str, reason: str) -> None:
+    spec, told = imported(tmp_path, text)
+    assert reason in spec
+    assert patterns(spec) == {"p1": "{todo}"}
+    assert not told.judges
+    assert told.todos == ("the pattern of p1",)
+    topics = [t for t in parse_spec(spec, "it.yaml").spec.by_key if t.name != "/todo"]
+    for topic in topics:
+        ready = plan(parse_spec(spec, "it.yaml").spec)
+        session = Session(ready, make_engines(ready))
+        judged = session.ingest(Event(topic, "m", 1, SECOND, SECOND, {})) + session.finish(9 * SECOND)
+        assert [v.outcome for j in judged for v in j.verdicts] == ["unknown"]
+
+
+def test_what_is_read_is_judged_beside_what_is_not(tmp_path: Path) -> None:
+    spec, told = imported(tmp_path, "globally: no /a {x > 1}\nglobally: no /a {x ** 2 > 1}")
+    assert told.judges
+    assert patterns(spec) == {"p1": 'globally: no /a {"x > 1"}', "p2": "{todo}"}
+
+
+# files
+
+
+def test_a_file_with_all_of_it(tmp_path: Path) -> None:
+    done = run("import", "--hpl", CORPUS / "rover.hpl", "-o", tmp_path / "rover.yaml")
+    assert "the pattern of rising, the pattern of squares, the pattern of pressed" in done.stderr
+    spec = parse_spec((tmp_path / "rover.yaml").read_text(), "rover.yaml").spec
+    said = {prop.id: prop for prop in spec.properties}
+    assert spec.id == "rover"
+    assert said["speed_limit"].description == "Speed limit. The rover is never faster than 1 m/s"
+    assert said["battery_kept"].text.startswith(
+        "forall[S_id]. after ({topic: /mission/start, id: *S_id} and not pre (not"
+    )
+    assert said["all_buttons"].text.startswith("until /shutdown: no /joy")
+    assert [prop.time for prop in spec.properties[:4]] == ["steps", "seconds", "steps", "seconds"]
+
+
+def test_the_page_shows_what_is_written(tmp_path: Path) -> None:
+    page = (ROOT / "docs" / "from-haros.md").read_text()
+    source, shown = re.search(r"```\n(.*?)```", page, re.DOTALL), re.search(r"```yaml\n(.*?)```", page, re.DOTALL)
+    assert source
+    assert shown
+    (tmp_path / "rover.hpl").write_text(source[1])
+    import_hpl(tmp_path / "rover.hpl", tmp_path / "rover.yaml", Types(()))
+    written = (tmp_path / "rover.yaml").read_text()
+    assert written[written.index("id: rover") :] == shown[1]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", "no property"),
+        ("some /b", "1:1: a property begins with its scope"),
+        ("globally no /b", "1:10: a scope ends with `:`"),
+        ("globally: no /b {}", "1:18: a value is expected"),
+        ("globally: no /b {x < 1, y}", "1:23: a predicate ends"),
+        ("globally: no /b {x > 1\n", "2:1: a predicate ends"),
+        ("globally: no /b {x in [0, 1]}", "`to` is expected"),
+        ("globally: no /b {x and not}", "a value is expected"),
+        ("globally: /a leads /b", "1:14: a pattern is"),
+        ("globally: no /b within 5", "a time is in `s` or `ms`"),
+        ("globally: no /b within 0 s", "1:24: a time is longer than 0"),
+        ("globally: no /b within 1e-99999 s", "a time is longer than 0"),
+        ("globally: no /b within 1e99999 s", "a time is longer than 0"),
+        ("globally: no /b\n# title: it\nglobally: no /b", "2:10: behind `# title:`"),
+        ("globally: no (/a or)", "1:20: a topic is expected"),
+        ("globally: no /b {" + "(" * 100 + "x", "within each other"),
+        ("globally: no /b {" + "not " * 100 + "x", "within each other"),
+        ("globally: no /b {" + "-" * 5000 + "x", "within each other"),
+        ("globally: no /b {" + "a[" * 5000 + "x", "within each other"),
+        ("globally: no /b {x in " + "[0 to " * 5000, "within each other"),
+        ("globally: no /b {" + "x + " * 2000 + "x > 1}", "at most 200 operators"),
+        ("globally: no /b\n" * 1001, "1,000 properties"),
+    ],
+)
+def test_a_file_of_another_shape_is_refused_in_a_line(tmp_path: Path, text: str, told: str) -> None:
+    with pytest.raises(HplError) as raised:
+        imported(tmp_path, text)
+    assert told in str(raised.value)
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("data", [b"\xff", b" " * 1_000_001])
+def test_bytes_that_are_no_text(tmp_path: Path, data: bytes) -> None:
+    (tmp_path / "it.hpl").write_bytes(data)
+    with pytest.raises(HplError):
+        import_hpl(tmp_path / "it.hpl", None, Types(()))
+
+
+def test_texts_of_others_stay_where_they_are(tmp_path: Path) -> None:
+    text = (
+        '# description: "it\'s: \\"x\\" # y\u2028guards: [/x]"\n# id: a\nglobally: no /b {s = "a\'b: \\\\ # \u00e9"}\n'
+    )
+    text += "# id: a\nglobally: no /b"
+    spec, _ = imported(tmp_path, text)
+    first, second = parse_spec(spec, "it.yaml").spec.properties
+    assert (first.id, second.id) == ("a", "a_2")
+    assert not first.guards
+    project = Projection(dict(parse_spec(spec, "it.yaml").spec.streams[0].signals or {}))
+    (value,) = project({"s": "a'b: \\ # \u00e9"})[0].values()
+    assert value is True
+
+
+def test_names_that_are_words_here(tmp_path: Path) -> None:
+    text = (
+        "globally: no /b {once}\nglobally: no /b {kind}\nglobally: no /b {todo}\nglobally: /b as S causes /c {P = @S.A}"
+    )
+    spec, told = imported(tmp_path, text)
+    assert told.todos == ("the pattern of p4",)
+    assert list(patterns(spec).values())[:3] == [
+        'globally: no /b {"once"}', 'globally: no /b {"msg.kind"}', 'globally: no /b {"msg.todo"}',
+    ]  # fmt: skip
+
+
+def test_the_same_text_of_two_messages_is_two_signals(tmp_path: Path) -> None:
+    text = "globally: /b as A causes /c {x > @A.y}\nglobally: /a as B causes /c as A {x > @A.y}"
+    spec, told = imported(tmp_path, text)
+    assert not told.todos
+    assert "'x > @A.y': 'msg.x > msg.y'" in spec
+
+
+def test_a_predicate_too_long_for_a_name_is_a_signal_all_the_same(tmp_path: Path) -> None:
+    long = " or ".join(f"field_{n} > {n}" for n in range(60))
+    spec, told = imported(tmp_path, f"globally: no /b {{{long} or x}}\nglobally: no /b {{{long} or y}}")
+    assert not told.todos
+    (signals,) = [stream.signals for stream in parse_spec(spec, "it.yaml").spec.streams]
+    assert len(signals or ()) == 2
