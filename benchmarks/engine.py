@@ -1,6 +1,6 @@
 """What a step of each engine costs, and what a property takes: native beside reelay, in turns, in one run.
 
-    python benchmarks/engine.py [--json] [--quick] [--large] [--growth] [--derived] [--obligations]
+    python benchmarks/engine.py [--json] [--quick] [--large] [--growth] [--derived] [--obligations] [--joins]
 
 Each formula is stepped through events that meet its atoms in turn, one atom at an event, every value fresh until there
 are as many as the line says, and then the same ones again. *µs* is the mean of a step, the best of three turns; *ratio*
@@ -11,7 +11,8 @@ along have added to the process, in the native engine. `--derived` tells instead
 that concerns them, with windows of 10^2 and 10^5 samples, by a step of the native engine; what a whole step costs that
 concerns none, by one without derived signals; and what the steps from 10^4 to 10^6 have added to the process.
 `--obligations` steps what waits for what comes beside the same asked of the past, in turns, through the same events,
-and with ten and 99,000 open.
+and with ten and 99,000 open. `--joins` steps formulas of two and three variables that bind each other through long
+traces, and prints how many of the events were judged, what a step took, and what the engine has added to the process.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from pathlib import Path
 
 from oracle_server.core.atoms import Match
 from oracle_server.core.engine import Engine
+from oracle_server.core.errors import EngineError
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.parse import Time, parse_formula
 from oracle_server.core.formula.tree import Formula
@@ -85,6 +87,21 @@ OBLIGATIONS: dict[str, tuple[Time, str, str]] = {
 """What waits for what comes, and the same asked of the past."""
 
 
+JOINS: dict[str, tuple[str, int]] = {
+    "files": ("forall[f]. {close: *f} -> exists[m]. pre (not {close: *f} since {open: *f, mode: *m})", 110_004),
+    "fifo": (
+        "forall[x]. forall[y]. {exit: *y} and once ({enter: *y} and pre once {enter: *x}) -> pre once {exit: *x}",
+        5_051,
+    ),
+    "iterators": (
+        "forall[m, c, i]. {next: *i} -> "
+        "not once ({update: *m} and once ({iterator: *i, of: *c} and once {view: *c, map: *m}))",
+        10_801,
+    ),
+}
+"""Formulas of several variables that bind each other, and how many events they are stepped through."""
+
+
 @dataclass(frozen=True)
 class Line:
     """One formula with so many distinct values over so many steps."""
@@ -111,7 +128,11 @@ def main() -> None:
     parser.add_argument("--growth", action="store_true", help="measure what 10^6 steps add to the process")
     parser.add_argument("--derived", action="store_true", help="measure derived signals beside a native step")
     parser.add_argument("--obligations", action="store_true", help="measure what waits for what comes")
+    parser.add_argument("--joins", action="store_true", help="measure formulas of several variables")
     args = parser.parse_args()
+    if args.joins:
+        show_joins(50 if args.quick else 1)
+        return
     if args.derived:
         importlib.import_module("derived").show(quick=args.quick)
         return
@@ -187,6 +208,40 @@ def opened(count: int, steps: int) -> float:
     for n, found in enumerate(events, count):
         engine.step(n, found)
     return (time.process_time() - begun) / steps * 1e6
+
+
+def show_joins(part: int) -> None:
+    """Step formulas of several variables through traces, or the first so many-th of them."""
+    print(f"{'joined':32} {'events':>8} {'judged':>8} {'native µs':>10} {'kB':>8}")
+    for name, (text, count) in JOINS.items():
+        events = list(joined(name, count // part))
+        engine, before, judged = NativeEngine(parse_formula(text)), resident(), 0
+        begun = time.process_time()
+        for found in events:
+            try:
+                engine.step(judged, found)
+            except EngineError:
+                break
+            judged += 1
+        cost = (time.process_time() - begun) / max(judged, 1) * 1e6
+        print(f"{name:32} {len(events):8} {judged:8} {cost:10.2f} {(resident() - before) / 1e3:8.0f}", flush=True)
+
+
+def joined(name: str, count: int) -> Iterator[list[Match]]:
+    """What each atom makes of events: many files, a queue that grows, and maps with views, iterators and changes."""
+    opened = count * 8 // 11
+    for n in range(count):
+        if name == "files":
+            yield [None, (str(n), str(n % 3))] if n < opened else [(str(n - opened),), None]
+        elif name == "fifo":
+            out, into = ((str(n // 3),), None) if n % 3 == 2 else (None, (str(n - n // 3),))
+            yield [out, into, into, out]
+        else:
+            turn, what = divmod(n, 4)
+            found: list[Match] = [None] * 4
+            fields = [(str(turn), str(turn % 100)), (str(turn), str(turn)), (str(turn * 7 % 100),), (str(turn),)]
+            found[3 - what] = fields[what]
+            yield found
 
 
 def show_growth() -> None:

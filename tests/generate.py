@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import random
 from collections.abc import Callable
 
@@ -12,10 +13,13 @@ from tests.brute import TimedSignals
 from tests.strategies import CORNERS, SECOND, START, VALUES, free
 
 KEYS = "abc"
+JOINED = float(os.environ.get("JOINED", "0.02"))
+"""The share of formulas with parts that bind each other's variables."""
 _KINDS = (
     *("not", "and", "or", "implies", "pre", "historically"),
     *("once", "once", "since", "since", "quantifier", "quantifier"),
 )
+_JOINING = ("and", "and", "and", "order", "order", "unbroken", "unbroken")
 _ALPHABETS: tuple[tuple[Scalar, ...], ...] = ((7, "7", 8), (1, 2, 3, 4), (True, 1, 2))
 
 
@@ -48,6 +52,80 @@ def formula(rng: random.Random, time: Time, depth: int, quantifiers: int = 3, sc
         use = Atom((Constraint(rng.choice(KEYS), "==", Ref(variable)),))
         body = tree.And(use, body) if rng.random() < 0.5 else tree.Or(body, use)
     return rng.choice((tree.Exists, tree.Forall))(variable, body)
+
+
+def either(rng: random.Random, time: Time, depth: int) -> Formula:
+    """One of `formula`, or one of `joined`: these take the table thirty times as long."""
+    return joined(rng, time, min(depth, 3)) if rng.random() < JOINED else formula(rng, time, depth)
+
+
+def joined(rng: random.Random, time: Time, depth: int) -> Formula:
+    """A closed formula of two variables or three, of which some parts bind some of them, and other parts the others."""
+    names = tuple(rng.sample("xyz", rng.choice((2, 2, 2, 3))))
+    body = _binding(rng, time, depth, names)
+    kinds: tuple[type[tree.Exists | tree.Forall], ...] = (tree.Exists,)
+    if rng.random() < 0.5:
+        body, kinds = tree.Implies(body, formula(rng, time, rng.randint(0, 2), 1, names)), (tree.Forall,)
+    if rng.random() < 0.3:
+        kinds = (tree.Exists, tree.Forall)
+    for name in names:
+        body = rng.choice(kinds)(name, body)
+    wrapped = (tree.Not(body), tree.Pre(body), tree.Historically(body, bound(rng, time)), formula(rng, time, 1, 0))
+    return rng.choice((*[body] * 7, *wrapped[:3], tree.And(body, wrapped[3])))
+
+
+def _binding(rng: random.Random, time: Time, depth: int, names: tuple[str, ...]) -> Formula:
+    """A part that holds for finitely many values of these variables."""
+
+    def part(some: tuple[str, ...] = names) -> Formula:
+        return _binding(rng, time, depth - 1, some)
+
+    if depth <= 0 or rng.random() < 0.1:
+        keys = rng.sample(KEYS, len(names)) if len(names) <= len(KEYS) else ()
+        return Atom(tuple(Constraint(key, "==", Ref(name)) for key, name in zip(keys, names, strict=True)))
+    past = rng.choice((tree.ALL_PAST, tree.ALL_PAST, bound(rng, time)))
+    kind = rng.choice((*_JOINING, "but", "or", "pre", "once", "once", "since", "exists"))
+    cut = rng.randint(1, max(1, len(names) - 1))
+    if kind == "order" and len(names) > 1:
+        return _order(rng, time, depth, names[:cut], names[cut:])
+    shared = tuple(dict.fromkeys((rng.choice(names), *names[cut:])))
+    if kind == "unbroken" and len(names) > 1:
+        left = tree.Not(part(rng.choice((shared, names[cut:]))))
+        return tree.And(part(), tree.Since(left, part(names[:cut]), past))
+    if kind == "and" and len(names) > 1:
+        sides = [part(names[:cut]), part(shared)]
+        rng.shuffle(sides)
+        return tree.And(*sides)
+    free_part = formula(rng, time, rng.randint(0, 2), 0, names)
+    extra = next(name for name in "wxyz" if name not in names)
+    made: dict[str, Callable[[], Formula]] = {
+        "but": lambda: tree.And(part(), tree.Not(free_part)),
+        "or": lambda: tree.Or(part(), part()),
+        "pre": lambda: tree.Pre(part()),
+        "once": lambda: tree.Once(part(), past),
+        "since": lambda: tree.Since(rng.choice((tree.Not(free_part), free_part)), part(), past),
+        "exists": lambda: tree.Exists(extra, part((*names, extra))),
+    }
+    return made[kind]() if kind in made and (kind != "exists" or len(names) < 3) else tree.And(part(), free_part)
+
+
+def _order(rng: random.Random, time: Time, depth: int, last: tuple[str, ...], first: tuple[str, ...]) -> Formula:
+    """That something held for some variables when something already had for others, and what else is asked of them."""
+    begun: Formula = tree.Once(_binding(rng, time, depth - 2, first), tree.ALL_PAST)
+    if rng.random() < 0.7:
+        begun = tree.Pre(begun)
+    sides = [_binding(rng, time, depth - 2, last), begun]
+    rng.shuffle(sides)
+    found: Formula = tree.And(*sides)
+    if rng.random() < 0.8:
+        found = tree.Once(found, tree.ALL_PAST)
+    if rng.random() < 0.7:
+        found = tree.And(_binding(rng, time, depth - 2, last), found)
+    if rng.random() < 0.7:
+        other = _binding(rng, time, depth - 2, first)
+        before = tree.Pre(tree.Once(other, tree.ALL_PAST))
+        found = tree.And(found, rng.choice((other, tree.Not(other), tree.Not(before))))
+    return found
 
 
 def trace(rng: random.Random, size: int) -> list[TimedSignals]:

@@ -29,7 +29,7 @@ def judge(engine: NativeEngine, formula: Formula, steps: Sequence[TimedSignals])
 def test_steps_that_are_taken_back_leave_nothing_behind(time: Time) -> None:
     for number in range(SEED, SEED + CASES):
         rng = random.Random(f"back {time} {number}")
-        formula = generate.formula(rng, time, rng.randint(2, 5))
+        formula = generate.either(rng, time, rng.randint(2, 5))
         engine = NativeEngine(formula, time)
         steps = generate.trace(rng, rng.randint(3, 10))
         for now in range(len(steps)):
@@ -47,7 +47,7 @@ def test_steps_that_are_taken_back_leave_nothing_behind(time: Time) -> None:
 def test_between_two_deadlines_time_alone_changes_nothing() -> None:
     for number in range(SEED, SEED + CASES):
         rng = random.Random(f"deadline {number}")
-        formula = generate.formula(rng, "seconds", rng.randint(2, 4))
+        formula = generate.either(rng, "seconds", rng.randint(2, 4))
         engine = NativeEngine(formula, "seconds")
         steps = generate.trace(rng, rng.randint(2, 8))
         judge(engine, formula, steps)

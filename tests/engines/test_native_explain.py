@@ -44,7 +44,7 @@ def test_the_explained_steps_alone_make_the_same_outcome(time: Time) -> None:
     shorter = 0
     for number in range(SEED, SEED + CASES):
         rng = random.Random(f"explain {time} {number}")
-        formula = named(rng, generate.formula(rng, time, rng.randint(2, 5)))
+        formula = named(rng, generate.either(rng, time, rng.randint(2, 5)))
         engine, steps = NativeEngine(formula, time), generate.trace(rng, 10)
         told = list(matches(formula, steps))
         for last, (at, found) in enumerate(told, start=1):
@@ -68,7 +68,7 @@ def test_the_explained_steps_alone_make_the_same_outcome(time: Time) -> None:
 def test_every_formula_can_be_explained(time: Time) -> None:
     for number in range(SEED, SEED + CASES):
         rng = random.Random(f"any {time} {number}")
-        formula = named(rng, generate.formula(rng, time, rng.randint(2, 5)))
+        formula = named(rng, generate.either(rng, time, rng.randint(2, 5)))
         engine, steps = NativeEngine(formula, time), generate.trace(rng, 6)
         for (at, found), holds in zip(matches(formula, steps), truths(formula, steps, time), strict=True):
             engine.step(at, found)

@@ -40,7 +40,7 @@ def test_no_continuation_changes_a_final_outcome(time: Time) -> None:
     finals = 0
     for number in range(SEED, SEED + CASES):
         rng = random.Random(f"final {time} {number}")
-        formula = generate.formula(rng, time, rng.randint(2, 4))
+        formula = generate.either(rng, time, rng.randint(2, 4))
         if number % 2:
             formula = settling(rng, formula)
         steps = generate.trace(rng, rng.randint(1, 8))

@@ -73,7 +73,7 @@ class Walk:
 def test_after_going_back_it_judges_as_if_it_had_never_been_further(time: Time) -> None:
     for number in range(SEED, SEED + CASES):
         rng = random.Random(f"rewind {time} {number}")
-        walk = Walk(generate.formula(rng, time, rng.randint(2, 5)), time)
+        walk = Walk(generate.either(rng, time, rng.randint(2, 5)), time)
         forgotten = 0
         for _ in range(rng.randint(2, 5)):
             begin = walk.steps[-1][0] if walk.steps else 0

@@ -23,7 +23,7 @@ CASES = int(os.environ.get("CASES", "1000"))
 def test_from_a_snapshot_an_engine_goes_on_as_it_would_have(time: Time) -> None:
     for number in range(SEED, SEED + CASES):
         rng = random.Random(f"snapshot {time} {number}")
-        formula = generate.formula(rng, time, rng.randint(2, 5))
+        formula = generate.either(rng, time, rng.randint(2, 5))
         steps = generate.trace(rng, rng.randint(3, 12))
         engine, kept, found = NativeEngine(formula, time), NativeEngine(formula, time), []
         for at, matched in matches(formula, steps):

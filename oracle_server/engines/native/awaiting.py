@@ -9,8 +9,9 @@ from functools import partial
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.ahead import Obligation, Path, looks_ahead
 from oracle_server.core.formula.tree import Atom, Formula
-from oracle_server.engines.native.body import Body, Expression, negated
+from oracle_server.engines.native.body import Body
 from oracle_server.engines.native.eventually import Eventually
+from oracle_server.engines.native.expressions import Expression, negated
 from oracle_server.engines.native.guarded import SomeGuarded
 from oracle_server.engines.native.joined import Joined, Leaf, Next, Reading
 from oracle_server.engines.native.keys import Key

@@ -7,6 +7,7 @@ from itertools import chain, product
 from math import prod
 from typing import Any, Protocol
 
+from oracle_server.engines.native.expressions import Expression, bound, is_lasting, nodes_of, variables_of
 from oracle_server.engines.native.keys import ALL, Key, Region, Text, Variables, fresh_key, key_of, picker, texts_of
 from oracle_server.engines.native.nodes import Node
 from oracle_server.engines.native.timeline import FEW, Timeline
@@ -15,31 +16,6 @@ _MOST_APART = 256
 """Keys that are looked at, at each step, to find out that a quantifier has settled."""
 _LIGHT = 8
 """Operands of a body that cost no more to look at than a key by itself."""
-
-Expression = Any
-"""A node, `("not", node)`, or `("and" | "or", left, right)`: negations stand at nodes only."""
-
-
-def negated(expression: Expression) -> Expression:
-    """The negation, moved down to the nodes."""
-    if not isinstance(expression, tuple):
-        return ("not", expression)
-    if expression[0] == "not":
-        return expression[1]
-    word = "or" if expression[0] == "and" else "and"
-    return (word, negated(expression[1]), negated(expression[2]))
-
-
-def nodes_of(expression: Expression) -> list[Node]:
-    """The nodes of an expression, from left to right."""
-    if not isinstance(expression, tuple):
-        return [expression]
-    return [node for part in expression[1:] for node in nodes_of(part)]
-
-
-def variables_of(*expressions: Expression) -> Variables:
-    """The variables that expressions depend on, outermost first."""
-    return tuple(sorted({v for e in expressions for node in nodes_of(e) for v in node.variables}))
 
 
 class _Part(Protocol):
@@ -199,8 +175,12 @@ class Body:
         "_timeline",
         "_weight",
         "at",
+        "binds",
         "can_settle",
+        "constant",
         "flat",
+        "lasting",
+        "multiplies",
         "nodes",
         "settled",
         "variables",
@@ -214,7 +194,15 @@ class Body:
         self.settled = [part.settled for part in self._parts]
         """Its value at a key, where no continuation can change it."""
         self.can_settle = [part.can_settle for part in self._parts]
+        self.constant = [part.constant for part in self._parts]
+        """Its value in all of a region, None where it may differ."""
+        self.binds = bound(expressions[0])
+        """Of the variables, those that have one of finitely many values, none fresh, where the first one holds."""
+        self.lasting = is_lasting(expressions[0])
+        """Whether the first expression holds from then on at a key where it once does."""
         self.nodes = list(dict.fromkeys(node for e in expressions for node in nodes_of(e)))
+        self.multiplies = any(node.multiplies for node in self.nodes)
+        """Whether some node below multiplies; see `Node`."""
         size = len(self.variables)
         self.flat = size < 2 or all(n.flat and n.variables == self.variables for n in self.nodes)
         """Whether the values differ from those at the fresh key at finitely many keys without fresh values."""
@@ -285,7 +273,8 @@ class Body:
         keys.discard(self._fresh)
         return [*keys, self._fresh]
 
-    def _mixed(self, own: Own) -> Collection[Key]:
+    def regions(self) -> set[Key]:
+        """The regions in which a value may have changed with this step."""
         regions: set[Key] = set()
         size = len(self.variables)
         for node, places in self._leaves:
@@ -294,6 +283,10 @@ class Body:
                 for place, text in zip(places, texts_of(key), strict=True):
                     region[place] = ALL if text is None else text
                 regions.add(tuple(region))
+        return regions
+
+    def _mixed(self, own: Own) -> Collection[Key]:
+        regions = self.regions()
         return self._resolve(regions, own) if regions else ()
 
     def _resolve(self, regions: Collection[Region], own: Own) -> Collection[Key]:

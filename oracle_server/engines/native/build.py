@@ -9,22 +9,50 @@ from oracle_server.core.formula import tree
 from oracle_server.core.formula.ahead import Obligation, Path, obligation
 from oracle_server.core.formula.tree import Atom, Bound, Formula
 from oracle_server.engines.native.awaiting import Goals, limits_of, obligations
-from oracle_server.engines.native.body import Body, Expression, negated, variables_of
+from oracle_server.engines.native.body import Body
 from oracle_server.engines.native.compared import ComparedNode
 from oracle_server.engines.native.ever import Ever
+from oracle_server.engines.native.expressions import (
+    Expression,
+    all_of,
+    conjuncts,
+    is_finite,
+    is_lasting,
+    negated,
+    nodes_of,
+    unrelated,
+    variables_of,
+)
 from oracle_server.engines.native.guarded import SomeGuarded, guard_of
 from oracle_server.engines.native.latest import Latest
+from oracle_server.engines.native.matching import Matching
 from oracle_server.engines.native.nodes import AtomNode
 from oracle_server.engines.native.obligations import Obligations
+from oracle_server.engines.native.outstanding import Outstanding
+from oracle_server.engines.native.preceded import Preceded
 from oracle_server.engines.native.previous import Previous
 from oracle_server.engines.native.some import Some, SomeOf
 from oracle_server.engines.native.timeline import Timeline
+from oracle_server.engines.native.unbroken import Unbroken
 from oracle_server.engines.native.waiting import Present
 from oracle_server.engines.native.window import Window
 
 Scope = Mapping[str, int]
 """The number of the quantifier that binds each variable: inner ones have larger numbers."""
-Operator = Ever | Latest | Window | Previous | Some | SomeOf | SomeGuarded | Obligations
+Operator = (
+    Ever
+    | Latest
+    | Window
+    | Preceded
+    | Unbroken
+    | Outstanding
+    | Matching
+    | Previous
+    | Some
+    | SomeOf
+    | SomeGuarded
+    | Obligations
+)
 
 
 @dataclass(slots=True)
@@ -89,9 +117,7 @@ class _Builder:
         """The values of all variables for which an expression holds."""
         guard = guard_of(operand, variables_of(operand))
         made = (
-            Some(Body(self._timeline, operand), self._timeline)
-            if guard is None
-            else SomeGuarded(guard, operand, self._timeline)
+            Some(self._body(operand), self._timeline) if guard is None else SomeGuarded(guard, operand, self._timeline)
         )
         self._network.operators.append(made)
         return made
@@ -116,19 +142,23 @@ class _Builder:
     ) -> Expression:
         match node:
             case tree.Pre(operand):
-                return self._add(
-                    path, Previous(Body(self._timeline, self.expression(operand, scope, (*path, 0))), self._timeline)
-                )
+                before = self._body(self.expression(operand, scope, (*path, 0)))
+                return self._add(path, Previous(before, self._timeline))
             case tree.Once(operand, bound):
                 return self._once(path, self.expression(operand, scope, (*path, 0)), bound)
             case tree.Historically(operand, bound):
                 return ("not", self._once(path, negated(self.expression(operand, scope, (*path, 0))), bound))
             case tree.Since(left, right, bound):
                 sides = self.expression(right, scope, (*path, 1)), self.expression(left, scope, (*path, 0))
-                body = Body(self._timeline, sides[0])
-                if not bound.lower and _is_slim(body, sides[0]) and {*variables_of(sides[1])} <= {*body.variables}:
-                    return self._add(path, Latest(body, Body(self._timeline, sides[1]), bound.upper, self._timeline))
-                return self._add(path, Window(Body(self._timeline, *sides), bound, self._timeline))
+                return self._add(path, self._since(*sides, bound))
+
+    def _since(self, right: Expression, left: Expression, bound: Bound) -> Latest | Unbroken | Window:
+        if not bound.lower and is_finite(right):
+            if {*variables_of(left)} <= {*variables_of(right)}:
+                return Latest(self._body(right), Body(self._timeline, left), bound.upper, self._timeline)
+            if is_finite(negated(left)):
+                return Unbroken(self._body(right), self._body(negated(left)), bound.upper, self._timeline)
+        return Window(Body(self._timeline, right, left), bound, self._timeline)
 
     def _atom(self, atom: Atom, scope: Scope, path: Path) -> AtomNode | ComparedNode:
         refs = tuple(scope[name] for _, name in atom.refs)
@@ -144,12 +174,16 @@ class _Builder:
         return node
 
     def _once(self, path: Path, operand: Expression, bound: Bound) -> Expression:
-        body = Body(self._timeline, operand)
-        if bound.upper is None and (not body.variables or _is_slim(body, operand)):
-            return self._add(path, Ever(body, bound.lower, self._timeline))
-        if not bound.lower and _is_slim(body, operand):
-            return self._add(path, Latest(body, None, bound.upper, self._timeline))
-        return self._add(path, Window(body, bound, self._timeline))
+        finite = is_finite(operand)
+        if finite and bound == tree.ALL_PAST:
+            order = _order(operand)
+            if order is not None:
+                return self._add(path, Preceded(self._body(order[0]), self._body(order[1]), self._timeline))
+        if bound.upper is None and (finite or not variables_of(operand)):
+            return self._add(path, Ever(self._body(operand), bound.lower, self._timeline))
+        if not bound.lower and finite:
+            return self._add(path, Latest(self._body(operand), None, bound.upper, self._timeline))
+        return self._add(path, Window(Body(self._timeline, operand), bound, self._timeline))
 
     def _some(self, node: tree.Exists | tree.Forall, scope: Scope, path: Path) -> Expression:
         """A quantifier, and those of its kind that follow directly; for all is none for which not."""
@@ -173,9 +207,29 @@ class _Builder:
         guard = guard_of(operand, variables_of(operand)) if used == len(variables_of(operand)) else None
         if guard is not None:
             return self._add(path, SomeGuarded(guard, operand, self._timeline))
-        whole = Body(self._timeline, operand)
+        whole = self._body(operand)
         closed = used == len(whole.variables)
         return self._add(path, Some(whole, self._timeline) if closed else SomeOf(whole, used, self._timeline))
+
+    def _body(self, operand: Expression) -> Body:
+        """What stands under a node: where it binds all its variables, the keys at which it holds, found by joining."""
+        body = Body(self._timeline, operand)
+        if body.flat or not is_finite(operand):
+            return body
+        joined = Matching(self._narrowed(operand), self._timeline)
+        self._network.operators.append(joined)
+        return Body(self._timeline, joined)
+
+    def _narrowed(self, operand: Expression) -> Expression:
+        """The same, where pairs that a `Preceded` does not list are looked for among those that the rest holds for."""
+        parts = conjuncts(operand)
+        for place, part in enumerate(parts):
+            if isinstance(part, Preceded) and len(part.began_variables) == 1:
+                also = [p for p in parts if all(node.variables == part.began_variables for node in nodes_of(p))]
+                if also:
+                    parts[place] = Outstanding(part, all_of(also), self._timeline)
+                    self._network.operators.append(parts[place])
+        return all_of(parts)
 
     def _add(self, path: Path, operator: Operator) -> Operator:
         self._network.operators.append(operator)
@@ -183,18 +237,10 @@ class _Builder:
         return operator
 
 
-def _is_slim(body: Body, expression: Expression) -> bool:
-    """Whether it holds at finitely many keys, without fresh values."""
-    return bool(body.variables) and body.flat and _not_fresh(expression)
-
-
-def _not_fresh(expression: Expression) -> bool:
-    """Whether an expression can't hold where its variables have fresh values."""
-    if not isinstance(expression, tuple):
-        if isinstance(expression, AtomNode | Ever | Latest):
-            return bool(expression.variables)
-        return False
-    if expression[0] == "not":
-        return False
-    sides = [_not_fresh(e) for e in expression[1:]]
-    return any(sides) if expression[0] == "and" else all(sides)
+def _order(operand: Expression) -> tuple[Expression, Expression] | None:
+    """Two parts of a conjunction without a variable in common, of which the second lasts; None where there are none."""
+    sides = unrelated(operand)
+    if len(sides) != 2:
+        return None
+    first, second = sides
+    return (first, second) if is_lasting(second) else (second, first) if is_lasting(first) else None

@@ -35,7 +35,7 @@ class ComparedNode(Leaf):
     def __init__(self, variables: Variables, refs: tuple[int, ...], limits: Sequence[tuple[str, int]]) -> None:
         """`refs` are the variables that it binds, in their order, `limits` those that it compares with, and how."""
         self.variables = variables
-        self.flat = True
+        self.flat, self.binds = True, frozenset()
         self.changes = []
         self.current = ABSENT
         """The texts that it binds, and behind them those that it compares."""

@@ -22,7 +22,7 @@ from oracle_server.engines.native.unanswered import explain_obligations
 
 _NEVER = 2**63
 _current = attrgetter("current")
-FORMAT = 2
+FORMAT = 3
 """The number of the form that snapshots have."""
 
 

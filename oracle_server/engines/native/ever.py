@@ -25,21 +25,24 @@ class Ever:
         "_lower",
         "_timeline",
         "at",
+        "binds",
         "changes",
         "flat",
         "held",
+        "multiplies",
         "variables",
         "waiting",
         "waits",
     )  # fmt: skip
+    lasting = True
 
     def __init__(self, body: Body, lower: int, timeline: Timeline) -> None:
         self._body, self._lower, self._timeline = body, lower, timeline
         self._at = body.at[0]
         self.variables = body.variables
-        self.flat = True
+        self.flat, self.binds, self.multiplies = True, frozenset(body.variables), body.multiplies
         self.changes: list[Key] = []
-        self._held = Held(len(self.variables), timeline)
+        self._held = Held(len(self.variables), timeline, counted=body.multiplies)
         self.held = self._held.times
         """Where it holds, and the first time at which the operand did."""
         self.waiting: deque[tuple[int, Key]] = deque()

@@ -6,7 +6,8 @@ from collections.abc import Collection, Iterator
 from functools import partial
 from typing import Any
 
-from oracle_server.engines.native.body import Body, Expression
+from oracle_server.engines.native.body import Body
+from oracle_server.engines.native.expressions import Expression
 from oracle_server.engines.native.keys import Key, Region, Variables, read_key
 from oracle_server.engines.native.nodes import AtomNode
 from oracle_server.engines.native.some import settled_over
@@ -17,6 +18,8 @@ class SomeGuarded:
     """A quantifier that binds all variables of its body, one conjunct of which is an atom with all of them."""
 
     __slots__ = ("_body", "_guard", "_operand", "_timeline", "changes", "flat", "held", "variables")
+    binds: frozenset[int] = frozenset()
+    multiplies = lasting = False
 
     def __init__(self, guard: AtomNode, operand: Expression, timeline: Timeline) -> None:
         self._guard, self._timeline = guard, timeline

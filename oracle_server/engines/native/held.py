@@ -13,9 +13,11 @@ from oracle_server.engines.native.timeline import Timeline, Undo
 class Held:
     """Keys without fresh values, each with a time."""
 
-    __slots__ = ("_index", "_size", "_timeline", "_unadd", "times")
+    __slots__ = ("_counted", "_index", "_size", "_timeline", "_unadd", "times")
 
-    def __init__(self, size: int, timeline: Timeline) -> None:
+    def __init__(self, size: int, timeline: Timeline, *, counted: bool = False) -> None:
+        """`counted`: it may be given more keys with a step than events have values, so that there is an end to them."""
+        self._counted = counted
         self._size, self._timeline = size, timeline
         self.times: dict[Key, int] = {}
         self._index: Index | None = None
@@ -23,7 +25,9 @@ class Held:
         """As it is noted, time and again."""
 
     def add(self, key: Key, time: int) -> None:
-        """Take in a key that is not there."""
+        """Take in a key that is not there. Raises `EngineError` where these are too many."""
+        if self._counted:
+            self._timeline.tell_apart(len(self.times) + 1)
         self._put(key, time)
         if self._timeline.journal is not None:
             self._timeline.journal.append(Undo(self._unadd, key))
@@ -34,6 +38,10 @@ class Held:
             self._timeline.journal.append(partial(self._put, key, self.times[key]))
         self._take(key)
 
+    def points(self) -> Collection[Key]:
+        """All of them."""
+        return self.times
+
     def spread(self, region: Region, place: int) -> Collection[str]:
         """The texts at a place of the keys in a region."""
         if self._size == 1:
@@ -42,6 +50,17 @@ class Held:
             self.index()
         assert self._index is not None  # noqa: S101 -- made just now
         return self._index.spread(region, place)
+
+    def within(self, region: Region) -> Collection[Key]:
+        """The keys in a region."""
+        if ALL not in region:
+            key = key_of(region)
+            return (key,) if key in self.times else ()
+        if self._size == 1:
+            return self.times
+        self.index()
+        assert self._index is not None  # noqa: S101 -- made just now
+        return self._index.within(region) if any(text is not ALL for text in region) else self.times
 
     def constant(self, region: Region) -> bool | None:
         """Whether it holds in all of a region, None where that may differ."""

@@ -9,10 +9,10 @@ from functools import partial
 from itertools import chain
 from typing import Any
 
-from oracle_server.engines.native.body import NOTHING, Body
+from oracle_server.engines.native.body import Body
 from oracle_server.engines.native.held import Held
-from oracle_server.engines.native.keys import Key, Region, is_fresh, picker, read_key
-from oracle_server.engines.native.nodes import texts_at
+from oracle_server.engines.native.keys import ALL, Key, Region, is_fresh, picker, read_key, texts_of
+from oracle_server.engines.native.nodes import Node, texts_at
 from oracle_server.engines.native.timeline import FEW, Timeline, Undo
 
 
@@ -24,6 +24,7 @@ class Latest:
 
     __slots__ = (
         "_body",
+        "_breaking",
         "_ended",
         "_held",
         "_leaving",
@@ -33,10 +34,13 @@ class Latest:
         "_timeline",
         "_upper",
         "at",
+        "binds",
         "changes",
         "flat",
+        "multiplies",
         "variables",
     )  # fmt: skip
+    lasting = False
 
     def __init__(self, right: Body, left: Body | None, upper: int | None, timeline: Timeline) -> None:
         """`right` is flat; `left`, where there is one, has no other variables."""
@@ -44,12 +48,17 @@ class Latest:
         self.variables = right.variables
         self._right = right.at[0]
         self._left = left
+        self._breaking: list[tuple[Node, list[int] | None]] = []
+        """The nodes of the left side, each with the places of its variables where it has not all of them."""
         self._pick: Callable[[Key], Key] | None = None
         if left is not None:
             self._pick = picker([self.variables.index(v) for v in left.variables], len(self.variables))
-        self.flat = True
+            for node in left.nodes:
+                places = [self.variables.index(v) for v in node.variables]
+                self._breaking.append((node, None if node.variables == self.variables else places))
+        self.flat, self.binds, self.multiplies = True, frozenset(right.variables), right.multiplies
         self.changes: list[Key] = []
-        self._held = Held(len(self.variables), timeline)
+        self._held = Held(len(self.variables), timeline, counted=right.multiplies)
         """Where it holds, and since when."""
         self._ended: dict[Key, int] = {}
         """Where it holds although the right side does not any more, and when that last did."""
@@ -156,18 +165,31 @@ class Latest:
 
     def _break(self, left: Body) -> None:
         """Let go of what has ended, where the left side fails now."""
-        keys: Collection[Key] = ()
-        if left.variables == self.variables and left.flat:
-            keys = left.touched(NOTHING)
-            everywhere = any(is_fresh(key) for key in keys)
-        else:
-            everywhere = any(node.changes for node in left.nodes)
-        if everywhere and len(self._ended) > FEW:
-            self._timeline.spend(len(self._ended))
-        for key in list(self._ended) if everywhere else keys:
+        if not left.variables and left.at[0](()):
+            return
+        keys = self._concerned()
+        if len(keys) > FEW:
+            self._timeline.spend(len(keys))
+        for key in list(keys):
             if key in self._ended and not left.at[0](self._of_left(key)):
                 self._forget(key)
                 self._drop(key)
+
+    def _concerned(self) -> Collection[Key]:
+        """The keys for which the left side may have changed with this step."""
+        found: list[Key] = []
+        for node, places in self._breaking:
+            for key in node.changes:
+                if places is None and not is_fresh(key):
+                    found.append(key)
+                    continue
+                region: list[Any] = [ALL] * len(self.variables)
+                for place, text in zip(places or range(len(region)), texts_of(key), strict=False):
+                    region[place] = ALL if text is None else text
+                if region.count(ALL) == len(region):
+                    return self._ended
+                found += self._held.within(region)
+        return found
 
     def _of_left(self, key: Key) -> Key:
         return key if self._pick is None else self._pick(key)

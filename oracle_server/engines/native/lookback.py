@@ -10,7 +10,11 @@ from oracle_server.engines.native.ever import Ever
 from oracle_server.engines.native.keys import key_of
 from oracle_server.engines.native.latest import Latest
 from oracle_server.engines.native.parts import Part, is_simple
+from oracle_server.engines.native.preceded import Preceded
+from oracle_server.engines.native.unbroken import Unbroken
 from oracle_server.engines.native.window import Window
+
+LooksBack = Ever | Latest | Window | Preceded | Unbroken
 
 
 class LookingBack(Deciding):
@@ -83,7 +87,7 @@ class LookingBack(Deciding):
     def _when(self, part: Part) -> int | None:
         """The time of a step that makes an operator hold now, as the engine knows it."""
         node = self._network.places[part.path]
-        assert isinstance(node, Ever | Latest | Window)  # noqa: S101 -- what these operators are built as
+        assert isinstance(node, LooksBack)  # noqa: S101 -- what these operators are built as
         return node.when(key_of([part.values.get(v) for v in node.variables]))
 
     def _nowhere(self, part: Part, operand: Part, steps: Steps, holds: bool) -> Reason:

@@ -27,6 +27,12 @@ class Node(Protocol):
     """The keys at which the value may have changed with this step; a fresh value stands for all."""
     at: Callable[[Key], bool]
     """The value at a key."""
+    binds: frozenset[int]
+    """Variables that have finitely many values where it holds, and none fresh; `spread` tells these in any region."""
+    multiplies: bool
+    """Whether it can come to hold at more keys with a step than events have values."""
+    lasting: bool
+    """Whether, where it once holds, it does from then on."""
 
     def points(self) -> Collection[Key]:
         """The keys other than the fresh one whose value may differ from the one there; for flat nodes."""
@@ -76,8 +82,10 @@ ABSENT = Absent()
 class Leaf:
     """A node of the last step alone: where it holds now, and at which keys that has changed."""
 
-    __slots__ = ("changes", "current")
+    __slots__ = ("binds", "changes", "current")
+    multiplies = lasting = False
 
+    binds: frozenset[int]
     changes: list[Key]
     current: Key | Absent
 
@@ -100,7 +108,7 @@ class AtomNode(Leaf):
     def __init__(self, variables: Variables, refs: tuple[int, ...]) -> None:
         """`refs` are the variables at the atom's refs, in their order; one can stand at several."""
         self.variables = variables
-        self.flat = True
+        self.flat, self.binds = True, frozenset(variables)
         self.changes = []
         self.current = ABSENT
         places = [refs.index(v) for v in variables]

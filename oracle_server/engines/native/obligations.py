@@ -52,6 +52,8 @@ class Obligations:
     slot = 0
     variables: Variables = ()
     flat = True
+    binds: frozenset[int] = frozenset()
+    multiplies = lasting = False
 
     def __init__(
         self,

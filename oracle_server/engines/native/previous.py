@@ -35,6 +35,8 @@ class Previous:
         self._body, self._timeline = body, timeline
         self._operand = body.at[0]
         self.variables, self.flat = body.variables, body.flat
+        self.binds = body.binds if body.flat else frozenset()
+        self.multiplies, self.lasting = body.multiplies, body.lasting
         self.changes: list[Key] = []
         self._table = table(len(self.variables), _Value(False), _Value.copy, timeline, flat=self.flat)
         self.next: list[tuple[Key, bool]] = []

@@ -32,6 +32,8 @@ class Some:
     """
 
     __slots__ = ("_body", "_operand", "_timeline", "changes", "flat", "held", "variables")
+    binds: frozenset[int] = frozenset()
+    multiplies = lasting = False
 
     def __init__(self, body: Body, timeline: Timeline) -> None:
         self._body, self._timeline = body, timeline
@@ -146,6 +148,8 @@ class SomeOf:
         self._own = len(body.variables) - bound
         self.variables = body.variables[: self._own]
         self.flat = body.flat or self._own == 1
+        self.binds = body.binds.intersection(self.variables) if self.flat else frozenset()
+        self.multiplies, self.lasting = body.multiplies, body.lasting
         self.changes: list[Key] = []
         self._table = table(self._own, _Held(), _Held.copy, timeline, flat=self.flat)
         self._asked = _Asked(self._table, self._own, bound, timeline)

@@ -49,10 +49,20 @@ class Index:
         fixed = [(i, text) for i, text in enumerate(region) if text is not ALL and i != place]
         if not fixed:
             return self._by[place]
+        return {key[place] for key in self._at(fixed)}
+
+    def within(self, region: Region) -> Collection[Key]:
+        """The keys in a region, which fixes one place or more."""
+        return self._at([(i, text) for i, text in enumerate(region) if text is not ALL])
+
+    def _at(self, fixed: list[tuple[int, Any]]) -> Collection[Key]:
+        """The keys with these texts at these places."""
         fewest = min((self._keys(i, text) if text is not None else () for i, text in fixed), key=len)
         if len(fewest) > FEW:
             self._timeline.spend(len(fewest))
-        return {key[place] for key in fewest if all(key[i] == text for i, text in fixed)}
+        if len(fixed) == 1:
+            return fewest
+        return [key for key in fewest if all(key[i] == text for i, text in fixed)]
 
     def _keys(self, place: int, text: Any) -> Collection[Key]:
         found = self._by[place].get(text, ())

@@ -33,6 +33,8 @@ class Window:
         self._right = body.at[0]
         self._left = body.at[1] if len(body.at) > 1 else None
         self.variables, self.flat = body.variables, body.flat
+        self.binds, self.multiplies = body.binds if body.flat else frozenset(), body.multiplies
+        self.lasting = self._left is None and bound.upper is None
         self.changes: list[Key] = []
         self._all = bound.lower > 0 and bound.upper is not None
         fresh = Runs()
