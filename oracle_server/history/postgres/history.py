@@ -3,28 +3,27 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection
 from functools import partial
 
 import msgspec
 import structlog
 
 from oracle_server.core.errors import HistoryError
-from oracle_server.core.verdicts import Outcome
 from oracle_server.history.origins import forwarded_name, missing_text, origin_of, silent_text
 from oracle_server.history.port import Done
 from oracle_server.history.postgres import sharing
 from oracle_server.history.postgres.reader import Pool, PostgresReader, connect
 from oracle_server.history.postgres.store import END_WRITER, Node, PostgresStore, writer
 from oracle_server.history.readers import THREADS, Readers
-from oracle_server.history.records import Document, Elsewhere, OtherSession, PropertyStands, SessionRecord
+from oracle_server.history.records import Document, Elsewhere, OtherSession, SessionRecord
 from oracle_server.history.sql.asking import Asking
 from oracle_server.history.sql.batch import Work
 from oracle_server.history.sql.database import Database
 from oracle_server.history.sql.history import LOOKUPS, SqlHistory
 from oracle_server.history.sql.rows import Row, session_of
 from oracle_server.history.sql.schema import SESSION_COLUMNS
-from oracle_server.history.sql.standing import outcomes_of
+from oracle_server.history.sql.standing import stands
 
 LEASE = 3.0
 """Seconds for which a server is a node of its database without saying so again."""
@@ -165,8 +164,8 @@ class PostgresHistory(SqlHistory):
     def _other(self, row: Row) -> OtherSession:
         record, place = session_of(row[: len(SESSION_COLUMNS)]), self._place(row[-8:-5])
         steps, outcomes, pending, told, them = row[-5:]
-        stands = _stands(record.properties, outcomes, pending, told) if steps else []
-        return OtherSession(record, place, steps, stands, [tuple(one) for one in _decode(them or "[]")])
+        properties = stands(record.properties, outcomes, pending, told) if steps else []
+        return OtherSession(record, place, steps, properties, [tuple(one) for one in _decode(them or "[]")])
 
     def _place(self, row: Row) -> Elsewhere:
         node, url, lasting = row
@@ -186,14 +185,3 @@ def _of_robot(other: OtherSession, gaps: str, silent: str | None) -> OtherSessio
 
 def _end_writer(database: Database, name: str) -> None:
     database.execute(END_WRITER, (name,)).fetchall()
-
-
-def _stands(names: Sequence[str], outcomes: str, pending: str | None, told: str | None) -> list[PropertyStands]:
-    """How each property stands, by the columns of a step, and its violations as JSON."""
-    counts = _decode(pending) if pending else {}
-    violations = _decode(told) if told else {}
-    stands = []
-    for i, (name, outcome) in enumerate(zip(names, outcomes_of(outcomes), strict=True)):
-        count, first = violations.get(name, (0, None))
-        stands.append(PropertyStands(name, outcome or Outcome.UNKNOWN, count, first, counts.get(str(i))))
-    return stands
