@@ -16,18 +16,22 @@ from tests.chaos.served import Served
 async def attached(
     served: Served, spec: str, session: str, monitor: str, streams: list[str] | None = None
 ) -> AsyncIterator[ClientConnection]:
-    """A connection on which `attached` was read; at the end it is lost."""
-    async with connect(
-        served.attach_url, compression=None, proxy=None, ping_interval=None, open_timeout=None
-    ) as socket:
-        wanted = {"type": "attach", "monitor": monitor, "instance": monitor, "session": session, "spec": spec}
-        await socket.send(json.dumps(wanted | {"streams": streams}))
-        answer = json.loads(await socket.recv())
-        assert answer["type"] == "attached", answer
-        try:
-            yield socket
-        finally:
-            socket.transport.abort()
+    """A connection on which `attached` was read; at the end it is lost. Told to attach again later, it does."""
+    wanted = {"type": "attach", "monitor": monitor, "instance": monitor, "session": session, "spec": spec}
+    while True:
+        async with connect(
+            served.attach_url, compression=None, proxy=None, ping_interval=None, open_timeout=None
+        ) as socket:
+            await socket.send(json.dumps(wanted | {"streams": streams}))
+            answer = json.loads(await socket.recv())
+            if answer.get("code") == "history_unavailable":
+                continue
+            assert answer["type"] == "attached", answer
+            try:
+                yield socket
+            finally:
+                socket.transport.abort()
+            return
 
 
 async def say(socket: ClientConnection, frames: list[Frame], at_once: int = 1) -> None:
