@@ -118,7 +118,8 @@ def main() -> None:
     parser.add_argument("--port", type=int, help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.hostile:
-        be_hostile(*args.hostile, args.port)
+        kind, session = args.hostile
+        be_hostile(kind, session, args.port)
         return
     kinds = [args.only] if args.only else [*KINDS, READERS]
     with tempfile.TemporaryDirectory() as folder:
