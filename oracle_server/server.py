@@ -81,8 +81,8 @@ def serve(settings: Settings) -> None:
     """Run a server until SIGTERM or SIGINT. Raises `OracleError` where it refuses to start."""
     os.umask(0o077)  # all that it writes says what robots did
     faulthandler.enable()  # where systemd ends a server that stands still, its journal says where
-    set_up_logs(settings)
     with contextlib.ExitStack() as held:
+        held.callback(set_up_logs(settings))
         pid_file = None
         if not settings.read_only:
             pid_file = PidFile(settings.data_dir)

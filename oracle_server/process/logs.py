@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import atexit
 import logging
 import sys
+from collections.abc import Callable
 from logging.handlers import RotatingFileHandler
 from pathlib import Path
 
@@ -13,6 +15,7 @@ from structlog.stdlib import ProcessorFormatter
 from structlog.types import EventDict, Processor
 
 from oracle_server.core.errors import OracleError, one_line
+from oracle_server.process.loglines import LogLines, StandardError
 from oracle_server.process.seldom import SeldomFilter
 from oracle_server.process.settings import Settings
 
@@ -30,9 +33,13 @@ class LogError(OracleError):
     """A log file that can't be written."""
 
 
-def set_up_logs(settings: Settings) -> None:
-    """Configure logging by the settings. Raises `LogError` where the log file can't be written."""
-    handler = _file(settings.log_file) if settings.log_file else logging.StreamHandler()
+def set_up_logs(settings: Settings) -> Callable[[], None]:
+    """Configure logging by the settings. Raises `LogError` where the log file can't be written.
+
+    What is returned writes the lines that still wait, as the end of the process does.
+    """
+    handler = LogLines(_file(settings.log_file) if settings.log_file else logging.StreamHandler(StandardError()))
+    atexit.register(handler.end)
     colors = settings.log_file is None and sys.stderr.isatty()
     renderer = (
         structlog.processors.JSONRenderer()
@@ -59,6 +66,7 @@ def set_up_logs(settings: Settings) -> None:
         wrapper_class=structlog.make_filtering_bound_logger(logging.INFO),
         logger_factory=lambda *_: own,
     )
+    return handler.end
 
 
 def _file(path: Path) -> RotatingFileHandler:

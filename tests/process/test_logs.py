@@ -129,3 +129,35 @@ def test_a_cause_is_told_again_with_how_often_it_came(monkeypatch: pytest.Monkey
     now += 1
     assert seldom.due("a") == 5
     assert seldom.due("a") == 0
+
+
+def test_who_does_not_read_the_log_stops_nothing_and_is_told_what_was_lost() -> None:
+    program = (
+        "for number in range(20_000): log.info(f'{number:05}' + 100 * '.')\n"
+        "print('went on', flush=True)\n"
+        "sys.stdin.readline()\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", LOGS + program, "json"],
+        env=environment(), text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    ) as process:  # fmt: skip
+        assert process.stdin is not None
+        assert process.stdout is not None
+        assert process.stderr is not None
+        assert process.stdout.readline() == "went on\n"
+        process.stdin.write("end\n")
+        process.stdin.flush()
+        lines = [json.loads(line) for line in process.stderr]
+    assert process.returncode == 0
+    assert len(lines) < 20_000
+    *kept, told = [line["event"] for line in lines]
+    assert [line[:5] for line in kept] == [f"{number:05}" for number in range(len(kept))]
+    assert told == f"{20_000 - len(kept)} lines of the log were lost: it was not written in time"
+
+
+def test_a_process_ends_though_nobody_reads_its_log() -> None:
+    program = "for _ in range(2_000): log.info(100 * '.')\nlog.error('the last one')\n"
+    with subprocess.Popen(
+        [sys.executable, "-c", LOGS + program, "json"], env=environment(), stderr=subprocess.PIPE
+    ) as process:
+        assert process.wait(PATIENCE) == 0
