@@ -23,9 +23,9 @@ from oracle_server.specfiles.hpl.parse import read_properties
 from oracle_server.specfiles.hpl.shared import both, implies
 from oracle_server.specfiles.hpl.tree import HplError
 from oracle_server.specfiles.hpl.write import import_hpl
+from oracle_server.specfiles.imported import Imported
 from oracle_server.specfiles.load import parse_spec
 from oracle_server.specfiles.lowered import lowered
-from oracle_server.specfiles.rosmonitoring.report import Imported
 from tests.whole.harness import run
 
 ROOT = Path(__file__).parents[2]

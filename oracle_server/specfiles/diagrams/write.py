@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from oracle_server.core.errors import SpecError, one_line
+from oracle_server.core.errors import one_line
 from oracle_server.rostypes.known import Types
 from oracle_server.specfiles.diagrams.read import Arrow, Diagram, DiagramError, read_diagram
-from oracle_server.specfiles.load import parse_spec
-from oracle_server.specfiles.rosmonitoring.report import Imported
+from oracle_server.specfiles.imported import Imported, write_spec
 
 _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 _NUMBER = re.compile(r"-?\d{1,15}(\.\d{1,15})?")
@@ -21,20 +19,10 @@ _EVENT = "event"
 
 
 def import_diagram(path: Path, out: Path | None, types: Types) -> Imported:
-    """Write the spec of a diagram, or print it, and check it. Raises `DiagramError`."""
+    """Write the spec of a diagram, or print it, and check it. Raises `DiagramError`, `NotWrittenError`."""
     diagram = read_diagram(path)
     text, todos = _spec_text(path, diagram)
-    if out is None:
-        sys.stdout.write(text)
-    else:
-        try:
-            out.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise DiagramError(f"{out}: can't be written: {error.strerror}") from None
-    try:
-        findings = parse_spec(text, str(out or "the spec"), types=types).warnings
-    except SpecError as error:
-        findings = error.findings
+    findings = write_spec(text, out, types)
     return Imported(tuple(todos), (), findings, judges=False)
 
 

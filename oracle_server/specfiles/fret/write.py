@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,8 +13,8 @@ from oracle_server.core.formula.parse import MAX_TEXT
 from oracle_server.core.sentences.requirement import CONDITIONS, SCOPES, TIMINGS
 from oracle_server.rostypes.known import Types
 from oracle_server.specfiles.fret.read import Export, FretError, Requirement, Source, read_export, read_sources
+from oracle_server.specfiles.imported import Imported, write_spec
 from oracle_server.specfiles.load import parse_spec
-from oracle_server.specfiles.rosmonitoring.report import Imported
 
 _NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 _TOPIC = re.compile(r"/?[A-Za-z_][A-Za-z0-9_/]*")
@@ -58,24 +57,14 @@ class _Read:
 
 
 def import_fret(path: Path, variables: Path | None, out: Path | None, types: Types) -> Imported:
-    """Write the spec of an export of FRET, or print it, and check it. Raises `FretError`."""
+    """Write the spec of an export of FRET, or print it, and check it. Raises `FretError`, `NotWrittenError`."""
     export = read_export(path)
     sources = _usable(read_sources(variables) if variables else {})
     found = _all_read(export, sources, types)
     if len({name for each in found for name in each.names}) > MOST_VARIABLES:
         raise FretError(f"{path}: more than {MOST_VARIABLES} variables in its sentences: export fewer requirements")
     text = _spec_text(path.name, found, sources)
-    if out is None:
-        sys.stdout.write(text)
-    else:
-        try:
-            out.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise FretError(f"{out}: can't be written: {error.strerror}") from None
-    try:
-        findings = parse_spec(text, str(out or "the spec"), types=types).warnings
-    except SpecError as error:
-        findings = error.findings
+    findings = write_spec(text, out, types)
     stubs = [f"the formula of {each.id}" for each in found if each.refused]
     unbound = _unbound(found, sources)
     judges = any(not each.refused and not unbound.intersection(each.names) for each in found)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,8 +16,8 @@ from oracle_server.specfiles.hpl.pattern import pattern
 from oracle_server.specfiles.hpl.scan import Scanner
 from oracle_server.specfiles.hpl.shared import both, implies
 from oracle_server.specfiles.hpl.tree import Event, HplError, NoCounterpartError, Property
+from oracle_server.specfiles.imported import Imported, write_spec
 from oracle_server.specfiles.load import parse_spec
-from oracle_server.specfiles.rosmonitoring.report import Imported
 
 MOST_BYTES = 1_000_000
 _STUB = "todo"
@@ -36,22 +35,12 @@ class _Read:
 
 
 def import_hpl(path: Path, out: Path | None, types: Types) -> Imported:
-    """Write the spec of a file of properties in HPL, or print it, and check it. Raises `HplError`."""
+    """Write the spec of properties in HPL, or print it, and check it. Raises `HplError`, `NotWrittenError`."""
     source = _text(path)
     signals: Signals = {}
     found = list(_all_read(source, str(path), signals, types))
     text = _spec_text(path.name, found, signals)
-    if out is None:
-        sys.stdout.write(text)
-    else:
-        try:
-            out.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise HplError(f"{out}: can't be written: {error.strerror}") from None
-    try:
-        findings = parse_spec(text, str(out or "the spec"), types=types).warnings
-    except SpecError as error:
-        findings = error.findings
+    findings = write_spec(text, out, types)
     place = Scanner(source, str(path)).place
     doubts = [Finding(str(path), *place(at), told, "warning") for each in found for at, told in each.doubtful]
     stubs = tuple(f"the pattern of {each.id}" for each in found if each.refused)

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import yaml
 
-from oracle_server.core.errors import Finding, SpecError, one_line
+from oracle_server.core.errors import one_line
 from oracle_server.core.formula.tree import Historically, Once, Since, walk
 from oracle_server.rostypes.known import Types
-from oracle_server.specfiles.load import parse_spec
+from oracle_server.specfiles.imported import Imported, write_spec
 from oracle_server.specfiles.rosmonitoring.actions import action_lines, action_of, lost_of
 from oracle_server.specfiles.rosmonitoring.cel import FAILS
 from oracle_server.specfiles.rosmonitoring.cel import TODO as UNWRITTEN
@@ -21,12 +20,11 @@ from oracle_server.specfiles.rosmonitoring.config import Config, ConfigError, In
 from oracle_server.specfiles.rosmonitoring.draft import TODO, Draft, make_draft, streams_of
 from oracle_server.specfiles.rosmonitoring.expressions import Stream
 from oracle_server.specfiles.rosmonitoring.module import read_module
-from oracle_server.specfiles.rosmonitoring.report import Imported
 from oracle_server.specfiles.rosmonitoring.translate import Translation, reason_line
 
 
 def import_config(config: Path, modules: Sequence[Path], out: Path | None, types: Types) -> Imported:
-    """Write the spec of a configuration, or print it, and check it. Raises `ConfigError`."""
+    """Write the spec of a configuration, or print it, and check it. Raises `ConfigError`, `NotWrittenError`."""
     if config.suffix == ".py":
         raise ConfigError(
             f"{config}: Python, and no configuration (.yaml): a property module is given by --properties, as in "
@@ -41,27 +39,13 @@ def import_config(config: Path, modules: Sequence[Path], out: Path | None, types
     read = read_config(value, str(config))
     draft = make_draft(read, [read_module(path) for path in modules], types)
     text = spec_text(read, draft, config.name)
-    if out is None:
-        sys.stdout.write(text)
-    else:
-        try:
-            out.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise ConfigError(f"{out}: can't be written: {error.strerror}") from None
-    findings = _findings(text, str(out or "the spec"), types)
+    findings = write_spec(text, out, types)
     return Imported(tuple(todos(draft)), tuple(draft.failing), findings, judges=draft.judges)
 
 
 def todos(draft: Draft) -> list[str]:
     """The predicates, and the properties whose formulas, are to be written."""
     return [*draft.unread, *(f"the formula of {name}" for name in draft.unjudged)]
-
-
-def _findings(text: str, file: str, types: Types) -> tuple[Finding, ...]:
-    try:
-        return parse_spec(text, file, types=types).warnings
-    except SpecError as error:
-        return error.findings
 
 
 def spec_text(config: Config, draft: Draft, source: str) -> str:

@@ -1,10 +1,18 @@
-"""What is to be told of a spec that `import` wrote."""
+"""Specs that `import` writes, and what is to be told of them."""
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
+from pathlib import Path
 
-from oracle_server.core.errors import Finding
+from oracle_server.core.errors import Finding, OracleError, SpecError
+from oracle_server.rostypes.known import Types
+from oracle_server.specfiles.load import parse_spec
+
+
+class NotWrittenError(OracleError):
+    """A spec that can't be written where it is to be."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +52,21 @@ class Imported:
                 "nothing was imported that judges anything: each property is unknown until its TODOs are written"
             )
         return told or [f"sound, {_count(warnings, 'warning')}" if warnings else "sound"]
+
+
+def write_spec(text: str, out: Path | None, types: Types) -> tuple[Finding, ...]:
+    """Write the text of a spec, or print it, and tell what `check` says of it. Raises `NotWrittenError`."""
+    if out is None:
+        sys.stdout.write(text)
+    else:
+        try:
+            out.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise NotWrittenError(f"{out}: can't be written: {error.strerror}") from None
+    try:
+        return parse_spec(text, str(out or "the spec"), types=types).warnings
+    except SpecError as error:
+        return error.findings
 
 
 def _count(number: int, noun: str) -> str:
