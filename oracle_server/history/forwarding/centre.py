@@ -36,6 +36,8 @@ _HOLD = "UPDATE origins SET seq = ?, heard = clock_timestamp() WHERE origin = ? 
 _HEARD = "UPDATE origins SET heard = clock_timestamp() WHERE origin = ? AND robot = ? AND writer = ? RETURNING 1"
 _HEARD_EVERY = 60.0
 """Seconds between two signs of life where nothing is brought."""
+_ASKED_EVERY = 10.0
+"""Seconds between two questions whether the centre would take anything, where nothing is brought."""
 _HELD = "SELECT 1 FROM origins WHERE origin = ? AND robot = ? AND writer = ?"
 _KNOWN = """
 SELECT f.number, f.session, s.opened, f.position, last.judged, f.gaps
@@ -74,7 +76,7 @@ class Centre:
     def __init__(self, url: str, origin: str, robot: str) -> None:
         """Bring what a `robot` has, by the name of `origin`; no other process brings it any more."""
         self._origin, self._robot, self._writer = origin, robot, secrets.token_hex(8)
-        self._heard = -math.inf
+        self._heard = self._asked = -math.inf
         self._database = Connection(url, f"oracle-server forwarding {origin}", _PATIENCE)
         try:
             self._demand_format()
@@ -97,8 +99,12 @@ class Centre:
         self._database.execute(_ANEW, (self._origin, self._robot))
 
     def demand_held(self) -> None:
-        """Raise `HistoryError` where the centre does not answer, or would take nothing."""
-        due = time.monotonic() - self._heard >= _HEARD_EVERY
+        """Raise `HistoryError` where the centre does not answer, or would take nothing; it is asked now and then."""
+        now = time.monotonic()
+        if now - self._asked < min(_ASKED_EVERY, _HEARD_EVERY):
+            return
+        self._asked = now
+        due = now - self._heard >= _HEARD_EVERY
         if not self._database.execute(_HEARD if due else _HELD, (self._origin, self._robot, self._writer)).fetchone():
             raise self._fenced()
         if due:
