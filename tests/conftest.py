@@ -1,8 +1,12 @@
-"""What takes long on a busy machine is not wrong: no example has a deadline. Nor does a terminal's width count."""
+"""What takes long on a busy machine is not wrong: no example has a deadline. Nor does a terminal's width count.
+
+Where the tests are started in the background, a shell lets them ignore Ctrl-C, and so would what they start.
+"""
 
 from __future__ import annotations
 
 import os
+import signal
 
 from hypothesis import HealthCheck, settings
 
@@ -10,3 +14,5 @@ settings.register_profile("patient", settings(deadline=None, suppress_health_che
 settings.load_profile("patient")
 
 os.environ.pop("COLUMNS", None)
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
