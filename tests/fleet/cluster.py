@@ -14,7 +14,7 @@ from tests.chaos.served import Served
 from tests.postgres import Postgres, Relay
 from tests.processes import PATIENCE
 
-LEASE = 1.0
+LEASE = 3.0
 """Seconds of a server's lease."""
 NAMES = "abc"
 _QUICK = "from oracle_server.history.postgres import store; store.PATIENCE = 2.0"

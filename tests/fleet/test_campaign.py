@@ -22,11 +22,15 @@ SESSIONS, EVENTS = 4, 200
 @pytest.mark.parametrize(
     "faults",
     [
-        (Cluster.one_is_killed, Cluster.monitors_are_cut_off, Cluster.one_stands_until_another_has_taken_over),
-        (Cluster.one_does_not_reach_postgresql, Cluster.the_relay_cuts, Cluster.connections_to_postgresql_end,
-         Cluster.postgresql_and_one_are_killed),
+        (Cluster.one_is_killed, Cluster.monitors_are_cut_off, Cluster.one_stands_until_another_has_taken_over,
+         Cluster.one_stands_for_a_moment, Cluster.two_are_killed, Cluster.monitors_are_cut_off),
+        (Cluster.the_relay_cuts, Cluster.one_is_killed, Cluster.connections_to_postgresql_end, Cluster.the_relay_cuts,
+         Cluster.one_stands_for_a_moment, Cluster.connections_to_postgresql_end, Cluster.monitors_are_cut_off),
+        (Cluster.one_does_not_reach_postgresql, Cluster.the_relay_cuts, Cluster.postgresql_is_killed,
+         Cluster.connections_to_postgresql_end, Cluster.postgresql_and_one_are_killed, Cluster.one_is_killed,
+         Cluster.monitors_are_cut_off),
     ],
-    ids=["servers", "PostgreSQL"],
+    ids=["servers", "connections", "PostgreSQL"],
 )  # fmt: skip
 async def test_nothing_acked_is_lost_or_twice_or_otherwise_and_none_decide_together(
     faults: tuple[Fault, ...], postgres: Postgres, tmp_path: Path, chance: random.Random
