@@ -31,6 +31,7 @@ from oracle_server.engines.native.obligations import Obligations
 from oracle_server.engines.native.outstanding import Outstanding
 from oracle_server.engines.native.preceded import Preceded
 from oracle_server.engines.native.previous import Previous
+from oracle_server.engines.native.related import RelationNode
 from oracle_server.engines.native.some import Some, SomeOf
 from oracle_server.engines.native.timeline import Timeline
 from oracle_server.engines.native.unbroken import Unbroken
@@ -62,7 +63,7 @@ class Network:
     timeline: Timeline
     atoms: list[tuple[int, AtomNode | ComparedNode]] = field(default_factory=list)
     operators: list[Operator] = field(default_factory=list)
-    places: dict[Path, AtomNode | ComparedNode | Operator] = field(default_factory=dict)
+    places: dict[Path, AtomNode | ComparedNode | RelationNode | Operator] = field(default_factory=dict)
     """The node of each part of the formula that has one; of quantifiers that follow each other, the first one."""
     scopes: dict[Path, Scope] = field(default_factory=dict)
     """What quantifiers bind in their bodies."""
@@ -92,6 +93,9 @@ class _Builder:
         match node:
             case tree.Atom():
                 return self._atom(node, scope, path)
+            case tree.Relation():
+                related = self._network.places[path] = RelationNode(node, scope.__getitem__)
+                return related
             case tree.Exists():
                 return self._some(node, scope, path)
             case tree.Forall():
