@@ -67,8 +67,29 @@ def plain(rng: random.Random, time: Time, depth: int) -> Formula:
 
 def either(rng: random.Random, time: Time, depth: int) -> Formula:
     """One of `plain`, some with relations between variables."""
-    found = plain(rng, time, depth)
-    return related(rng, found) if rng.random() < RELATED else found
+    if rng.random() >= RELATED:
+        return plain(rng, time, depth)
+    return related(rng, plain(rng, time, depth)) if rng.random() < 0.7 else _within(rng, time, depth)
+
+
+def _within(rng: random.Random, time: Time, depth: int) -> Formula:
+    """A closed formula with a quantifier whose relations are about variables that are bound beside it."""
+    names = tuple(rng.sample("xyz", rng.choice((2, 2, 3))))
+    cut = rng.randint(1, len(names) - 1)
+    outer, inner = names[:cut], names[cut:]
+    body: Formula = _binding(rng, time, rng.randint(0, 2), rng.choice((inner, inner, names)))
+    body = rng.choice((tree.And, tree.And, tree.Implies))(body, _relation(rng, names))
+    body = rng.choice((body, body, tree.And(formula(rng, time, 1, 0, names), body), tree.Pre(body)))
+    for name in inner:
+        body = rng.choice((tree.Exists, tree.Forall))(name, body)
+    body = rng.choice((body, body, tree.Not(body), tree.Or(formula(rng, time, 1, 0, outer), body)))
+    begun = _binding(rng, time, rng.randint(0, 2), outer)
+    ways = (tree.And(begun, body), tree.Implies(begun, body), tree.Or(tree.Not(begun), body), tree.And(body, begun))
+    body = rng.choice(ways)
+    body = rng.choice((body, body, tree.Pre(body), tree.Once(body, bound(rng, time)), tree.And(begun, tree.Not(body))))
+    for name in outer:
+        body = rng.choice((tree.Exists, tree.Forall))(name, body)
+    return _accepted(rng, body, formula(rng, time, depth))
 
 
 def related(rng: random.Random, whole: Formula, scope: tuple[str, ...] = ()) -> Formula:

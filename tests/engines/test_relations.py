@@ -22,6 +22,14 @@ Steps = Sequence[Mapping[str, Scalar]]
 NEVER_LESS = "forall[x, y]. {speed: *x} and pre {speed: *y} -> *y <= *x"
 ABOVE_ALL = "forall[i, a, b]. {bid: *i, amount: *a} and pre once {bid: *i, amount: *b} -> *a > *b"
 SOLD_FOR = "forall[i, p, m]. {sold: *i, price: *p} and once {offered: *i, least: *m} -> *p >= *m"
+RESERVED = (
+    "forall[i, r]. once {listed: *i, reserve: *r} and {sold: *i} -> "
+    "exists[a]. once {bid: *i, amount: *a} and *a >= *r"
+)  # fmt: skip
+COMMANDS = (
+    "forall[c]. (not {complete: *c} since {dispatch: *c}) and "
+    '(*c == "MOVE" or *c == "DUMP") -> not {error}'
+)  # fmt: skip
 NUMBERED = "forall[m, c, d]. {command: *m, number: *c} and pre once {command: *m, number: *d} -> *c != *d"
 WRITES = (
     "forall[f]. {write: *f} -> "
@@ -40,6 +48,32 @@ KEPT = "forall[x, y]. {a: *x} and once {b: *y} -> ({a: *x} and once {b: *y} -> *
         (ABOVE_ALL, [{"bid": "a", "amount": n} for n in (1, 3, 2, 4)], "ttft"),
         (ABOVE_ALL, [{"bid": i, "amount": n} for i, n in (("a", 2), ("b", 1), ("b", 1), ("a", "3"))], "ttff"),
         (SOLD_FOR, [{"offered": 1, "least": 5}, {"sold": 1, "price": 5}, {"sold": 1, "price": 4.5}], "ttf"),
+        (
+            RESERVED,
+            [
+                {"listed": "a", "reserve": 5},
+                {"bid": "a", "amount": 4},
+                {"sold": "a"},
+                {"bid": "b", "amount": 6},
+                {"sold": "a"},
+                {"bid": "a", "amount": 5},
+                {"sold": "a"},
+                {"sold": "b"},
+            ],
+            "ttftfttt",
+        ),
+        (
+            COMMANDS,
+            [
+                {"dispatch": "MOVE"},
+                {"error": True},
+                {"complete": "MOVE"},
+                {"error": True},
+                {"dispatch": "GO"},
+                {"error": True},
+            ],
+            "tftttt",
+        ),
         (NUMBERED, [{"command": "go", "number": n} for n in (1, 2, "1", True, 1.0)], "ttttf"),
         (WRITES, [{"open": 1, "mode": "r"}, {"write": 1}, {"open": 1, "mode": "w"}, {"write": 1}], "tftt"),
         (WRITES, [{"open": 1, "mode": "w"}, {"close": 1}, {"write": 1}], "ttf"),
@@ -71,6 +105,14 @@ def test_a_violation_is_told_with_the_values_that_were_compared() -> None:
     assert told(NEVER_LESS, [{"speed": 5}, {"speed": 3}]) == (
         "for x = 3, y = 5: {speed: 3}: holds at step 2; pre {speed: 5}: its operand held at step 1; "
         "5 <= 3: does not hold"
+    )
+
+
+def test_what_a_quantifier_within_says_is_told_of_the_values_around_it() -> None:
+    steps = [{"listed": "a", "reserve": 5}, {"bid": "a", "amount": 4}, {"sold": "a"}]
+    assert told(RESERVED, steps) == (
+        'for i = "a", r = 5: once {listed: "a", reserve: 5}: held at step 1; {sold: "a"}: holds at step 3; '
+        'exists[a]. once {bid: "a", amount: *a} and *a >= 5: for no value'
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from oracle_server.core.errors import FormulaError
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.ahead import excludes, needs, obligation
@@ -25,13 +27,18 @@ def check_relations(formula: Formula) -> None:
         return
     found = obligation(formula)
     if found is None:
-        _check(formula, _NONE)
+        _check(formula)
         return
     for node in walk(found.goal):
         if isinstance(node, Relation):
             raise FormulaError(f"`{render(node)}` {_AWAITED}", *node.at)
     if found.trigger is not None:
-        _check(found.trigger, _NONE)
+        _check(found.trigger)
+
+
+def _check(formula: Formula) -> None:
+    for node, name in _unbound(formula, _NONE, _NONE):
+        _refuse(node, name)
 
 
 def has_relations(formula: Formula) -> bool:
@@ -39,32 +46,40 @@ def has_relations(formula: Formula) -> bool:
     return any(isinstance(node, Relation) for node in walk(formula))
 
 
-def _check(node: Formula, bound: frozenset[str]) -> None:
-    """Refuse the relations of a part that matters only where these variables have values that are bound."""
+def wanted(body: Formula) -> frozenset[str]:
+    """The variables of relations in a quantifier's body that something beside the quantifier binds."""
+    if not has_relations(body):
+        return _NONE
+    return frozenset(name for _, name in _unbound(body, _NONE, _NONE))
+
+
+def _unbound(node: Formula, bound: frozenset[str], before: frozenset[str]) -> Iterator[tuple[Relation, str]]:
+    """The relations of a part with their variables that are not bound.
+
+    The part matters only where those that are `bound` have values of events; of these, `before` are those that are so
+    by what stands to the left of it, which alone counts within quantifiers.
+    """
     match node:
         case Relation():
-            missing = next((name for name in node.variables if name not in bound), None)
-            if missing is not None:
-                raise FormulaError(_unbound(node, missing), *node.at)
+            yield from ((node, name) for name in node.variables if name not in bound)
         case tree.Not(operand):
-            _check(operand, bound)
-        case tree.And(left, right):
-            _check(left, bound | needs(right))
-            _check(right, bound | needs(left))
-        case tree.Or(left, right):
-            _check(left, bound | excludes(right))
-            _check(right, bound | excludes(left))
-        case tree.Implies(left, right):
-            _check(left, bound | excludes(right))
-            _check(right, bound | needs(left))
+            yield from _unbound(operand, bound, before)
+        case tree.And(left, right) | tree.Implies(left, right) | tree.Or(left, right):
+            by_left = excludes(left) if isinstance(node, tree.Or) else needs(left)
+            by_right = needs(right) if isinstance(node, tree.And) else excludes(right)
+            yield from _unbound(left, bound | by_right, before)
+            yield from _unbound(right, bound | by_left, before | by_left)
+        case tree.Exists(variable, body) | tree.Forall(variable, body):
+            yield from _unbound(body, before - {variable}, before - {variable})
         case _:
             for child in children(node):
-                _check(child, _NONE)
+                yield from _unbound(child, _NONE, _NONE)
 
 
-def _unbound(node: Relation, name: str) -> str:
-    return (
-        f"`{render(node)}`: nothing that holds beside it binds '{name}'; write it beside an atom that does, within the "
-        f"same quantifier and the same `once`, `since` or `pre`, as `{{value: *{name}}} and {render(node)}` or "
-        f"`{{value: *{name}}} -> {render(node)}`"
+def _refuse(node: Relation, name: str) -> None:
+    raise FormulaError(
+        f"`{render(node)}`: nothing that holds beside it binds '{name}'; write it behind an atom that does, within the "
+        f"same `once`, `since` or `pre`, as `{{value: *{name}}} and {render(node)}` or "
+        f"`{{value: *{name}}} -> {render(node)}`",
+        *node.at,
     )

@@ -163,6 +163,13 @@ class Recall:
         if node is None:  # a quantifier whose variables no node uses
             return self.at(part.body(self._network), self.last)
         value = node.at(key_of([part.values.get(v) for v in node.variables]))
+        beside = self._network.beside.get(part.path)
+        if (
+            beside is not None
+            and not value
+            and not beside.at[0](key_of([part.values.get(v) for v in beside.variables]))
+        ):
+            return None
         return not value if isinstance(part.formula, tree.Historically | tree.Forall) else value
 
     def _related(self, part: Part) -> Tri:
