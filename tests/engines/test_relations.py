@@ -109,7 +109,7 @@ def test_a_violation_is_told_with_the_values_that_were_compared() -> None:
 
 
 def test_what_a_quantifier_within_says_is_told_of_the_values_around_it() -> None:
-    steps = [{"listed": "a", "reserve": 5}, {"bid": "a", "amount": 4}, {"sold": "a"}]
+    steps: Steps = [{"listed": "a", "reserve": 5}, {"bid": "a", "amount": 4}, {"sold": "a"}]
     assert told(RESERVED, steps) == (
         'for i = "a", r = 5: once {listed: "a", reserve: 5}: held at step 1; {sold: "a"}: holds at step 3; '
         'exists[a]. once {bid: "a", amount: *a} and *a >= 5: for no value'
