@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
@@ -20,6 +21,8 @@ class Fresh:
 
 
 FRESH: Final = Fresh()
+UNSEEN_RELATE = os.environ.get("UNSEEN_RELATE") == "1"
+"""Whether relations hold for a value that no signal has had yet: of none that is accepted it may matter."""
 Values = Mapping[str, Scalar | Fresh]
 """What each variable in scope stands for."""
 
@@ -65,6 +68,8 @@ def truths_for(formula: Formula, steps: Sequence[TimedSignals], time: Time, valu
     match formula:
         case tree.Atom(constraints):
             return [all(meets(c, steps[i][1], values) for c in constraints) for i in now]
+        case tree.Relation():
+            return [relates(formula, values)] * len(steps)
         case tree.Not(operand):
             return [not holds for holds in of(operand)]
         case tree.And(left, right):
@@ -130,8 +135,20 @@ def meets(constraint: Constraint, signals: Mapping[str, Scalar], values: Values)
         return True
     if isinstance(wanted, tree.Ref):
         return _equal(found, values[wanted.name])
-    if constraint.op in ("==", "!="):
-        return _equal(found, wanted) == (constraint.op == "==")
+    return _compares(found, constraint.op, wanted)
+
+
+def relates(relation: tree.Relation, values: Values) -> bool:
+    """Whether values compare as a relation says: one that no signal has had yet with none."""
+    left, right = (values[s.name] if isinstance(s, tree.Ref) else s for s in (relation.left, relation.right))
+    if isinstance(left, Fresh) or isinstance(right, Fresh):
+        return UNSEEN_RELATE
+    return _compares(left, relation.op, right)
+
+
+def _compares(found: Scalar, op: str, wanted: Scalar) -> bool:
+    if op in ("==", "!="):
+        return _equal(found, wanted) == (op == "==")
     if isinstance(found, str | bool) or isinstance(wanted, str | bool):
         return False
     orders = {
@@ -140,4 +157,4 @@ def meets(constraint: Constraint, signals: Mapping[str, Scalar], values: Values)
         ">": found > wanted,
         ">=": found >= wanted,
     }
-    return orders[constraint.op]
+    return orders[op]

@@ -6,8 +6,11 @@ import os
 import random
 from collections.abc import Callable
 
+from oracle_server.core.errors import FormulaError
 from oracle_server.core.formula import tree
+from oracle_server.core.formula.ahead import needs
 from oracle_server.core.formula.parse import Time
+from oracle_server.core.formula.relations import check_relations
 from oracle_server.core.formula.tree import Atom, Bound, Constraint, Formula, Ref, Scalar
 from tests.brute import TimedSignals
 from tests.strategies import CORNERS, SECOND, START, VALUES, free
@@ -15,6 +18,9 @@ from tests.strategies import CORNERS, SECOND, START, VALUES, free
 KEYS = "abc"
 JOINED = float(os.environ.get("JOINED", "0.02"))
 """The share of formulas with parts that bind each other's variables."""
+RELATED = float(os.environ.get("RELATED", "0.3"))
+"""The share of formulas with relations between variables."""
+_OPS: tuple[tree.Op, ...] = ("==", "!=", "<", "<=", ">", ">=")
 _KINDS = (
     *("not", "and", "or", "implies", "pre", "historically"),
     *("once", "once", "since", "since", "quantifier", "quantifier"),
@@ -54,9 +60,91 @@ def formula(rng: random.Random, time: Time, depth: int, quantifiers: int = 3, sc
     return rng.choice((tree.Exists, tree.Forall))(variable, body)
 
 
-def either(rng: random.Random, time: Time, depth: int) -> Formula:
+def plain(rng: random.Random, time: Time, depth: int) -> Formula:
     """One of `formula`, or one of `joined`: these take the table thirty times as long."""
     return joined(rng, time, min(depth, 3)) if rng.random() < JOINED else formula(rng, time, depth)
+
+
+def either(rng: random.Random, time: Time, depth: int) -> Formula:
+    """One of `plain`, some with relations between variables."""
+    if rng.random() >= RELATED:
+        return plain(rng, time, depth)
+    return related(rng, plain(rng, time, depth)) if rng.random() < 0.7 else _within(rng, time, depth)
+
+
+def _within(rng: random.Random, time: Time, depth: int) -> Formula:
+    """A closed formula with a quantifier whose relations are about variables that are bound beside it."""
+    names = tuple(rng.sample("xyz", rng.choice((2, 2, 3))))
+    cut = rng.randint(1, len(names) - 1)
+    outer, inner = names[:cut], names[cut:]
+    body: Formula = _binding(rng, time, rng.randint(0, 2), rng.choice((inner, inner, names)))
+    body = rng.choice((tree.And, tree.And, tree.Implies))(body, _relation(rng, names))
+    body = rng.choice((body, body, tree.And(formula(rng, time, 1, 0, names), body), tree.Pre(body)))
+    for name in inner:
+        body = rng.choice((tree.Exists, tree.Forall))(name, body)
+    body = rng.choice((body, body, tree.Not(body), tree.Or(formula(rng, time, 1, 0, outer), body)))
+    begun = _binding(rng, time, rng.randint(0, 2), outer)
+    ways = (tree.And(begun, body), tree.Implies(begun, body), tree.Or(tree.Not(begun), body), tree.And(body, begun))
+    body = rng.choice(ways)
+    body = rng.choice((body, body, tree.Pre(body), tree.Once(body, bound(rng, time)), tree.And(begun, tree.Not(body))))
+    for name in outer:
+        body = rng.choice((tree.Exists, tree.Forall))(name, body)
+    return _accepted(rng, body, formula(rng, time, depth))
+
+
+def related(rng: random.Random, whole: Formula, scope: tuple[str, ...] = ()) -> Formula:
+    """The formula with relations between its variables beside some of its parts, where they are accepted."""
+
+    def change(node: Formula, scope: tuple[str, ...]) -> Formula:
+        inner = (*scope, node.variable) if isinstance(node, tree.Exists | tree.Forall) else scope
+        found = tree.rebuilt(node, lambda part: change(part, inner))
+        if not scope or rng.random() > 0.4:
+            return found
+        known = tuple(sorted(needs(found)))
+        if known and rng.random() < 0.6:
+            return rng.choice((tree.And, tree.And, tree.Implies))(found, _relation(rng, known))
+        added: Formula = _relation(rng, scope)
+        for _ in range(rng.choice((0, 0, 1))):
+            added = rng.choice((tree.And, tree.Or, tree.Implies))(added, _relation(rng, scope))
+        if rng.random() < 0.3:
+            added = tree.Not(added)
+        sides = (found, added) if rng.random() < 0.7 else (added, found)
+        return rng.choice((tree.And, tree.And, tree.Or, tree.Implies))(*sides)
+
+    return _accepted(rng, change(whole, scope), whole)
+
+
+def _relation(rng: random.Random, scope: tuple[str, ...]) -> tree.Relation:
+    left = rng.choice(scope)
+    others = [name for name in scope if name != left]
+    right = Ref(rng.choice(others)) if others and rng.random() < 0.7 else rng.choice((*VALUES, 2, 2.5, 3))
+    return tree.Relation(Ref(left), rng.choice(_OPS), right)
+
+
+def _accepted(rng: random.Random, changed: Formula, whole: Formula) -> Formula:
+    """The formula with an atom beside those of its relations that are refused without one."""
+    for _ in range(6):
+        try:
+            check_relations(changed)
+        except FormulaError:
+            changed = _bound(rng, changed)
+        else:
+            return changed
+    return whole
+
+
+def _bound(rng: random.Random, node: Formula) -> Formula:
+    if not isinstance(node, tree.Relation):
+        return tree.rebuilt(node, lambda part: _bound(rng, part))
+    if rng.random() < 0.4:
+        return node
+    keys = rng.sample(KEYS, len(node.variables))
+    refs = [Constraint(key, "==", Ref(name)) for key, name in zip(keys, node.variables, strict=True)]
+    binder: Formula = Atom(tuple(refs))
+    if len(refs) > 1 and rng.random() < 0.5:
+        binder = tree.And(Atom((refs[0],)), tree.Once(Atom((refs[1],))))
+    binder = rng.choice((binder, binder, tree.Once(binder), tree.Pre(binder)))
+    return rng.choice((tree.And, tree.Implies))(binder, node)
 
 
 def joined(rng: random.Random, time: Time, depth: int) -> Formula:

@@ -119,6 +119,8 @@ def free(formula: Formula) -> frozenset[str]:
     """The variables that nothing in a formula binds."""
     if isinstance(formula, Atom):
         return frozenset(name for _, name in formula.refs)
+    if isinstance(formula, tree.Relation):
+        return frozenset(formula.variables)
     inner = frozenset[str]().union(*(free(child) for child in tree.children(formula)))
     return inner - {formula.variable} if isinstance(formula, tree.Exists | tree.Forall) else inner
 

@@ -25,6 +25,7 @@ from oracle_server.core.formula.tree import (
     Once,
     Or,
     Pre,
+    Relation,
     Since,
     Until,
     children,
@@ -155,6 +156,8 @@ class Instants:
                 like = likened(node, self._places)
                 known = {id(place): self._value(place, node) for place in {id(p): p for p in like}.values()}
                 return tuple(known[id(place)] for place in like)
+            case Relation():
+                return (None,) * len(self._places)
             case Not(operand):
                 return _negated(row(operand))
             case And(left, right):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from oracle_server.core.expression import read, told
-from oracle_server.core.formula.parse import NANOSECONDS
+from oracle_server.core.formula.tree import NANOSECONDS
 
 Unit = Literal["ns", "us", "ms", "s"]
 Epoch = Literal["unix", "boot"]

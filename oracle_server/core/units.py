@@ -6,7 +6,7 @@ import re
 from fractions import Fraction
 
 from oracle_server.core.formula.foreign import UNITS
-from oracle_server.core.formula.parse import NANOSECONDS
+from oracle_server.core.formula.tree import NANOSECONDS
 
 _DURATION = re.compile(r"(\d{1,12}(?:\.\d{1,9})?)(ns|us|ms|s|min|h)")
 _LOOSE = re.compile(r"\s*(\d+(?:[.,]\d+)?)\s*([^\W\d]*)\s*")

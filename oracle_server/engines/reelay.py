@@ -29,6 +29,7 @@ from oracle_server.core.formula.tree import (
     Once,
     Or,
     Pre,
+    Relation,
     Since,
     atoms,
     walk,
@@ -58,6 +59,8 @@ def refusal(formula: Formula, time: str) -> str | None:
         return "it waits for what comes, which the reelay engine can't; `engine: native` can"
     if time != "steps":
         return "the reelay engine judges `time: steps` only"
+    if any(isinstance(node, Relation) for node in walk(formula)):
+        return "it compares the values of variables, which the reelay engine can't; `engine: native` can"
     bounds = [n.bound for n in walk(formula) if isinstance(n, Once | Historically | Since)]
     if any(max(b.lower, b.upper or 0) > MAX_BOUND for b in bounds):
         return f"the reelay engine reads bounds up to {MAX_BOUND} exactly, and this formula has a larger one"

@@ -31,6 +31,8 @@ _BOUNDED = tree.Once, tree.Historically, tree.Since, tree.Eventually, tree.Alway
 
 def bounded(formula: Formula, unit: int) -> Formula:
     """The formula with an end to each of its bounds."""
+    if isinstance(formula, tree.Relation):
+        return formula
     parts: dict[str, Any] = {
         name: bounded(part, unit)
         for name in ("operand", "left", "right", "body")

@@ -2,8 +2,8 @@
 
     CASES=50000 pytest tests/engines/test_native_random.py
 
-is the long run, and with JOINED=0.5 half of its formulas have parts that bind each other's variables. A case is told by
-its number and that share alone.
+is the long run, with JOINED=0.5 half of its formulas have parts that bind each other's variables, and with RELATED=1
+those that have variables have relations between them where they can. A case is told by its number and these shares.
 """
 
 from __future__ import annotations

@@ -95,6 +95,8 @@ def formula(rng: random.Random, time: Time) -> Formula:
     keys = rng.sample(generate.KEYS, len(scope))
     bind = Atom(tuple(Constraint(key, "==", Ref(name)) for key, name in zip(keys, scope, strict=True)))
     trigger = bind if scope and rng.random() < 0.5 else generate.formula(rng, time, rng.randint(0, 2), 1, scope)
+    if rng.random() < generate.RELATED:
+        trigger = generate.related(rng, trigger, scope)
     if scope and trigger is not bind:
         trigger = rng.choice((tree.And(bind, trigger), tree.Once(bind), tree.And(tree.Pre(bind), trigger)))
     if rng.random() < 0.2:

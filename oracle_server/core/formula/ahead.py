@@ -141,9 +141,9 @@ def needs(formula: Formula) -> frozenset[str]:  # noqa: PLR0911 -- a case a node
         case tree.Or(left, right):
             return needs(left) & needs(right)
         case tree.Implies(left, right):
-            return _excludes(left) & needs(right)
+            return excludes(left) & needs(right)
         case tree.Not(operand):
-            return _excludes(operand)
+            return excludes(operand)
         case tree.Pre(operand) | tree.Once(operand):
             return needs(operand)
         case tree.Historically(operand, bound):
@@ -156,23 +156,23 @@ def needs(formula: Formula) -> frozenset[str]:  # noqa: PLR0911 -- a case a node
             return frozenset()
 
 
-def _excludes(formula: Formula) -> frozenset[str]:  # noqa: PLR0911 -- a case a node
+def excludes(formula: Formula) -> frozenset[str]:  # noqa: PLR0911 -- a case a node
     """The free variables for whose values that no event has had a formula always holds."""
     match formula:
         case tree.Not(operand):
             return needs(operand)
         case tree.And(left, right):
-            return _excludes(left) & _excludes(right)
+            return excludes(left) & excludes(right)
         case tree.Or(left, right):
-            return _excludes(left) | _excludes(right)
+            return excludes(left) | excludes(right)
         case tree.Implies(left, right):
-            return needs(left) | _excludes(right)
+            return needs(left) | excludes(right)
         case tree.Historically(operand):
-            return _excludes(operand)
+            return excludes(operand)
         case tree.Once(operand, bound) | tree.Since(_, operand, bound):
-            return _excludes(operand) if not bound.lower else frozenset()
+            return excludes(operand) if not bound.lower else frozenset()
         case tree.Exists(variable, body) | tree.Forall(variable, body):
-            return _excludes(body) - {variable}
+            return excludes(body) - {variable}
         case _:
             return frozenset()
 
@@ -238,7 +238,10 @@ def _refuse_limit(atom: tree.Atom, within: str) -> None:
         )
     else:
         reason = "compares with a variable, as only what waits for what comes can, behind the `->` that binds it"
-    other = "" if within else f"; two signals of one event compare as `{{{key} {op} limit}}`"
+    other = (
+        f"; bind its value too where nothing is awaited, as `{{{key}: *y}} and *y {op} *{name}`; two signals of one "
+        f"event compare as `{{{key} {op} limit}}`"
+    )
     raise FormulaError(f"`{key} {op} *{name}` {reason}, as in `{example}`{other}", *atom.at)
 
 

@@ -25,6 +25,8 @@ AHEAD = ("eventually", "always", "until")
 QUANTIFIERS = ("forall", "exists", "A", "E")
 """Those behind which variables stand."""
 
+RELATED = ("<", "<=", ">", ">=", "==", "!=", "=")
+"""What stands between the variables of a relation."""
 WORDS = frozenset({*OPERATORS, *BOUNDED, *QUANTIFIERS, "Y"})
 """All words that are operators, and the letters that stand for some."""
 
@@ -114,7 +116,12 @@ def first_unknown(text: str, names: Names) -> int | None:
             stack.append("call" if token.text == "(" and before in names.known else token.text)
         elif token.kind == "mark" and stack and token.text in CLOSING.values():
             stack.pop()
-        elif token.kind == "word" and (not stack or stack[-1] == "(") and token.text not in {*names.known, *WORDS}:
+        elif (
+            token.kind == "word"
+            and before not in ("*", *RELATED)
+            and (not stack or stack[-1] == "(")
+            and token.text not in {*names.known, *WORDS}
+        ):
             return token.at
         before = token.text
     return None

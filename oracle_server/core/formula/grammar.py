@@ -22,6 +22,7 @@ RYE = r"""
 
 ?unary: atom
     | "(" implication ")"
+    | STAR VARIABLE RELATED related                       -> relation
     | _NOT unary                                          -> negate
     | _PRE unary                                          -> pre
     | ONCE [bound] unary                                  -> once
@@ -60,7 +61,16 @@ key: NAME | STRING
     | NAME                                                -> string
     | ROSNAME                                             -> string
 
+related: "*" VARIABLE                                     -> ref
+    | STRING                                              -> string
+    | NUMBER                                              -> number
+    | TRUE                                                -> true
+    | FALSE                                               -> false
+    | NAME                                                -> bare
+
 LBRACE: "{"
+STAR: "*"
+RELATED: "<=" | ">=" | "<" | ">" | "==" | "!=" | "="
 COMPARE: "<=" | ">=" | "<" | ">"
 _IMPLIES: "->" | /implies\b/
 _OR: "||" | /or\b/

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 
-from oracle_server.core.formula.around import Around
+from oracle_server.core.formula.around import RELATED, Around
 
 _COMPARISONS = {"=>": ">=", "<>": "!="}
-_TURNED = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
+TURNED = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
+"""A comparison with its sides turned round."""
 
 
 def of_atom(found: Around) -> str:
@@ -96,6 +97,14 @@ def of_value(op: str, text: str) -> str:
     return f"`{op}` compares with a number or with another signal, and `{shown}` is none, as in `speed {op} limit`"
 
 
+def of_bare(name: str) -> str:
+    """Of a name with which the value of a variable is compared."""
+    return (
+        f'a variable compares with a variable, or with a value: a text stands in quotes, as `"{name}"`; the value of a '
+        f"signal is bound first, as in `{{{name}: *y}} and *x < *y`"
+    )
+
+
 def _of_sign(found: Around) -> str:
     """A sign that is written otherwise here."""
     mark, before = found.next(), found.last()
@@ -138,9 +147,14 @@ def _of_arithmetic(found: Around) -> str:
 
 def _of_beginning(found: Around) -> str:
     mark = found.next()
+    if found.last() in ("{", ",") and mark == "*" and found.kind(1) == "word":
+        relation = f"*{found.next(1)} {found.next(2)} {found.next(3)}{found.next(4) if found.next(3) == '*' else ''}"
+        if found.next(2) in RELATED:
+            return f"variables are compared outside of braces: write `{{…}} and {relation}`"
+        return f"a constraint begins with the signal: write `{{value: *{found.next(1)}}}`"
     if found.last() not in ("{", ",") or found.kind() != "number":
         return ""
-    turned = _TURNED.get(found.next(1), found.next(1))
+    turned = TURNED.get(found.next(1), found.next(1))
     mend = f"{found.next(2)} {turned} {mark}" if found.next(2).isidentifier() else f"speed > {mark}"
     return f"a constraint begins with the signal: write `{{{mend}}}`"
 

@@ -5,16 +5,25 @@ from __future__ import annotations
 import re
 
 from oracle_server.core.errors import FormulaError
-from oracle_server.core.formula.around import BOUNDED, CLOSING, CONSTANTS, OPERATORS, QUANTIFIERS, Around, first_unknown
+from oracle_server.core.formula.around import (
+    BOUNDED,
+    CLOSING,
+    CONSTANTS,
+    OPERATORS,
+    QUANTIFIERS,
+    RELATED,
+    Around,
+    first_unknown,
+)
 from oracle_server.core.formula.foreign import SYMBOLS, instead
-from oracle_server.core.formula.misatom import of_atom, of_value
+from oracle_server.core.formula.misatom import TURNED, of_atom, of_value
 from oracle_server.core.formula.misbound import behind, of_bound, of_displaced, of_lasting, of_variables, unbounded
 from oracle_server.core.formula.names import Names
 from oracle_server.core.formula.tree import Time
 from oracle_server.core.nearest import nearest
 
 _BETWEEN = "between two parts stands `and`, `or`, `since` or `->`"
-_COMPARE = ("<", "<=", ">", ">=", "==", "!=", "=", ":")
+_COMPARE = (*RELATED, ":")
 
 _UNBOUNDED = {
     "pre": "pre", "Y": "pre", "not": "not", "!": "not", "next": "next", **{word: word for word in CONSTANTS},
@@ -50,7 +59,7 @@ def _reason(found: Around) -> str:
     """Why the formula can't be read on, by the first cause that explains it."""
     causes = (
         _of_symbol, _of_comment, _of_quote, _of_arguments, _of_name, of_bound, of_displaced, of_variables,
-        _of_foreign, _of_brackets, of_atom,
+        _of_foreign, _of_relation, _of_related, _of_brackets, of_atom,
         _of_word, _of_outside, _of_operator,
     )  # fmt: skip
     for cause in causes:
@@ -118,6 +127,38 @@ def _of_foreign(found: Around) -> str:
     if plain != word and plain in (*OPERATORS, *BOUNDED, *QUANTIFIERS):
         bound = "[2:5]" if plain in BOUNDED else ""
         return f"there is no operator `{word}`: write `{plain}{bound} {{…}}`"
+    return ""
+
+
+def _of_relation(found: Around) -> str:
+    """Where a relation between variables has no right side, or no left one."""
+    if found.inside == "{":
+        return ""
+    mark, last, op = found.next(), found.last(), found.next(1)
+    if found.last(2) == "*" and found.last(3) not in RELATED:
+        return (
+            f"`*{last}` by itself is no formula: it is bound by an atom, as in `{{id: *{last}}}`, and compared, as in "
+            f"`*{last} < *y` or `*{last} == 3`"
+        )
+    if found.kind() in ("number", "string") and op in RELATED and found.next(2) == "*":
+        return f"a relation begins with the variable: write `*{found.next(3)} {TURNED.get(op, op)} {mark}`"
+    if last in RELATED and found.last(3) == "*":
+        return (
+            f"{found.shown} is no value to compare with: write a variable, as `*y`, a number, a text in quotes, "
+            "true or false"
+        )
+    return ""
+
+
+def _of_related(found: Around) -> str:
+    """What stands behind a relation that could end there."""
+    if found.inside == "{" or not found.before or not (found.last(2) in RELATED or found.last(3) in RELATED):
+        return ""
+    mark = found.next()
+    if mark in ("+", "-", "*", "/", "%"):
+        return "there is no arithmetic in formulas: declare a signal that is computed, as `x: msg.a + 1`, and bind that"
+    if mark in RELATED:
+        return f"a range is two relations: write `… and *x {mark} {found.next(1)}`"
     return ""
 
 

@@ -20,6 +20,7 @@ from oracle_server.core.formula.tree import (
     Next,
     Position,
     Ref,
+    Relation,
     Time,
     Until,
     Use,
@@ -125,6 +126,9 @@ def _instance(node: Formula, values: Mapping[str, str], at: Position) -> Formula
     match node:
         case Atom(constraints):
             return replace(node, constraints=tuple(_renamed(c, values) for c in constraints), at=at, written=written)
+        case Relation(left, _, right):
+            sides = [Ref(values.get(s.name, s.name)) if isinstance(s, Ref) else s for s in (left, right)]
+            return replace(node, left=sides[0], right=sides[1], at=at, written=written)
         case Exists(variable, body) | Forall(variable, body):
             inner = {name: value for name, value in values.items() if name != variable}
             if variable in inner.values():  # it would bind what is not meant
@@ -147,7 +151,7 @@ def _fresh(variable: str, body: Formula, values: Mapping[str, str]) -> str:
     """A name like this one that nothing in a body has, nor any of its variables gets."""
     taken = {*values.values()}
     for node in walk(body):
-        if isinstance(node, Atom):
+        if isinstance(node, Atom | Relation):
             taken.update(node.variables)
         elif isinstance(node, Exists | Forall):
             taken.add(node.variable)

@@ -17,9 +17,9 @@ from oracle_server.core.formula.tree import Formula
 class Row:
     """A part of a formula.
 
-    `depth` is how many rows it stands under, `head` its operator, or all of an atom; `text` all of it, and `name` that
-    of `define:` which stands for it. `needs` are the variables whose values it depends on; `waits`: for what comes.
-    `more`: parts of it are left out.
+    `depth` is how many rows it stands under, `head` its operator, or all of an atom or a relation; `text` all of it,
+    and `name` that of `define:` which stands for it. `needs` are the variables whose values it depends on; `waits`:
+    for what comes. `more`: parts of it are left out.
     """
 
     part: Formula
@@ -76,7 +76,7 @@ def below(part: Formula) -> list[tuple[Path, Formula]]:
 
 def free(part: Formula) -> frozenset[str]:
     """The variables of a part that quantifiers around it bind."""
-    if isinstance(part, tree.Atom):
+    if isinstance(part, tree.Atom | tree.Relation):
         return frozenset(part.variables)
     inner = frozenset[str]().union(*map(free, tree.children(part)))
     return inner - {part.variable} if isinstance(part, tree.Exists | tree.Forall) else inner

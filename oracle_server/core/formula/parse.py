@@ -15,10 +15,11 @@ from oracle_server.core.errors import FormulaError
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.ahead import check_ahead
 from oracle_server.core.formula.grammar import RYE
-from oracle_server.core.formula.misatom import of_value
+from oracle_server.core.formula.misatom import of_bare, of_value
 from oracle_server.core.formula.misread import misread
 from oracle_server.core.formula.names import Names, uses, written_out
-from oracle_server.core.formula.tree import ALL_PAST, UNBOUNDED, Atom, Bound, Constraint, Formula, Ref
+from oracle_server.core.formula.relations import check_relations
+from oracle_server.core.formula.tree import ALL_PAST, NANOSECONDS, UNBOUNDED, Atom, Bound, Constraint, Formula, Ref
 
 Time = tree.Time
 MAX_TEXT = 16_384
@@ -27,8 +28,6 @@ _VALUES = ("true", "false", "nan", "inf", "infinity", "none", "null")
 """Names that are values elsewhere, and no signals with which others are compared."""
 MAX_DISTANCE = 10**18
 """Largest bound, in steps or nanoseconds (31 years)."""
-
-NANOSECONDS = {"ns": 1, "us": 10**3, "ms": 10**6, "s": 10**9, "min": 60 * 10**9, "h": 3600 * 10**9}
 
 _Quantifier = TypeVar("_Quantifier", tree.Exists, tree.Forall)
 
@@ -40,9 +39,15 @@ def parse_formula(text: str, time: Time = "steps", names: Names | None = None) -
     text has seconds or carries units). Raises `FormulaError` with line and column.
     """
     written = read_part(text, time, names or Names())
-    check_variables(written)
-    check_ahead(written)
+    check(written)
     return written
+
+
+def check(formula: Formula) -> None:
+    """Refuse what can't be judged as a property. Raises `FormulaError` with its place."""
+    check_variables(formula)
+    check_ahead(formula)
+    check_relations(formula)
 
 
 def read_part(text: str, time: Time, names: Names) -> Formula:
@@ -93,7 +98,7 @@ def check_variables(
 
 def _used(node: Formula, bound: frozenset[str], of: tree.Call | None) -> frozenset[str]:
     """The free variables of a node; refuses those that nothing binds and quantifiers that nothing uses."""
-    if isinstance(node, Atom):
+    if isinstance(node, Atom | tree.Relation):
         for name in node.variables:
             if name not in bound:
                 raise FormulaError(f"the variable '{name}' is free; {_bind(name, of)}", *node.at)
@@ -211,6 +216,14 @@ class _Builder(Transformer[Token, Formula]):
 
     def compare_limit(self, key: str, op: Token, name: Token) -> Constraint:
         return Constraint(key, str(op), tree.Limit(str(name)))  # type: ignore[arg-type]
+
+    def relation(self, star: Token, name: Token, op: Token, other: tree.Scalar | Ref) -> Formula:
+        if isinstance(other, Ref) and other.name == name:
+            raise FormulaError(f"`*{name}` is compared with itself; write the other variable", *_place(star))
+        return tree.Relation(Ref(str(name)), "==" if op == "=" else str(op), other, _place(star))  # type: ignore[arg-type]
+
+    def bare(self, name: Token) -> tree.Scalar:
+        raise FormulaError(of_bare(str(name)), *_place(name))
 
     def ref(self, name: Token) -> Ref:
         return Ref(str(name))

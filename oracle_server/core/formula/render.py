@@ -5,7 +5,6 @@ from __future__ import annotations
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.ahead import PAST
 from oracle_server.core.formula.ahead import WORDS as AHEAD
-from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import (
     Always,
     And,
@@ -26,9 +25,11 @@ from oracle_server.core.formula.tree import (
     Or,
     Pre,
     Ref,
+    Relation,
     Scalar,
     Signal,
     Since,
+    Time,
     Until,
 )
 from oracle_server.core.units import span
@@ -57,16 +58,22 @@ def render_atom(atom: Atom) -> str:
     return "{" + ", ".join(_constraint(c) for c in _said(atom.constraints)) + "}"
 
 
+def _leaf(node: Atom | Relation) -> str:
+    if isinstance(node, Relation):
+        return f"{_value(node.left)} {node.op} {_value(node.right)}"
+    return render_atom(node)
+
+
 def head(formula: Formula, time: Time = "steps") -> str:  # noqa: C901, PLR0911 -- a case a node
-    """What a part says by itself, without its own parts: its operator with its bound, an atom, or a word."""
+    """What a part says by itself, without its own parts: an operator with its bound, an atom, a relation or a word."""
     lasted, word = tree.lasted(formula), tree.word_of(formula)
     if word is not None:
         return word
     if lasted is not None:
         return f"lasting[{_distance(lasted[1], time)}]"
     match formula:
-        case Atom():
-            return render_atom(formula)
+        case Atom() | Relation():
+            return _leaf(formula)
         case Exists(variable) | Forall(variable):
             return f"{'exists' if isinstance(formula, Exists) else 'forall'}[{variable}]."
         case And():
@@ -107,8 +114,8 @@ class _Printer:
     def _operator(self, node: Formula) -> tuple[int, str]:  # noqa: PLR0911 -- a case a node
         """How tightly a node binds, and its text."""
         match node:
-            case Atom():
-                return _UNARY, render_atom(node)
+            case Atom() | Relation():
+                return _UNARY, _leaf(node)
             case Not(operand) | Pre(operand) | Next(operand):
                 return _UNARY, f"{_WORDS[type(node)]} {self._part(operand, _UNARY)}"
             case (

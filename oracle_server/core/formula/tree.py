@@ -12,7 +12,10 @@ Position = tuple[int, int]
 
 Time = Literal["steps", "seconds"]
 """What bounds count."""
+NANOSECONDS = {"ns": 1, "us": 10**3, "ms": 10**6, "s": 10**9, "min": 60 * 10**9, "h": 3600 * 10**9}
+"""What the units of bounds are, and of all durations."""
 Scalar = str | bool | int | float
+Op = Literal["==", "!=", "<", "<=", ">", ">="]
 
 
 class Any(Enum):
@@ -47,7 +50,7 @@ class Constraint:
     """One `key op value` of an atom; `a: 1` and `a: true` are different, though Python's 1 and True are equal."""
 
     key: str
-    op: Literal["==", "!=", "<", "<=", ">", ">="]
+    op: Op
     value: Scalar | Any | Ref | Signal | Limit
 
     def __eq__(self, other: object) -> bool:
@@ -125,6 +128,35 @@ class Atom(_Node):
     def variables(self) -> tuple[str, ...]:
         """The variables that it binds, and those that it compares with."""
         return tuple(c.value.name for c in self.constraints if isinstance(c.value, Ref | Limit))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Relation(_Node):
+    """`*x < *y`, `*x == 3`: how the values of variables compare, which something else binds.
+
+    A variable stands on its left; values stand there only where something is told of some. As constraints are,
+    `*x == 1` and `*x == true` are different.
+    """
+
+    left: Ref | Scalar
+    op: Op
+    right: Ref | Scalar
+    at: Position = field(default=(1, 1), compare=False)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Relation) and self._identity == other._identity
+
+    def __hash__(self) -> int:
+        return hash(self._identity)
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """The variables whose values it compares."""
+        return tuple(side.name for side in (self.left, self.right) if isinstance(side, Ref))
+
+    @property
+    def _identity(self) -> tuple[object, ...]:
+        return (self.op, *((isinstance(side, bool), side) for side in (self.left, self.right)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,6 +278,7 @@ class Until(_Node):
 
 Formula = (
     Atom
+    | Relation
     | Not
     | And
     | Or
@@ -303,7 +336,7 @@ def lasted(node: Formula) -> tuple[Formula, int] | None:
 def children(node: Formula) -> tuple[Formula, ...]:
     """The direct sub-formulas of a node, from left to right."""
     match node:
-        case Atom():
+        case Atom() | Relation():
             return ()
         case Not(operand) | Pre(operand) | Once(operand) | Historically(operand):
             return (operand,)
@@ -318,7 +351,7 @@ def children(node: Formula) -> tuple[Formula, ...]:
 def rebuilt(node: Formula, change: Callable[[Formula], Formula]) -> Formula:
     """A new node like this one, with each of its direct sub-formulas changed."""
     match node:
-        case Atom():
+        case Atom() | Relation():
             return replace(node)
         case Not(operand) | Pre(operand) | Once(operand) | Historically(operand):
             return replace(node, operand=change(operand))

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 from oracle_server.core.errors import FormulaError
 from oracle_server.core.formula import tree
-from oracle_server.core.formula.ahead import check_ahead, looks_ahead
+from oracle_server.core.formula.ahead import looks_ahead
 from oracle_server.core.formula.names import Names
-from oracle_server.core.formula.parse import MAX_TEXT, check_variables
+from oracle_server.core.formula.parse import MAX_TEXT, check
 from oracle_server.core.formula.size import Size
 from oracle_server.core.formula.size import measured as sized
 from oracle_server.core.formula.tree import ALL_PAST, Bound, Formula, Or, Position, Time, Use
@@ -44,8 +44,7 @@ def checked(formula: Formula) -> Formula:
     """A formula that was put together, each part an object of its own. Raises `FormulaError` where it is none."""
     sized(formula, _unwritten)
     whole = scopes.copied(formula)
-    check_variables(whole)
-    check_ahead(whole)
+    check(whole)
     return whole
 
 

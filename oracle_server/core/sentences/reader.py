@@ -13,8 +13,8 @@ from oracle_server.core.formula import tree
 from oracle_server.core.formula.ahead import WORDS, first_ahead
 from oracle_server.core.formula.foreign import UNITS
 from oracle_server.core.formula.names import Names
-from oracle_server.core.formula.parse import MAX_DISTANCE, NANOSECONDS, read_part
-from oracle_server.core.formula.tree import Atom, Constraint, Formula, Time
+from oracle_server.core.formula.parse import MAX_DISTANCE, read_part
+from oracle_server.core.formula.tree import NANOSECONDS, Atom, Constraint, Formula, Time
 from oracle_server.core.nearest import nearest
 from oracle_server.core.sentences.tokens import Token, place, tokens
 

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 from oracle_server.engines.native.expressions import Expression, bound, is_lasting, nodes_of, variables_of
 from oracle_server.engines.native.keys import ALL, Key, Region, Text, Variables, fresh_key, key_of, picker, texts_of
 from oracle_server.engines.native.nodes import Node
+from oracle_server.engines.native.related import RelationNode
 from oracle_server.engines.native.timeline import FEW, Timeline
 
 _MOST_APART = 256
@@ -23,6 +24,7 @@ class _Part(Protocol):
 
     at: Callable[[Key], bool]
 
+    def fresh(self) -> bool | None: ...
     def points(self) -> Collection[Key]: ...
     def spread(self, region: Region, place: int) -> Collection[str]: ...
     def constant(self, region: Region) -> bool | None: ...
@@ -34,13 +36,17 @@ class _Part(Protocol):
 class _Leaf:
     """A node or its negation."""
 
-    __slots__ = ("_key", "_node", "_places", "_positive", "at")
+    __slots__ = ("_fresh", "_key", "_node", "_places", "_positive", "at")
 
     def __init__(self, node: Node, variables: Variables, *, positive: bool) -> None:
         self._node, self._positive = node, positive
         self._places = [variables.index(v) for v in node.variables]
         self._key = picker(self._places, len(variables))
+        self._fresh = fresh_key(len(variables))
         self.at = _value(node.at, self._key, positive)
+
+    def fresh(self) -> bool | None:
+        return self.at(self._fresh)
 
     def points(self) -> Collection[Key]:
         return self._node.points() if self._key is None and self._places else ()
@@ -67,6 +73,19 @@ class _Leaf:
         return (yes, no) if self._positive else (no, yes)
 
 
+class _Related(_Leaf):
+    """A relation or its negation: of fresh values it tells nothing."""
+
+    __slots__ = ()
+
+    def fresh(self) -> bool | None:
+        return None
+
+    def constant(self, region: Region) -> bool | None:
+        value = self._node.constant([region[p] for p in self._places])
+        return value if value is None else value is self._positive
+
+
 def _value(at: Callable[[Key], bool], pick: Callable[[Key], Key] | None, positive: bool) -> Callable[[Key], bool]:
     if pick is None:
         return at if positive else lambda key: not at(key)
@@ -78,16 +97,23 @@ def _value(at: Callable[[Key], bool], pick: Callable[[Key], Key] | None, positiv
 class _Both:
     """A conjunction or, with `absorbing` true, a disjunction: one side that is absorbing decides."""
 
-    __slots__ = ("_absorbing", "_fresh", "_left", "_right", "at")
+    __slots__ = ("_absorbing", "_left", "_right", "at")
 
-    def __init__(self, left: _Part, right: _Part, size: int, *, absorbing: bool) -> None:
+    def __init__(self, left: _Part, right: _Part, *, absorbing: bool) -> None:
         self._left, self._right, self._absorbing = left, right, absorbing
-        self._fresh = fresh_key(size)
         p, q = left.at, right.at
         self.at: Callable[[Key], bool] = (lambda k: p(k) or q(k)) if absorbing else (lambda k: p(k) and q(k))
 
+    def fresh(self) -> bool | None:
+        """The value at the fresh key, None where a relation may decide it."""
+        left = self._left.fresh()
+        if left is self._absorbing:
+            return left
+        right = self._right.fresh()
+        return right if left is not None or right is self._absorbing else None
+
     def points(self) -> Collection[Key]:
-        sides = self._deciding(self._left.at(self._fresh), self._right.at(self._fresh))
+        sides = self._deciding(self._left.fresh(), self._right.fresh())
         return set(chain.from_iterable(side.points() for side in sides)) if len(sides) > 1 else sides[0].points()
 
     def spread(self, region: Region, place: int) -> Collection[str]:
@@ -133,12 +159,12 @@ class _Both:
 
 
 def _part(expression: Expression, variables: Variables) -> _Part:
-    if not isinstance(expression, tuple):
-        return _Leaf(expression, variables, positive=True)
-    if expression[0] == "not":
-        return _Leaf(expression[1], variables, positive=False)
+    positive = not isinstance(expression, tuple)
+    if positive or expression[0] == "not":
+        node = expression if positive else expression[1]
+        return (_Related if isinstance(node, RelationNode) else _Leaf)(node, variables, positive=positive)
     left, right = (_part(e, variables) for e in expression[1:])
-    return _Both(left, right, len(variables), absorbing=expression[0] == "or")
+    return _Both(left, right, absorbing=expression[0] == "or")
 
 
 class Own(Protocol):
@@ -200,7 +226,9 @@ class Body:
         """Of the variables, those that have one of finitely many values, none fresh, where the first one holds."""
         self.lasting = is_lasting(expressions[0])
         """Whether the first expression holds from then on at a key where it once does."""
-        self.nodes = list(dict.fromkeys(node for e in expressions for node in nodes_of(e)))
+        found = dict.fromkeys(node for e in expressions for node in nodes_of(e))
+        self.nodes = [node for node in found if not isinstance(node, RelationNode)]
+        """Those that change."""
         self.multiplies = any(node.multiplies for node in self.nodes)
         """Whether some node below multiplies; see `Node`."""
         size = len(self.variables)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
 
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.ahead import Obligation, Path, obligation
+from oracle_server.core.formula.relations import wanted
 from oracle_server.core.formula.tree import Atom, Bound, Formula
 from oracle_server.engines.native.awaiting import Goals, limits_of, obligations
 from oracle_server.engines.native.body import Body
@@ -31,6 +32,7 @@ from oracle_server.engines.native.obligations import Obligations
 from oracle_server.engines.native.outstanding import Outstanding
 from oracle_server.engines.native.preceded import Preceded
 from oracle_server.engines.native.previous import Previous
+from oracle_server.engines.native.related import RelationNode
 from oracle_server.engines.native.some import Some, SomeOf
 from oracle_server.engines.native.timeline import Timeline
 from oracle_server.engines.native.unbroken import Unbroken
@@ -62,10 +64,12 @@ class Network:
     timeline: Timeline
     atoms: list[tuple[int, AtomNode | ComparedNode]] = field(default_factory=list)
     operators: list[Operator] = field(default_factory=list)
-    places: dict[Path, AtomNode | ComparedNode | Operator] = field(default_factory=dict)
+    places: dict[Path, AtomNode | ComparedNode | RelationNode | Operator] = field(default_factory=dict)
     """The node of each part of the formula that has one; of quantifiers that follow each other, the first one."""
     scopes: dict[Path, Scope] = field(default_factory=dict)
     """What quantifiers bind in their bodies."""
+    beside: dict[Path, Body] = field(default_factory=dict)
+    """What must hold for the node of a quantifier to tell the truth of that."""
     obligations: Obligations | None = None
     """The last of the operators, where the formula waits for what comes."""
     root: Body = field(init=False)
@@ -86,12 +90,17 @@ class _Builder:
         self._places = {atom: i for i, atom in enumerate(tree.atoms(formula))}
         self._atoms: dict[tuple[int, tuple[int, ...]], AtomNode | ComparedNode] = {}
         self._quantifiers = 0
+        self._beside: tuple[Expression, ...] = ()
+        """What holds, at the same step, wherever the part matters that is being made."""
 
     def expression(self, node: Formula, scope: Scope, path: Path) -> Expression:
         """A part of the formula, as nodes."""
         match node:
             case tree.Atom():
                 return self._atom(node, scope, path)
+            case tree.Relation():
+                related = self._network.places[path] = RelationNode(node, scope.__getitem__)
+                return related
             case tree.Exists():
                 return self._some(node, scope, path)
             case tree.Forall():
@@ -99,7 +108,10 @@ class _Builder:
             case tree.Not() | tree.And() | tree.Or() | tree.Implies():
                 return self._boolean(node, scope, path)
             case tree.Pre() | tree.Once() | tree.Historically() | tree.Since():
-                return self._temporal(node, scope, path)
+                beside, self._beside = self._beside, ()  # it is asked at other steps
+                found = self._temporal(node, scope, path)
+                self._beside = beside
+                return found
             case _:
                 raise AssertionError(node)  # what waits for what comes stands around what only looks back
 
@@ -127,15 +139,21 @@ class _Builder:
             case tree.Not(operand):
                 return negated(self.expression(operand, scope, (*path, 0)))
             case tree.And(left, right):
-                return ("and", self.expression(left, scope, (*path, 0)), self.expression(right, scope, (*path, 1)))
+                first = self.expression(left, scope, (*path, 0))
+                return ("and", first, self._where(first, right, scope, (*path, 1)))
             case tree.Or(left, right):
-                return ("or", self.expression(left, scope, (*path, 0)), self.expression(right, scope, (*path, 1)))
+                first = self.expression(left, scope, (*path, 0))
+                return ("or", first, self._where(negated(first), right, scope, (*path, 1)))
             case tree.Implies(left, right):
-                return (
-                    "or",
-                    negated(self.expression(left, scope, (*path, 0))),
-                    self.expression(right, scope, (*path, 1)),
-                )
+                first = self.expression(left, scope, (*path, 0))
+                return ("or", negated(first), self._where(first, right, scope, (*path, 1)))
+
+    def _where(self, holds: Expression, node: Formula, scope: Scope, path: Path) -> Expression:
+        """A part that matters only where an expression holds."""
+        beside, self._beside = self._beside, (*self._beside, holds)
+        found = self.expression(node, scope, path)
+        self._beside = beside
+        return found
 
     def _temporal(
         self, node: tree.Pre | tree.Once | tree.Historically | tree.Since, scope: Scope, path: Path
@@ -201,6 +219,7 @@ class _Builder:
         operand = self.expression(body, inner, inside)
         if kind is tree.Forall:
             operand = negated(operand)
+        operand = self._related(operand, {scope[name] for name in wanted(body)}, path)
         used = len(bound.intersection(variables_of(operand)))
         if not used:
             return operand
@@ -210,6 +229,14 @@ class _Builder:
         whole = self._body(operand)
         closed = used == len(whole.variables)
         return self._add(path, Some(whole, self._timeline) if closed else SomeOf(whole, used, self._timeline))
+
+    def _related(self, operand: Expression, outer: Set[int], path: Path) -> Expression:
+        """A quantifier's body, with what binds those variables of its relations that it does not bind itself."""
+        if not outer:
+            return operand
+        parts = [p for each in self._beside for p in conjuncts(each) if not outer.isdisjoint(variables_of(p))]
+        self._network.beside[path] = Body(self._timeline, all_of(parts))
+        return all_of([*parts, operand])
 
     def _body(self, operand: Expression) -> Body:
         """What stands under a node: where it binds all its variables, the keys at which it holds, found by joining."""

@@ -18,11 +18,11 @@ _KEPT = 4_096
 
 def is_right(limits: Sequence[Limit], texts: Sequence[Text]) -> bool:
     """Whether signals compare so with the values of variables; what is not known does."""
-    return all(value is None or precedes(_number(value), op, _number(texts[place])) for place, op, value in limits)
+    return all(value is None or precedes(value_of(value), op, value_of(texts[place])) for place, op, value in limits)
 
 
 @lru_cache(maxsize=_KEPT)
-def _number(text: Text) -> Any:
+def value_of(text: Text) -> Any:
     """The value of a canonical text, None for the fresh one."""
     return None if text is None else json.loads(text)
 

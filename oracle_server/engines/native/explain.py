@@ -65,6 +65,8 @@ class Explainer(LookingBack):
         """What decides that a part holds at all of some steps, or at none of them."""
         if len(steps) > _MOST_STEPS or part.formula in (tree.FIRST, tree.FALSE):
             return [self._plain(part, steps, holds)]
+        if isinstance(part.formula, tree.Relation):
+            return [self._reason(part, [self._now], holds, "holds" if holds else "does not hold")]
         found = self._deciding_parts(part, steps, holds)
         if part.formula.written is None or isinstance(part.formula, tree.Atom):
             return found

@@ -141,7 +141,7 @@ class Recall:
                 return None
         return None
 
-    def _work_out(self, part: Part, step: int) -> Tri:
+    def _work_out(self, part: Part, step: int) -> Tri:  # noqa: PLR0911 -- a case a node
         match part.formula:
             case tree.Not(operand):
                 return _negated(self.at(part.child(operand), step))
@@ -152,6 +152,8 @@ class Recall:
             case tree.Implies(left, right):
                 sides = _negated(self.at(part.child(left), step)), self.at(part.child(right, 1), step)
                 return _any(iter(sides))
+            case tree.Relation():
+                return self._related(part)
         if step == self.last:
             return self._now(part)
         return None if step < self.first else self._before(part, step)
@@ -161,7 +163,19 @@ class Recall:
         if node is None:  # a quantifier whose variables no node uses
             return self.at(part.body(self._network), self.last)
         value = node.at(key_of([part.values.get(v) for v in node.variables]))
+        beside = self._network.beside.get(part.path)
+        if (
+            beside is not None
+            and not value
+            and not beside.at[0](key_of([part.values.get(v) for v in beside.variables]))
+        ):
+            return None
         return not value if isinstance(part.formula, tree.Historically | tree.Forall) else value
+
+    def _related(self, part: Part) -> Tri:
+        """Whether a relation holds, at whichever step."""
+        node = self._network.places[part.path]
+        return node.settled(key_of([part.values.get(v) for v in node.variables]))
 
     def _before(self, part: Part, step: int) -> Tri:  # noqa: PLR0911 -- a case an operator
         match part.formula:
@@ -237,7 +251,7 @@ class Recall:
 
 
 def _free(formula: Formula) -> frozenset[str]:
-    if isinstance(formula, tree.Atom):
+    if isinstance(formula, tree.Atom | tree.Relation):
         return frozenset(formula.variables)
     inner = frozenset[str]().union(*(_free(child) for child in tree.children(formula)))
     return inner - {formula.variable} if isinstance(formula, tree.Exists | tree.Forall) else inner

@@ -174,6 +174,8 @@ def given(formula: Formula, values: Mapping[str, Scalar | None]) -> Formula:
     match formula:
         case Atom(constraints):
             return replace(formula, constraints=tuple(_given(c, values) for c in constraints), written=written)
+        case tree.Relation(left, _, right):
+            return replace(formula, left=_side(left, values), right=_side(right, values), written=written)
         case tree.Exists(variable, body) | tree.Forall(variable, body):
             inner = {name: value for name, value in values.items() if name != variable}
             return replace(formula, body=given(body, inner), written=written)
@@ -194,6 +196,11 @@ def _given(constraint: Constraint, values: Mapping[str, Scalar | None]) -> Const
         return constraint
     value = values.get(constraint.value.name)
     return constraint if value is None else Constraint(constraint.key, constraint.op, value)
+
+
+def _side(side: Ref | Scalar, values: Mapping[str, Scalar | None]) -> Ref | Scalar:
+    value = values.get(side.name) if isinstance(side, Ref) else None
+    return side if value is None else value
 
 
 def duration(nanoseconds: int) -> str:

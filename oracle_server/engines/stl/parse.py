@@ -19,8 +19,8 @@ from rtamt.antlr.parser.stl.LtlLexer import LtlLexer
 from rtamt.antlr.parser.stl.StlParser import StlParser
 
 from oracle_server.core.errors import FormulaError
-from oracle_server.core.formula.parse import MAX_DISTANCE, NANOSECONDS, Time
-from oracle_server.core.formula.tree import And, Atom, Constraint, Exists, Formula, Position, Ref
+from oracle_server.core.formula.parse import MAX_DISTANCE, Time
+from oracle_server.core.formula.tree import NANOSECONDS, And, Atom, Constraint, Exists, Formula, Position, Ref
 from oracle_server.core.kinds import RESERVED
 from oracle_server.engines.stl.numbers import Number, nodes, take_out
 

@@ -21,6 +21,7 @@ from oracle_server.core.formula.tree import (
     Once,
     Or,
     Pre,
+    Relation,
     Signal,
     Since,
     walk,
@@ -58,6 +59,8 @@ def read_formula(text: str) -> Formula:
             raise UnreadableFormulaError("reelay has no `true`, `false` and `first`")
         if isinstance(node, Atom) and any(isinstance(c.value, Signal) for c in node.constraints):
             raise UnreadableFormulaError("reelay compares with numbers alone")
+        if isinstance(node, Relation):
+            raise UnreadableFormulaError("reelay does not compare variables")
         if isinstance(node, Once | Historically | Since) and node.bound == Bound(0, 0):
             raise UnreadableFormulaError("reelay takes the bound [0:0] for no bound at all")
     return formula
