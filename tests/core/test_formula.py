@@ -148,6 +148,7 @@ def test_binds(text: str, meaning: str) -> None:
 )
 def test_constraint(text: str, constraint: Constraint) -> None:
     parsed = parse_formula(text)
+    assert isinstance(parsed, Atom)
     assert parsed == Atom((constraint,))
     assert type(parsed.constraints[0].value) is type(constraint.value)
 
