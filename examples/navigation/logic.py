@@ -19,7 +19,7 @@ NEAR = 0.25  # metres from the goal at which the base is there
 WALL = 6.0  # x (m) that the base can't pass
 CHARGED, LOW = 0.8, 0.1  # of a full battery
 REACHING = 0.2  # seconds that the arm takes from one pose to the other
-STEADY = 10  # times that something is said, at 20 Hz, until everybody has heard it
+STEADY = 20  # times that something is said, at 20 Hz, until everybody has heard it
 
 
 class Leg(NamedTuple):
