@@ -56,6 +56,13 @@ def test_the_tree() -> None:
         ("exists[x]. {a: *x} or *x == 3", (1, 23), "write it behind an atom that does"),
         ("exists[x]. not {a: *x} and *x == 3", (1, 28), "nothing that holds beside it binds 'x'"),
         ("forall[x]. {a: *x} -> once *x == 3", (1, 28), "within the same `once`, `since` or `pre`"),
+        (
+            "forall[k]. {a: *k} -> historically (forall[y]. {r: *y} -> *y < *k)",
+            (1, 59),
+            "a relation has no time: write it there, as in `once {value: *y} and *y < *k`",
+        ),
+        ("forall[x]. {a: *x} -> once *x == 3", (1, 28), "write it there, as in `{value: *x} and *x == 3`"),
+        ("exists[x]. {a: *x} and once (exists[x]. *x == 3 and {b})", (1, 41), "write it behind an atom that does"),
         ("forall[x]. *x == 3 -> {a: *x}", (1, 12), "nothing that holds beside it binds 'x'"),
         ("forall[x]. {a: *x} since *x == 3", (1, 26), "nothing that holds beside it binds 'x'"),
         ("forall[x]. (*x == 3) since {a: *x}", (1, 13), "nothing that holds beside it binds 'x'"),
