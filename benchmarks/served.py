@@ -36,8 +36,9 @@ class Server:
             (specs / f"{name}.yaml").write_text(text)
         command = [sys.executable, "-m", "oracle_server", "serve", "--specs", str(specs), "--port", "0"]
         env = os.environ | {"ORACLE_DATA_DIR": str(folder / "data"), "ORACLE_LOG": "json"} | settings
-        self._log = (folder / "log").open("w+")
-        self.process = subprocess.Popen(command, env=env, stderr=self._log)
+        with (folder / "log").open("w") as written:
+            self.process = subprocess.Popen(command, env=env, stderr=written)
+        self._log = (folder / "log").open()  # a file of its own: of one, both would move the place
         self.port = 0
         while not self.port:
             time.sleep(0.05)
