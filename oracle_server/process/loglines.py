@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
+import select
 import threading
+from collections.abc import Callable
 from queue import SimpleQueue
 
 MOST = 10_000
@@ -16,13 +19,12 @@ _STDERR = 2
 
 
 class LogLines(logging.Handler):
-    """Formats records where they are logged, and hands the lines to a thread that writes them with a handler."""
+    """Formats records where they are logged, and hands the lines to a thread that writes them."""
 
-    def __init__(self, written: logging.Handler) -> None:
-        """Write with a handler, which nobody else uses."""
+    def __init__(self, write: Callable[[str], object]) -> None:
+        """Write each line by `write`, which raises nothing."""
         super().__init__()
-        self._written = written
-        written.lock = None  # a thread that stands still would hold it at the end of the process, which waits for it
+        self._write = write
         self._waiting: SimpleQueue[str | None] = SimpleQueue()
         self._lost = 0
         self._thread = threading.Thread(target=self._run, name="log", daemon=True)
@@ -51,23 +53,25 @@ class LogLines(logging.Handler):
         self._tell_lost()
 
     def _tell_lost(self) -> None:
+        self.acquire()  # a line that is lost meanwhile is counted, too
         lost, self._lost = self._lost, 0
+        self.release()
         if lost:
             told = {"name": __name__, "levelno": logging.WARNING, "levelname": "WARNING", "msg": _LOST, "args": (lost,)}
             self._write(self.format(logging.makeLogRecord(told)))
 
-    def _write(self, line: str) -> None:
-        self._written.handle(logging.makeLogRecord({"msg": line}))
+
+def by_handler(handler: logging.Handler) -> Callable[[str], object]:
+    """Writes lines by a handler, which nobody else uses."""
+    return lambda line: handler.handle(logging.makeLogRecord({"msg": line}))
 
 
-class StandardError:
-    """The process's standard error as a stream for a handler; Python's own is locked while a write stands still."""
-
-    def write(self, text: str) -> None:
-        """Write it all. Raises `OSError` where it can't be written."""
-        data = text.encode(errors="backslashreplace")
+def to_standard_error(line: str) -> None:
+    """Write a line; where that can't be, it is lost. Python's own stream would be locked while a write stands still."""
+    data = f"{line}\n".encode(errors="backslashreplace")
+    with contextlib.suppress(OSError, ValueError):
         while data:
-            data = data[os.write(_STDERR, data) :]
-
-    def flush(self) -> None:
-        """Nothing waits."""
+            try:
+                data = data[os.write(_STDERR, data) :]
+            except BlockingIOError:  # another program that shares it has it so
+                select.select([], [_STDERR], [])

@@ -15,7 +15,7 @@ from structlog.stdlib import ProcessorFormatter
 from structlog.types import EventDict, Processor
 
 from oracle_server.core.errors import OracleError, one_line
-from oracle_server.process.loglines import LogLines, StandardError
+from oracle_server.process.loglines import LogLines, by_handler, to_standard_error
 from oracle_server.process.seldom import SeldomFilter
 from oracle_server.process.settings import Settings
 
@@ -38,7 +38,7 @@ def set_up_logs(settings: Settings) -> Callable[[], None]:
 
     What is returned writes the lines that still wait, as the end of the process does.
     """
-    handler = LogLines(_file(settings.log_file) if settings.log_file else logging.StreamHandler(StandardError()))
+    handler = LogLines(by_handler(_file(settings.log_file)) if settings.log_file else to_standard_error)
     atexit.register(handler.end)
     colors = settings.log_file is None and sys.stderr.isatty()
     renderer = (
