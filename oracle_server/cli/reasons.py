@@ -61,6 +61,6 @@ def _event(event: Mapping[str, Any]) -> str:
     if event["kind"] == TICK:
         return f"a deadline that ran out at {moment(event['stamp'])}"
     step = f"{step_name(event['step'], event['stamp'])}, " if "step" in event else ""
-    where = step + event_name(event["stream"], event["kind"], event["seq"], event["monitor"])
+    where = step + event_name(event["stream"], event["kind"], event["seq"], event["monitor"], event.get("row"))
     shown = {name: value for name, value in event["signals"].items() if name not in _NAMED}
     return where + "".join(f" {name}={json.dumps(value)}" for name, value in sorted(shown.items()))

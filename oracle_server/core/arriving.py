@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import msgspec
 
 from oracle_server.core.boot import PublicationTimes
-from oracle_server.core.events import Event, Step
+from oracle_server.core.events import Event, Projected, Signals, Step
 from oracle_server.core.plan import Plan
 from oracle_server.core.simulated import SimulatedTime
+
+_NOTHING: Signals = {}
+_NONE = frozenset[str]()
 
 
 class Arriving:
@@ -23,9 +28,11 @@ class Arriving:
     def step(self, event: Event) -> Step:
         """The step of an event that has come."""
         stream = self._plan.streams[event.stream]
-        signals, failed = stream.project(event.data)
+        rows: Sequence[Projected] = stream.project.rows(event.data) if stream.spec.each else ()
+        signals, failed = (_NOTHING, _NONE) if rows else stream.project(event.data)
         if event.goal_id is not None:
             signals = {**signals, **event.marks}
+            rows = [({**row, **event.marks}, lacking) for row, lacking in rows]
         simulated = None if self.simulated is None else self.simulated.now
         stamp = self._published.stamp(event, stream.spec.stamp, simulated)
         if self.simulated is not None:
@@ -34,4 +41,4 @@ class Arriving:
         if self._revises:  # the step is kept for a horizon, and its message need not be
             event = msgspec.structs.replace(event, data=None)
         skewed = stamp - event.arrived > self._plan.spec.ordering.max_skew
-        return Step(event, signals, failed, stamp, skewed)
+        return Step(event, signals, failed, stamp, skewed, rows=tuple(rows))

@@ -44,7 +44,8 @@ class Event(msgspec.Struct, frozen=True, gc=False):
     for a request and its response; `goal_id` and `status` are those of an action's events, which have them beside the
     message; `source` names the publisher; `lost` counts the messages lost just before it;
     `ask`: the monitor waits for a decision. `arrived` is in the session's own time; `received` is the
-    server's where that differs, as in a simulation.
+    server's where that differs, as in a simulation. `row` is which element of the message it stands for, from 0, None
+    for the whole of it; `more`: further rows of the same event follow.
     """
 
     stream: StreamKey
@@ -60,6 +61,8 @@ class Event(msgspec.Struct, frozen=True, gc=False):
     received: int | None = None
     goal_id: str | None = None
     status: Status | None = None
+    row: int | None = None
+    more: bool = False
 
     @property
     def marks(self) -> dict[str, str]:
@@ -74,6 +77,10 @@ class Event(msgspec.Struct, frozen=True, gc=False):
         return self.arrived if self.received is None else self.received
 
 
+Projected = tuple[Signals, frozenset[str]]
+"""What formulas see of a message or of a row: its signals by name, and the names of those that failed."""
+
+
 class Step(msgspec.Struct, frozen=True, gc=False):
     """An event with all that is needed to judge it: its signals and its place in the order.
 
@@ -83,7 +90,8 @@ class Step(msgspec.Struct, frozen=True, gc=False):
     is not to be judged: it is late and the spec skips late events, or its verdicts could not be kept. `released` is why
     it left the order of publication, None where it was not in it; `unheard` are the streams of which nothing as new as
     it had come by then, where the spec revises and that is why it may be wrong. `waited` are the streams that it waited
-    for last: whose advance, or end, released it, or that were still behind it when there was no more waiting.
+    for last: whose advance, or end, released it, or that were still behind it when there was no more waiting. `rows`
+    are what is judged instead of it, one after the other, where its stream has rows and its message some.
     """
 
     event: Event
@@ -97,6 +105,7 @@ class Step(msgspec.Struct, frozen=True, gc=False):
     released: Released | None = None
     unheard: frozenset[str] = frozenset()
     waited: tuple[Source, ...] = ()
+    rows: tuple[Projected, ...] = ()
 
     @property
     def time(self) -> int:

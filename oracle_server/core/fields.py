@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from functools import partial
 from typing import Any
 
 from oracle_server.core.errors import ExpressionError, SpecProblem
-from oracle_server.core.expression import Problem, check_shape, no_field, parse_expression
+from oracle_server.core.expression import Expression, Problem, check_rows, check_shape, no_field, parse_expression
 from oracle_server.core.formula.render import render_atom
 from oracle_server.core.formula.tree import Atom
 from oracle_server.core.kinds import RESERVED
@@ -18,6 +19,7 @@ from oracle_server.core.spec import Spec, StreamSpec
 from oracle_server.core.stamps import Stamp
 from oracle_server.core.typed import StreamTypes, TypedMessage
 
+_Check = Callable[[Expression, Shape | None], list[Problem]]
 _TIME_FIELDS = ("sec", "nanosec")
 
 
@@ -34,18 +36,24 @@ def inspect_fields(spec: Spec, types: StreamTypes) -> list[SpecProblem]:
 def _expressions(spec: Spec, types: StreamTypes) -> Iterator[SpecProblem]:
     for i, stream in enumerate(spec.streams):
         known = types.get(stream.key)
-        for name, text in (stream.signals or {}).items() if known else ():
-            assert known is not None  # noqa: S101 -- else there is nothing to check
+        if known is None:
+            continue
+        read: list[tuple[tuple[str, ...], str, Callable[[], Expression], _Check]] = [
+            (("signals", name), f"signal '{name}'", partial(stream.read, text), check_shape)
+            for name, text in (stream.signals or {}).items()
+        ]
+        if stream.each is not None:
+            read.append((("each",), "`each`", partial(parse_expression, stream.each), check_rows))
+        for path, what, parse, check in read:
             try:
-                expression = parse_expression(text)
+                expression = parse()
             except ExpressionError:
                 continue  # found by `inspect`
-            inspected = check_shape(expression, None)  # warned of by `inspect`
-            told = {problem.within for problem in inspected if problem.severity == "warning"}
-            for problem in _of_all(known, lambda shape, read=expression: check_shape(read, shape)):  # type: ignore[misc]
-                path = ("streams", i, "signals", name)
+            told = {problem.within for problem in check(expression, None)}  # by `inspect`
+            for problem in _of_all(known, partial(check, expression)):
                 if problem.severity == "error" or problem.within not in told:
-                    yield SpecProblem(path, f"signal '{name}': {problem.message}", problem.within, problem.severity)
+                    message = f"{what}: {problem.message}"
+                    yield SpecProblem(("streams", i, *path), message, problem.within, problem.severity)
 
 
 def _of_all(known: TypedMessage, check: Callable[[Shape], list[Problem]]) -> Iterator[Problem]:

@@ -13,7 +13,7 @@ from oracle_server.core.dependencies import GraphNode
 from oracle_server.core.derived.checks import derived_problems
 from oracle_server.core.errors import ExpressionError, SpecProblem
 from oracle_server.core.events import StreamKey
-from oracle_server.core.expression import MAX_PATTERNS, Expression, check_shape, parse_expression, too_dear
+from oracle_server.core.expression import MAX_PATTERNS, Expression, check_rows, check_shape, parse_expression, too_dear
 from oracle_server.core.fields import inspect_fields
 from oracle_server.core.incomparable import incomparable
 from oracle_server.core.kinds import OWN
@@ -115,22 +115,50 @@ def _expressions(spec: Spec) -> Iterator[SpecProblem]:
     patterns = 0
     for i, stream in enumerate(spec.streams):
         expressions: dict[str, Expression] = {}
+        unread = False
+        for problem in _rows(spec, i):
+            yield problem
+            unread = unread or problem.within is not None
+        if unread:
+            continue
         for name, text in (stream.signals or {}).items():
             path = ("streams", i, "signals", name)
             try:
-                expressions[name] = parse_expression(text)
+                expressions[name] = stream.read(text)
             except ExpressionError as error:
                 message = _other_signal(spec, text, error) or error.message
                 yield SpecProblem(path, f"signal '{name}': {message}", (error.line, error.column))
                 continue
-            for problem in check_shape(expressions[name], None):
-                yield SpecProblem(path, f"signal '{name}': {problem.message}", problem.within, problem.severity)
+            for found in check_shape(expressions[name], None):
+                yield SpecProblem(path, f"signal '{name}': {found.message}", found.within, found.severity)
         dear = too_dear(expressions)
         if dear is not None:
             yield SpecProblem(("streams", i, "signals"), dear)
         patterns += sum(expression.patterns for expression in expressions.values())
     if patterns > MAX_PATTERNS:
         yield SpecProblem(("streams",), f"the spec has {patterns} patterns for `matches`, and may have {MAX_PATTERNS}")
+
+
+def _rows(spec: Spec, i: int) -> Iterator[SpecProblem]:
+    """What is wrong with the rows of a stream; with a place within their expression where that can't be used."""
+    stream, path = spec.streams[i], ("streams", i, "each")
+    if stream.each is None:
+        return
+    try:
+        for found in check_rows(parse_expression(stream.each), None):
+            yield SpecProblem(path, f"`each`: {found.message}", found.within, found.severity)
+    except ExpressionError as error:
+        yield SpecProblem(path, f"`each`: {error.message}", (error.line, error.column))
+    if stream.signals is None:
+        message = "`each` needs `signals`, which say what formulas see of an element, as `signals: {name: item.name}`"
+        yield SpecProblem(path, message)
+    if stream.action == "filter":
+        why = f"{stream.key} is filtered, and a message passes or not as a whole"
+        yield SpecProblem(path, f"{why}; leave `each` out, or write `action: log`")
+    for prop in spec.properties:
+        if prop.external is not None and prop.external.receives(stream):
+            why = f"{stream.key} goes to the external oracle of '{prop.id}', which gets whole messages"
+            yield SpecProblem(path, f"{why}; leave `each` out, or name other streams under its `streams`")
 
 
 def _other_signal(spec: Spec, text: str, error: ExpressionError) -> str:
@@ -160,7 +188,7 @@ def _unwritten(spec: Spec) -> Iterator[SpecProblem]:
     places: dict[str, list[int]] = {}
     for i, stream in enumerate(spec.streams):
         for name, text in (stream.signals or {}).items():
-            if "todo" in text and _is_unwritten(text):
+            if "todo" in text and _is_unwritten(stream, text):
                 places.setdefault(name, []).append(i)
     readers: dict[str, list[str]] = {}
     for prop in spec.properties if places else ():
@@ -175,9 +203,9 @@ def _unwritten(spec: Spec) -> Iterator[SpecProblem]:
         yield SpecProblem(("streams", first, "signals", name), told, severity="warning", kind="unjudged")
 
 
-def _is_unwritten(text: str) -> bool:
+def _is_unwritten(stream: StreamSpec, text: str) -> bool:
     try:
-        return parse_expression(text).unwritten
+        return stream.read(text).unwritten
     except ExpressionError:
         return False  # found by `_expressions`
 

@@ -56,9 +56,9 @@ def first_name(state: Mapping[str, Any], beside: int | None = None) -> str:
     return moment(stamp, beside) if number is None else f"step {number}, {moment(stamp, beside)}"
 
 
-def event_name(stream: str, kind: str, seq: int, monitor: str) -> str:
-    """An event by its stream and its number there."""
-    return f"{stream} ({kind} {seq} of {monitor})"
+def event_name(stream: str, kind: str, seq: int, monitor: str, row: int | None = None) -> str:
+    """An event by its stream and its number there, and by its row where it has some."""
+    return f"{stream} ({kind} {seq} of {monitor}{'' if row is None else f', row {row}'})"
 
 
 def cause_name(record: VerdictRecord | Mapping[str, Any]) -> str:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from oracle_server.core.atoms import meets
 from oracle_server.core.comparisons import contradictory, turned
 from oracle_server.core.derived.ranges import derived_ranges
-from oracle_server.core.expression import is_always_there, parse_expression
+from oracle_server.core.expression import is_always_there
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import Any, Atom, Constraint, Limit, Ref, Scalar, Signal
 from oracle_server.core.kinds import GOAL_ID, RESERVED, STATUS, STATUSES
@@ -145,7 +145,7 @@ class _Ranges:
     """The ranges of expressions, and one object for all ranges that are equal."""
 
     def __init__(self) -> None:
-        self._texts: dict[tuple[str, str], tuple[Range, bool]] = {}
+        self._texts: dict[tuple[str, str, str], tuple[Range, bool]] = {}
         self._same: dict[object, Range] = {}
 
     def same(self, found: Range) -> Range:
@@ -154,10 +154,10 @@ class _Ranges:
 
     def of(self, text: str, stream: StreamSpec, shape: Record | None) -> tuple[Range, bool]:
         """The range of a signal's expression, and whether each event has the signal; once a type."""
-        key = (text, "" if shape is None else f"{stream.type} {stream.kind}")
+        key = (text, stream.each or "", "" if shape is None else f"{stream.type} {stream.kind}")
         if key not in self._texts:
-            always = shape is not None and is_always_there(parse_expression(text), shape)
-            self._texts[key] = (self.same(range_of(text, shape)), always)
+            always = shape is not None and is_always_there(stream.read(text), shape)
+            self._texts[key] = (self.same(range_of(text, shape, stream.each)), always)
         return self._texts[key]
 
 

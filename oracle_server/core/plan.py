@@ -13,12 +13,12 @@ from typing import Protocol
 
 from oracle_server.core.atoms import AtomTest, Match, specialise, specialise_some
 from oracle_server.core.derived.layout import Layout, Part, parts, watched
-from oracle_server.core.events import StreamKey
+from oracle_server.core.events import Projected, StreamKey
 from oracle_server.core.formula.ahead import looks_ahead
 from oracle_server.core.formula.tree import Atom, Scalar
 from oracle_server.core.kinds import GROUPS, KINDS, OWN, RESERVED, Kind
 from oracle_server.core.reach import Reach
-from oracle_server.core.signals import DefaultProjection, Projection
+from oracle_server.core.signals import DefaultProjection, Projection, RowProjection
 from oracle_server.core.spec import By, Spec, StreamSpec
 from oracle_server.core.stamps import DEFAULT_PATHS
 
@@ -33,8 +33,12 @@ class Projects(Protocol):
         """The dotted paths of the fields that are read, None for the whole message."""
         ...
 
-    def __call__(self, message: object) -> tuple[dict[str, Scalar], frozenset[str]]:
+    def __call__(self, message: object) -> Projected:
         """The signals by name, and the names of those that failed."""
+        ...
+
+    def rows(self, message: object) -> Sequence[Projected]:
+        """The same of each element that is a step of its own; empty where the message is one itself."""
         ...
 
     def reasons(self, message: object) -> dict[str, str]:
@@ -212,7 +216,7 @@ class _Making:
             project = DefaultProjection(sorted(names))
         else:
             names = frozenset(stream.signals)
-            project = Projection(stream.signals)
+            project = RowProjection(stream.signals, stream.each) if stream.each else Projection(stream.signals)
         reserved = {key for key in reserved_of(stream) if has_reserved(stream, key)}
         views, derives = self._divided(self._views_of(stream, names | reserved), names, reserved)
         asked, properties = [], self._spec.properties

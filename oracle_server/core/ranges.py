@@ -85,10 +85,13 @@ ANYTHING = Range(frozenset({"text", "number", "boolean"}))
 TEXT, NUMBER, BOOLEAN = (Range(frozenset({kind})) for kind in ("text", "number", "boolean"))
 
 
-def range_of(text: str, shape: Record | None = None) -> Range:
-    """The values that an expression can give where it gives one, over messages of a shape or of any."""
+def range_of(text: str, shape: Record | None = None, each: str | None = None) -> Range:
+    """The values that an expression can give where it gives one, over messages of a shape or of any.
+
+    `each` is the list of which it reads the elements, if it does.
+    """
     try:
-        expression = parse_expression(text)
+        expression = parse_expression(text, each=None if each is None else parse_expression(each))
     except ExpressionError:  # found elsewhere
         return ANYTHING
     found = Range()

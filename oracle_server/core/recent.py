@@ -6,7 +6,7 @@ import itertools
 from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable, Collection
-from typing import Any
+from typing import Any, Final
 
 from oracle_server.core.atoms import Matches
 from oracle_server.core.events import Signals, Step, StreamKey
@@ -25,9 +25,10 @@ EFFORT_TOGETHER = 50_000
 """What the explanations of all properties may have cost at one step before another one begins."""
 """What one explanation may cost: some milliseconds."""
 
-Kept = tuple[int, int, StreamKey, int, str, int, Signals, Collection[str], int]
-"""A step's place and time, its event's stream, stamp, monitor and number there, its signals, those that failed, and the
-step's number, which is its place but where late events were put in theirs."""
+Kept = tuple[int, int, StreamKey, int, str, int, Signals, Collection[str], int, int | None]
+"""A step's place and time, its event's stream, stamp, monitor and number there, its signals, those that failed, the
+step's number, which is its place but where late events were put in theirs, and the event's row."""
+_NUMBER: Final = 8
 Tick = tuple[int, View, Signals, Collection[str]]
 """The time of a deadline that is being judged, how a property observes it, its signals, and those that failed."""
 _NONE: frozenset[str] = frozenset()
@@ -51,7 +52,9 @@ class Recent:
         """Add the next step, of which formulas see `signals`; those in `failed` could not be computed."""
         event, self._unnumbered = step.event, False
         number = place if self.number is None else self.number
-        self._append((place, time, event.stream, step.stamp, event.monitor, event.seq, signals, failed, number))
+        self._append(
+            (place, time, event.stream, step.stamp, event.monitor, event.seq, signals, failed, number, event.row)
+        )
 
     def unnumber(self) -> None:
         """Let explanations not give the number of the last step: it is an attempt that is about to be taken back."""
@@ -74,24 +77,25 @@ class Recent:
         """A step, given by its place: by its number, where that may be another and is known."""
         index = place - self._steps[0][0] if self._steps else -1
         if 0 <= index < len(self._steps):
-            return f"step {self._steps[index][-1]}"
+            return f"step {self._steps[index][_NUMBER]}"
         return f"place {place}" if self._spare else f"step {place}"
 
     def last(self) -> EventRecord:
         """The event of the last step; before the first one, and of what is judged without it, one of no stream."""
         if not self._steps:
             return {"stream": "", "kind": TICK, "stamp": 0, "monitor": "", "seq": 0, "signals": {}}
-        return {"step": self._steps[-1][-1], **_record(self._steps[-1])}
+        return {"step": self._steps[-1][_NUMBER], **_record(self._steps[-1])}
 
     def snapshot(self) -> list[Any]:
         """The steps as plain data."""
-        return [(*rest, sorted(failed), number) for *rest, failed, number in self._last]
+        return [(*rest, sorted(failed), number, row) for *rest, failed, number, row in self._last]
 
     def restore(self, data: Any) -> None:
-        """Take over a snapshot; older ones lack the signals that failed, and numbers other than places."""
+        """Take over a snapshot; older ones lack the signals that failed, numbers other than places, and rows."""
         for place, time, stream, stamp, monitor, seq, signals, *more in data:
-            failed, number = (more[0] if more else _NONE), (more[1] if len(more) > 1 else place)
-            self._append((place, time, StreamKey(*stream), stamp, monitor, seq, signals, failed, number))
+            known: list[Any] = [*more, *(_NONE, place, None)[len(more) :]]
+            failed, number, row = known
+            self._append((place, time, StreamKey(*stream), stamp, monitor, seq, signals, failed, number, row))
 
     def past(
         self, views: Callable[[StreamKey], View], tick: Tick | None = None, spent: Callable[[int], None] | None = None
@@ -116,7 +120,7 @@ class Recent:
             assert tick is not None  # noqa: S101 -- else there is no such step
             return Seen(None, tick[0], "", tick[2], tick[3])
 
-        noun = "step" if all(place == number for place, *_, number in steps) else "place"
+        noun = "step" if all(kept[0] == kept[_NUMBER] for kept in steps) else "place"
         return Past(times, matches, self._effort, seen, spent, noun)
 
     def _append(self, kept: Kept) -> None:
@@ -143,18 +147,18 @@ class Recent:
             return None
         record = _record(found[0])
         if not (self._unnumbered and found[0] is self._steps[-1]):
-            record["step"] = found[0][-1]
+            record["step"] = found[0][_NUMBER]
         return record
 
 
 def _seen(kept: Kept) -> Seen:
-    _, _, stream, stamp, monitor, seq, signals, failed, number = kept
-    return Seen(number, stamp, event_name(stream.name, stream.kind, seq, monitor), signals, failed)
+    _, _, stream, stamp, monitor, seq, signals, failed, number, row = kept
+    return Seen(number, stamp, event_name(stream.name, stream.kind, seq, monitor, row), signals, failed)
 
 
 def _record(kept: Kept) -> EventRecord:
-    _, _, stream, stamp, monitor, seq, signals, *_ = kept
-    return {
+    _, _, stream, stamp, monitor, seq, signals, _, _, row = kept
+    found: EventRecord = {
         "stream": stream.name,
         "kind": stream.kind,
         "stamp": stamp,
@@ -162,3 +166,6 @@ def _record(kept: Kept) -> EventRecord:
         "seq": seq,
         "signals": dict(signals),
     }
+    if row is not None:
+        found["row"] = row
+    return found

@@ -15,10 +15,12 @@ Number = float | Literal["Infinity", "-Infinity"] | None
 class EventRecord(TypedDict):
     """An event in an explanation; `signals` are what formulas saw of it, `stamp` is in nanoseconds.
 
-    `step` is its number, in reasons only, and not of an attempt that was taken back.
+    `step` is its number, in reasons only, and not of an attempt that was taken back. `row` is there where it stands for
+    an element of its message.
     """
 
     step: NotRequired[int]
+    row: NotRequired[int]
     stream: str
     kind: StepKind
     stamp: int
@@ -121,6 +123,8 @@ class VerdictRecord(TypedDict):
     Of a property that waits for what comes, `pending` is how many of its obligations are open, else None; `about` has
     the events of those that were not answered here, 100 at most, and `about_count` is how many they are.
 
+    `row` is which element of its message the event stands for, from 0, missing where that is a step as a whole.
+
     `released` is why the order of publication released the event, missing where it was not in that order, and `waited`
     the streams that it waited for last, missing where it did not wait for any. Of specs that revise: `place` is the
     step's place in what stood at the record, `unheard` the streams that the property reads and that had not been heard
@@ -151,6 +155,7 @@ class VerdictRecord(TypedDict):
     pending: int | None
     about: list[AboutRecord]
     about_count: int
+    row: NotRequired[int]
     released: NotRequired[Released]
     waited: NotRequired[list[WaitedRecord]]
     place: NotRequired[int]

@@ -12,6 +12,7 @@ from oracle_server.core.kinds import TICK
 from oracle_server.core.plan import Plan
 from oracle_server.core.reorder import ReorderBuffer
 from oracle_server.core.revise.lateness import Lateness
+from oracle_server.core.rows import Rows
 from oracle_server.core.snapshot import SessionSnapshot
 from oracle_server.core.spec import orders
 from oracle_server.core.tally import StreamCounts
@@ -27,6 +28,7 @@ class Resumable:
     counts: defaultdict[Source, StreamCounts]
     lateness: Lateness | None
     asking: Asking | None
+    rows: Rows
     now: int
 
     def rejudge(self, order: Order, step: Step, judged: int) -> Judged | None:
@@ -46,7 +48,7 @@ class Resumable:
         self.now = max(self.now, judged)
         if step.event.lost and order == orders(self.plan.spec)[-1]:  # which noted it first
             self._note_loss(step.event)
-        if order == orders(self.plan.spec)[0]:
+        if order == orders(self.plan.spec)[0] and not step.event.row:
             self.counts[step.event.monitor, step.event.stream].late += step.late
         return self.judges[order].judge(step, judged)
 
@@ -72,12 +74,12 @@ class Resumable:
                 self.buffer.present = step.time
             if step.event.lost:
                 self._note_loss(step.event)
-            self.counts[step.event.monitor, step.event.stream].late += step.late
+            self.counts[step.event.monitor, step.event.stream].late += step.late and not step.event.row
 
     @property
     def can_be_saved(self) -> bool:
-        """Whether a snapshot may be taken now: no oracle is asked, and nothing is judged again."""
-        return not self.asking and (self.lateness is None or not self.lateness.judge.is_going)
+        """Whether a snapshot may be taken now: no oracle is asked, nothing is judged again, and no row waits."""
+        return not (self.asking or self.rows) and (self.lateness is None or not self.lateness.judge.is_going)
 
     def snapshot(self) -> SessionSnapshot | None:
         """All that later verdicts depend on except what is held in the order, as plain data, where it `can_be_saved`.

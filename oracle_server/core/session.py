@@ -20,6 +20,7 @@ from oracle_server.core.resumable import Resumable
 from oracle_server.core.revise.judge import RevisingJudge
 from oracle_server.core.revise.lateness import Lateness
 from oracle_server.core.revise.saving import SavableJudge
+from oracle_server.core.rows import Rows
 from oracle_server.core.simulated import ClockReading, SimulatedTime
 from oracle_server.core.spec import SECOND, orders
 from oracle_server.core.tally import HoldTimes, StreamCounts
@@ -70,6 +71,7 @@ class Session(Resumable):
             self._begin(begun)
         self._ticking = ticking and plan.timed
         self._arriving = Arriving(plan)
+        self.rows = Rows()
         self.asking = Asking() if plan.external else None
         """What waits for external oracles; None where the spec has none."""
         self.suspended = False
@@ -93,7 +95,7 @@ class Session(Resumable):
     def next_deadline(self) -> int | None:
         """When `advance` should be called next, None while nothing waits for time to pass."""
         late = self.lateness
-        if self.buffer.due is not None or self._unticked or (late is not None and late.judge.ahead):
+        if self.rows or self.buffer.due is not None or self._unticked or (late is not None and late.judge.ahead):
             return self.now
         deadline = self.buffer.next_deadline
         if late is not None and late.due is not None:
@@ -112,7 +114,7 @@ class Session(Resumable):
     @property
     def has_due(self) -> bool:
         """Whether anything is left that is due by the order, or that a late event has judged again."""
-        if self.buffer.due is not None or self.is_revising:
+        if self.rows or self.buffer.due is not None or self.is_revising:
             return True
         due = None if self.lateness is None else self.lateness.due
         return due is not None and due <= self.now
@@ -164,8 +166,8 @@ class Session(Resumable):
 
     @property
     def is_behind(self) -> bool:
-        """Whether expired deadlines wait, or steps that are judged again, and what comes next behind them."""
-        return bool(self._unticked or (self.lateness is not None and self.lateness.judge.ahead))
+        """Whether rows or expired deadlines wait, or steps that are judged again, and what comes next behind them."""
+        return bool(self.rows or self._unticked or (self.lateness is not None and self.lateness.judge.ahead))
 
     @property
     def is_revising(self) -> bool:
@@ -175,8 +177,13 @@ class Session(Resumable):
     def advance(self, now: int, *, wholly: bool = False) -> list[Judged]:
         """Let time pass: judge what has waited for `max_delay`, and expired deadlines, `wholly` or until enough."""
         self.now = max(self.now, now)
+        judged = self.rows.judge(self._judge_one, None if wholly else self._enough) if self.rows else []
+        if self.rows:
+            return judged
         released = self.buffer.advance(self.now)
-        judged = self._judge(released) if released else []
+        judged += self._judge(released) if released else []
+        if self.rows and wholly:
+            judged += self.rows.judge(self._judge_one, None)
         late = self.lateness
         if late is not None and (late.due is not None or late.judge.ahead or late.judge.unknown):
             judged += late.go_on(self.now, self._enough)
@@ -247,7 +254,7 @@ class Session(Resumable):
     def _judge(self, released: Sequence[Released[Step]]) -> list[Judged]:
         """Judge what was released, and what is due behind it until enough was done."""
         judged = self._judge_all(released)
-        while self.buffer.due is not None and not self._enough():
+        while not self.rows and self.buffer.due is not None and not self._enough():
             judged += self._judge_all(self.buffer.more())
         return judged
 
@@ -259,6 +266,8 @@ class Session(Resumable):
                 self.counts[event.monitor, event.stream].late += 1
         judged: list[Judged] = []
         for step in map(self._marked, released):
+            if self.rows:
+                judged += self.rows.judge(self._judge_one, None)
             if self._ticking and not step.late and self.lateness is None:
                 judged += self._ticks("publication", step.time - 1)
             judged += self._judge_one("publication", step) if self.asking is None else self._ask("publication", step)
@@ -268,7 +277,7 @@ class Session(Resumable):
         """Judge expired deadlines for which no older event can come any more, or is waited for any longer."""
         judged: list[Judged] = []
         now = self.now if self.simulated is None else self.simulated.now
-        for order in self.judges if self._ticking else ():
+        for order in self.judges if self._ticking and not self.rows else ():
             wait = self._longest_wait(order)
             reached = []
             if wait is not None and now is not None and now - wait >= self._ready_since(order):
@@ -340,6 +349,10 @@ class Session(Resumable):
             judge.bypass(self.bypasses.properties)
 
     def _judge_one(self, order: Order, step: Step) -> list[Judged]:
+        if step.rows:
+            self.rows.add(order, step)
+            together = self.lateness is not None and (step.late or self.lateness.judge.is_late(step))
+            return self.rows.judge(self._judge_one, None if together else self._enough)
         if self.suspended:
             step = msgspec.structs.replace(step, skipped=True)
         if self.lateness is not None:
@@ -353,7 +366,7 @@ class Session(Resumable):
         heard = self.lateness is None or released.why in ("frontier", "clock")
         return Step(
             step.event, step.signals, step.failed, step.stamp, step.skewed, late, released.why == "capacity", skipped,
-            released.why, _NONE if heard else self.buffer.unheard(step.time), released.waited,
+            released.why, _NONE if heard else self.buffer.unheard(step.time), released.waited, step.rows,
         )  # fmt: skip
 
     def _ask(self, order: Order, step: Step) -> list[Judged]:

@@ -7,14 +7,17 @@ expression that fails, or a value that is none of those, makes it `failed`, and 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from oracle_server.core.errors import ExpressionError
+from oracle_server.core.events import Projected
 from oracle_server.core.expression import (
+    MAX_ROWS,
     MAX_STEPS,
     WANTED,
     Absent,
+    Expression,
     parse_expression,
     reason,
     told,
@@ -26,15 +29,14 @@ _NOT_FINITE = frozenset({"NaN", "Infinity", "-Infinity"})
 _INTEGERS = range(-(2**63), 2**64)
 _NO_FIELDS: Mapping[str, Any] = {}
 _NONE: frozenset[str] = frozenset()
-_Projected = tuple[dict[str, Scalar], frozenset[str]]
 
 
 class Projection:
     """Computes the signals of one stream from its messages, within a bound on what an event may cost."""
 
-    def __init__(self, signals: Mapping[str, str]) -> None:
-        """Compile `signals`, expressions by name. Raises `ExpressionError`."""
-        self._expressions = {name: parse_expression(text) for name, text in signals.items()}
+    def __init__(self, signals: Mapping[str, str], each: Expression | None = None) -> None:
+        """Compile `signals`, expressions by name, of the elements of `each`, if given. Raises `ExpressionError`."""
+        self._expressions = {name: parse_expression(text, each=each) for name, text in signals.items()}
         dear = too_dear(self._expressions)
         if dear is not None:
             raise ExpressionError(dear)
@@ -46,14 +48,20 @@ class Projection:
         paths = {path for e in self._expressions.values() for path in e.paths}
         self.fields = None if () in paths else frozenset(".".join(path) for path in paths)
 
-    def __call__(self, message: object) -> _Projected:
+    def __call__(self, message: object) -> Projected:
         """The signals of a message by name, and the names of those that failed."""
+        fields = message if type(message) is dict or isinstance(message, Mapping) else _NO_FIELDS
+        return self._project(fields, [0] * self._slots, 1)
+
+    def rows(self, message: object) -> Sequence[Projected]:  # noqa: ARG002
+        """The same of each element of the message, empty where it stands for itself."""
+        return ()
+
+    def _project(self, fields: Mapping[str, Any], frame: list[Any], rows: int) -> Projected:
         values: dict[str, Scalar] = {}
         failed: list[str] = []
-        fields = message if type(message) is dict or isinstance(message, Mapping) else _NO_FIELDS
-        frame: list[Any] = [0] * self._slots
         for name, run, steps in self._signals:
-            frame[0] = steps
+            frame[0] = steps // rows
             try:
                 value = run(fields, frame)
             except Absent:
@@ -74,6 +82,60 @@ class Projection:
         return {name: reason(self._expressions[name], fields, self._steps[name]) for name in sorted(failed)}
 
 
+class RowProjection(Projection):
+    """Computes the signals of a stream of which each element of a list is a step of its own, within the same bound."""
+
+    def __init__(self, signals: Mapping[str, str], each: str) -> None:
+        """Compile the expressions; `each` gives the list. Raises `ExpressionError`."""
+        self._each = parse_expression(each)
+        super().__init__(signals, self._each)
+
+    def __call__(self, message: object) -> Projected:
+        """What a message without rows has: no signals, or failed ones where it can't be said what its rows are."""
+        fields = message if isinstance(message, Mapping) else _NO_FIELDS
+        return {}, frozenset(self._expressions) if isinstance(self._elements(fields), str) else _NONE
+
+    def rows(self, message: object) -> Sequence[Projected]:
+        """What each element has, in order."""
+        fields = message if isinstance(message, Mapping) else _NO_FIELDS
+        found = self._elements(fields)
+        if isinstance(found, str):
+            return ()
+        blank = [None] * (self._slots - 3)
+        return [self._project(fields, [0, item, i, *blank], len(found)) for i, item in enumerate(found)]
+
+    def reasons(self, message: object) -> dict[str, str]:
+        """Why each signal failed that did, at the first row where it did, in a few words."""
+        fields = message if isinstance(message, Mapping) else _NO_FIELDS
+        found = self._elements(fields)
+        if isinstance(found, str):
+            return dict.fromkeys(sorted(self._expressions), found)
+        first: dict[str, int] = {}
+        for i, (_, failed) in enumerate(self.rows(message)):
+            first = dict.fromkeys(failed, i) | first
+        return {
+            name: f"row {i}: {reason(self._expressions[name], fields, self._steps[name] // len(found), (found[i], i))}"
+            for name, i in sorted(first.items())
+        }
+
+    def _elements(self, fields: Mapping[str, Any]) -> list[Any] | str:
+        """The elements of a message, or why there are none, where there may be some."""
+        each = self._each
+        try:
+            found = each.code.run(fields, each.frame(MAX_STEPS))
+        except Absent:
+            return []
+        except Exception:  # noqa: BLE001 no fault of an expression's evaluation ends a session
+            return reason(each, fields, MAX_STEPS)
+        if found is None:
+            return []
+        if type(found) is not list:
+            return f"`each` is {told(found)}, and rows are the elements of a list"
+        if len(found) > MAX_ROWS:
+            return f"`each` has {len(found):,} elements, and a message may have {MAX_ROWS} rows"
+        return found
+
+
 class DefaultProjection:
     """Takes the signals of a stream that declares none: its top-level scalar fields of some names."""
 
@@ -81,7 +143,11 @@ class DefaultProjection:
         self._names = tuple(names)
         self.fields: frozenset[str] | None = frozenset(self._names)
 
-    def __call__(self, message: object) -> _Projected:
+    def rows(self, message: object) -> Sequence[Projected]:  # noqa: ARG002
+        """None: each message stands for itself."""
+        return ()
+
+    def __call__(self, message: object) -> Projected:
         """The signals of a message by name, and the names of those that failed."""
         values: dict[str, Scalar] = {}
         failed: list[str] = []

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from oracle_server.core.derived.definition import Definition
 from oracle_server.core.events import Order, StreamKey
+from oracle_server.core.expression import Expression, parse_expression
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.formula.tree import Atom, Formula, atoms
 from oracle_server.core.kinds import KINDS, Kind, Traits
@@ -45,9 +46,11 @@ class StreamSpec:
     """One topic, or the events of one kind of a service or an action; durations in nanoseconds.
 
     `stamp` is where the publication time stands in the message, None for the default places; `signals` maps
-    a signal to its expression, None for the default signals. `intercept` is for topics; `proxy` is for services and
+    a signal to its expression, None for the default signals; `each` is the expression of a list of which every element
+    is a step of its own, None where a message is one. `intercept` is for topics; `proxy` is for services and
     actions, `denied_response` for services, `via` and `denied_result` for actions. The kinds of a service share all
-    but `stamp`, `hold` and `signals`; those of an action not `ordered` and `action` either, and some may be missing.
+    but `stamp`, `hold`, `signals` and `each`; those of an action not `ordered` and `action` either, and
+    some may be missing.
     `first`: what a spec says of the interface as a whole is checked here, once; None where that goes by the kind.
     """
 
@@ -60,6 +63,7 @@ class StreamSpec:
     causes: tuple[str, ...] = ()
     hold: frozenset[str] = frozenset()
     signals: Mapping[str, str] | None = None
+    each: str | None = None
     action: Literal["log", "filter"] = "log"
     intercept: Literal["publisher", "subscriber"] = "publisher"
     proxy: str = ""
@@ -80,6 +84,10 @@ class StreamSpec:
     def traits(self) -> Traits:
         """What holds for all streams of this kind."""
         return KINDS[self.kind]
+
+    def read(self, text: str) -> Expression:
+        """A signal's expression. Raises `ExpressionError`."""
+        return parse_expression(text, each=None if self.each is None else parse_expression(self.each))
 
     @property
     def leads(self) -> bool:

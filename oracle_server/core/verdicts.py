@@ -154,6 +154,8 @@ def record(judged: Judged, verdict: Verdict) -> VerdictRecord:
         "about": [],
         "about_count": 0,
     }
+    if event.row is not None:
+        made["row"] = event.row
     if step.released is not None:
         made["released"] = step.released
     if step.waited:
@@ -197,7 +199,7 @@ def explain(judged: Judged, verdict: Verdict) -> ExplanationRecord | None:
         at = step_name(judged.number, judged.step.stamp)
         if judged.number is None:
             at = f"an attempt that was taken back ({at})"
-        where = f"at {at}, {event_name(event.stream.name, event.stream.kind, event.seq, event.monitor)}"
+        where = f"at {at}, {event_name(event.stream.name, event.stream.kind, event.seq, event.monitor, event.row)}"
         where += ", which came late" if judged.step.late else ""
     how = "does not hold" if verdict.outcome in NEGATIVE else "holds"
     if verdict.outcome is Outcome.UNKNOWN:
@@ -214,6 +216,8 @@ def explain(judged: Judged, verdict: Verdict) -> ExplanationRecord | None:
             "signals": dict(why.signals),
         },
     }
+    if event.row is not None:
+        found["event"]["row"] = event.row
     if why.why:
         found = {**found, **why.why}
     if why.about_count:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import Any, NotRequired, TypedDict
+from collections.abc import Mapping, Sequence
+from typing import NotRequired, TypedDict
 
+from oracle_server.core.events import Projected as OfStep
 from oracle_server.core.events import StreamKey
+from oracle_server.core.formula.tree import Scalar
 from oracle_server.core.plan import Projects, named_signals
 from oracle_server.core.ranges import ValueKind
 from oracle_server.core.spec import Spec
@@ -71,20 +74,37 @@ class Counting:
         self._misfits, self._misfit = 0, ""
         self._types: set[tuple[str, type]] = set()
 
-    def __call__(self, message: object) -> tuple[dict[str, Any], frozenset[str]]:
+    def __call__(self, message: object) -> OfStep:
         """The signals of a message by name, and the names of those that failed."""
         if isinstance(message, Projected):
-            signals, failed = dict(message.signals), message.failed
+            signals, failed = message
         else:
+            self._look(message)
             signals, failed = self._project(message)
-            why = "" if self._shape is None or self._quick(message) else misfit(self._shape, message)
-            if why:
-                self._misfits, self._misfit = self._misfits + 1, self._misfit or why
             if not failed <= self._reasons.keys():
                 self._reasons = self._project.reasons(message) | self._reasons
+        self._count(signals, failed)
+        return signals, failed
+
+    def rows(self, message: object) -> Sequence[OfStep]:
+        """The same of each element that is a step of its own, and counts as an event."""
+        rows = () if isinstance(message, Projected) else self._project.rows(message)
+        if rows:
+            self._look(message)
+        if any(not failed <= self._reasons.keys() for _, failed in rows):
+            self._reasons = self._project.reasons(message) | self._reasons
+        for signals, failed in rows:
+            self._count(signals, failed)
+        return rows
+
+    def _look(self, message: object) -> None:
+        why = "" if self._shape is None or self._quick(message) else misfit(self._shape, message)
+        if why:
+            self._misfits, self._misfit = self._misfits + 1, self._misfit or why
+
+    def _count(self, signals: Mapping[str, Scalar], failed: frozenset[str]) -> None:
         self._shapes[tuple(signals), failed] += 1
         self._types.update([(name, type(value)) for name, value in signals.items()])
-        return signals, failed
 
     def reasons(self, message: object) -> dict[str, str]:
         """Why each signal of a message failed that did; that is not recorded."""

@@ -125,7 +125,7 @@ class Trace:
         status = line.status if STATUS in KINDS[line.kind].marks else None
         return Event(
             key, line.monitor, seq, stamp, self._now, message, line.source, line.call, line.lost, line.ask, None,
-            line.goal_id if KINDS[line.kind].marks else None, status,
+            line.goal_id if KINDS[line.kind].marks else None, status, line.row,
         )  # fmt: skip
 
     def _ending(self) -> Iterator[Note]:

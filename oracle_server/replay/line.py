@@ -29,7 +29,7 @@ _WANTED = {
     "status": f"one of {', '.join(STATUSES)}",
     "data": "the message's fields, as an object",
     **dict.fromkeys(("stamp", "arrived", "otherwise", "begun"), _TIME),
-    **dict.fromkeys(("seq", "call", "lost"), _NUMBER),
+    **dict.fromkeys(("seq", "row", "call", "lost"), _NUMBER),
     **dict.fromkeys(("monitor", "source"), "a text"),
 }
 
@@ -39,7 +39,8 @@ class Line(Struct):
 
     It has the message as `data`, or its signals as `signals` and `failed`. `otherwise` is the publication time of a
     message that has none itself. `places`, `passed`, `why` and `verdict` are what was recorded about the event live;
-    the first line of a session's trace has `begun`, when the session began.
+    the first line of a session's trace has `begun`, when the session began. `row` is
+    which element of its message a line of such a trace stands for.
     """
 
     stream: str
@@ -51,6 +52,7 @@ class Line(Struct):
     arrived: Natural | None = None
     monitor: str = "replay"
     seq: Natural | None = None
+    row: Natural | None = None
     source: str = ""
     call: Natural | None = None
     goal_id: Annotated[str, Meta(max_length=255)] | None = None

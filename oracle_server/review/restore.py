@@ -133,7 +133,7 @@ class _Rejudging:
 
     def __init__(self, core: Session, plan: Plan) -> None:
         self.used: defaultdict[str, list[_Used]] = defaultdict(list)
-        self.waiting: dict[tuple[str, int], tuple[Step, int]] = {}
+        self.waiting: dict[tuple[str, int, int | None], tuple[Step, int]] = {}
         self._differing = 0
         self._last: deque[StoredStep] = deque(maxlen=MOST)
         """The last rows of a session that revises, which may be among those that it keeps."""
@@ -189,12 +189,12 @@ class _Rejudging:
             self._settle(order, step, stored.gap)
 
     def _settle(self, order: Order, step: Step, gap: int) -> None:
-        monitor, seq = step.event.monitor, step.event.seq
+        monitor, seq, row = step.event.monitor, step.event.seq, step.event.row
         if order == self._deciding:
-            self.waiting.pop((monitor, seq), None)
+            self.waiting.pop((monitor, seq, row), None)
             self.used[monitor].append((seq, gap, JUDGED))
         else:
-            self.waiting[monitor, seq] = step, gap
+            self.waiting[monitor, seq, row] = step, gap
 
 
 def _outcomes(stored: StoredStep) -> list[Outcome | None]:

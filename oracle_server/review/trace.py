@@ -54,7 +54,7 @@ class _Lines:
 
 def _is_of(line: Document, stored: StoredStep) -> bool:
     event = stored.step.event
-    return (line["monitor"], line["seq"]) == (event.monitor, event.seq)
+    return (line["monitor"], line["seq"], line.get("row")) == (event.monitor, event.seq, event.row)
 
 
 def event_line(stored: StoredStep) -> Document:
@@ -76,6 +76,7 @@ def event_line(stored: StoredStep) -> Document:
         "signals": step.signals,
         "failed": sorted(step.failed),
         "places": [],
+        **({} if event.row is None else {"row": event.row}),
         **event.marks,
         **_decided(stored),
     }

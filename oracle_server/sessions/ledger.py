@@ -109,7 +109,9 @@ class Ledger:
 
     def write(self) -> None:
         """Write all queued steps to the history; where that fails, nothing more of the session is kept."""
-        judged, self._unwritten = self._unwritten, []
+        judged, self._unwritten = self._whole()
+        if self._unwritten:
+            asyncio.get_running_loop().call_later(_WRITE_AFTER, self._share.run, self.write)
         if not judged:
             return
         try:
@@ -198,11 +200,24 @@ class Ledger:
         if event.monitor:
             monitor = self._monitors[event.monitor]
             gap = monitor.gaps.get(event.seq, 0)
-            if item.order == self._deciding:
+            if item.order == self._deciding and not event.more:
                 monitor.gaps.pop(event.seq, None)
                 handling = monitor.handlings.pop(event.seq, None)
                 used.append((monitor, event.seq, gap, JUDGED))
         return stored(self._position, gap, item, handling)
+
+    def _whole(self) -> tuple[list[Judged], list[Judged]]:
+        """The queued steps, and behind them those that wait for the other rows of their event.
+
+        All rows of an event are in one transaction: one of which a part is kept would be taken for used up.
+        """
+        judged = self._unwritten
+        if not self._core.rows:
+            return judged, []
+        event = self._core.rows.event
+        mine = (i for i, item in enumerate(judged) if (item.step.event.monitor, item.step.event.seq) == event)
+        first = next(mine, len(judged))
+        return judged[:first], judged[first:]
 
     @property
     def _last_verdict(self) -> int:

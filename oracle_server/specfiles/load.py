@@ -306,7 +306,7 @@ def _streams(model: TopicModel | ServiceModel | ActionModel) -> Iterator[StreamS
 def _channel(model: TopicModel | HalfModel) -> dict[str, Any]:
     where = model.stamp
     stamp = Stamp(where) if isinstance(where, str) else where and Stamp(where.field, where.unit, where.epoch)
-    return {"stamp": stamp, "hold": frozenset(model.hold), "signals": model.signals}
+    return {"stamp": stamp, "hold": frozenset(model.hold), "signals": model.signals, "each": model.each}
 
 
 def _engines(spec: Spec) -> Iterator[SpecProblem]:

@@ -137,6 +137,14 @@ class ChannelModel(_Model):
 
     hold: list[SignalName] = []
     signals: dict[SignalName, StrictStr] | None = None
+    each: StrictStr | None = None
+
+    @model_serializer(mode="wrap")
+    def _meaning(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        meaning: dict[str, Any] = plain(self)
+        if self.each is None:  # so that specs without it keep the digest that older versions gave them
+            del meaning["each"]
+        return meaning
 
 
 class HalfModel(ChannelModel):

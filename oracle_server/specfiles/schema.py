@@ -35,6 +35,7 @@ DESCRIPTIONS = {
     "StampModel.unit": "What its numbers count; a time such as `header.stamp` has none",
     "StampModel.epoch": "Since when it counts: 1970 (`unix`, default) or the start of the robot (`boot`)",
     "hold": "Signals that keep their value until the next message",
+    "each": "A list of the message, as `msg.transforms`: each element is a step of its own, `item` in signals",
     "signals": "What formulas see: names, each with an expression over the message `msg`",
     "stamp": "The field of the publication time, as `header.stamp`",
     "TopicModel.topic": "The topic's name, as `/scan`",

@@ -43,8 +43,7 @@ def texts_findings(document: Document) -> Iterator[Finding]:
     for i, stream in enumerate(_list(value.get("streams"))):
         for half in ((), *((part,) for part in PARTS)):
             channel = stream.get(half[0]) if half else stream
-            signals = channel.get("signals") if isinstance(channel, dict) else None
-            yield from _expressions(document, ("streams", i, *half, "signals"), signals)
+            yield from _expressions(document, ("streams", i, *half), channel)
 
 
 def formula_finding(
@@ -61,14 +60,23 @@ def formula_finding(
     return Finding(document.file, *document.place(path, within), f"{key} of '{name}': {error.message}{more}")
 
 
-def _expressions(document: Document, path: KeyPath, signals: object) -> Iterator[Finding]:
+def _expressions(document: Document, path: KeyPath, channel: object) -> Iterator[Finding]:
+    known = channel if isinstance(channel, dict) else {}
+    signals, text, each = known.get("signals"), known.get("each"), None
+    if isinstance(text, str):
+        try:
+            each = parse_expression(text)
+        except ExpressionError as error:
+            place = document.place((*path, "each"), (error.line, error.column))
+            yield Finding(document.file, *place, f"`each`: {error.message}")
+            return
     for name, text in signals.items() if isinstance(signals, dict) else ():
         if not isinstance(text, str):
             continue
         try:
-            parse_expression(text)
+            parse_expression(text, each=each)
         except ExpressionError as error:
-            place = document.place((*path, name), (error.line, error.column))
+            place = document.place((*path, "signals", name), (error.line, error.column))
             yield Finding(document.file, *place, f"signal '{name}': {error.message}")
 
 

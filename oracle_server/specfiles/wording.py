@@ -42,6 +42,7 @@ _TAKES: Mapping[str, str] = {
     "stamp": "a field of the message, such as header.stamp",
     "field": "a field of the message, such as header.stamp",
     "signals": "names, each with an expression, such as {speed: msg.data}",
+    "each": "an expression for a list, such as msg.transforms",
     "hold": "a list of signals, such as [speed]",
     "causes": _NAMES,
     "guards": _NAMES,

@@ -22,7 +22,7 @@ from tests.history.test_port import collected
 from tests.history.test_standing import change, stands, told
 
 HELD, FALSE = Outcome.CURRENTLY_TRUE, Outcome.CURRENTLY_FALSE
-NEWER: dict[int, str | None] = {6: "released", 7: "pending", 8: None, 9: None}
+NEWER: dict[int, str | None] = {6: "released", 7: "pending", 8: "row", 9: "row", 10: "row"}
 """By their formats: the first column of steps that they had not, if any; nor had they those behind it."""
 LATER = {"sessions": ("decides", "kind"), "monitors": ("left_at",)}
 """Columns of other tables that formats had from this one on."""
@@ -49,6 +49,8 @@ async def written(folder: Path, version: int, *more: SessionRecord) -> SqliteHis
             "steps": STEP_COLUMNS[STEP_COLUMNS.index(first) :] if first else (),
             **(LATER if version < WITH_LATER else {}),
         }
+        database.execute("DROP INDEX steps_by_seq")
+        database.execute("CREATE UNIQUE INDEX steps_by_seq ON steps (session, monitor, seq, ord)")
         for table, columns in missing.items():
             for column in columns:
                 database.execute(f"ALTER TABLE {table} DROP COLUMN {column}")

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from oracle_server.history.memory import MemoryHistory
+from oracle_server.history.port import History
 from oracle_server.history.query import Query
 from oracle_server.history.records import Refusal, SnapshotRecord
 from oracle_server.process.clock import Clock
@@ -40,11 +41,11 @@ TIMES = {"arrived", "judged"}
 class Served:
     """A history, and the server that has it at present."""
 
-    def __init__(self, folder: Path, by: str) -> None:
-        self.history = MemoryHistory()
+    def __init__(self, folder: Path, by: str, text: str = SPEC, history: History | None = None) -> None:
+        self.history = history or MemoryHistory()
         self.history.start(asyncio.get_running_loop())
         self.library = Library(None, folder)
-        self.library.put("spec", SPEC.replace("BY", by))
+        self.library.put("spec", text.replace("BY", by))
 
     async def begin(self) -> None:
         """Let a server that ended without a word be followed by another."""

@@ -17,7 +17,7 @@ def derived_ranges(spec: Spec) -> dict[str, Range]:
     if all(stream.signals is not None for stream in spec.streams):
         for stream in spec.streams:
             for name, text in (stream.signals or {}).items():
-                found[name] = found.get(name, Range()) | range_of(text)
+                found[name] = found.get(name, Range()) | range_of(text, each=stream.each)
     for definition in spec.derive:
         found[definition.name] = _range(definition, found)
     return found

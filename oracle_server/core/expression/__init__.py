@@ -1,14 +1,15 @@
 """Expressions over `msg`, a message: read, checked before any message, and evaluated within a bound that is counted.
 
 parse_expression(text) -> Expression            raises `ExpressionError`, with line and column
+check_rows(expression, shape) -> [Problem]      the same of one that is to be a list, of which each element is a row
 check_shape(expression, shape) -> [Problem]     what is wrong with it, for messages of a shape, or of any (None)
 result_kind(expression, shape) -> kind or None  what its signal is
 results(expression, shape) -> each choice's     what is written out, or what is known of it
 is_always_there(expression, shape) -> bool      whether its signal is never absent
 """
 
-from oracle_server.core.expression.check import Problem, check_shape, result_kind
-from oracle_server.core.expression.cost import MAX_STEPS
+from oracle_server.core.expression.check import Problem, check_rows, check_shape, result_kind
+from oracle_server.core.expression.cost import MAX_ROWS, MAX_STEPS
 from oracle_server.core.expression.expression import Expression, FieldPath, parse_expression, read, too_dear
 from oracle_server.core.expression.parse import KEYWORDS
 from oracle_server.core.expression.patterns import MAX_PATTERNS
@@ -21,6 +22,7 @@ from oracle_server.core.expression.tree import Literal
 __all__ = [
     "KEYWORDS",
     "MAX_PATTERNS",
+    "MAX_ROWS",
     "MAX_STEPS",
     "WANTED",
     "Absent",
@@ -29,6 +31,7 @@ __all__ = [
     "FieldPath",
     "Literal",
     "Problem",
+    "check_rows",
     "check_shape",
     "is_always_there",
     "no_field",

@@ -48,7 +48,7 @@ def check_shape(expression: Expression, shape: Shape | None) -> list[Problem]:
     An *error* is what makes the signal fail at every message, or the same whatever the message has; a *warning* is
     what may well be meant otherwise.
     """
-    checker = _Checker(expression.text, shape)
+    checker = _Checker(expression, shape)
     checker.result(expression.tree, checker.of(expression.tree))
     checker.comments()
     return sorted(checker.problems, key=lambda p: p.within)
@@ -56,20 +56,41 @@ def check_shape(expression: Expression, shape: Shape | None) -> list[Problem]:
 
 def result_kind(expression: Expression, shape: Shape | None) -> ValueKind | None:
     """The kind of an expression's value over messages of a shape, None where it is not known or no single value."""
-    return kind(_Checker(expression.text, shape).of(expression.tree))
+    return kind(_Checker(expression, shape).of(expression.tree))
 
 
 def known_value(expression: Expression, node: Node, shape: Shape | None) -> Static:
     """What is known of the value of a part that stands in no comprehension, over messages of a shape."""
-    return _Checker(expression.text, shape).of(node)
+    return _Checker(expression, shape).of(node)
+
+
+def check_rows(each: Expression, shape: Shape | None) -> list[Problem]:
+    """What is wrong with an expression that is to be a list, over messages of a shape or over any (None)."""
+    checker = _Checker(each, shape)
+    static = checker.of(each.tree)
+    whole = isinstance(each.tree, tree.Path) and not each.tree.names
+    if whole or isinstance(static, Value | Record):
+        found = "the whole message" if whole else described(static)
+        message = f"`{each.text}` is {found}, and rows are the elements of a list, as in msg.transforms"
+        checker.problems.append(Problem(message, place(each.text, each.tree.start)))
+    checker.comments()
+    return sorted(checker.problems, key=lambda p: p.within)
+
+
+def _row(each: Expression, shape: Shape | None) -> list[tuple[str, Static, bool]]:
+    """What is known of a row's element and place, in the order of `ROW`, and whether they are read from the message."""
+    return [("item", element(known_value(each, each.tree, shape)), True), ("index", WHOLE, False)]
 
 
 class _Checker:
-    def __init__(self, text: str, shape: Shape | None) -> None:
+    def __init__(self, expression: Expression, shape: Shape | None) -> None:
         self.problems: list[Problem] = []
-        self._text, self._shape = text, shape
-        self._variables: list[tuple[str, Static, bool]] = []
-        """The variables of comprehensions around, what is known of each, and whether it is read from the message."""
+        self._expression, self._text, self._shape = expression, expression.text, shape
+        self._variables: list[tuple[str, Static, bool]] = (
+            [] if expression.each is None else _row(expression.each, shape)
+        )
+        """The variables of rows and of comprehensions around, what is known of each, and whether it is one of the
+        message."""
         self._known: dict[int, Static] = {}
         """What was found of each part, by its identity."""
         self._shares: set[int] = set()
@@ -116,7 +137,7 @@ class _Checker:
                 self._error(node.start, f"`msg` is the whole message, {wanted}; write a field, as in msg.data")
             case None if isinstance(node, tree.Choice):
                 for part in (*(value for _, value in node.cases), node.otherwise):
-                    self.result(part, _Checker(self._text, self._shape).of(part))
+                    self.result(part, _Checker(self._expression, self._shape).of(part))
 
     def comments(self) -> None:
         """Warn of what looks like a part of the expression and is a comment."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,19 +31,22 @@ class Code:
     varies: bool = False
 
 
-def compile_tree(node: Node, *, traced: bool = False) -> tuple[Code, int]:
-    """The code of an expression, and how many variables its frame has; `traced` code says which part has no value."""
+def compile_tree(node: Node, variables: Sequence[str] = (), *, traced: bool = False) -> tuple[Code, int]:
+    """The code of an expression, and how many variables its frame has, the given ones first.
+
+    `traced` code says which part has no value.
+    """
     if isinstance(node, tree.Path) and len(node.names) == 1:
-        return Code(alone(node.names[0]), cost.PART), 0
-    compiler = _Compiler(traced=traced)
+        return Code(alone(node.names[0]), cost.PART), len(variables)
+    compiler = _Compiler(variables, traced=traced)
     return compiler.code(node), compiler.slots
 
 
 class _Compiler:
-    def __init__(self, *, traced: bool) -> None:
-        self.slots = 0
+    def __init__(self, variables: Sequence[str], *, traced: bool) -> None:
+        self.slots = len(variables)
         self._traced = traced
-        self._variables: list[str] = []
+        self._variables = list(variables)
         self._makers: dict[type, Callable[[Any], Code]] = {
             tree.Literal: self._literal,
             tree.Path: lambda node: Code(path(node.names), len(node.names)),

@@ -14,6 +14,8 @@ MAX_STEPS = 100_000
 """Most steps an event, shared equally by the signals whose cost depends on the message."""
 MAX_KNOWN_STEPS = 20_000
 """Most steps that the signals of one stream may take at every message, whatever is in it."""
+MAX_ROWS = 256
+"""Most elements of a list of which each is a step of its own."""
 MAX_NESTING = 40
 """Deepest nesting of an expression, and of values that are compared."""
 MAX_NAMES = 64

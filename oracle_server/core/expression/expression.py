@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 from oracle_server.core.expression import tree
 from oracle_server.core.expression.compile import Code, compile_tree
-from oracle_server.core.expression.cost import MAX_KNOWN_STEPS, Frame
+from oracle_server.core.expression.cost import MAX_KNOWN_STEPS, MAX_ROWS, MAX_STEPS, Frame
 from oracle_server.core.expression.parse import parse
 from oracle_server.core.expression.tree import Node
 
 FieldPath = tuple[str, ...]
+ROW = ("item", "index")
+"""What stands for a row's element, and for its place from 0."""
 
 
 @dataclass(frozen=True)
@@ -24,12 +26,15 @@ class Expression:
     tree: Node = field(repr=False)
     code: Code = field(repr=False)
     slots: int
+    each: Expression | None = None
+    """The list of which `item` is an element, and `index` its place; None where it has no rows."""
 
     @cached_property
     def paths(self) -> tuple[FieldPath, ...]:
         """The fields of `msg` that are read, each once, the empty path being the whole message."""
         found = (node.names for node in tree.walk(self.tree) if isinstance(node, tree.Path))
-        return tuple(dict.fromkeys(_dotted(names) for names in found))
+        of_rows = () if self.each is None else self.each.paths
+        return tuple(dict.fromkeys((*of_rows, *(_dotted(names) for names in found))))
 
     @cached_property
     def signals(self) -> tuple[str, ...]:
@@ -39,7 +44,12 @@ class Expression:
     @cached_property
     def traced(self) -> Code:
         """The same code, whose stops say which part of the expression has no value."""
-        return compile_tree(self.tree, traced=True)[0]
+        return compile_tree(self.tree, self.variables, traced=True)[0]
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """The names that stand for values beside `msg`, in the order of the frame."""
+        return () if self.each is None else ROW
 
     @property
     def patterns(self) -> int:
@@ -51,27 +61,33 @@ class Expression:
         """Whether a part of it is still to be written, as `todo()` says."""
         return any(isinstance(node, tree.Call) and node.name == "todo" for node in tree.walk(self.tree))
 
-    def frame(self, steps: int) -> Frame:
-        """A frame for one evaluation, which may take so many steps."""
-        return [steps, *[None] * self.slots]
+    def frame(self, steps: int, row: Sequence[object] = ()) -> Frame:
+        """A frame for one evaluation, which may take so many steps; `row` is the element and its place."""
+        return [steps, *row, *[None] * (self.slots - len(row))]
 
 
-def parse_expression(text: str, *, signals: bool = False) -> Expression:
+def parse_expression(text: str, *, signals: bool = False, each: Expression | None = None) -> Expression:
     """Read and check an expression, over `msg` or over `signals`, which stand in it by their names.
 
-    Raises `ExpressionError`, with the line and column in the text.
+    With `each`, a list, it is over `item` and `index` too. Raises `ExpressionError`, with the line and column in the
+    text.
     """
-    node = parse(text, signals=signals)
-    code, slots = compile_tree(node)
-    return Expression(text, node, code, slots)
+    variables = () if each is None else ROW
+    node = parse(text, variables, signals=signals)
+    code, slots = compile_tree(node, variables)
+    return Expression(text, node, code, slots, each)
 
 
 def too_dear(expressions: Mapping[str, Expression]) -> str | None:
     """Why one stream can't have all of these signals, None where it can."""
     steps = sum(expression.code.steps for expression in expressions.values())
-    if steps <= MAX_KNOWN_STEPS:
+    if any(expression.each is not None for expression in expressions.values()):
+        most, when = MAX_STEPS // MAX_ROWS, "each row"
+    else:
+        most, when = MAX_KNOWN_STEPS, "every message"
+    if steps <= most:
         return None
-    return f"the signals take {steps} steps at every message, and may take {MAX_KNOWN_STEPS}; leave some out"
+    return f"the signals take {steps} steps at {when}, and may take {most}; leave some out"
 
 
 def read(message: object, path: FieldPath) -> Any:

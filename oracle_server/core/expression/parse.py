@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from oracle_server.core.errors import ExpressionError
@@ -28,9 +29,9 @@ KEYWORDS = frozenset({*_WORDS, "in", "msg"})
 _COMPARE = frozenset({"<", "<=", ">", ">=", "==", "!=", "in"})
 
 
-def parse(text: str, *, signals: bool = False) -> Node:
-    """Read an expression over `msg`, or over `signals`. Raises `ExpressionError` with line and column."""
-    parser = _Parser(text, signals=signals)
+def parse(text: str, variables: Sequence[str] = (), *, signals: bool = False) -> Node:
+    """Read an expression over `msg` and `variables`, or `signals`. Raises `ExpressionError` with line and column."""
+    parser = _Parser(text, variables, signals=signals)
     node = parser.choice()
     parser.ends()
     level = [node]
@@ -42,13 +43,13 @@ def parse(text: str, *, signals: bool = False) -> Node:
 
 
 class _Parser:
-    def __init__(self, text: str, *, signals: bool) -> None:
+    def __init__(self, text: str, variables: Sequence[str], *, signals: bool) -> None:
         self._text = text
         self._signals = signals
         self._tokens = tokens(text)
         self._at = 0
         self._open: list[Token] = []
-        self._variables: list[str] = []
+        self._variables = list(variables)
         self._depth = 0
 
     def ends(self) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from oracle_server.core.expression import tree
@@ -15,10 +15,10 @@ _LONGEST = 40
 _LARGE = 10**30
 
 
-def reason(expression: Expression, message: Mapping[str, Any], steps: int) -> str:
-    """Why an expression has no value that may be a signal, of a message at which its signal has failed."""
+def reason(expression: Expression, message: Mapping[str, Any], steps: int, row: Sequence[object] = ()) -> str:
+    """Why an expression has no value that may be a signal, of a message, and row, at which its signal has failed."""
     try:
-        value = expression.traced.run(message, expression.frame(steps))
+        value = expression.traced.run(message, expression.frame(steps, row))
     except Exhausted:
         return f"costs more than {steps} steps"
     except Absent:

@@ -32,8 +32,11 @@ def results(expression: Expression, shape: Shape | None) -> Iterator[Literal | V
 
 
 def is_always_there(expression: Expression, shape: Shape) -> bool:
-    """Whether an expression has a value, or fails, at every message that has all fields of a shape."""
-    return all(_is_there(node, shape) for node in tree.walk(expression.tree))
+    """Whether an expression has a value, or fails, at every message that has all fields of a shape.
+
+    One of rows has none where there is no row.
+    """
+    return expression.each is None and all(_is_there(node, shape) for node in tree.walk(expression.tree))
 
 
 def _is_there(node: Node, shape: Shape) -> bool:

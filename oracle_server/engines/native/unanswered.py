@@ -71,7 +71,7 @@ class _Telling:
         goal = given(self._found.goal, dict(self._owed.values(failed.key)))
         event = failed.event
         at = step_name(event.get("step"), event["stamp"])
-        name = event_name(event["stream"], event["kind"], event["seq"], event["monitor"])
+        name = event_name(event["stream"], event["kind"], event["seq"], event["monitor"], event.get("row"))
         text = f"asked for at {at}, {name}; {self._outcome(failed)}"
         return Reason(named(goal, self._time), False, text, parts=self._parts(failed), told=True)
 

@@ -11,7 +11,9 @@ from oracle_server.history.sql.schema import VERSION, FormatError
 
 FIRST = 10
 """The first format that was ever kept in PostgreSQL."""
-_STEPS: dict[int, str] = {}
+_STEPS = {
+    10: "ALTER TABLE steps ADD COLUMN IF NOT EXISTS row BIGINT; DROP INDEX IF EXISTS steps_by_seq;",
+}
 """By the version that they start from: statements that lead to the next one."""
 _LOCK = 7_215_642_218
 """A number for the lock under which tables are made."""

@@ -63,6 +63,7 @@ def step_row(session: int, stored: StoredStep) -> Row:
         step.released, _streams_text(step.unheard, step.waited) if step.waited or step.unheard else None, stored.place,
         *(_PLAIN if plain else standing_columns(stored)),
         text({str(i): count for i, count in stored.pending.items()}) if stored.pending else None,
+        event.row,
     )  # fmt: skip
 
 
@@ -73,7 +74,7 @@ def step_of(row: Row) -> StoredStep:
     event = Event(
         StreamKey(r["stream"], r["kind"]), r["monitor"], r["seq"], r["stamp"], r["arrived"], None, r["source"],
         r["call"], r["lost"], bool(r["ask"]), None, signals[GOAL_ID] if GOAL_ID in marks else None,
-        signals[STATUS] if STATUS in marks else None,
+        signals[STATUS] if STATUS in marks else None, r["row"],
     )  # fmt: skip
     unheard, waited = _streams_of(r["unheard"]) if r["unheard"] else _UNNAMED
     step = Step(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from oracle_server.core.errors import HistoryError
 
-VERSION = 10
+VERSION = 11
 UNFINISHED = -VERSION
 """Instead of it while not all of another history is copied into this one: no server may begin with a part."""
 
@@ -76,9 +76,10 @@ CREATE TABLE IF NOT EXISTS steps (
     revised TEXT,                -- JSON, by the property's place: the number of the revision by which it stands so
     revision TEXT,               -- JSON, of a revision: what it changes, and because of which late events
     pending TEXT,                -- JSON, by the property's place: open obligations; NULL where no property has any
+    row INTEGER,                 -- which element of its message, from 0; NULL where that is one step
     PRIMARY KEY (session, position)
 ) WITHOUT ROWID;
-CREATE UNIQUE INDEX IF NOT EXISTS steps_by_seq ON steps (session, monitor, seq, ord);
+CREATE UNIQUE INDEX IF NOT EXISTS steps_by_seq ON steps (session, monitor, seq, ord, coalesce(row, -1));
 CREATE INDEX IF NOT EXISTS violations ON steps (session, position) WHERE explanations IS NOT NULL;
 CREATE TABLE IF NOT EXISTS blocks (
     session INTEGER NOT NULL,
@@ -143,7 +144,7 @@ STEP_COLUMNS = (
     "session", "position", "ord", "number", "stream", "kind", "monitor", "seq", "gap", "stamp", "arrived", "judged",
     "late", "skewed", "forced", "lost", "source", "call", "ask", "decision", "denied_by", "passed", "why", "signals",
     "failed", "outcomes", "degraded", "explanations", "robustness", "released", "unheard", "place", "standing",
-    "standing_degraded", "standing_explanations", "revised", "revision", "pending",
+    "standing_degraded", "standing_explanations", "revised", "revision", "pending", "row",
 )  # fmt: skip
 REFUSED_COLUMNS = ("session", "monitor", "seq", "gap", "at", "code", "message")
 SESSION_COLUMNS = (

@@ -38,6 +38,7 @@ _STEPS = {
     "ALTER TABLE sessions ADD COLUMN kind TEXT NOT NULL DEFAULT 'robot';"
     "ALTER TABLE monitors ADD COLUMN left_at INTEGER;",
     9: "",  # the table of episodes is new, and is filled by `remake`
+    10: "ALTER TABLE steps ADD COLUMN row INTEGER; DROP INDEX IF EXISTS steps_by_seq;",
 }
 """By the version that they start from: statements that lead to the next one."""
 _EPISODES = 10

@@ -1,0 +1,94 @@
+"""Events with rows in sessions: kept whole or not at all, restored as they were, and replayed from their trace."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from oracle_server.history.memory import MemoryHistory
+from oracle_server.history.port import History
+from oracle_server.history.query import Query
+from oracle_server.history.sqlite.history import SqliteHistory
+from oracle_server.review.trace import trace_lines
+from tests.history.making import find
+from tests.processes import PATIENCE
+from tests.review.test_restore import TIMES, Served
+from tests.sessions.making import event
+
+CHANGING = TIMES | {"waited", "released"}
+"""What goes by when an event came: those that are sent again come together."""
+SPEC = """
+id: spec
+ordering: {by: BY, max_delay: none, late: LATE}
+streams:
+  - topic: /tf
+    each: msg.transforms
+    signals: {child: item.child, n: index, x: item.x}
+  - topic: /b
+    signals: {x: msg.x}
+properties:
+  - id: once_each
+    formula: 'forall[c]. {child: *c} -> not pre {child: *c, x: 3}'
+  - id: b_before
+    formula: '{topic: "/tf", x: 2} -> once {topic: "/b"}'
+"""
+SENT: list[tuple[int, str, Any, int]] = [
+    (1, "/tf", [("a", 1), ("b", 2), ("c", 3)], 1), (2, "/b", 5, 1), (4, "/tf", [], 2), (5, "/tf", [("c", 2)], 4),
+    (6, "/b", 5, 3), (7, "/tf", [("a", 2), ("a", 3), ("a", 1)], 6), (8, "/tf", [("c", 3), ("c", 3)], 1),
+]  # fmt: skip
+
+
+async def send(made: Served, seq: int, stream: str, what: Any, stamp: int) -> None:
+    items = [{"child": child, "x": x} for child, x in what] if stream == "/tf" else None
+    message = event(seq, stream, **({"x": what} if items is None else {"transforms": items}))
+    made.live.ingest(made.monitor, message.model_copy(update={"stamp": stamp * 10**9}))
+    await made.commit()
+
+
+async def judged(folder: Path, by: str, late: str, history: History, *, restarted: bool, saved: bool) -> Any:
+    """What comes of some events, with a server that ends after each of them, or goes on."""
+    folder.mkdir()
+    made = Served(folder, by, SPEC.replace("LATE", late), history)
+    await made.begin()
+    for i, one in enumerate(SENT):
+        await send(made, *one)
+        if saved:
+            made.live.ledger.save()
+            await made.history.flush()
+        if restarted:
+            await made.begin()
+            for again in SENT[: i + 1]:  # an adapter sends again what was not acked
+                await send(made, *again)
+    assert await made.sessions.closed_within(made.live, PATIENCE)
+    found, _ = await find(history, made.live.record, Query(limit=1000))
+    lines = [line async for page in trace_lines(history, made.live.number) for line in page]
+    records = [{name: value for name, value in r.items() if name not in CHANGING} for r in found]
+    return records, made.monitor.numbering.upto, lines
+
+
+def history_in(kind: str, folder: Path) -> History:
+    folder.mkdir()
+    return MemoryHistory() if kind == "memory" else SqliteHistory(folder)
+
+
+@pytest.mark.parametrize("kind", ["memory", "sqlite"])
+@pytest.mark.parametrize("saved", [False, True])
+@pytest.mark.parametrize(
+    ("by", "late"), [("arrival", "judge"), ("publication", "skip"), ("publication", "revise"), ("both", "judge")]
+)
+async def test_a_server_that_ends_after_each_event_judges_as_one_that_goes_on(
+    tmp_path: Path, by: str, late: str, kind: str, *, saved: bool
+) -> None:
+    async with asyncio.timeout(PATIENCE):
+        plain = await judged(
+            tmp_path / "plain", by, late, history_in(kind, tmp_path / "h1"), restarted=False, saved=False
+        )
+        again = await judged(
+            tmp_path / "restarted", by, late, history_in(kind, tmp_path / "h2"), restarted=True, saved=saved
+        )
+        assert again[:2] == plain[:2]
+        rows = [(r["seq"], r["row"]) for r in plain[0] if "row" in r and r["property"] == "b_before"]
+        assert sorted(set(rows)) == [(1, 0), (1, 1), (1, 2), (5, 0), (7, 0), (7, 1), (7, 2), (8, 0), (8, 1)]
