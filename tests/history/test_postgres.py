@@ -10,6 +10,7 @@ from typing import Any
 
 import psycopg
 import pytest
+from msgspec.structs import replace
 from structlog.testing import capture_logs
 
 from oracle_server.core.errors import HistoryError
@@ -82,6 +83,27 @@ def test_a_format_of_a_newer_version_is_refused(postgres: Postgres) -> None:
     postgres.do("UPDATE format SET version = 99", url)
     with pytest.raises(HistoryError, match="has format 99, and this version of the server reads up to"):
         PostgresHistory(url)
+
+
+async def test_a_history_of_an_older_format_is_brought_to_this_one(postgres: Postgres) -> None:
+    """What was kept before there were rows stays, no number is kept twice, and rows can be."""
+    url = postgres.empty()
+    older = await begun(url)
+    older.open_session(opened())
+    await told(older, step(1))
+    await asyncio.to_thread(older.close)
+    postgres.do("DROP INDEX steps_by_seq; ALTER TABLE steps DROP COLUMN row", url)
+    postgres.do("CREATE UNIQUE INDEX steps_by_seq ON steps (session, monitor, seq, ord)", url)
+    postgres.do("UPDATE format SET version = 10", url)
+    history = await begun(url)
+    whole = step(2).step
+    rows = [replace(step(n), step=replace(whole, event=replace(whole.event, row=n - 2))) for n in (2, 3)]
+    await told(history, *rows)
+    assert await collected(history.steps(1, 0)) == [step(1), *rows]
+    again = replace(step(4), step=step(1).step)
+    history.append(1, [again], lambda: None)
+    await until(lambda: history.failure_of(1))
+    await asyncio.to_thread(history.close)
 
 
 @pytest.mark.parametrize("text", ["", "a", "\0", "\1", "\0\1\0", "\1" + "0", "a\0b\1\1" + "1", "\\u0000", "0\0001"])
