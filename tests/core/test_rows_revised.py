@@ -1,0 +1,51 @@
+"""Rows that come late: what stands is what judging them in the order of publication gives, as for any other step."""
+
+from __future__ import annotations
+
+import os
+import random
+from dataclasses import replace
+
+import msgspec
+import pytest
+
+from oracle_server.core.formula.parse import Time
+from tests.core.revising import B, Case, Run, case, compared, reference
+from tests.engines.test_against_brute import SEED
+from tests.generate import KEYS
+
+CASES = int(os.environ.get("CASES", "250"))
+
+
+def with_rows(plain: Case, rng: random.Random) -> Case:
+    """The same, where what one stream tells is a list with some of what all have."""
+    signals = {key: f"item.{key}" for key in KEYS}
+    streams = tuple(
+        replace(stream, each="msg.rows", signals=signals) if stream.key == B else stream
+        for stream in plain.spec.streams
+    )
+    data = [event.data for event in plain.events]
+    events = [
+        msgspec.structs.replace(event, data={"rows": rng.sample(data, min(len(data), rng.randrange(4)))})
+        if event.stream == B
+        else event
+        for event in plain.events
+    ]
+    return Case(replace(plain.spec, streams=streams), events)
+
+
+@pytest.mark.parametrize("restarts", [0, 0.15])
+@pytest.mark.parametrize("time", ["steps", "seconds"])
+def test_what_stands_is_what_the_order_of_publication_gives(time: Time, restarts: float) -> None:
+    revised = rows = 0
+    for number in range(SEED, SEED + CASES):
+        rng = random.Random(f"rows revised {time} {number}")
+        # where it is divided, a restart would find a part of an event's rows, which no history has
+        run = Run(with_rows(case(rng, time), rng), divided=not restarts and rng.random() < 0.5, restarts=restarts)
+        run.judge(rng)
+        told = f"case {number}, {time}: " + "; ".join(p.text for p in run.case.spec.properties)
+        assert compared(run.stands()) == compared(reference(run)), told
+        revised += len(run.book.revisions)
+        rows += sum(bool(row.step.event.row) for row in run.book.first.values())
+    assert revised > CASES / 10
+    assert rows > CASES
