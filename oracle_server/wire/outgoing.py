@@ -136,6 +136,7 @@ class Record(BaseModel):
     pending: int | None = Field(description="Of a property that waits for what comes: how many obligations are open")
     about: list[dict[str, Any]] = Field(description="The events of those that were not answered here, 100 at most")
     about_count: int = Field(description="How many were not answered here")
+    row: int | None = Field(None, description="Which element of its message it is of, from 0")
     released: Released | None = Field(None, description="Why the order of publication released the event")
     waited: list[WaitedRecord] | None = Field(
         None, description="The streams that it waited for last, 8 at most: they released it, or were behind it still"

@@ -169,6 +169,8 @@ async def test_an_older_history_has_those_of_its_rows(tmp_path: Path) -> None:
     await asyncio.to_thread(older.close)
     with closing(sqlite3.connect(older.path)) as database:
         database.execute("DROP TABLE episodes")
+        database.execute("DROP INDEX steps_by_seq")
+        database.execute("ALTER TABLE steps DROP COLUMN row")
         database.execute("PRAGMA user_version = 9")
     history = SqliteHistory(tmp_path)
     history.start(asyncio.get_running_loop())

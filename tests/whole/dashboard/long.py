@@ -36,7 +36,7 @@ def rows(session: int) -> Iterator[Row]:
         yield (
             session, position, "publication", position, "/a", "topic", "m1", position, 0, at, at + 10**6, at + 10**6, 0,
             0, 0, 0, "m1", None, 0, None, "[]", None, None, f'{{"v":{27 if wrong else position % 16}}}', "[]",
-            outcomes, "0" * PROPERTIES, _WHY if position % EVERY == 0 else None, None, "frontier", *(None,) * 8,
+            outcomes, "0" * PROPERTIES, _WHY if position % EVERY == 0 else None, None, "frontier", *(None,) * 9,
         )  # fmt: skip
 
 
