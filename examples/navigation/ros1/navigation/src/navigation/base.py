@@ -30,11 +30,18 @@ class Base:
             "navigate_to_pose", NavigateToPoseAction, self._go, auto_start=False
         )
         self._server.start()
+        rospy.on_shutdown(self._still)
         rospy.loginfo("serving navigate_to_pose")
         while not rospy.is_shutdown():
             low = self._fault == "battery_low" and self._left <= 0
             self._battery.publish(BatteryState(percentage=LOW if low else CHARGED))
             rospy.sleep(PERIOD)
+
+    def _still(self) -> None:
+        """Let actionlib tell no more status: else it may while the node closes its topics, and end with a traceback."""
+        timer = self._server.action_server.status_timer
+        timer.shutdown()
+        timer.join(1.0)
 
     def _go(self, goal: NavigateToPoseGoal) -> None:
         place = goal.pose.pose.position
