@@ -20,12 +20,6 @@ class Rows:
     def __bool__(self) -> bool:
         return bool(self._waiting)
 
-    @property
-    def event(self) -> tuple[str, int]:
-        """The monitor and the number of the event whose rows wait."""
-        event = self._waiting[0][1].event
-        return event.monitor, event.seq
-
     def add(self, order: Order, step: Step) -> None:
         """Let the rows of a step wait."""
         self._waiting.extend((order, row) for row in _rows_of(step))

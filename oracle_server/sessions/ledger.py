@@ -132,6 +132,8 @@ class Ledger:
     def save(self) -> None:
         """Take a snapshot, so that a restart judges only later steps again."""
         self.write()
+        if self._unwritten:  # the core is further than what is written: at a later write
+            return
         self.snapshots.save(self._position, self._monitors)
         self._arm()
 
@@ -211,13 +213,15 @@ class Ledger:
 
         All rows of an event are in one transaction: one of which a part is kept would be taken for used up.
         """
-        judged = self._unwritten
-        if not self._core.rows:
-            return judged, []
-        event = self._core.rows.event
-        mine = (i for i, item in enumerate(judged) if (item.step.event.monitor, item.step.event.seq) == event)
-        first = next(mine, len(judged))
-        return judged[:first], judged[first:]
+        judged, first = self._unwritten, dict[tuple[str, str, int], int]()
+        for i, item in enumerate(judged):
+            event = item.step.event
+            if event.more:
+                first.setdefault((item.order, event.monitor, event.seq), i)
+            elif event.row:
+                first.pop((item.order, event.monitor, event.seq), None)
+        whole = min(first.values(), default=len(judged))
+        return judged[:whole], judged[whole:]
 
     @property
     def _last_verdict(self) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 from oracle_server.history.memory import MemoryHistory
 from oracle_server.history.port import History
 from oracle_server.history.query import Query
+from oracle_server.history.records import StoredStep
 from oracle_server.history.sqlite.history import SqliteHistory
 from oracle_server.review.trace import trace_lines
 from tests.history.making import find
@@ -92,3 +94,27 @@ async def test_a_server_that_ends_after_each_event_judges_as_one_that_goes_on(
         assert again[:2] == plain[:2]
         rows = [(r["seq"], r["row"]) for r in plain[0] if "row" in r and r["property"] == "b_before"]
         assert sorted(set(rows)) == [(1, 0), (1, 1), (1, 2), (5, 0), (7, 0), (7, 1), (7, 2), (8, 0), (8, 1)]
+
+
+async def test_no_part_of_an_event_is_kept_while_its_other_rows_wait(tmp_path: Path) -> None:
+    """A restart would take the event for judged, and the other rows would be lost."""
+    async with asyncio.timeout(PATIENCE):
+        made = Served(tmp_path, "arrival", SPEC.replace("LATE", "judge"))
+        await made.begin()
+        made.live.core.divide(lambda: True)
+        kept: list[int] = []
+        append = made.history.append
+
+        def counted(session: int, steps: Sequence[StoredStep], *more: Any) -> None:
+            kept.append(len(steps))
+            append(session, steps, *more)
+
+        made.history.append = counted  # type: ignore[method-assign, assignment]
+        items = [{"child": child, "x": 1} for child in "abc"]
+        made.live.ingest(made.monitor, event(1, "/tf", transforms=items).model_copy(update={"stamp": 10**9}))
+        made.live.ledger.save()
+        assert kept == []
+        await made.live.caught_up()
+        await made.commit()
+        assert kept == [3]
+        assert made.monitor.numbering.upto == 1
