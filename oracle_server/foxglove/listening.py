@@ -40,8 +40,9 @@ class Certificate(NamedTuple):
     key: bytes
 
 
-_REPEATS = 2
-"""How often a last message is repeated for those who have subscribed."""
+_REPEATS = 10
+"""How often a last message is repeated for those who have subscribed: for seconds, as on a busy machine the library may
+take that long from calling us to having the subscription."""
 
 
 class Listening:
