@@ -44,6 +44,7 @@ class ItemModel(BaseModel):
     kind: str
     monitor: str
     seq: int
+    row: int | None = Field(description="Which element of its message, from 0; null where the message is one step")
     source: str = Field(description="Who published it, where the monitor tells that; else empty")
     call: int | None = Field(description="Equal for what belongs to one call")
     goal_id: str | None = Field(description="Equal for what belongs to one goal")

@@ -78,7 +78,8 @@ function callsOf(rows) {
 
 function labelOf(item) {
   const signals = Object.entries(item.signals).slice(0, FEW).map(([name, value]) => `${name} ${shown(value)}`);
-  return [stream(item.stream, item.kind), ...signals, item.status].filter(Boolean).join(" ") + late(item);
+  const row = item.row == null ? null : `row ${item.row}`;
+  return [stream(item.stream, item.kind), row, ...signals, item.status].filter(Boolean).join(" ") + late(item);
 }
 
 function late({ late: is, stamp, arrived, judged, lost }) {

@@ -68,7 +68,7 @@ export function counted(number, name) {
 /** The text of the event of a record or reason. */
 export function event(of) {
   if (of.kind === "tick") return "an expired deadline";
-  return `${of.stream} (${of.kind} ${of.seq} of ${of.monitor})`;
+  return `${of.stream} (${of.kind} ${of.seq} of ${of.monitor}${of.row == null ? "" : `, row ${of.row}`})`;
 }
 
 /** The streams, each with its monitor, that an event waited for. */

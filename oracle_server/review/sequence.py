@@ -54,6 +54,7 @@ class ItemRecord(TypedDict):
     kind: StepKind
     monitor: str
     seq: int
+    row: int | None
     source: str
     call: int | None
     goal_id: str | None
@@ -240,6 +241,7 @@ def _item(stored: StoredStep, properties: Sequence[str], index: int | None, *, s
         "kind": event.stream.kind,
         "monitor": event.monitor,
         "seq": event.seq,
+        "row": event.row,
         "source": event.source,
         "call": event.call,
         "goal_id": event.goal_id,

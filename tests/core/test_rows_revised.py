@@ -45,6 +45,8 @@ def test_what_stands_is_what_the_order_of_publication_gives(time: Time, restarts
         run.judge(rng)
         told = f"case {number}, {time}: " + "; ".join(p.text for p in run.case.spec.properties)
         assert compared(run.stands()) == compared(reference(run)), told
+        for because in (revision.because for revision in run.book.revisions):
+            assert len({(e.monitor, e.stream, e.seq) for e in because}) == len(because)
         revised += len(run.book.revisions)
         rows += sum(bool(row.step.event.row) for row in run.book.first.values())
     assert revised > CASES / 10

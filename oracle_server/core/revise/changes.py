@@ -59,7 +59,7 @@ def revisions(
 
     `because` are the late events, the oldest first, and `now` is the time of judgement (ns).
     """
-    oldest = because[0]
+    oldest, late = because[0], _messages(because)
     stamp = oldest.arrived if oldest.stamp is None else oldest.stamp
     runs = [list(_runs(i, again)) for i in range(len(properties))]
     rows: list[Revision] = []
@@ -81,12 +81,17 @@ def revisions(
                 decision=None,
                 first=taken[0],
                 changes=tuple(changes),
-                because=tuple(because[:MOST_CAUSES]),
-                causes=len(because),
+                because=late[:MOST_CAUSES],
+                causes=len(late),
                 standing={} if row else _standing(again),
             )
         )
     return rows
+
+
+def _messages(events: Sequence[Event]) -> tuple[Event, ...]:
+    """The events, each once, however many rows it has."""
+    return tuple({(e.monitor, e.stream, e.seq): e for e in events}.values())
 
 
 def _change(run: _Run, n: int, name: str) -> Change:
