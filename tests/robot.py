@@ -27,6 +27,18 @@ properties:
     guards: [/number]
 """
 GATE_AND_LOG = GATE.replace("properties:", "  - {topic: /logged, type: std_msgs/Int64}\nproperties:")
+JOINTS = """
+id: joints
+description: Each joint has its limit, by whatever message it comes
+ordering: {max_delay: 50ms}
+streams:
+  - topic: /joint_states
+    type: sensor_msgs/JointState
+    each: msg.name
+    signals: {joint: item, position: 'msg.position[index]'}
+properties:
+  - {id: elbow_in_range, formula: '{joint: elbow} -> {position <= 2.6}'}
+"""
 SWITCH = """
 id: switch
 description: A switch that is only put on, and then says so
@@ -62,6 +74,13 @@ SIDES = {"publisher": ("/number_mon", "/number"), "subscriber": ("/number", "/nu
 
 FAST = int(os.environ.get("MESSAGES", "5000"))
 """How many messages are sent at 1 kHz."""
+
+
+def by_joint(server: Server) -> None:
+    """The elbow is beyond its limit in the second of two messages alone, where it is the first joint."""
+    records = eventually(lambda: server.records("s"), lambda found: len(found) == 4)
+    assert [(r["row"], r["violation"]) for r in records] == [(0, False), (1, False), (0, True), (1, False)]
+    assert len({r["seq"] for r in records}) == 2
 
 
 def spec_folder(folder: Path, text: str, **words: str) -> Path:
