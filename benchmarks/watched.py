@@ -4,7 +4,8 @@ python benchmarks/watched.py [--rate 1000] [--seconds 10] [--rounds 3]
 
 Decisions are asked for alone and beside the page, in turns; what is told of them is the ratio of both, from this very
 run. The page is live meanwhile, at so many events a second. Its frames are timed in a turn of their own, since that
-lets the browser paint sixty times a second. Chromium must be installed.
+lets the browser paint sixty times a second. The browser keeps to one core, and all else to the others, as an operator's
+browser is on a machine of its own. Chromium must be installed.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import json
+import os
 import shutil
 import tempfile
 import time
@@ -51,20 +53,33 @@ async def measure(rate: int, seconds: float, rounds: int) -> None:
     chromium = shutil.which("chromium")
     if chromium is None:
         raise SystemExit("Chromium is not here (Debian: apt-get install chromium)")
+    *others, last = sorted(os.sched_getaffinity(0))
+    if not others:
+        raise SystemExit("this takes two cores: one is the browser's")
     with tempfile.TemporaryDirectory() as folder:
-        server = Server(Path(folder), {"thirty": SPEC}, ORACLE_MAX_RATE="0")
-        async with async_playwright() as playwright, server.attach() as feeding, server.attach() as asking:
+        os.sched_setaffinity(0, {last})  # what is started from here on keeps to it
+        async with async_playwright() as playwright:
             browser = await playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-            feed = asyncio.create_task(fed(feeding, rate))
-            await asking.send(json.dumps(hello("asked", "thirty")))
-            await until(asking, "attached")
+            os.sched_setaffinity(0, others)
+            server = Server(Path(folder), {"thirty": SPEC}, ORACLE_MAX_RATE="0")
             try:
-                ratios = [await compared(server, browser, asking, seconds) for _ in range(rounds)]
-                print(f"99 % of decisions beside the page: {median(ratios):.2f} times alone (median of {rounds})")
+                await rounds_of(server, browser, rate, seconds, rounds)
             finally:
-                feed.cancel()
                 await browser.close()
                 server.stop()
+
+
+async def rounds_of(server: Server, browser: Browser, rate: int, seconds: float, rounds: int) -> None:
+    """Measure with a server and a browser that are there, and print what is told of them."""
+    async with server.attach() as feeding, server.attach() as asking:
+        feed = asyncio.create_task(fed(feeding, rate))
+        await asking.send(json.dumps(hello("asked", "thirty")))
+        await until(asking, "attached")
+        try:
+            ratios = [await compared(server, browser, asking, seconds) for _ in range(rounds)]
+            print(f"99 % of decisions beside the page: {median(ratios):.2f} times alone (median of {rounds})")
+        finally:
+            feed.cancel()
 
 
 async def fed(socket: ClientConnection, rate: int) -> None:
