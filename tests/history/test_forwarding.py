@@ -8,8 +8,8 @@ import signal
 import sqlite3
 import subprocess
 import sys
-from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager, closing
+from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -17,88 +17,21 @@ import msgspec
 import pytest
 
 from oracle_server.core.episode import Episode, Worst
-from oracle_server.core.spec import Retention
-from oracle_server.history.copying.inpostgres import PostgresEnd
-from oracle_server.history.copying.insqlite import SqliteEnd
-from oracle_server.history.copying.tables import tables
 from oracle_server.history.episodes import StoredEpisode
 from oracle_server.history.forwarding import centre as centre_module
-from oracle_server.history.forwarding.messages import Ask, Told
+from oracle_server.history.forwarding.messages import Ask
 from oracle_server.history.forwarding.working import Bringing
 from oracle_server.history.postgres.history import PostgresHistory
 from oracle_server.history.records import stored_revision
-from oracle_server.history.retention import Hold, Pruner
-from oracle_server.history.sql.rows import Row
 from oracle_server.history.sqlite.history import NAME, SqliteHistory
 from oracle_server.jobs import forwarding
 from oracle_server.process.worker import receive, send
+from tests.history.forwarded import ORIGIN, at_the_centre, at_the_robot, brought, names, robot
 from tests.history.making import add, opened, revision, step
 from tests.history.test_copying import STRANGE, fill
 from tests.history.test_standing import FALSE, HELD, change, stands
 from tests.postgres import Postgres
 from tests.processes import PATIENCE
-
-ORIGIN = "robot7"
-
-
-def names(url: str) -> dict[int, tuple[str, int]]:
-    """The centre's numbers of sessions, as the robot's history and its number there."""
-    with closing(PostgresEnd(url)) as end:
-        return {n: (robot, number) for n, robot, number in end.execute("SELECT session, robot, number FROM forwarded")}
-
-
-def at_the_robot(folder: Path) -> dict[str, list[Row]]:
-    with closing(SqliteEnd(str(folder / NAME), source=True)) as end:
-        return {t.name: sorted((row for rows in end.read(*t.reading(None)) for row in rows), key=repr)
-                for t in tables() if t.name != "snapshots"}  # fmt: skip
-
-
-def at_the_centre(url: str, robot: str | None = None) -> dict[str, list[Row]]:
-    """The rows of a robot's sessions, with its own numbers and names."""
-    known = {n: number for n, (which, number) in names(url).items() if robot in (None, which)}
-    found: dict[str, list[Row]] = {}
-    with closing(PostgresEnd(url)) as end:
-        for table in (t for t in tables() if t.name != "snapshots"):
-            rows = [row for rows in end.read(*table.reading(None)) for row in rows if row[0] in known]
-            found[table.name] = sorted((plain(table.name, table.columns, known, row) for row in rows), key=repr)
-    return found
-
-
-def plain(table: str, columns: tuple[str, ...], known: dict[int, int], row: Row) -> Row:
-    values = dict(zip(columns, (known[row[0]], *row[1:]), strict=True))
-    if table == "sessions":
-        values["id"] = values["id"].rpartition("@")[0]
-        if values["state"]:
-            state = msgspec.json.decode(values["state"])
-            assert state.pop("origin") == ORIGIN
-            values["state"] = msgspec.json.encode(state | {"id": values["id"]}).decode()
-    return tuple([int(v) if isinstance(v, bool) else v for v in values.values()])
-
-
-@asynccontextmanager
-async def robot(folder: Path) -> AsyncIterator[SqliteHistory]:
-    history = SqliteHistory(folder, forwarding=True)
-    history.start(asyncio.get_running_loop())
-    yield history
-    await asyncio.to_thread(history.close)
-
-
-async def brought(
-    history: SqliteHistory, url: str, bringing: Bringing, rows: int = 8_000, *, once: bool = False
-) -> Told:
-    """Bring all that there is, or a chunk; the last answer."""
-    noted = history.forwarding
-    assert noted is not None
-    while True:
-        known = await noted.stands()
-        told = await asyncio.to_thread(bringing.bring, Ask(noted.path, url, ORIGIN, known.robot, known.seq, rows))
-        assert told.error is None, told.error
-        if told.anew is not None:
-            await noted.begin_anew(known=told.anew == "less")
-            continue
-        await noted.note(told.seq, told.reached)
-        if once or not told.left:
-            return told
 
 
 async def test_all_that_is_there_and_what_changes_later_comes_along(postgres: Postgres, tmp_path: Path) -> None:
@@ -236,61 +169,6 @@ async def test_a_process_that_is_killed_again_and_again_brings_each_row_once(
         assert at_the_centre(url) == at_the_robot(tmp_path)
 
 
-async def test_nothing_is_deleted_before_it_is_forwarded_up_to_a_size(
-    postgres: Postgres, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    url, bringing = postgres.empty(), Bringing()
-    async with robot(tmp_path) as history:
-        noted = history.forwarding
-        assert noted is not None
-        history.open_session(opened(1, "one"))
-        await add(history, *(step(p) for p in range(1, 41)))
-        history.close_session(1, 1, {"id": "one", "trouble": None})
-        history.open_session(opened(2, "two"))
-        await add(history, *(step(p) for p in range(1, 41)), session=2)
-        history.close_session(2, 2, {"id": "two", "trouble": None})
-        await history.flush()
-
-        def pruner(most: int) -> Pruner:
-            return Pruner(history, Retention(events=5), dict, lambda: 0, lambda _: None, Hold(noted.free, most))
-
-        await pruner(10**9).prune()
-        assert [await history.extent(n) for n in (1, 2)] == [(1, 40), (1, 40)]
-        await brought(history, url, bringing, 30, once=True)
-        await pruner(10**9).prune()
-        assert [await history.extent(n) for n in (1, 2)] == [(31, 40), (1, 40)]
-        assert "not forwarded yet" not in capsys.readouterr().out
-        await pruner(1).prune()
-        assert await history.extent(1) == (40, 40)
-        assert "steps are deleted that are not forwarded yet" in capsys.readouterr().out
-        told = await brought(history, url, bringing)
-        bringing.close()
-        await pruner(1).prune()
-        assert await history.session(1) is None  # all of it is there now
-        rows = at_the_centre(url)
-        of_one = [row for row in rows["steps"] if row[0] == 1]
-        assert sorted(row[1] for row in of_one) == [*range(1, 31), 40]
-    centre = PostgresHistory(url)
-    state = await centre.closed_state(f"one@{ORIGIN}")
-    assert state is not None
-    assert "31 to 39 are missing" in state["trouble"]
-    assert told.left == 0
-    await asyncio.to_thread(centre.close)
-
-
-async def test_what_is_deleted_is_noted_no_longer(tmp_path: Path) -> None:
-    """Else the notes of a history that is forwarded no more would grow for ever."""
-    async with robot(tmp_path) as history:
-        history.open_session(opened(1, "one"))
-        await add(history, *(step(p) for p in range(1, 11)))
-    with closing(sqlite3.connect(tmp_path / NAME)) as database:
-        noted = "SELECT a FROM changes WHERE name = 'steps' ORDER BY a"
-        database.execute("UPDATE steps SET judged = judged + 1")
-        assert [*database.execute(noted)] == [(p,) for p in range(1, 11)]
-        database.execute("DELETE FROM steps WHERE position < 8")
-        assert [*database.execute(noted)] == [(8,), (9,), (10,)]
-
-
 async def test_a_new_session_never_gets_the_number_of_one_that_the_centre_has(
     postgres: Postgres, tmp_path: Path
 ) -> None:
@@ -338,49 +216,6 @@ async def test_a_copy_that_went_on_by_itself_is_not_mixed_with_the_other_one(
     for each in robots:
         there = at_the_centre(url, each)
         assert there["steps"] == folders[len(there["steps"])]["steps"]
-
-
-async def test_what_a_centre_has_lost_is_brought_again(postgres: Postgres, tmp_path: Path) -> None:
-    url, bringing = postgres.empty(), Bringing()
-    async with robot(tmp_path) as history:
-        history.open_session(opened(1, "one"))
-        await add(history, *(step(p) for p in range(1, 50)))
-        await brought(history, url, bringing)
-        bringing.close()
-        for sql in (
-            "UPDATE forwarded SET position = 20", "DELETE FROM steps WHERE position > 20", "UPDATE origins SET seq = 0",
-        ):  # fmt: skip
-            postgres.do(sql, url)
-        history.amend(1, "m", 3, (True, "why"), lambda: None)
-        await history.flush()
-        await brought(history, url, bringing)
-        assert at_the_centre(url) == at_the_robot(tmp_path)
-        empty = postgres.empty()
-        bringing.close()
-        await brought(history, empty, bringing)  # another database
-        bringing.close()
-        assert at_the_centre(empty) == at_the_robot(tmp_path)
-
-
-async def test_what_the_centre_has_deleted_stays_deleted(postgres: Postgres, tmp_path: Path) -> None:
-    url, bringing = postgres.empty(), Bringing()
-    async with robot(tmp_path) as history:
-        for number in (1, 2):
-            history.open_session(opened(number, f"s{number}"))
-            await add(history, *(step(p) for p in range(1, 50)), session=number)
-        await brought(history, url, bringing)
-        centre = PostgresHistory(url)
-        centre.start(asyncio.get_running_loop())
-        await centre.forget_session(1)
-        await centre.forget_steps(2, 10)
-        for number in (1, 2):
-            history.amend(number, "m", 3, (True, "why"), lambda: None)
-            await add(history, step(50), session=number)
-        await brought(history, url, bringing)
-        bringing.close()
-        assert await centre.session(1) is None
-        assert [await centre.extent(n) for n in (1, 2)] == [(1, 0), (10, 50)]
-        await asyncio.to_thread(centre.close)
 
 
 async def until(good: Callable[[], Any]) -> None:

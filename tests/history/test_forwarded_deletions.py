@@ -1,0 +1,117 @@
+"""What is deleted, here or at the centre, of a history that is forwarded."""
+
+from __future__ import annotations
+
+import asyncio
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from oracle_server.core.spec import Retention
+from oracle_server.history.forwarding.working import Bringing
+from oracle_server.history.postgres.history import PostgresHistory
+from oracle_server.history.retention import Hold, Pruner
+from oracle_server.history.sqlite.history import NAME
+from tests.history.forwarded import ORIGIN, at_the_centre, at_the_robot, brought, robot
+from tests.history.making import add, opened, step
+from tests.postgres import Postgres
+
+
+async def test_nothing_is_deleted_before_it_is_forwarded_up_to_a_size(
+    postgres: Postgres, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    url, bringing = postgres.empty(), Bringing()
+    async with robot(tmp_path) as history:
+        noted = history.forwarding
+        assert noted is not None
+        history.open_session(opened(1, "one"))
+        await add(history, *(step(p) for p in range(1, 41)))
+        history.close_session(1, 1, {"id": "one", "trouble": None})
+        history.open_session(opened(2, "two"))
+        await add(history, *(step(p) for p in range(1, 41)), session=2)
+        history.close_session(2, 2, {"id": "two", "trouble": None})
+        await history.flush()
+
+        def pruner(most: int) -> Pruner:
+            return Pruner(history, Retention(events=5), dict, lambda: 0, lambda _: None, Hold(noted.free, most))
+
+        await pruner(10**9).prune()
+        assert [await history.extent(n) for n in (1, 2)] == [(1, 40), (1, 40)]
+        await brought(history, url, bringing, 30, once=True)
+        await pruner(10**9).prune()
+        assert [await history.extent(n) for n in (1, 2)] == [(31, 40), (1, 40)]
+        assert "not forwarded yet" not in capsys.readouterr().out
+        await pruner(1).prune()
+        assert await history.extent(1) == (40, 40)
+        assert "steps are deleted that are not forwarded yet" in capsys.readouterr().out
+        told = await brought(history, url, bringing)
+        bringing.close()
+        await pruner(1).prune()
+        assert await history.session(1) is None  # all of it is there now
+        rows = at_the_centre(url)
+        of_one = [row for row in rows["steps"] if row[0] == 1]
+        assert sorted(row[1] for row in of_one) == [*range(1, 31), 40]
+    centre = PostgresHistory(url)
+    state = await centre.closed_state(f"one@{ORIGIN}")
+    assert state is not None
+    assert "31 to 39 are missing" in state["trouble"]
+    assert told.left == 0
+    await asyncio.to_thread(centre.close)
+
+
+async def test_what_is_deleted_is_noted_no_longer(tmp_path: Path) -> None:
+    """Else the notes of a history that is forwarded no more would grow for ever."""
+    async with robot(tmp_path) as history:
+        history.open_session(opened(1, "one"))
+        await add(history, *(step(p) for p in range(1, 11)))
+    with closing(sqlite3.connect(tmp_path / NAME)) as database:
+        noted = "SELECT a FROM changes WHERE name = 'steps' ORDER BY a"
+        database.execute("UPDATE steps SET judged = judged + 1")
+        assert [*database.execute(noted)] == [(p,) for p in range(1, 11)]
+        database.execute("DELETE FROM steps WHERE position < 8")
+        assert [*database.execute(noted)] == [(8,), (9,), (10,)]
+
+
+async def test_what_a_centre_has_lost_is_brought_again(postgres: Postgres, tmp_path: Path) -> None:
+    url, bringing = postgres.empty(), Bringing()
+    async with robot(tmp_path) as history:
+        history.open_session(opened(1, "one"))
+        await add(history, *(step(p) for p in range(1, 50)))
+        await brought(history, url, bringing)
+        bringing.close()
+        for sql in (
+            "UPDATE forwarded SET position = 20", "DELETE FROM steps WHERE position > 20", "UPDATE origins SET seq = 0",
+        ):  # fmt: skip
+            postgres.do(sql, url)
+        history.amend(1, "m", 3, (True, "why"), lambda: None)
+        await history.flush()
+        await brought(history, url, bringing)
+        assert at_the_centre(url) == at_the_robot(tmp_path)
+        empty = postgres.empty()
+        bringing.close()
+        await brought(history, empty, bringing)  # another database
+        bringing.close()
+        assert at_the_centre(empty) == at_the_robot(tmp_path)
+
+
+async def test_what_the_centre_has_deleted_stays_deleted(postgres: Postgres, tmp_path: Path) -> None:
+    url, bringing = postgres.empty(), Bringing()
+    async with robot(tmp_path) as history:
+        for number in (1, 2):
+            history.open_session(opened(number, f"s{number}"))
+            await add(history, *(step(p) for p in range(1, 50)), session=number)
+        await brought(history, url, bringing)
+        centre = PostgresHistory(url)
+        centre.start(asyncio.get_running_loop())
+        await centre.forget_session(1)
+        await centre.forget_steps(2, 10)
+        for number in (1, 2):
+            history.amend(number, "m", 3, (True, "why"), lambda: None)
+            await add(history, step(50), session=number)
+        await brought(history, url, bringing)
+        bringing.close()
+        assert await centre.session(1) is None
+        assert [await centre.extent(n) for n in (1, 2)] == [(1, 0), (10, 50)]
+        await asyncio.to_thread(centre.close)
