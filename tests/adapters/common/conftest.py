@@ -221,6 +221,9 @@ class Oracle:
         for task in rest:
             task.cancel()
         await asyncio.gather(*rest, return_exceptions=True)
+        for transport in self.transports:
+            transport.abort()
+        await asyncio.sleep(0)
 
     def accept(self) -> Peer:
         """The next connection."""
