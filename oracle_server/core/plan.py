@@ -234,7 +234,7 @@ class _Making:
 
     def silent(self) -> tuple[View, ...]:
         """The properties' views of a step without signals but held and derived ones, and those that it is for."""
-        keys = {d.by for d in self._spec.derive}
+        keys = {by for d in self._spec.derive for by in d.by}
         possible = {*self.held, *keys}
         formulas = self.formulas[: self._count]
         return tuple(_view(len(atoms), specialise(atoms, {}, possible.__contains__)) for atoms in formulas)
@@ -251,7 +251,7 @@ class _Making:
             if prop.time == "seconds" and not looks_ahead(prop.formula)  # operands of that are judged at steps alone
         ]
         at_ticks = parts(derive, [()] * len(derive), (), (), read)
-        return Layout(derive, at_ticks, watched(derive, timed), frozenset(d.by for d in derive if d.by))
+        return Layout(derive, at_ticks, watched(derive, timed), frozenset(by for d in derive for by in d.by))
 
     def _divided(
         self, views: list[View], own: _Keys, reserved: AbstractSet[str]

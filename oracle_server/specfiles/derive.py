@@ -56,7 +56,7 @@ def _definition(document: Document, name: str, model: DeriveModel, findings: lis
         return Definition(name, "last", _UNREAD)
     formula = parse_formula(text, names=names) if op != "expression" and OPS[op].formula else None
     over, counted = model.over or (None, False)
-    return Definition(name, op, " ".join(text.split()), formula, over, counted, model.by or "", model.forget)
+    return Definition(name, op, " ".join(text.split()), formula, over, counted, model.by or (), model.forget)
 
 
 def _machine(document: Document, name: str, model: DeriveModel, findings: list[Finding], names: Names) -> Definition:
@@ -87,6 +87,7 @@ def _keys(model: DeriveModel, ops: list[Op]) -> Iterator[tuple[str, str]]:
             if getattr(model, key) is not None:
                 yield key, f"an expression takes no `{key}`: it is computed of the signals of a step"
         return
+    yield from _several(model, op)
     traits = OPS[op]
     if traits.window and model.over is None:
         count = "" if op == "rate" else ", or `over: 20` for samples"
@@ -101,6 +102,11 @@ def _keys(model: DeriveModel, ops: list[Op]) -> Iterator[tuple[str, str]]:
         yield "forget", "`forget` is for what is kept `by` a signal; leave it out"
     elif traits.window and model.over is not None and (traits.formula or not model.over[1]):
         yield "forget", "a window forgets by itself what has left it; leave `forget` out"
+
+
+def _several(model: DeriveModel, op: Op) -> Iterator[tuple[str, str]]:
+    if model.by is not None and len(model.by) > 1:
+        yield "by", f"`{op}` is kept by one signal: `by: {model.by[0]}`; by several there are machines alone"
 
 
 def _unreadable(document: Document, name: object, op: Op, text: str, names: Names) -> Iterator[Finding]:

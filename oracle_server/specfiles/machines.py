@@ -44,7 +44,7 @@ def is_read(definition: Definition | None) -> bool:
 def read_machine(document: Document, name: str, model: DeriveModel, names: Names) -> Definition:
     """A machine, whose events are among the `names` of formulas. Raises `MachineError`."""
     _check_keys(model)
-    by, forget = model.by or "", model.forget
+    by, forget = model.by or (), model.forget
     if model.sequence is not None:
         try:
             table = by_sequence(model.sequence, _events(names))
@@ -58,6 +58,16 @@ def read_machine(document: Document, name: str, model: DeriveModel, names: Names
         table = by_values(reading.successors())
         return Definition(name, "follows", model.follows, by=by, forget=forget, table=table)
     table = reading.table(model, names)
+    if len(by) > 1 and table.limits:
+        limit = table.limits[0]
+        key = "leave" if limit.within is None else "within"
+        raise MachineError(
+            f"with several signals in `by` there is no `{key}`: it would not hear of an event that has some of them "
+            "alone; say it as a property, as `forall[a, b]. {a: *a, b: *b, opens} -> eventually[:30s] {…}`",
+            "states",
+            limit.state,
+            key,
+        )
     return Definition(
         name, "states", ", ".join(reading.states), by=by, forget=forget, table=table, events=_formulas(table, names)
     )
@@ -70,6 +80,8 @@ def _check_keys(model: DeriveModel) -> None:
         raise MachineError(f"a machine takes no `{other}`; give that a name of its own", other)
     if model.forget is not None and model.by is None:
         raise MachineError("`forget` is for what is kept `by` a signal; leave it out", "forget")
+    if model.by is not None and len(set(model.by)) < len(model.by):
+        raise MachineError("a signal stands twice in `by`; leave it out there", "by")
     if model.sequence is None:
         _check_states(model)
     for key in ("follows", "states", "start", "otherwise") if model.sequence is not None else ():

@@ -279,6 +279,15 @@ def _derived(value: object) -> object:
     return {"expression": value} if isinstance(value, str) else value
 
 
+def _listed(value: object) -> object:
+    """One name or several."""
+    return [value] if isinstance(value, str) else value
+
+
+_FEW = Field(min_length=1, max_length=4)
+_By = SignalName | Annotated[list[SignalName], _FEW]
+
+
 def _state(value: object) -> object:
     """A state's name: numbers and the like as they are written."""
     if isinstance(value, bool):
@@ -312,7 +321,7 @@ class DeriveModel(_Model):
     delta: StrictStr | None = None
     age: StrictStr | None = None
     over: Annotated[tuple[int, bool] | None, BeforeValidator(_over, _Time | Annotated[int, Field(ge=1)])] = None
-    by: SignalName | None = None
+    by: Annotated[tuple[SignalName, ...], _FEW, BeforeValidator(_listed, _By)] | None = None
     forget: Annotated[Duration, Field(gt=0)] | None = None
     follows: SignalName | None = None
     states: dict[SignalName, Annotated[Any, WithJsonSchema(_ROW)]] | None = None
@@ -326,6 +335,8 @@ class DeriveModel(_Model):
         for key in ("follows", "states", "start", "otherwise", "sequence"):  # older versions knew none of these
             if meaning[key] is None:
                 del meaning[key]
+        if self.by is not None and len(self.by) == 1:
+            meaning["by"] = self.by[0]
         if self.states is not None:  # of several events that hold the first one counts
             rows = self.states.items()
             meaning["states"] = [(name, list(row.items()) if isinstance(row, dict) else row) for name, row in rows]

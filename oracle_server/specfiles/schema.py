@@ -99,7 +99,7 @@ DESCRIPTIONS = {
     "DeriveModel.delta": "The last sample minus the one before it",
     "DeriveModel.age": "Seconds since a formula held",
     "DeriveModel.over": "The window: a time, as `2s`, or a number of samples, as `20`",
-    "DeriveModel.by": "One for each value of this signal",
+    "DeriveModel.by": "One for each value of this signal; a machine also for each of several",
     "DeriveModel.follows": "A machine: the signal whose values are its states",
     "DeriveModel.states": "A machine: its states, each with those that may follow, or with events and where they lead",
     "DeriveModel.start": "A machine: the state in which it begins",

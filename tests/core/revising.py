@@ -273,7 +273,7 @@ class Run:
 def keys_of(spec: Spec, row: Judged) -> frozenset[tuple[str, str]]:
     """What tells a deadline from others of its time."""
     signals = {} if row.step.event.monitor else row.step.signals
-    return frozenset((d.by, canonical(signals[d.by])) for d in spec.derive if d.by in signals)
+    return frozenset((by, canonical(signals[by])) for d in spec.derive for by in d.by if by in signals)
 
 
 class Sorted(Judge):

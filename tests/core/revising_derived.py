@@ -47,7 +47,7 @@ def case(rng: random.Random, time: Time, *, horizon: int = 60 * SECOND) -> Case:
 
 def _often_by_key(rng: random.Random) -> Definition:
     drawn = [definition_of(rng, "d0", []) for _ in range(6)]
-    return max(drawn, key=lambda found: found.by != "" and found.changes) if rng.random() < 0.5 else drawn[0]
+    return max(drawn, key=lambda found: found.by != () and found.changes) if rng.random() < 0.5 else drawn[0]
 
 
 def _varied(rng: random.Random, prop: Property, time: Time) -> Property:

@@ -121,7 +121,7 @@ def test_an_explanation_names_the_step_of_the_last_sample_by_its_number() -> Non
 
 
 def test_deadlines_of_one_time_are_kept_together_or_not_at_all() -> None:
-    count = Definition("n", "count", "", parse_formula("{k: *}"), over=SECOND, by="k")
+    count = Definition("n", "count", "", parse_formula("{k: *}"), over=SECOND, by=("k",))
     session = session_of("not {n: 0, k: u}", count)
     assert session.lateness is not None
     own = session.lateness.judge

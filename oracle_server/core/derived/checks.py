@@ -7,6 +7,7 @@ from typing import Literal
 
 from oracle_server.core.derived.compared import uncompared
 from oracle_server.core.derived.definition import MAX_SAMPLES, OPS, Definition
+from oracle_server.core.derived.keyed import names_of
 from oracle_server.core.derived.machinery import KeyPath, machine_problems, never, placed
 from oracle_server.core.derived.ranges import derived_ranges
 from oracle_server.core.errors import ExpressionError, SpecProblem
@@ -71,8 +72,8 @@ def _operands(spec: Spec, index: int, definition: Definition, ranges: Mapping[st
             reason = f"`{definition.op}` takes numbers, and '{definition.of}' is never one"
         if reason is not None:
             yield _problem(definition, path, reason)
-    if definition.by:
-        reason = _unknown(spec, index, definition.by) or _of_age(spec, definition.by)
+    for by in definition.by:
+        reason = _unknown(spec, index, by) or _of_age(spec, by)
         if reason is not None:
             yield _problem(definition, ("derive", definition.name, "by"), reason)
 
@@ -168,7 +169,7 @@ def _keys(definition: Definition) -> Iterator[SpecProblem]:
     windowed = definition.timed or (definition.counted and definition.formula is not None)
     if definition.by and not windowed and definition.forget is None:
         message = (
-            f"what is kept by `{definition.by}` is kept for each of its values to the end of the session; write "
+            f"what is kept by {names_of(definition.by)} is kept for each value to the end of the session; write "
             "`forget: 1h`, so that what was not heard of for so long is forgotten"
         )
         yield _problem(definition, ("derive", definition.name, "by"), message, severity="warning")

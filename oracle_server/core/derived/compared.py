@@ -20,7 +20,7 @@ def uncompared(spec: Spec) -> Iterator[SpecProblem]:
     What waits for what comes is judged at steps alone.
     """
     known = {d.name: d for d in spec.derive}
-    between = {*spec.kept, *(d.by for d in spec.derive)}
+    between = {*spec.kept, *(by for d in spec.derive for by in d.by)}
     for i, prop in enumerate(spec.properties):
         for atom in prop.atoms if prop.time == "seconds" and not looks_ahead(prop.formula) else ():
             if not specialise([atom], {}, between.__contains__):
@@ -50,16 +50,16 @@ def _why_not(name: str, other: str, known: Mapping[str, Definition]) -> str:
         return ""
     if beside is not None and beside.changes:
         if own.by != beside.by:
-            kept = f"is kept by `{beside.by}`" if beside.by else f"is not kept by `{own.by}`"
+            kept = f"is kept by `{beside.by[0]}`" if beside.by else f"is not kept by `{own.by[0]}`"
             return f"'{other}', which {kept}"
         mixed = own.op != beside.op and "age" in (own.op, beside.op)
-        return f"'{other}', which is kept by `{own.by}`" if own.by and mixed else ""
+        return f"'{other}', which is kept by `{own.by[0]}`" if own.by and mixed else ""
     if _changes(other, known):
         return f"'{other}', which is computed of what changes with time"
     by = next((by for by in _keys(other, known)), "")
     if by:
         return f"'{other}', which is kept by `{by}`"
-    return f"'{other}', by which it is kept" if own.op == "age" and own.by and _reads(other, own.by, known) else ""
+    return f"'{other}', by which it is kept" if own.op == "age" and own.by and _reads(other, own.by[0], known) else ""
 
 
 def _changes(name: str, known: Mapping[str, Definition]) -> bool:
@@ -72,8 +72,7 @@ def _keys(name: str, known: Mapping[str, Definition]) -> Iterator[str]:
     """The signals by which it is kept, or another that it is computed of at once."""
     found = known.get(name)
     if found is not None:
-        if found.by:
-            yield found.by
+        yield from found.by
         for each in _at_once(found):
             yield from _keys(each, known)
 
@@ -88,4 +87,4 @@ def _at_once(definition: Definition) -> tuple[str, ...]:
     """The signals on which a derived one depends without a step."""
     if definition.op in ("expression", "previous", "delta"):
         return definition.reads
-    return (definition.by,) if definition.by else ()
+    return definition.by

@@ -64,9 +64,10 @@ OPS: Mapping[Op, Traits] = MappingProxyType(
 class Definition:
     """A derived signal: `op` of the formula, signal or expression `of`.
 
-    `over` is its window: nanoseconds, or where `counted` samples, of a formula steps. `by` names the signal whose
-    values are told apart, empty for none; a value is forgotten `forget` ns after its last sample, None for never.
-    A machine has its `table`, and but for one that follows a signal a formula for each of its `events`.
+    `over` is its window: nanoseconds, or where `counted` samples, of a formula steps. `by` names the signals whose
+    values are told apart, none where it is one for all: of a machine several, of all else one at most. A value is
+    forgotten `forget` ns after its last sample, None for never. A machine has its `table`, and but for one that follows
+    a signal a formula for each of its `events`.
     """
 
     name: str
@@ -75,7 +76,7 @@ class Definition:
     formula: Formula | None = None
     over: int | None = None
     counted: bool = False
-    by: str = ""
+    by: tuple[str, ...] = ()
     forget: int | None = None
     table: Table | None = None
     events: tuple[Formula, ...] = ()
@@ -117,10 +118,10 @@ class Definition:
     @property
     def reads(self) -> tuple[str, ...]:
         """All signals that matter to it."""
-        return (*self.operands, self.by) if self.by else self.operands
+        return (*self.operands, *self.by)
 
     @cached_property
     def atoms(self) -> tuple[Atom, ...]:
         """What it reads, as atoms: those of its formula come first."""
-        names = self.reads if not self.formulas else (self.by,) if self.by else ()
+        names = self.reads if not self.formulas else self.by
         return (*self.tested, *(Atom((Constraint(name, "==", Any.ANY),)) for name in names))

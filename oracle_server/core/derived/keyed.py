@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
-from typing import Any, NamedTuple
+from collections.abc import Callable, Collection, Iterable, Iterator
+from typing import Any, NamedTuple, cast
 
 import msgspec
 
@@ -25,8 +25,19 @@ def key_of(value: Scalar) -> Key:
 
 
 def value_of(key: Key) -> Scalar:
-    """The value of a key."""
-    return key[0] if isinstance(key, tuple) else key
+    """The value of the key of one value."""
+    return cast("Scalar", key[0]) if isinstance(key, tuple) else key
+
+
+def texts_of(key: Key) -> tuple[str, ...]:
+    """What keys are sorted by: the texts of their values."""
+    several = isinstance(key, tuple) and (len(key) > 1 or not isinstance(key[0], bool))
+    return tuple(canonical(value_of(part)) for part in (key if several and isinstance(key, tuple) else (key,)))
+
+
+def names_of(by: Iterable[str]) -> str:
+    """The signals by whose values something is kept, in a text."""
+    return ", ".join(f"`{name}`" for name in by)
 
 
 class _Mark(NamedTuple):
@@ -65,7 +76,8 @@ class Keyed:
     """Series by key. Those that are as if they had never had a sample, or are forgotten, are let go."""
 
     def __init__(self, definition: Definition, make: Callable[[], Series], session: Session) -> None:
-        self._make, self._by, self._session = make, definition.by, session
+        (self._by,) = definition.by
+        self._make, self._session = make, session
         self._rate = definition.op == "rate"
         self.last = 0
         clocked = definition.timed or (definition.counted and definition.formula is not None)

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from typing import Any, Final
 
 import msgspec
 from msgspec.structs import replace
 
-from oracle_server.core.atoms import canonical
 from oracle_server.core.derived.definition import MAX_MACHINES, Definition
 from oracle_server.core.derived.journal import Was
-from oracle_server.core.derived.keyed import key_of, value_of
+from oracle_server.core.derived.keyed import key_of, names_of, texts_of, value_of
 from oracle_server.core.derived.queue import Key, Queue
 from oracle_server.core.derived.samples import FAILED, Value
 from oracle_server.core.derived.window import Asked, Session
 from oracle_server.core.events import Signals
+from oracle_server.core.formula.tree import Scalar
 
 _SHORT: Final = 256
 """Texts of fewer characters are keys as they are."""
@@ -41,16 +41,13 @@ class Standing(msgspec.Struct, frozen=True, gc=False):
 class _Had(msgspec.Struct, frozen=True, gc=False):
     """Lets a machine stand as it stood, None for one that there was not."""
 
-    standings: dict[Key, Standing]
+    put: Callable[[Key, Standing | None], None]
     key: Key
     standing: Standing | None
 
     def __call__(self) -> None:
         """Take the change back."""
-        if self.standing is None:
-            del self.standings[self.key]
-        else:
-            self.standings[self.key] = self.standing
+        self.put(self.key, self.standing)
 
 
 class Machines:
@@ -58,7 +55,10 @@ class Machines:
 
     def __init__(self, definition: Definition, session: Session) -> None:
         assert definition.table is not None  # noqa: S101 -- machines have one
-        self.table, self._by, self._session = definition.table, definition.by, session
+        self.table, self._session = definition.table, session
+        self.by = definition.by
+        """The signals whose values tell machines apart: here one at most."""
+        self._by = "".join(definition.by[:1])
         self._rows, self._values = self.table.rows, self.table.values
         self._life = definition.forget
         """How long a machine is kept after its last event, None for ever."""
@@ -70,6 +70,7 @@ class Machines:
         """The same of one for which there was no room."""
         self._fresh, self._unknown = Standing(self.table.start), Standing(self.table.any)
         self.last = 0
+        self._unput = self._put
 
     def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
         """Take the events of a step, as bits; returns what the signal is with them."""
@@ -80,22 +81,12 @@ class Machines:
             if value is None:
                 return self._lose_all(now) if self._by in failed else None
             key = value if type(value) is str and len(value) < _SHORT else key_of(value)
-        standings = self._standings
-        standing = had = standings.get(key)
-        if standing is None:
-            if len(standings) >= MAX_MACHINES:
-                self._change("_crowded", now)
-                return FAILED
-            standing = self._unseen(now)
-        life = self._life
-        after = standings[key] = self._after(standing, sample, number, 0 if life is None else now)  # type: ignore[arg-type] # bits
-        if self._session.journal.entries is not None:
-            self._session.journal.entries.append(_Had(standings, key, had))
-        if life is not None and (had is None or had.at != now):
-            self._queue.add(now, key)
-            if self._queue.is_long and not self._queue.trim():
-                self._fill()
-        return self._values[after.state] if after.state >= 0 else self._value(after.state)
+        had = self._standings.get(key)
+        if had is None and len(self._standings) >= MAX_MACHINES:
+            self._change("_crowded", now)
+            return FAILED
+        state = self._move(key, had, sample, now, number).state
+        return self._values[state] if state >= 0 else self._value(state)
 
     def value(self, now: int, _number: int, signals: Signals, failed: Collection[str]) -> Value | None:
         """What it is at a step, of the machine of that step."""
@@ -113,23 +104,34 @@ class Machines:
         """Whether there was no event."""
         return not self._standings
 
-    def standing(self, now: int, signals: Signals) -> Standing:
-        """How the machine of a step or tick stands at a time (ns)."""
-        key = key_of(signals[self._by]) if self._by else _ONE
-        return self._known(self._standings.get(key), now)
+    def shown(self, now: int, signals: Signals) -> tuple[tuple[Scalar, ...], Standing] | None:
+        """The machine of a step or tick, by the values of what tells machines apart, and how it stands at a time (ns).
+
+        None where the step does not tell which one it is.
+        """
+        if not self._by:
+            return (), self._known(self._standings.get(_ONE), now)
+        value = signals.get(self._by)
+        return None if value is None else ((value,), self._known(self._standings.get(key_of(value)), now))
 
     @property
     def lack(self) -> str:
         """Why it may have failed for some machine, empty for no reason of its own."""
+        names = names_of(self.by)
         if self._crowded is not None:
-            return f"more than {MAX_MACHINES:,} values of `{self._by}`"
-        return f"`{self._by}` has failed" if self._blind is not None else ""
+            return f"more than {self.most:,} values of {names}"
+        return f"{names} has failed" if self._blind is not None else ""
+
+    @property
+    def most(self) -> int:
+        """The most machines that are kept."""
+        return MAX_MACHINES
 
     def snapshot(self) -> Any:
         """How all stand, as plain data."""
-        known = sorted(self._standings.items(), key=lambda each: canonical(value_of(each[0])))
+        known = sorted(self._standings.items(), key=lambda each: texts_of(each[0]))
         standings = [
-            [value_of(key), str(s.state), s.event, s.since, str(s.was), s.was_event, s.was_since, s.at]
+            [self._written(key), str(s.state), s.event, s.since, str(s.was), s.was_event, s.was_since, s.at]
             for key, s in known
         ]
         return [standings, self._blind, self._crowded]
@@ -138,9 +140,38 @@ class Machines:
         """Take over a snapshot."""
         standings, self._blind, self._crowded = data
         for value, state, event, since, was, *rest in standings:
-            self._standings[key_of(value)] = Standing(int(state), event, since, int(was), *rest)
+            self._put(self._read(value), Standing(int(state), event, since, int(was), *rest))
         if self._life is not None:
             self._fill()
+
+    def _move(self, key: Key, had: Standing | None, sample: Any, now: int, number: int) -> Standing:
+        """How a machine stands that stood so before the events of a step; None for one that is new."""
+        life = self._life
+        after = self._after(self._unseen(now) if had is None else had, sample, number, 0 if life is None else now)
+        if after is not had:
+            self._put(key, after)
+            if self._session.journal.entries is not None:
+                self._session.journal.entries.append(_Had(self._unput, key, had))
+        if life is not None and (had is None or had.at != now):
+            self._queue.add(now, key)
+            if self._queue.is_long and not self._queue.trim():
+                self._fill()
+        return after
+
+    def _put(self, key: Key, standing: Standing | None) -> None:
+        """Let a machine stand so; None where there is to be none."""
+        if standing is None:
+            del self._standings[key]
+        else:
+            self._standings[key] = standing
+
+    def _written(self, key: Key) -> Any:
+        """A key as plain data."""
+        return value_of(key)
+
+    def _read(self, data: Any) -> Key:
+        """A key out of plain data."""
+        return key_of(data)
 
     def _after(self, standing: Standing, sample: int, number: int, at: int) -> Standing:
         """How a machine stands behind the events of step `number`."""
@@ -193,8 +224,8 @@ class Machines:
             standing = self._standings.get(key)
             if standing is not None and standing.at <= limit:
                 if undone is not None:
-                    undone.append(_Had(self._standings, key, standing))
-                del self._standings[key]
+                    undone.append(_Had(self._unput, key, standing))
+                self._put(key, None)
         if self._blind is not None and self._blind <= limit:
             self._change("_blind", None)
         if self._crowded is not None and self._crowded <= limit:

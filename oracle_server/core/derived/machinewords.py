@@ -16,7 +16,7 @@ _WHAT = {"states": "machine of the states", "follows": "machine that follows", "
 
 def machine_described(definition: Definition) -> str:
     """A machine in one line."""
-    by = f" by {definition.by}" if definition.by else ""
+    by = f" by {', '.join(definition.by)}" if definition.by else ""
     return f"{_WHAT[definition.op]} {' '.join(definition.of.split())}{by}"
 
 
@@ -24,13 +24,13 @@ def machine_told(
     definition: Definition, machines: Machines, signals: Signals, now: int, named: Callable[[int], str]
 ) -> str:
     """How a machine stands at a step or tick at `now` (ns); `named` names a step by its place."""
-    value, by, table = signals.get(definition.name), definition.by, machines.table
+    value, table, shown = signals.get(definition.name), machines.table, machines.shown(now, signals)
     begin = f"{definition.name} {'failed' if value is None else value_text(value)}"
-    if by:
-        if by not in signals:
-            return f"{begin}: {machines.lack}"
-        begin += f" for {by} {value_text(signals[by])}"
-    standing = machines.standing(now, signals)
+    if shown is None:
+        return f"{begin}: {machines.lack}"
+    values, standing = shown
+    if values:
+        begin += f" for {', '.join(f'{by} {value_text(each)}' for by, each in zip(definition.by, values, strict=True))}"
     if value is None:
         return f"{begin}: {machines.lack or _may_be(table, standing.state)}"
     if standing.state < 0 or value != table.bad:

@@ -9,8 +9,8 @@ from functools import partial
 from oracle_server.core.derived.journal import Journal, Was
 from oracle_server.core.formula.tree import Scalar
 
-Key = Scalar | tuple[bool]
-"""A value as a key: Python takes 1 and True for the same."""
+Key = Scalar | tuple[bool] | tuple[Scalar | tuple[bool], ...]
+"""A value as a key, since Python takes 1 and True for the same; of several values a tuple of their keys."""
 _LEAST = 1024
 
 

@@ -16,6 +16,7 @@ from oracle_server.core.derived.keyed import Keyed, key_of, value_of
 from oracle_server.core.derived.latest import Delta, Last, Previous
 from oracle_server.core.derived.layout import Layout, Part
 from oracle_server.core.derived.machine import Machines
+from oracle_server.core.derived.parametric import Parametric
 from oracle_server.core.derived.samples import FAILED, NOTHING, Lack
 from oracle_server.core.derived.sums import Mean, Sum
 from oracle_server.core.derived.watch import Carried, Watch
@@ -82,7 +83,7 @@ class Derived:
         self._series = [_made(d, self._session) for d in layout.definitions]
         self._chained = any(name in d.reads for d in layout.definitions for name in self._names)
         """Whether some are computed of others."""
-        self._bys = [d.by for d in layout.definitions]
+        self._bys = ["".join(d.by[:1]) for d in layout.definitions]
         self._bound: dict[int, list[Any]] = {}
         self._silent = [(self._series[p.index], self._names[p.index]) for p in layout.silent]
         self._watch: tuple[int, int, Watch] | None = None
@@ -280,5 +281,7 @@ class Derived:
 
 
 def _made(definition: Definition, session: Session) -> Series:
+    if len(definition.by) > 1:
+        return Parametric(definition, session)
     make = partial(_MAKE[definition.op], definition, session)
     return Keyed(definition, make, session) if definition.by and definition.table is None else make()

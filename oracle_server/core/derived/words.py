@@ -33,7 +33,7 @@ def described(definition: Definition) -> str:
     if definition.table is not None:
         return machine_described(definition)
     over = "" if definition.over is None else f" over {_window(definition)}"
-    by = f" by {definition.by}" if definition.by else ""
+    by = f" by {definition.by[0]}" if definition.by else ""
     return f"{definition.op} of {definition.of}{over}{by}"
 
 
@@ -44,8 +44,8 @@ def told(definition: Definition, series: Series, signals: Signals, now: int, nam
         return machine_told(definition, series, signals, now, named)
     own = series.series_of(signals) if isinstance(series, Keyed) else series
     begin = f"{definition.name} {'failed' if value is None else value_text(value)}"
-    if definition.by and definition.by in signals:
-        begin += f" for {definition.by} {value_text(signals[definition.by])}"
+    for by in definition.by:
+        begin += f" for {by} {value_text(signals[by])}" if by in signals else ""
     if value is None:
         return f"{begin}: {_lack(definition, series, own)}"
     return f"{begin}: {_computed(definition, own, signals, now, named)}"

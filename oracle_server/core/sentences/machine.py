@@ -41,10 +41,11 @@ def read_machine(text: str, derived: Mapping[str, Definition], time: Time | None
 def _asked(definition: Definition) -> Formula:
     """Never in an error; and where it enters a state that has a limit, this is left again."""
     assert definition.table is not None  # noqa: S101 -- it is a machine
-    key = (Constraint(definition.by, "==", Ref(_KEY)),) if definition.by else ()
     limits = definition.table.limits
     if not limits:
         return Not(Atom((Constraint(definition.name, "==", definition.table.bad),)))
+
+    key = tuple(Constraint(by, "==", Ref(_KEY)) for by in definition.by)  # one at most where there are limits
 
     def be(state: str) -> Atom:
         return Atom((*key, Constraint(definition.name, "==", state)))

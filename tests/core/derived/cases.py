@@ -99,15 +99,41 @@ def definition_of(rng: random.Random, name: str, above: Sequence[Definition]) ->
     formula = _formula(rng.choice((*FORMULAS, *(f"{{{d} > 1}}" for d in derived)))) if traits.formula else None
     counted = traits.window and op != "rate" and rng.random() < 0.4
     over = None if not traits.window else rng.randint(1, 3) if counted else rng.choice(OVERS)
-    by = rng.choice(("", "", "k", "k", "h")) if name != "d0" or rng.random() < 0.5 else ""
-    may_forget = by and (traits.lasting or (counted and not traits.formula))
+    by = rng.choice(((), (), ("k",), ("k",), ("h",))) if name != "d0" or rng.random() < 0.5 else ()
+    may_forget = bool(by) and (traits.lasting or (counted and not traits.formula))
     forget = rng.choice((None, 2 * SECOND, 1)) if may_forget else None
     return Definition(name, op, "" if formula else rng.choice(names), formula, over, counted, by, forget)
 
 
-def _machine_of(rng: random.Random, name: str, op: Op, names: Sequence[str], derived: Sequence[str]) -> Definition:
+def parametric_case(rng: random.Random, time: Time, *, by: By = "arrival", undo: bool = False) -> Case:
+    """A case of one machine that several signals tell apart, whose values come again and again."""
+    keys = rng.choice((("k", "x"), ("k", "h"), ("x", "z"), ("k", "x", "h")))
+    op: Op = rng.choice(("states", "follows", "sequence"))
+    machine = _machine_of(rng, "d0", op, ("y", "z"), (), keys)
+    plain = case(rng, time, by=by, undo=undo, most=0)
+    properties = [property_of(rng, i, [machine], time) for i in range(3)]
+    properties[0] = replace(properties[0], guards=plain.spec.properties[0].guards)
+    at = START
+    events: list[tuple[int, str, Mapping[str, Any]]] = []
+    for _ in range(rng.randint(4, 30)):
+        at += rng.choice(GAPS)
+        name = rng.choice(tuple(SIGNALS))
+        data = {each: rng.choice(("u", "v") if each == "k" else (1, 2)) for each in SIGNALS[name]}
+        kept = {each: value for each, value in data.items() if rng.random() < 0.85}
+        events.append((at, name, {each: value if rng.random() < 0.98 else {} for each, value in kept.items()}))
+    return Case(replace(plain.spec, properties=tuple(properties), derive=(machine,)), plain.begun, tuple(events))
+
+
+def _machine_of(
+    rng: random.Random,
+    name: str,
+    op: Op,
+    names: Sequence[str],
+    derived: Sequence[str],
+    by: tuple[str, ...] | None = None,
+) -> Definition:
     """A machine of any kind; `of` has what the reference reads of it."""
-    by = rng.choice(("", "", "k", "k", "h"))
+    by = rng.choice(((), ("k",), ("h",), ("k", "x"), ("k", "h"))) if by is None else by
     forget = rng.choice((None, 2 * SECOND, 1)) if by else None
     if op == "follows":
         of = rng.choice(names)
@@ -320,7 +346,9 @@ class Expected:
             keyed = []
             for (text, by), names in sorted(self.reference.keys(self.steps, _together(self.held)[0], time).items()):
                 carried = {by: json.loads(text)}
-                own = [(i, c) for i in timed for c in asked[i] if any(bys[n] == by for n in _sides(c) & timely & names)]
+                own = [
+                    (i, c) for i in timed for c in asked[i] if any(bys[n] == (by,) for n in _sides(c) & timely & names)
+                ]
                 due = {i for i, c in own if self._turns(c, time, carried)}
                 if due:
                     by_key.setdefault((by, text), set()).update(due)

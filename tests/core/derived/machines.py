@@ -37,6 +37,8 @@ class _Unknown:
 
 
 UNKNOWN = _Unknown()
+BLIND = _Unknown()
+"""A sample that may be of any machine."""
 
 
 def noted(table: Table, source: Any) -> Table:
@@ -53,7 +55,7 @@ def value_of(d: Definition, samples: Sequence[tuple[Any, Any]]) -> object:
     kind = kinds[d.op](source, d.table.events)
     found = {kind.start}
     for step, sample in samples:
-        blind = bool(d.by) and d.by not in step.seen
+        blind = sample is BLIND or (len(d.by) == 1 and d.by[0] not in step.seen)
         found = {*kind.all} if blind else {to for state in found for to in kind.ways(state, sample)}
     values = {kind.value(state) for state in found}
     return values.pop() if len(values) == 1 else UNKNOWN

@@ -12,7 +12,7 @@ from oracle_server.core.atoms import canonical, meets, precedes
 from oracle_server.core.derived.definition import Definition
 from oracle_server.core.formula import tree
 from oracle_server.core.formula.tree import Atom, Constraint, Formula, Scalar, Signal
-from tests.core.derived.machines import UNKNOWN, Events, value_of
+from tests.core.derived.machines import BLIND, UNKNOWN, Events, value_of
 
 SECOND = 10**9
 
@@ -27,6 +27,9 @@ Value = Scalar | Failed | None
 Key = tuple[bool, Scalar] | None
 ANY: Key = None
 """The key of what may have been any."""
+
+Parts = tuple[Key, ...]
+"""The keys of several values; None for one that a step does not have."""
 
 EXPRESSIONS = ("- {}", "{} - {}", "{} * 2 + {}", "{}")
 
@@ -74,22 +77,20 @@ class Reference:
     def keys(self, steps: Sequence[Step], held: Mapping[str, Scalar], time: int) -> dict[tuple[str, str], set[str]]:
         """Signals and values by which something is known just before a time: by each as texts, of what it is known."""
         found: dict[tuple[str, str], set[str]] = {}
-        for d in self.definitions:
+        for d, by in ((d, by_of(d)) for d in self.definitions):
             kept = d.over if d.over is not None and not d.counted else d.forget
-            for step in steps if d.by else ():
-                if (
-                    d.by in step.seen
-                    and self._sample(d, step) is not None
-                    and (kept is None or step.time + kept >= time)
-                ):
-                    found.setdefault((canonical(step.seen[d.by]), d.by), set()).add(d.name)
-            if d.by in held:
-                found.setdefault((canonical(held[d.by]), d.by), set()).add(d.name)
+            for step in steps if by else ():
+                if by in step.seen and self._sample(d, step) is not None and (kept is None or step.time + kept >= time):
+                    found.setdefault((canonical(step.seen[by]), by), set()).add(d.name)
+            if by in held:
+                found.setdefault((canonical(held[by]), by), set()).add(d.name)
         return found
 
     def reads(self, atom: Atom, stream: str) -> bool:
         """Whether an atom may hold at an event of a stream; "" for ticks."""
-        derived = {d.name for d in self.definitions} | ({d.by for d in self.definitions} if not stream else set())
+        derived = {d.name for d in self.definitions} | (
+            {by for d in self.definitions for by in d.by} if not stream else set()
+        )
         for c in atom.constraints:
             if c.key == "topic":
                 if c.value != stream:
@@ -146,9 +147,12 @@ class Reference:
     def _value(self, d: Definition, history: Sequence[Step], step: Step, now: int, number: int, begun: int) -> Value:
         if d.op == "expression":
             return _evaluated(d.of, step)
-        if d.by and d.by not in step.seen:
-            return FAILED if d.by in step.failed else None
-        samples = self._samples(d, history, _key(step.seen[d.by]) if d.by else ANY, now)
+        if len(d.by) > 1:
+            return self._parametric(d, history, step, now)
+        by = by_of(d)
+        if by and by not in step.seen:
+            return FAILED if by in step.failed else None
+        samples = self._samples(d, history, _key(step.seen[by]) if by else ANY, now)
         if d.table is not None:
             return FAILED if (found := value_of(d, samples)) is UNKNOWN else found  # type: ignore[return-value]
         return self._computed(d, samples, history, step, now, number, begun)
@@ -162,20 +166,53 @@ class Reference:
     def _samples(self, d: Definition, history: Sequence[Step], key: Key, now: int) -> list[tuple[Step, Value]]:
         """All samples of a key, but for those that are forgotten."""
         found: list[tuple[Step, Value]] = []
-        newest = None
+        newest, by = None, by_of(d)
         for step in history:
             sample = self._sample(d, step)
             if sample is None:
                 continue
-            if d.by and d.by not in step.seen:
-                if d.by in step.failed:
+            if by and by not in step.seen:
+                if by in step.failed:
                     found.append((step, FAILED))
                 continue
-            if d.by and _key(step.seen[d.by]) != key:
+            if by and _key(step.seen[by]) != key:
                 continue
             found = [*_remembered(found, d, newest, step.time), (step, sample)]
             newest = step
         return found if newest is not None and _is_kept(d, newest, now) else _remembered(found, d, newest, now)
+
+    def _parametric(self, d: Definition, history: Sequence[Step], step: Step, now: int) -> Value:
+        """The value of a machine that is told apart by several signals: all that were made, rerun."""
+        made: dict[Parts, list[tuple[Step, Any]]] = {}
+        blind: list[tuple[Step, Any]] = []
+        for each in history:
+            sample, parts = self._sample(d, each), _parts(d, each)
+            made = {key: told for key, told in made.items() if _is_kept(d, told[-1][0], each.time)}
+            blind = [told for told in blind if _is_kept(d, told[0], each.time)]
+            if sample is None:
+                continue
+            if any(by in each.failed and by not in each.seen for by in d.by):
+                made, blind = {}, [(each, BLIND)]  # of any: none is remembered
+            elif None not in parts:
+                made.setdefault(parts, [*blind]).append((each, sample))
+            else:
+                for key in _agreeing(made, parts):
+                    made[key].append((each, sample))
+        if any(by in step.failed and by not in step.seen for by in d.by):
+            return FAILED
+        made = {key: told for key, told in made.items() if _is_kept(d, told[-1][0], now)}
+        blind = [told for told in blind if _is_kept(d, told[0], now)]
+        parts = _parts(d, step)
+        if None not in parts:
+            alone = value_of(d, made.get(parts, blind))
+            return FAILED if alone is UNKNOWN else alone  # type: ignore[return-value]
+        found = {value_of(d, made[key]) for key in _agreeing(made, parts)}
+        assert d.table is not None
+        if d.table.bad in found:
+            return d.table.bad
+        if UNKNOWN in found or (blind and any(part is not None for part in parts)):
+            return FAILED
+        return found.pop() if len(found) == 1 else None  # type: ignore[return-value]
 
     def _computed(
         self,
@@ -246,7 +283,7 @@ def _remembered(
     if d.forget is None:
         return found
     known = newest.number if newest is not None and _is_kept(d, newest, now) else 0
-    return [(s, v) for s, v in found if s.number <= known or (d.by not in s.seen and _is_kept(d, s, now))]
+    return [(s, v) for s, v in found if s.number <= known or (by_of(d) not in s.seen and _is_kept(d, s, now))]
 
 
 def _is_kept(d: Definition, step: Step, now: int) -> bool:
@@ -270,6 +307,21 @@ def _evaluated(text: str, step: Step) -> Value:
         return FAILED
     one, other, *_ = [v for v in values if isinstance(v, int | float)] * 2
     return _known(one * 2 + other if "*" in text else -one if len(names) == 1 else one - other)
+
+
+def by_of(d: Definition) -> str:
+    """The one signal by which something is kept, empty where there is none, or several."""
+    return d.by[0] if len(d.by) == 1 else ""
+
+
+def _parts(d: Definition, step: Step) -> Parts:
+    return tuple(_key(step.seen[by]) if by in step.seen else None for by in d.by)
+
+
+def _agreeing(made: Mapping[Parts, object], parts: Parts) -> list[Parts]:
+    """The keys that agree with the parts that are there, of which one is at least."""
+    given = [(i, part) for i, part in enumerate(parts) if part is not None]
+    return [key for key in made if given and all(key[i] == part for i, part in given)]
 
 
 def _exactly(compute: Callable[[], float]) -> Value:

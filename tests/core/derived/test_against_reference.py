@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 from oracle_server.core.formula.parse import Time
 from oracle_server.core.plan import plan
 from tests.core.derived.cases import (
+    Case,
     Expected,
     Row,
     case,
@@ -27,28 +28,30 @@ from tests.core.derived.cases import (
     interleaved,
     judged,
     opened,
+    parametric_case,
     restarted,
     rows_of,
 )
 
 CASES = 3_000
 FEWER = 600
-Check = Callable[[random.Random, Time], None]
+Make = Callable[..., Case]
+Check = Callable[[random.Random, Time, Make], None]
 
 
-def check_plain(rng: random.Random, time: Time) -> None:
+def check_plain(rng: random.Random, time: Time, case: Make) -> None:
     """Each event arrives at its stamp."""
     found = case(rng, time)
     assert rows_of(judged(found)) == Expected(found).rows
 
 
-def check_undone(rng: random.Random, time: Time) -> None:
+def check_undone(rng: random.Random, time: Time, case: Make) -> None:
     """Events of a stream are taken back where they are denied."""
     found = case(rng, time, undo=True)
     assert rows_of(judged(found)) == Expected(found).rows
 
 
-def check_permuted(rng: random.Random, time: Time) -> None:
+def check_permuted(rng: random.Random, time: Time, case: Make) -> None:
     """All events arrive late, those of different streams in any order, and are judged in that of their stamps."""
     found = distinct(case(rng, time, by="publication"))
     session = opened(plan(found.spec), found.begun)
@@ -59,13 +62,13 @@ def check_permuted(rng: random.Random, time: Time) -> None:
     assert rows_of(rows) == before_last(Expected(found).rows)
 
 
-def check_restarted(rng: random.Random, time: Time) -> None:
+def check_restarted(rng: random.Random, time: Time, case: Make) -> None:
     """The session is saved and restored at some places, and judged again from its beginning at others."""
     found = case(rng, time)
     assert rows_of(restarted(found, rng)[0]) == Expected(found).rows
 
 
-def check_both(rng: random.Random, time: Time) -> None:
+def check_both(rng: random.Random, time: Time, case: Make) -> None:
     """Both orders are judged side by side, each with derived signals of its own."""
     found = distinct(case(rng, time, by="both"))
     places = interleaved(found, rng)
@@ -89,6 +92,7 @@ WAYS: dict[str, Check] = {
     "restarted": check_restarted,
     "both": check_both,
 }
+MAKES: dict[str, Make] = {"derived": case, "parametric": parametric_case}
 
 
 def before_last(rows: list[Row]) -> list[Row]:
@@ -105,16 +109,17 @@ def before_last(rows: list[Row]) -> list[Row]:
     ],
 )
 def test_cases_that_once_differed(way: str, seed: int) -> None:
-    WAYS[way](random.Random(seed), "seconds")
+    WAYS[way](random.Random(seed), "seconds", case)
 
 
+@pytest.mark.parametrize("make", MAKES.values(), ids=MAKES)
 @pytest.mark.parametrize("time", ["steps", "seconds"])
 @pytest.mark.parametrize("way", WAYS)
-def test_a_session_says_what_the_reference_says(way: str, time: Time) -> None:
-    @settings(max_examples=CASES if way == "plain" else FEWER, deadline=None)
+def test_a_session_says_what_the_reference_says(way: str, time: Time, make: Make) -> None:
+    @settings(max_examples=CASES if way == "plain" and make is case else FEWER, deadline=None)
     @given(rng=st.randoms(use_true_random=False))
     def check(rng: random.Random) -> None:
-        WAYS[way](rng, time)
+        WAYS[way](rng, time, make)
 
     check()
 
@@ -125,13 +130,16 @@ def main() -> None:
     parser.add_argument("cases", type=int)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--way", choices=list(WAYS), action="append", help="only these ways")
+    parser.add_argument(
+        "--make", choices=list(MAKES), default="derived", help="any derived signals, or machines by several"
+    )
     args = parser.parse_args()
     for way in args.way or WAYS:
         for time in ("steps", "seconds"):
             differing = []
             for seed in range(args.seed, args.seed + args.cases):
                 try:
-                    WAYS[way](random.Random(seed), time)
+                    WAYS[way](random.Random(seed), time, MAKES[args.make])
                 except AssertionError:
                     differing.append(seed)
             print(f"{way:10} {time:8} {args.cases} cases, {len(differing)} differ", *differing[:1], flush=True)
