@@ -82,7 +82,8 @@ _TAKES: Mapping[str, str] = {
 _DERIVING: Mapping[str, str] = {
     "expression": "an expression over signals, such as 'limit - speed'",
     **dict.fromkeys(("count", "rate", "age"), "a formula in quotes, such as '{topic: /scan}'"),
-    **dict.fromkeys(("sum", "mean", "min", "max", "last", "previous", "delta", "by"), "the name of a signal"),
+    **dict.fromkeys(("sum", "mean", "min", "max", "last", "previous", "delta"), "the name of a signal"),
+    "by": "the name of a signal, or for a machine a list of at most four, as [node, goal]",
     "over": "a time such as 2s, or a number of samples such as 20",
     "forget": f"{_DURATION}, longer than 0s",
     "follows": "the name of a signal",
