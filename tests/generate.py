@@ -25,7 +25,7 @@ _KINDS = (
     *("not", "and", "or", "implies", "pre", "historically"),
     *("once", "once", "since", "since", "quantifier", "quantifier"),
 )
-_JOINING = ("and", "and", "and", "order", "order", "unbroken", "unbroken")
+_JOINING = ("and", "and", "and", "order", "order", "unbroken", "unbroken", "sought", "sought")
 _ALPHABETS: tuple[tuple[Scalar, ...], ...] = ((7, "7", 8), (1, 2, 3, 4), (True, 1, 2))
 
 
@@ -176,6 +176,8 @@ def _binding(rng: random.Random, time: Time, depth: int, names: tuple[str, ...])
     cut = rng.randint(1, max(1, len(names) - 1))
     if kind == "order" and len(names) > 1:
         return _order(rng, time, depth, names[:cut], names[cut:])
+    if kind == "sought" and len(names) < 3:
+        return tree.And(part(), _sought(rng, time, depth, names))
     shared = tuple(dict.fromkeys((rng.choice(names), *names[cut:])))
     if kind == "unbroken" and len(names) > 1:
         left = tree.Not(part(rng.choice((shared, names[cut:]))))
@@ -195,6 +197,28 @@ def _binding(rng: random.Random, time: Time, depth: int, names: tuple[str, ...])
         "exists": lambda: tree.Exists(extra, part((*names, extra))),
     }
     return made[kind]() if kind in made and (kind != "exists" or len(names) < 3) else tree.And(part(), free_part)
+
+
+def _sought(rng: random.Random, time: Time, depth: int, names: tuple[str, ...]) -> Formula:
+    """That for some value, or for all, something was so whenever events had some of these variables: a lockset."""
+    extra = next(name for name in "wxyz" if name not in names)
+
+    def kept() -> Formula:
+        some = tuple(rng.sample(names, rng.randint(1, len(names))))
+        guard = _binding(rng, time, 0, some)
+        if rng.random() < 0.5:
+            guard = tree.Or(guard, _binding(rng, time, 0, some))
+        held = _binding(rng, time, 0, (some[0], extra))
+        if rng.random() < 0.5:
+            held = tree.Since(tree.Not(_binding(rng, time, 0, (some[0], extra))), held, tree.ALL_PAST)
+        past = rng.choice((tree.ALL_PAST, tree.ALL_PAST, bound(rng, time)))
+        missed: Formula = tree.Once(tree.And(guard, tree.Not(held)), past)
+        always = tree.Historically(tree.Implies(guard, held), past)
+        return rng.choice((always, always, tree.Not(missed), missed, tree.Pre(missed)))
+
+    body = rng.choice((tree.And, tree.And, tree.Or))(kept(), kept()) if rng.random() < 0.8 else kept()
+    found: Formula = rng.choice((tree.Exists, tree.Exists, tree.Forall))(extra, body)
+    return rng.choice((found, tree.Not(found)))
 
 
 def _order(rng: random.Random, time: Time, depth: int, last: tuple[str, ...], first: tuple[str, ...]) -> Formula:

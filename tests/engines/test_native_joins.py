@@ -27,6 +27,14 @@ ITERATOR = (
 )
 ZONES = "forall[r, z]. {enters: *r, zone: *z} -> (not {closed: *z} since {permitted: *r})"
 LATELY = "forall[r, z]. {enters: *r, zone: *z} -> (not {closed: *z} since[:40] {permitted: *r})"
+_KEPT = (
+    "historically ({reads: *t, of: *x} or {writes: *t, of: *x} -> "
+    "(not {frees: *t, lock: *l} since {takes: *t, lock: *l}))"
+)
+RACE = (
+    "forall[t, u, x]. once ({reads: *t, of: *x} or {writes: *t, of: *x}) and once {writes: *u, of: *x} -> "
+    f"exists[l]. {_KEPT} and {_KEPT.replace('*t', '*u')}"
+)
 
 Told = tuple[dict[str, int], bool]
 """The signals of a step, and whether the property holds there."""
@@ -91,12 +99,27 @@ def lately(rng: random.Random, count: int) -> Iterator[Told]:
     return zones(rng, count, 40)
 
 
+def races(rng: random.Random, count: int) -> Iterator[Told]:
+    """Threads take their locks, and read and write what these guard; in the end one does without them."""
+    threads = range(max(2, count // 100))
+    yield from (({"takes": t, "lock": lock}, True) for t in threads for lock in {t, t + 1, 1000})
+    for _ in range(count):
+        yield {rng.choice(["reads", "writes"]): rng.choice(threads), "of": rng.choice(threads)}, True
+        t = rng.choice(threads)
+        yield {"frees": t, "lock": t}, True
+        yield {"takes": t, "lock": t}, True
+    yield {"writes": 0, "of": 0}, True
+    yield {"frees": 1, "lock": 1000}, True
+    yield from (({"writes": 1, "of": x}, False) for x in [0] * 6)
+
+
 TRACES = {
     "files": (FILES, files),
     "fifo": (FIFO, fifo),
     "iterators": (ITERATOR, iterators),
     "zones": (ZONES, zones),
     "lately": (LATELY, lately),
+    "races": (RACE, races),
 }
 
 

@@ -8,7 +8,8 @@ from math import prod
 from typing import Any, Protocol
 
 from oracle_server.engines.native.expressions import Expression, bound, is_lasting, nodes_of, variables_of
-from oracle_server.engines.native.keys import ALL, Key, Region, Text, Variables, fresh_key, key_of, picker, texts_of
+from oracle_server.engines.native.keys import ALL, Key, Region, Text, Variables, fresh_key, key_of, picker
+from oracle_server.engines.native.narrowing import Narrowing, region_of
 from oracle_server.engines.native.nodes import Node
 from oracle_server.engines.native.related import RelationNode
 from oracle_server.engines.native.timeline import FEW, Timeline
@@ -197,6 +198,7 @@ class Body:
         "_cost",
         "_fresh",
         "_leaves",
+        "_narrowing",
         "_parts",
         "_timeline",
         "_weight",
@@ -235,6 +237,7 @@ class Body:
         self.flat = size < 2 or all(n.flat and n.variables == self.variables for n in self.nodes)
         """Whether the values differ from those at the fresh key at finitely many keys without fresh values."""
         self._leaves = [(n, [self.variables.index(v) for v in n.variables]) for n in self.nodes]
+        self._narrowing = Narrowing(expressions[0], self.variables) if len(expressions) == 1 else None
         self._fresh = fresh_key(size)
         self._timeline = timeline
         self._cost = 1 + len(self._leaves) ** 2 // 16
@@ -303,18 +306,19 @@ class Body:
 
     def regions(self) -> set[Key]:
         """The regions in which a value may have changed with this step."""
-        regions: set[Key] = set()
-        size = len(self.variables)
-        for node, places in self._leaves:
-            for key in node.changes:
-                region: list[Any] = [ALL] * size
-                for place, text in zip(places, texts_of(key), strict=True):
-                    region[place] = ALL if text is None else text
-                regions.add(tuple(region))
-        return regions
+        return {region_of(key, node.variables, self.variables) for node in self.nodes for key in node.changes}
+
+    def narrowed(self) -> Collection[Key]:
+        """The same, without those parts of them in which an atom tells that nothing can have changed."""
+        regions = self.regions()
+        return regions if self._narrowing is None else self._narrowing.of(regions)
+
+    def spread(self, region: Region, place: int) -> Collection[str]:
+        """The texts that distinguish values at a place of a region, where all before that place is no `ALL`."""
+        return set(chain.from_iterable(part.spread(region, place) for part in self._parts))
 
     def _mixed(self, own: Own) -> Collection[Key]:
-        regions = self.regions()
+        regions = self.narrowed()
         return self._resolve(regions, own) if regions else ()
 
     def _resolve(self, regions: Collection[Region], own: Own) -> Collection[Key]:

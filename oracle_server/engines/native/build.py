@@ -16,6 +16,7 @@ from oracle_server.engines.native.ever import Ever
 from oracle_server.engines.native.expressions import (
     Expression,
     all_of,
+    bound,
     conjuncts,
     is_finite,
     is_lasting,
@@ -34,6 +35,7 @@ from oracle_server.engines.native.preceded import Preceded
 from oracle_server.engines.native.previous import Previous
 from oracle_server.engines.native.related import RelationNode
 from oracle_server.engines.native.some import Some, SomeOf
+from oracle_server.engines.native.sought import SomeSought
 from oracle_server.engines.native.timeline import Timeline
 from oracle_server.engines.native.unbroken import Unbroken
 from oracle_server.engines.native.waiting import Present
@@ -53,6 +55,7 @@ Operator = (
     | Some
     | SomeOf
     | SomeGuarded
+    | SomeSought
     | Obligations
 )
 
@@ -205,14 +208,14 @@ class _Builder:
 
     def _some(self, node: tree.Exists | tree.Forall, scope: Scope, path: Path) -> Expression:
         """A quantifier, and those of its kind that follow directly; for all is none for which not."""
-        kind, part, inner, bound = type(node), node, dict(scope), set[int]()
+        kind, part, inner, own = type(node), node, dict(scope), set[int]()
         body: Formula = node
         inside = path
         while isinstance(body, kind):
             part = body
             self._quantifiers += 1
             inner[part.variable] = self._quantifiers
-            bound.add(self._quantifiers)
+            own.add(self._quantifiers)
             body = part.body
             inside = (*inside, 0)
         self._network.scopes[path] = inner
@@ -220,15 +223,20 @@ class _Builder:
         if kind is tree.Forall:
             operand = negated(operand)
         operand = self._related(operand, {scope[name] for name in wanted(body)}, path)
-        used = len(bound.intersection(variables_of(operand)))
+        used = len(own.intersection(variables_of(operand)))
         if not used:
             return operand
         guard = guard_of(operand, variables_of(operand)) if used == len(variables_of(operand)) else None
         if guard is not None:
             return self._add(path, SomeGuarded(guard, operand, self._timeline))
         whole = self._body(operand)
-        closed = used == len(whole.variables)
-        return self._add(path, Some(whole, self._timeline) if closed else SomeOf(whole, used, self._timeline))
+        if used == len(whole.variables):
+            return self._add(path, Some(whole, self._timeline))
+        made = SomeOf(whole, used, self._timeline)
+        beside = frozenset[int]().union(*map(bound, self._beside))
+        if not made.flat and beside.issuperset(made.variables):
+            return self._add(path, SomeSought(whole, used, self._timeline))
+        return self._add(path, made)
 
     def _related(self, operand: Expression, outer: Set[int], path: Path) -> Expression:
         """A quantifier's body, with what binds those variables of its relations that it does not bind itself."""

@@ -24,6 +24,7 @@ from oracle_server.engines.native.parts import Part
 from oracle_server.engines.native.reasons import leaves, size, spots
 from oracle_server.engines.native.recall import Recall
 from oracle_server.engines.native.some import Some, SomeOf
+from oracle_server.engines.native.sought import SomeSought
 from oracle_server.engines.native.wording import Wording, scalar
 
 _MOST_STEPS = 2_000
@@ -113,7 +114,7 @@ class Explainer(LookingBack):
     def deciding(self, part: Part) -> tuple[Part, int] | None:
         """A quantifier's body with values that decide it now, and how many others do; None where all do together."""
         node = self._network.places.get(part.path)
-        if not isinstance(node, Some | SomeOf | SomeGuarded):
+        if not isinstance(node, Some | SomeOf | SomeGuarded | SomeSought):
             return None
         own = key_of([part.values.get(v) for v in node.variables])
         keys = node.keys(own)

@@ -254,7 +254,7 @@ class SomeOf:
 
     def apart(self, variable: int) -> Iterator[str]:
         """The texts that are distinguished here or below."""
-        return chain(texts_at(self._table.keys(), self.variables, variable), self._body.apart(variable))
+        return chain(texts_at(self._table.points(), self.variables, variable), self._body.apart(variable))
 
     def settled(self, key: Key) -> bool | None:
         """True where the body has settled so at some key of the bound variables, false where it has at all of them."""

@@ -120,6 +120,10 @@ class Flat(Generic[S]):
         """All keys, the fresh one first."""
         return [self._fresh_key, *self.states]
 
+    def beneath(self, key: Key) -> list[Key]:  # noqa: ARG002 -- a key with a fresh value is the fresh one here
+        """The keys that may have been like one with a fresh value: all."""
+        return self.keys()
+
     def points(self) -> Collection[Key]:
         """The keys that are distinguished."""
         return self.states.keys()
@@ -226,6 +230,15 @@ class Tree(Generic[S]):
     def keys(self) -> list[Key]:
         """All keys, fresh ones first."""
         return [key for key, _ in self.items()]
+
+    def beneath(self, key: Key) -> list[Key]:
+        """The keys on the branch of a key up to its first fresh value, fresh ones first: no others can be like it."""
+        found = self._find(key)
+        length = found.index(None) if None in found else self._size
+        paths: list[Key] = [found[:length]]
+        for _ in range(length, self._size):
+            paths = [(*path, text) for path in paths for text in (None, *self._branches.get(path, ()))]
+        return paths
 
     def points(self) -> Collection[Key]:
         """The keys that are distinguished, fresh values among them."""

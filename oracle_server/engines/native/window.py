@@ -69,7 +69,7 @@ class Window:
         if keys:
             self._touch(keys)
         if self._peopled is not peopled:
-            self._refresh_all()
+            self._renew(self._table.keys())
         self._pop(self._entering)
         self._pop(self._leaving)
 
@@ -185,7 +185,7 @@ class Window:
 
     def apart(self, variable: int) -> Iterator[str]:
         """The texts that are distinguished here or below."""
-        return chain(texts_at(self._table.keys(), self.variables, variable), self._body.apart(variable))
+        return chain(texts_at(self._table.points(), self.variables, variable), self._body.apart(variable))
 
     def settled(self, key: Key) -> bool | None:
         """The value at a key, where no continuation can change it; None where one may."""
@@ -214,7 +214,7 @@ class Window:
         self._table.index()
 
     def _touch(self, keys: Collection[Key]) -> None:
-        fresh = False
+        beneath: dict[Key, None] = {}
         for key in keys:
             runs = self._table.own(key)
             if self._timeline.journal is not None:
@@ -225,11 +225,13 @@ class Window:
             other = self._table.fresh
             if self._upper is not None and (closed or (runs.left is other.left and runs.right is other.right)):
                 self._new_leaving.append((self._timeline.before + self._upper + 1, key))
-            fresh = fresh or is_fresh(key)
-        if fresh:
-            self._refresh_all()
-        else:
-            for key in keys:
+        for key in keys:
+            if is_fresh(key) and key not in beneath:
+                beneath.update(dict.fromkeys(self._table.beneath(key)))
+        if beneath:
+            self._renew(beneath)
+        for key in keys:
+            if key not in beneath:
                 self._table.drop(key, self._same)
         self._queue_new()
 
@@ -307,11 +309,14 @@ class Window:
         begun = zip(runs.starts, other.starts, strict=True)
         return all(p == q or max(p, q) <= past for p, q in begun) and list(runs.ends) == list(other.ends)
 
-    def _refresh_all(self) -> None:
-        self._timeline.spend(len(self._table.states))
-        for key, runs in self._table.items():
-            self._refresh(key, runs)
-        for key in self._table.keys():  # noqa: SIM118 -- a table is no mapping
+    def _renew(self, keys: Collection[Key]) -> None:
+        """Look at the values of keys that are distinguished, and which of them still must be; fresh ones come first."""
+        self._timeline.spend(len(keys))
+        for key in keys:
+            runs = self._table.known(key)
+            if runs is not None:
+                self._refresh(key, runs)
+        for key in keys:
             self._table.drop(key, self._same)
 
     def _pop(self, queue: deque[tuple[int, Key]]) -> None:
@@ -325,7 +330,7 @@ class Window:
             if self._timeline.journal is not None:
                 self._timeline.journal.append(Undo(queue.appendleft, entry))
             if is_fresh(key):
-                self._refresh_all()
+                self._renew(self._table.beneath(key))
                 continue
             runs = self._table.known(key)
             if runs is not None:
