@@ -9,7 +9,8 @@ from oracle_server.core.misfits import Doubt, constraint_text, described, range_
 from oracle_server.core.places import Place, likened, names_of
 from oracle_server.core.ranges import Range
 
-_Use = tuple[Atom, Constraint]
+Use = tuple[Atom, Constraint]
+"""An atom, and its constraint that binds a variable."""
 
 
 def unjoined(formula: Formula, places: Sequence[Place]) -> Iterator[Doubt]:
@@ -17,7 +18,7 @@ def unjoined(formula: Formula, places: Sequence[Place]) -> Iterator[Doubt]:
     for uses in _uses(formula):
         if len({use.key for _, use in uses}) < 2:
             continue
-        found = [(atom, use, where) for atom, use in uses if (where := _possible(atom, places))]
+        found = [(atom, use, where) for atom, use in uses if (where := possible(atom, places))]
         ranges = [range_at(use.key, where) for _, use, where in found]
         for i, (atom, use, where) in enumerate(found):
             others = [j for j in range(len(found)) if j != i]
@@ -33,10 +34,10 @@ def unjoined(formula: Formula, places: Sequence[Place]) -> Iterator[Doubt]:
                     break
 
 
-def _uses(formula: Formula) -> list[list[_Use]]:
+def _uses(formula: Formula) -> list[list[Use]]:
     """The constraints that use each variable, quantifier by quantifier."""
-    found: list[list[_Use]] = []
-    waiting: list[tuple[Formula, Mapping[str, list[_Use]]]] = [(formula, {})]
+    found: list[list[Use]] = []
+    waiting: list[tuple[Formula, Mapping[str, list[Use]]]] = [(formula, {})]
     while waiting:
         node, scope = waiting.pop()
         if isinstance(node, Exists | Forall):
@@ -50,7 +51,7 @@ def _uses(formula: Formula) -> list[list[_Use]]:
     return found
 
 
-def _possible(atom: Atom, places: Sequence[Place]) -> list[Place]:
+def possible(atom: Atom, places: Sequence[Place]) -> list[Place]:
     """Where an atom can hold."""
     like = likened(atom, places)
     possible = {id(place) for place in {id(p): p for p in like}.values() if place.value(atom) is not False}

@@ -42,6 +42,7 @@ from oracle_server.core.misfits import Doubt, misfits
 from oracle_server.core.places import Place, names_of, places
 from oracle_server.core.spec import Property, Spec
 from oracle_server.core.typed import StreamTypes
+from oracle_server.core.unrelated import unrelated
 from oracle_server.core.worlds import Effort, Truth
 
 
@@ -113,6 +114,7 @@ class _Seen:
         if not told | fitting:
             yield from self._partial()
         yield from unjoined(self.prop.formula, self.places)
+        yield from unrelated(self.prop.formula, self.places)
         yield from self._settled(told)
         yield from self._unused_guards()
 
