@@ -6,13 +6,14 @@ long as all that an adapter does with it.
 
 from __future__ import annotations
 
-from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Callable, NamedTuple
 
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation as rcl
 from rclpy.subscription import Subscription
+
+from oracle_ros2.responses import send
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -146,8 +147,7 @@ def _service(service: Any) -> Callable[[], None]:
             return
 
         def reply(response: Any) -> None:
-            with suppress(InvalidHandle):  # the service was destroyed: its client gets no response
-                service.send_response(response, header)
+            send(service, response, header)
 
         if isinstance(callback, Later):
             callback.take(request, reply)
