@@ -95,12 +95,12 @@ def until(session: Session, now: int) -> list[Judged]:
 
 
 def told(judged: Sequence[Judged]) -> list[Any]:
-    """What was said, without the numbers that an event has of its monitor."""
+    """What was said, but for the numbers that an event has of its monitor, and how many late events there were."""
     found: list[Any] = []
     for item in judged:
         if isinstance(item, Revision):
             changes = [None if c is None else (c.first, c.last, c.n, c.outcome, c.violation) for c in item.changes]
-            found.append((item.step.stamp, changes, item.causes))
+            found.append((item.step.stamp, changes))
             continue
         step, verdicts = item.step, [(v.n, v.outcome, v.degraded, v.explanation is not None) for v in item.verdicts]
         found.append((item.number, item.place, step.event.stream, step.stamp, step.late, step.signals, verdicts))

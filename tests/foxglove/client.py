@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import re
 import struct
 from collections.abc import AsyncIterator, Callable
 from typing import Any, NamedTuple
@@ -73,17 +74,21 @@ class Viewer:
                 assert (channel["encoding"], channel["schemaEncoding"]) == ("json", "jsonschema")
                 self.channels[channel["id"]] = channel
                 self._names[channel["id"]] = channel["topic"]
-            wanted = [c["id"] for c in told["channels"] if self._wanted(c["topic"])]
-            subscriptions = [{"id": number, "channelId": number} for number in wanted]
-            await self.socket.send(json.dumps({"op": "subscribe", "subscriptions": subscriptions}))
+            await self._subscribe([c["id"] for c in told["channels"] if self._wanted(c["topic"])])
         elif told["op"] == "unadvertise":
             for number in told["channelIds"]:
                 del self.channels[number]
-        elif told["op"] == "status":  # the channel was offered anew meanwhile, with more signals
+        elif told["op"] == "status":
+            # the channel was offered anew meanwhile, with more signals; or the library tells of it before it knows it
             assert told["message"].startswith("Unknown channel ID")
+            await self._subscribe([n for n in map(int, re.findall(r"[0-9]+", told["message"])) if n in self.channels])
         else:
             assert told["op"] in ("serverInfo", "removeStatus"), told
             assert told.get("capabilities", []) == []
+
+    async def _subscribe(self, numbers: list[int]) -> None:
+        subscriptions = [{"id": number, "channelId": number} for number in numbers]
+        await self.socket.send(json.dumps({"op": "subscribe", "subscriptions": subscriptions}))
 
 
 @contextlib.asynccontextmanager
