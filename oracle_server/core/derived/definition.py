@@ -22,6 +22,8 @@ MAX_KEYS = 10_000
 """Keys that one signal may have."""
 MAX_MACHINES = 100_000
 """The same of one whose value is the state of a machine."""
+MAX_PARAMETRIC = 1_000
+"""The same where several signals tell machines apart: one event may move all of them, and each change is noted."""
 MAX_DERIVED = 1_000
 """Derived signals that a spec may have."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from typing import Any, Final
 
-from oracle_server.core.derived.definition import MAX_KEYS, Definition
+from oracle_server.core.derived.definition import MAX_PARAMETRIC, Definition
 from oracle_server.core.derived.keyed import key_of, texts_of, value_of
 from oracle_server.core.derived.machine import Machines, Standing
 from oracle_server.core.derived.queue import Key
@@ -91,7 +91,7 @@ class Parametric(Machines):
     @property
     def most(self) -> int:
         """The most machines that are kept: one event may be of all of them."""
-        return MAX_KEYS
+        return MAX_PARAMETRIC
 
     def _value_at(self, now: int, signals: Signals, failed: Collection[str]) -> Value | None:
         if any(name in failed and name not in signals for name in self.by):

@@ -76,7 +76,7 @@ def test_an_event_of_a_key_that_is_not_known_may_be_of_any() -> None:
 
 
 def test_machines_that_have_no_room_fail(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(parametric, "MAX_KEYS", 1)
+    monkeypatch.setattr(parametric, "MAX_PARAMETRIC", 1)
     told = Told()
     assert told.outcome("create", c="a", i=1) == "currently_true"
     assert told.outcome("create", c="b", i=2) == "unknown"
