@@ -99,7 +99,6 @@ def act(name: str, kept: int) -> None:
         feedback.append((microseconds() - message.feedback) % 2**31 / 1000)
 
     def run(goal: int) -> tuple[float, float]:
-        time.sleep(PAUSE if kept == FEW else 0)
         replied: list[int] = []
         ended = threading.Event()
 
@@ -114,11 +113,15 @@ def act(name: str, kept: int) -> None:
         assert sent.get_terminal_state() == GoalStatus.SUCCEEDED, sent.get_goal_status_text()
         return (replied[0] - began) / 1e6, (replied[-1] - began) / 1e6
 
+    def rested(goal: int) -> tuple[float, float]:
+        time.sleep(PAUSE)
+        return run(goal)
+
     assert client.wait_for_server(rospy.Duration(PATIENCE)), f"{name} has no server"
     time.sleep(1)  # a connection counts here before its other end has it
     for _ in range(max(20, kept)):
         run(0)
-    times = [run(0) for _ in range(GOALS)]
+    times = [rested(0) for _ in range(GOALS)]
     run(GOALS)
     time.sleep(1)  # the result may overtake feedback, which is then dropped
     say(json.dumps({"goal to reply": [t for t, _ in times], "goal to result": [t for _, t in times],

@@ -14,7 +14,7 @@ ACCEPTED, BESIDE = 0.5, 0.2
 """Milliseconds that the acceptance of a goal may take more than a call, beyond what it does without a proxy; and a call
 of one of several services."""
 RESTED = "service, 0.1 s apart"
-"""The service as a goal is sent where few are kept: all processes have slept before."""
+"""The service as goals are sent: all processes have slept before."""
 
 
 @dataclass
@@ -89,8 +89,8 @@ def print_table(found: list[dict[str, Any]]) -> None:
     )
 
 
-def print_goals(found_of: Mapping[tuple[str, str], Measured], kept: Sequence[int], few: int) -> None:
-    """What is compared with something else than its own bare chain, at 50 %; `few` goals are sent with pauses."""
+def print_goals(found_of: Mapping[tuple[str, str], Measured], kept: Sequence[int]) -> None:
+    """What is compared with something else than its own bare chain, at 50 %."""
 
     def more(case: str, call: str, path: str) -> float:
         return found_of[case, path].quantile(0.5) - found_of[call, path].quantile(0.5)
@@ -105,13 +105,16 @@ def print_goals(found_of: Mapping[tuple[str, str], Measured], kept: Sequence[int
     beside = more("one of 4 services", "service", "oracle")
     tell("one of 4 proxied services beside one alone", beside, f"{beside:+.3f} ms", BESIDE, "ms")
     for count in kept:
-        call = RESTED if count == few else "service"
         for case in (f"goal to reply, {count} kept", f"reply to a goal begun later, {count} kept"):
             if (case, "oracle") in found_of:
-                direct, bare, oracle = (more(case, call, path) for path in ("direct", "bare", "oracle"))
+                direct, bare, oracle = (more(case, RESTED, path) for path in ("direct", "bare", "oracle"))
                 text = f"{oracle:+.3f} ms, direct {direct:+.3f}, by the bare chain {bare:+.3f}"
                 tell(
-                    f"{case}, beside a {call}", oracle - direct, f"{text}: {oracle - direct:+.3f} ours", ACCEPTED, "ms"
+                    f"{case}, beside a {RESTED}",
+                    oracle - direct,
+                    f"{text}: {oracle - direct:+.3f} ours",
+                    ACCEPTED,
+                    "ms",
                 )
         times(f"feedback that is logged beside the bare chain, {count} kept", f"feedback at 100 Hz, {count} kept")
         times(f"from goal to result beside the bare chain, {count} kept", f"goal to result, {count} kept")

@@ -73,7 +73,7 @@ FEW = 1
 KEPT = (FEW, 200)
 """How many goals an action's server remembers at least while it is measured."""
 PAUSE = 0.1
-"""Seconds between goals, and for which each is kept, where few are."""
+"""Seconds between goals that are measured, and for which each is kept where few are."""
 LAST_WORDS = 5.0
 """Seconds in which a process that is given up may still say something."""
 CALLED = {
@@ -348,5 +348,5 @@ def main(ros: Ros, description: str | None) -> None:
         return
     print_table(found)
     if calls:
-        print_goals(run.measured, KEPT, FEW)
+        print_goals(run.measured, KEPT)
     print(f"{os.cpu_count()} CPUs; load before the run {before:.1f}")

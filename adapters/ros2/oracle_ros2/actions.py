@@ -237,6 +237,7 @@ class ProxiedAction:
     def _answer_result(self, call: Call, response: Any) -> None:
         goal = _goal_of(call)
         self._feedback.subscription.take_all()  # the server has published it before
+        self._status.flush()
 
         def refuse() -> None:
             self._goals.withhold(goal)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from typing import TYPE_CHECKING, Any, Mapping
+from typing import TYPE_CHECKING, Any, Mapping, NamedTuple
 
 from action_msgs.msg import GoalStatusArray
 from rclpy.qos import qos_profile_action_status_default
@@ -72,6 +72,15 @@ def _is_there(source: str, sources: list[str]) -> bool:
     return any(one.startswith(source) for one in sources)
 
 
+class _Unread(NamedTuple):
+    """An array as it came: when (s, of the steady clock), and how many were lost before it."""
+
+    array: bytes
+    info: Mapping[str, Any]
+    lost: int
+    since: float
+
+
 class RelayedStatus:
     """Passes arrays on as they came, unless something of their goals was withheld."""
 
@@ -84,6 +93,7 @@ class RelayedStatus:
         """How many arrays have come."""
         self.observed = None if stream is None else StatusStream(shared, stream, stamped_here=True)
         self._numbers = Numbers(self._match)
+        self._unread: deque[_Unread] = deque(maxlen=HELD)
         self._waiting: deque[tuple[bytes, Statuses, float]] = deque(maxlen=HELD)
         self._unreported: deque[tuple[Statuses, float, Mapping[str, Any], int]] = deque()
         self._last: tuple[bytes, Statuses] | None = None
@@ -99,6 +109,8 @@ class RelayedStatus:
     @property
     def under_way(self) -> int:
         """How many goals have not ended."""
+        with self._goals.lock:
+            self._read()
         return sum(status not in FINAL for status in self.statuses.values())
 
     def look(self) -> list[str]:
@@ -111,6 +123,7 @@ class RelayedStatus:
     def flush(self) -> None:
         """Pass on what waits no longer, for a reply or for a result; and report what waits for no reply."""
         with self._goals.lock:
+            self._read()
             while self._waiting:
                 array, statuses, since = self._waiting[0]
                 if not self._goals.may_show(statuses) and _recent(since):
@@ -123,6 +136,7 @@ class RelayedStatus:
     def report(self) -> None:
         """Report what waits for no reply."""
         with self._goals.lock:
+            self._read()
             while self.observed is not None and self._unreported:
                 statuses, since, info, lost = self._unreported[0]
                 if not self._goals.have_replies(statuses) and _recent(since):
@@ -153,17 +167,25 @@ class RelayedStatus:
         if lost < 0:
             return
         self.count += 1
-        try:
-            statuses = read(array)
-        except Exception as error:  # noqa: BLE001 - whatever another node sends
-            self._board.failed(self._name, f"a status array of {self._name}", error)
-            return
         with self._goals.lock:
+            self._unread.append(_Unread(array, info, lost, time.monotonic()))
+            replies_are_due = bool(self._goals.unsettled)
+        if not replies_are_due:
+            self.flush()
+
+    def _read(self) -> None:
+        """Read what came while replies were due: these come first, as an array of 200 is read for some 0.1 ms."""
+        while self._unread:
+            array, info, lost, since = self._unread.popleft()
+            try:
+                statuses = read(array)
+            except Exception as error:  # noqa: BLE001 - whatever another node sends
+                self._board.failed(self._name, f"a status array of {self._name}", error)
+                continue
             self.statuses = statuses
-            self._waiting.append((array, statuses, time.monotonic()))
+            self._waiting.append((array, statuses, since))
             if self.observed is not None:
-                self._unreported.append((statuses, time.monotonic(), info, lost))
-        self.flush()
+                self._unreported.append((statuses, since, info, lost))
 
     def _shown(self, array: bytes, statuses: Statuses) -> bytes:
         other = self._goals.shown(statuses)
