@@ -6,12 +6,11 @@ from collections.abc import Callable, Collection
 from typing import Any, Final
 
 import msgspec
-from msgspec.structs import replace
 
 from oracle_server.core.derived.definition import MAX_MACHINES, Definition
 from oracle_server.core.derived.journal import Was
 from oracle_server.core.derived.keyed import key_of, names_of, texts_of, value_of
-from oracle_server.core.derived.queue import Key, Queue
+from oracle_server.core.derived.queue import Key
 from oracle_server.core.derived.samples import FAILED, Value
 from oracle_server.core.derived.window import Asked, Session
 from oracle_server.core.events import Signals
@@ -21,6 +20,10 @@ _SHORT: Final = 256
 """Texts of fewer characters are keys as they are."""
 _ONE: Final = ""
 """The key of a machine that is the only one."""
+_FEW: Final = 1024
+"""So many machines are kept before it is looked which are forgotten."""
+_MOST_WAYS: Final = 1024
+"""The different events at once that are remembered for a state."""
 
 
 class Standing(msgspec.Struct, frozen=True, gc=False):
@@ -63,7 +66,12 @@ class Machines:
         self._life = definition.forget
         """How long a machine is kept after its last event, None for ever."""
         self._standings: dict[Key, Standing] = {}
-        self._queue = Queue(session.journal)
+        self._look_at = self.most if self._life is None else min(_FEW, self.most)
+        """At how many machines it is looked which are forgotten: so each event costs the same."""
+        self._full_until = 0
+        """Until when (ns) none of the most that may be kept is forgotten."""
+        self._ways: list[dict[int, tuple[int, int]]] = [{} for _ in self._rows]
+        """Where a state goes at a step with some events, and by which, as the table has it."""
         self._blind: int | None = None
         """When (ns) there was an event last of which the machine is not known: it may be any."""
         self._crowded: int | None = None
@@ -75,14 +83,15 @@ class Machines:
     def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
         """Take the events of a step, as bits; returns what the signal is with them."""
         key: Key = _ONE
+        if self._blind is not None or self._crowded is not None:
+            self._let_go_of_marks(now)
         if self._by:
-            self._let_go(now)
             value = signals.get(self._by)
             if value is None:
                 return self._lose_all(now) if self._by in failed else None
             key = value if type(value) is str and len(value) < _SHORT else key_of(value)
         had = self._standings.get(key)
-        if had is None and len(self._standings) >= MAX_MACHINES:
+        if had is None and len(self._standings) >= self._look_at and not self._has_room(now):
             self._change("_crowded", now)
             return FAILED
         state = self._move(key, had, sample, now, number).state
@@ -141,21 +150,18 @@ class Machines:
         standings, self._blind, self._crowded = data
         for value, state, event, since, was, *rest in standings:
             self._put(self._read(value), Standing(int(state), event, since, int(was), *rest))
-        if self._life is not None:
-            self._fill()
 
     def _move(self, key: Key, had: Standing | None, sample: Any, now: int, number: int) -> Standing:
-        """How a machine stands that stood so before the events of a step; None for one that is new."""
+        """How a machine stands that stood so at its last event before a step; None for one that is new."""
         life = self._life
-        after = self._after(self._unseen(now) if had is None else had, sample, number, 0 if life is None else now)
+        if had is None or (life is not None and had.at + life <= now):
+            after = self._after(self._unseen(now), sample, number, 0 if life is None else now)
+        else:
+            after = self._after(had, sample, number, 0 if life is None else now)
         if after is not had:
             self._put(key, after)
             if self._session.journal.entries is not None:
                 self._session.journal.entries.append(_Had(self._unput, key, had))
-        if life is not None and (had is None or had.at != now):
-            self._queue.add(now, key)
-            if self._queue.is_long and not self._queue.trim():
-                self._fill()
         return after
 
     def _put(self, key: Key, standing: Standing | None) -> None:
@@ -176,13 +182,20 @@ class Machines:
     def _after(self, standing: Standing, sample: int, number: int, at: int) -> Standing:
         """How a machine stands behind the events of step `number`."""
         state = standing.state
-        found = self._rows[state].get(sample) if state >= 0 else None
-        event = sample.bit_length() - 1  # as most often: one event, and one of the row
-        if found is None:
-            found, event = self.table.after(state, sample), self.table.event(state, sample)
-        if found == state:
-            return standing if at == standing.at else replace(standing, at=at)
-        return Standing(found, event, number, state, standing.event, standing.since, at)
+        found, event = (self._ways[state].get(sample) if state >= 0 else None) or self._way(state, sample)
+        if found != state:
+            return Standing(found, event, number, state, standing.event, standing.since, at)
+        if at == standing.at:
+            return standing
+        was, was_event, was_since = standing.was, standing.was_event, standing.was_since
+        return Standing(state, standing.event, standing.since, was, was_event, was_since, at)
+
+    def _way(self, state: int, sample: int) -> tuple[int, int]:
+        """Where the table leads from a state, and by which event."""
+        found = self.table.after(state, sample), self.table.event(state, sample)
+        if state >= 0 and len(self._ways[state]) < _MOST_WAYS:
+            self._ways[state][sample] = found
+        return found
 
     def _value_at(self, now: int, signals: Signals, failed: Collection[str]) -> Value | None:
         key: Key = _ONE
@@ -214,28 +227,32 @@ class Machines:
         self._change("_standings", {})
         return FAILED
 
-    def _let_go(self, now: int) -> None:
-        """Let go of the machines whose last event is long ago, and of marks."""
+    def _let_go_of_marks(self, now: int) -> None:
+        """Forget events of unknown machines that are long ago."""
         if self._life is None:
             return
         limit = now - self._life
-        undone = self._session.journal.entries
-        for key in self._queue.pass_by(limit):
-            standing = self._standings.get(key)
-            if standing is not None and standing.at <= limit:
-                if undone is not None:
-                    undone.append(_Had(self._unput, key, standing))
-                self._put(key, None)
         if self._blind is not None and self._blind <= limit:
             self._change("_blind", None)
         if self._crowded is not None and self._crowded <= limit:
             self._change("_crowded", None)
 
+    def _has_room(self, now: int) -> bool:
+        """Whether one more machine may be kept, once those are gone that are forgotten by now (ns)."""
+        if self._life is not None and now >= self._full_until:
+            self._let_go(now - self._life)
+        return len(self._standings) < self.most
+
+    def _let_go(self, limit: int) -> None:
+        """Let go of the machines that had no event later than a time (ns)."""
+        kept = {key: standing for key, standing in self._standings.items() if standing.at > limit}
+        if len(kept) < len(self._standings):
+            self._change("_standings", kept)
+        self._look_at = min(self.most, 2 * max(_FEW, len(kept)))
+        if len(kept) >= self.most and self._life is not None:
+            self._change("_full_until", min(standing.at for standing in kept.values()) + self._life)
+
     def _change(self, name: str, value: object) -> None:
         if self._session.journal.entries is not None:
             self._session.journal.entries.append(Was(self, name, getattr(self, name)))
         setattr(self, name, value)
-
-    def _fill(self) -> None:
-        """Fill the queue with what is still needed of it."""
-        self._queue.fill(sorted(((s.at, key) for key, s in self._standings.items()), key=lambda pair: pair[0]))

@@ -59,19 +59,19 @@ class Parametric(Machines):
 
     def take(self, sample: Value, now: int, number: int, signals: Signals, failed: Collection[str]) -> Value | None:
         """Take the events of a step, as bits; returns what the signal is with them."""
-        self._let_go(now)
+        self._let_go_of_marks(now)
         if any(name in failed and name not in signals for name in self.by):
             return self._lose_all(now)
         parts = self._parts(signals)
         if _ANY not in parts:
             had = self._standings.get(parts)
-            if had is None and len(self._standings) >= self.most:
+            if had is None and len(self._standings) >= self._look_at and not self._has_room(now):
                 self._change("_crowded", now)
                 return FAILED
             self._move(parts, had, sample, now, number)
         elif any(part is not _ANY for part in parts):
-            for key in self._agreeing.of(parts):
-                self._move(key, self._standings[key], sample, now, number)
+            for key, standing in self._among(parts, now):
+                self._move(key, standing, sample, now, number)
         return self._value_of(parts, now)
 
     def shown(self, now: int, signals: Signals) -> tuple[tuple[Scalar, ...], Standing] | None:
@@ -124,6 +124,13 @@ class Parametric(Machines):
             self._agreeing.discard(key)
         else:
             self._agreeing.add(key)
+
+    def _let_go(self, limit: int) -> None:
+        super()._let_go(limit)
+        agreeing = _Agreeing(len(self.by))
+        for key in self._standings:
+            agreeing.add(key)
+        self._change("_agreeing", agreeing)
 
     def _lose_all(self, now: int) -> Value:
         self._change("_agreeing", _Agreeing(len(self.by)))
