@@ -1,5 +1,7 @@
 // Addresses of this page: which view, and of a session which part of its time and which verdict.
 
+let opened = ""; // what the page shows: where the address is another one, that is about to be opened
+
 /** The address of a session: its verdict `n`, and the part of its time from `from` to `to` (ns), where they are given. */
 export function at(session, n, { from, to } = {}) {
   const query = new URLSearchParams();
@@ -17,9 +19,10 @@ export function ofRobot(origin) {
   return `#/?${new URLSearchParams({ q: `origin:${origin}` })}`;
 }
 
-/** What the address of the page names: `kind` and `id` of a view, `other` where it names two, `n`, `from` and `to`, null where they are not there, and the search `q` of a list and what it shows. */
+/** What the address of the page names, to be opened: `kind` and `id` of a view, `other` where it names two, `n`, `from` and `to`, null where they are not there, and the search `q` of a list and what it shows. */
 export function read() {
-  const [path, text] = location.hash.slice(1).split("?");
+  opened = location.hash;
+  const [path, text] = opened.slice(1).split("?");
   const [, kind, id, other] = path.split("/").map(decoded);
   const query = new URLSearchParams(text);
   const time = (name) => (/^\d{1,19}$/.test(query.get(name) ?? "") ? BigInt(query.get(name)) : null);
@@ -29,9 +32,11 @@ export function read() {
   return { kind, id, other, n: Number(query.get("n")) || null, ...window, ...search };
 }
 
-/** Name what is shown in the address, without a step back in the browser's history. */
+/** Name what is shown in the address, without a step back in the browser's history; not where another one was chosen. */
 export function rename(address) {
-  if (location.hash !== address) history.replaceState(null, "", address);
+  if (location.hash !== opened || opened === address) return;
+  history.replaceState(null, "", address);
+  opened = location.hash;
 }
 
 /** A time as it stands in an address, where none is before 0. */
