@@ -10,7 +10,7 @@ import msgspec
 from oracle_server.core.derived.definition import MAX_MACHINES, Definition
 from oracle_server.core.derived.journal import Was
 from oracle_server.core.derived.keyed import key_of, names_of, texts_of, value_of
-from oracle_server.core.derived.queue import Key
+from oracle_server.core.derived.queue import Key, Queue
 from oracle_server.core.derived.samples import FAILED, Value
 from oracle_server.core.derived.window import Asked, Session
 from oracle_server.core.events import Signals
@@ -62,15 +62,15 @@ class Machines:
         self.by = definition.by
         """The signals whose values tell machines apart: here one at most."""
         self._by = "".join(definition.by[:1])
-        self._rows, self._values = self.table.rows, self.table.values
+        self._values = self.table.values
         self._life = definition.forget
         """How long a machine is kept after its last event, None for ever."""
         self._standings: dict[Key, Standing] = {}
         self._look_at = self.most if self._life is None else min(_FEW, self.most)
         """At how many machines it is looked which are forgotten: so each event costs the same."""
-        self._full_until = 0
-        """Until when (ns) none of the most that may be kept is forgotten."""
-        self._ways: list[dict[int, tuple[int, int]]] = [{} for _ in self._rows]
+        self._queue = Queue(session.journal)
+        """The machines in the order of their last events, as they stood when it was filled; those since are later."""
+        self._ways: list[dict[int, tuple[int, int]]] = [{} for _ in self.table.rows]
         """Where a state goes at a step with some events, and by which, as the table has it."""
         self._blind: int | None = None
         """When (ns) there was an event last of which the machine is not known: it may be any."""
@@ -153,11 +153,7 @@ class Machines:
 
     def _move(self, key: Key, had: Standing | None, sample: Any, now: int, number: int) -> Standing:
         """How a machine stands that stood so at its last event before a step; None for one that is new."""
-        life = self._life
-        if had is None or (life is not None and had.at + life <= now):
-            after = self._after(self._unseen(now), sample, number, 0 if life is None else now)
-        else:
-            after = self._after(had, sample, number, 0 if life is None else now)
+        after = self._after(self._known(had, now), sample, number, 0 if self._life is None else now)
         if after is not had:
             self._put(key, after)
             if self._session.journal.entries is not None:
@@ -239,18 +235,27 @@ class Machines:
 
     def _has_room(self, now: int) -> bool:
         """Whether one more machine may be kept, once those are gone that are forgotten by now (ns)."""
-        if self._life is not None and now >= self._full_until:
+        if self._life is not None:
             self._let_go(now - self._life)
         return len(self._standings) < self.most
 
     def _let_go(self, limit: int) -> None:
         """Let go of the machines that had no event later than a time (ns)."""
-        kept = {key: standing for key, standing in self._standings.items() if standing.at > limit}
-        if len(kept) < len(self._standings):
-            self._change("_standings", kept)
-        self._look_at = min(self.most, 2 * max(_FEW, len(kept)))
-        if len(kept) >= self.most and self._life is not None:
-            self._change("_full_until", min(standing.at for standing in kept.values()) + self._life)
+        self._pass_by(limit)
+        if self._queue.is_spent:
+            self._queue.fill(sorted(((s.at, key) for key, s in self._standings.items()), key=lambda pair: pair[0]))
+            self._pass_by(limit)
+        self._look_at = min(self.most, 2 * max(_FEW, len(self._standings)))
+
+    def _pass_by(self, limit: int) -> None:
+        """Let go of those of the queue alone."""
+        undone = self._session.journal.entries
+        for key in self._queue.pass_by(limit):
+            standing = self._standings.get(key)
+            if standing is not None and standing.at <= limit:
+                if undone is not None:
+                    undone.append(_Had(self._unput, key, standing))
+                self._put(key, None)
 
     def _change(self, name: str, value: object) -> None:
         if self._session.journal.entries is not None:

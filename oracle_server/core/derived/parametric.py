@@ -125,13 +125,6 @@ class Parametric(Machines):
         else:
             self._agreeing.add(key)
 
-    def _let_go(self, limit: int) -> None:
-        super()._let_go(limit)
-        agreeing = _Agreeing(len(self.by))
-        for key in self._standings:
-            agreeing.add(key)
-        self._change("_agreeing", agreeing)
-
     def _lose_all(self, now: int) -> Value:
         self._change("_agreeing", _Agreeing(len(self.by)))
         return super()._lose_all(now)

@@ -40,6 +40,11 @@ class Queue:
         """Whether it has grown to twice what it was when it was filled."""
         return len(self._places) > self._most
 
+    @property
+    def is_spent(self) -> bool:
+        """Whether all of it was passed by."""
+        return self._head == len(self._places)
+
     def trim(self) -> bool:
         """Let go of what was passed by, where that is half of it; returns whether it was."""
         if 2 * self._head < len(self._places):

@@ -11,6 +11,7 @@ from hypothesis import strategies as some
 
 from oracle_server.core.derived import machine, parametric
 from oracle_server.core.derived.machine import Machines
+from oracle_server.core.derived.queue import Key, Queue
 from oracle_server.core.derived.state import Derived
 from oracle_server.core.events import Event, Step, StreamKey
 from oracle_server.core.formula.tree import Scalar
@@ -83,6 +84,21 @@ def test_what_is_forgotten_makes_room_at_once(ready: Plan, steps: list[Told]) ->
         lazily = said(ready, steps)
         assert lazily == said(ready, steps, at_once=True)
         assert lazily == said(ready, steps, kept=True)
+
+
+def test_machines_that_make_room_one_by_one_are_not_all_looked_at_for_each(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine, "MAX_MACHINES", 4)
+    filled: list[int] = []
+    fill = Queue.fill
+
+    def count(queue: Queue, pairs: list[tuple[int, Key]]) -> None:
+        filled.append(len(pairs))
+        fill(queue, pairs)
+
+    monkeypatch.setattr(Queue, "fill", count)
+    found = said(ONE, [(1, {"did": "open", "a": n}, False) for n in range(1000)])
+    assert found == [("wide", False)] * 1000
+    assert sum(filled) <= 1000
 
 
 def test_no_more_are_kept_than_twice_what_is_remembered(monkeypatch: pytest.MonkeyPatch) -> None:
