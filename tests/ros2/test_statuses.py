@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import random
+import subprocess
+import sys
+import textwrap
 
 import pytest
 
@@ -75,3 +78,34 @@ def test_a_transition_is_told_once_and_each_publisher_has_its_own() -> None:
 @pytest.mark.parametrize("number", range(-1, 9))
 def test_each_status_has_a_word(number: int) -> None:
     assert statuses.word(number) in statuses.WORDS
+
+
+# In a process of its own, as the tests here make no node.
+MANY = """
+    from types import SimpleNamespace
+    import rclpy
+    from oracle_ros2.goals import Goals
+    from oracle_ros2.shared import Shared
+    from oracle_ros2.standing import HELD, RelayedStatus
+    from tests.ros2.test_statuses import array, statuses
+
+    rclpy.init()
+    told = []
+    link = SimpleNamespace(send=lambda *event, goal_id, lost, **more: told.append((bytes.fromhex(goal_id), lost)))
+    goals, stream = Goals(), {"name": "/fib", "kind": "status", "latency": 0}
+    goals.begin(b"whose reply is d")
+    topics = "/fib/_action/status", "/fib_mon/_action/status"
+    relayed = RelayedStatus(Shared(rclpy.create_node("many"), link, None, {}, None), "/fib", stream, topics, goals)
+    arrays = [array(1, seed) for seed in range(2 * HELD + 1)]
+    for one in arrays:
+        relayed._take(one, {"source_timestamp": 2**62})
+    relayed.flush()
+    print(told == [(goal, 0) for one in arrays for goal in statuses.read(one)])
+"""
+
+
+def test_however_many_arrays_come_while_a_reply_is_due_each_is_told() -> None:
+    ended = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(MANY)], capture_output=True, text=True, timeout=100, check=False
+    )
+    assert ended.stdout.split() == ["True"], ended.stderr

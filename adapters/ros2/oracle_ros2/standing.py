@@ -93,7 +93,7 @@ class RelayedStatus:
         """How many arrays have come."""
         self.observed = None if stream is None else StatusStream(shared, stream, stamped_here=True)
         self._numbers = Numbers(self._match)
-        self._unread: deque[_Unread] = deque(maxlen=HELD)
+        self._unread: deque[_Unread] = deque()
         self._waiting: deque[tuple[bytes, Statuses, float]] = deque(maxlen=HELD)
         self._unreported: deque[tuple[Statuses, float, Mapping[str, Any], int]] = deque()
         self._last: tuple[bytes, Statuses] | None = None
@@ -169,8 +169,8 @@ class RelayedStatus:
         self.count += 1
         with self._goals.lock:
             self._unread.append(_Unread(array, info, lost, time.monotonic()))
-            replies_are_due = bool(self._goals.unsettled)
-        if not replies_are_due:
+            may_wait = bool(self._goals.unsettled) and len(self._unread) < HELD
+        if not may_wait:
             self.flush()
 
     def _read(self) -> None:
