@@ -110,7 +110,7 @@ class Machines:
         return None
 
     def settled(self, _now: int, _number: int) -> bool:
-        """Whether there was no event."""
+        """Whether no machine is kept."""
         return not self._standings
 
     def shown(self, now: int, signals: Signals) -> tuple[tuple[Scalar, ...], Standing] | None:
