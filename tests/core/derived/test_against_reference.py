@@ -20,7 +20,6 @@ from oracle_server.core.formula.parse import Time
 from oracle_server.core.plan import plan
 from tests.core.derived.cases import (
     Case,
-    Expected,
     Row,
     case,
     distinct,
@@ -32,6 +31,7 @@ from tests.core.derived.cases import (
     restarted,
     rows_of,
 )
+from tests.core.derived.expected import Expected
 
 CASES = 3_000
 FEWER = 600

@@ -27,7 +27,6 @@ from tests.brute import Values
 from tests.core.derived.cases import (
     LIMITS,
     Case,
-    Expected,
     case,
     distinct,
     event_of,
@@ -36,6 +35,7 @@ from tests.core.derived.cases import (
     opened,
     restarted,
 )
+from tests.core.derived.expected import Expected
 from tests.engines.test_against_brute import SEED
 from tests.obligations import Item, decisions
 
