@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import random
 from collections.abc import Callable
+from functools import reduce
 
 from oracle_server.core.errors import FormulaError
 from oracle_server.core.formula import tree
@@ -204,21 +205,43 @@ def _sought(rng: random.Random, time: Time, depth: int, names: tuple[str, ...]) 
     extra = next(name for name in "wxyz" if name not in names)
 
     def kept() -> Formula:
-        some = tuple(rng.sample(names, rng.randint(1, len(names))))
-        guard = _binding(rng, time, 0, some)
-        if rng.random() < 0.5:
-            guard = tree.Or(guard, _binding(rng, time, 0, some))
-        held = _binding(rng, time, 0, (some[0], extra))
-        if rng.random() < 0.5:
-            held = tree.Since(tree.Not(_binding(rng, time, 0, (some[0], extra))), held, tree.ALL_PAST)
-        past = rng.choice((tree.ALL_PAST, tree.ALL_PAST, bound(rng, time)))
-        missed: Formula = tree.Once(tree.And(guard, tree.Not(held)), past)
-        always = tree.Historically(tree.Implies(guard, held), past)
-        return rng.choice((always, always, tree.Not(missed), missed, tree.Pre(missed)))
+        return _kept(rng, time, tuple(rng.sample(names, rng.randint(1, len(names)))), extra)
 
     body = rng.choice((tree.And, tree.And, tree.Or))(kept(), kept()) if rng.random() < 0.8 else kept()
     found: Formula = rng.choice((tree.Exists, tree.Exists, tree.Forall))(extra, body)
     return rng.choice((found, tree.Not(found)))
+
+
+def _kept(rng: random.Random, time: Time, some: tuple[str, ...], extra: str) -> Formula:
+    """That something was so, or was not, whenever events had some of these variables."""
+    guard = _binding(rng, time, 0, some)
+    if rng.random() < 0.5:
+        guard = tree.Or(guard, _binding(rng, time, 0, some))
+    held = _binding(rng, time, 0, (some[0], extra))
+    if rng.random() < 0.5:
+        held = tree.Since(tree.Not(_binding(rng, time, 0, (some[0], extra))), held, tree.ALL_PAST)
+    past = rng.choice((tree.ALL_PAST, tree.ALL_PAST, bound(rng, time)))
+    missed: Formula = tree.Once(tree.And(guard, tree.Not(held)), past)
+    always = tree.Historically(tree.Implies(guard, held), past)
+    return rng.choice((always, always, tree.Not(missed), missed, tree.Pre(missed)))
+
+
+def pairs(rng: random.Random, time: Time) -> Formula:
+    """That two which are told of the same have something in common, as threads have a lock; or that they have not."""
+    one, other, same, extra = rng.sample("wxyz", 4)
+    parts = [_kept(rng, time, tuple(rng.sample((name, same), 2)), extra) for name in (one, other)]
+    if rng.random() < 0.3:
+        parts.append(_kept(rng, time, (rng.choice((one, same)),), extra))
+    if rng.random() < 0.2:
+        parts.append(tree.Once(_binding(rng, time, 0, rng.choice(((extra,), (one,)))), tree.ALL_PAST))
+    rng.shuffle(parts)
+    common: Formula = tree.Exists(extra, reduce(tree.And, parts))
+    told: list[Formula] = [_binding(rng, time, 0, (name, same)) for name in (one, other)]
+    told = [tree.Once(part, tree.ALL_PAST) if rng.random() < 0.85 else part for part in told]
+    found: Formula = tree.And(tree.And(*told), common if rng.random() < 0.3 else tree.Not(common))
+    for name in rng.sample((one, other, same), 3):
+        found = tree.Exists(name, found)
+    return found if rng.random() < 0.3 else tree.Not(found)
 
 
 def _order(rng: random.Random, time: Time, depth: int, last: tuple[str, ...], first: tuple[str, ...]) -> Formula:

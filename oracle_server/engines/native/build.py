@@ -235,7 +235,7 @@ class _Builder:
         made = SomeOf(whole, used, self._timeline)
         beside = frozenset[int]().union(*map(bound, self._beside))
         if not made.flat and beside.issuperset(made.variables):
-            return self._add(path, SomeSought(whole, used, self._timeline))
+            return self._add(path, SomeSought(operand, used, self._timeline))
         return self._add(path, made)
 
     def _related(self, operand: Expression, outer: Set[int], path: Path) -> Expression:

@@ -15,6 +15,7 @@ from oracle_server.engines.native.finding import finder
 from oracle_server.engines.native.held import Held
 from oracle_server.engines.native.keys import ALL, Key, Region, key_of, read_key, texts_of
 from oracle_server.engines.native.nodes import AtomNode
+from oracle_server.engines.native.sought import SomeSought
 from oracle_server.engines.native.timeline import FEW, Timeline
 
 
@@ -37,6 +38,8 @@ class Matching:
         found = [finder(all_of(parts), self.variables, place) for place in range(len(self.variables))]
         self._finders = [each for each in found if each is not None]
         assert len(self._finders) == len(found)  # noqa: S101 -- the expression is finite
+        self._sought = [one for part in parts if (one := _sought(part)) is not None]
+        """Quantifiers that are asked for many values at once, and whether they must hold."""
         self._guards = [part for part in parts if isinstance(part, AtomNode)]
         """Atoms without which it holds nowhere."""
         self._guarded = [[self.variables.index(v) for v in guard.variables] for guard in self._guards]
@@ -132,10 +135,21 @@ class Matching:
         place, texts = self._fewest(region)
         if len(texts) > 1:
             self._timeline.spend(len(texts))
+            if self._sought and region.count(ALL) == 1:
+                texts = self._sifted(region, place, texts)
         for text in texts:
             region[place] = text
             self._find(region, found)
         region[place] = ALL
+
+    def _sifted(self, region: Region, place: int, texts: Collection[str]) -> Collection[str]:
+        """Those texts of the last variable at which the quantifiers are as they must be."""
+        for node, positive in self._sought:
+            own = [i for i, variable in enumerate(self.variables) if variable in node.variables]
+            if place in own:
+                found = node.among([region[i] for i in own], own.index(place), texts)
+                texts = found if positive else set(texts).difference(found)
+        return texts
 
     def _fewest(self, region: Region) -> tuple[int, Collection[str]]:
         """The variable with the fewest candidates, and these."""
@@ -161,3 +175,10 @@ class Matching:
     def _drop(self, key: Key) -> None:
         self._held.remove(key)
         self.changes.append(key)
+
+
+def _sought(part: Expression) -> tuple[SomeSought, bool] | None:
+    """A quantifier that is sought for, and whether it must hold; None for any other part."""
+    positive = not isinstance(part, tuple)
+    node = part if positive else part[1]
+    return (node, positive) if isinstance(node, SomeSought) and (positive or part[0] == "not") else None

@@ -10,7 +10,10 @@ from collections.abc import Collection, Iterator, Sequence
 from typing import Any
 
 from oracle_server.engines.native.body import Body
+from oracle_server.engines.native.common import Common
+from oracle_server.engines.native.expressions import Expression, conjuncts, nodes_of, variables_of
 from oracle_server.engines.native.keys import ALL, Key, Region, Variables, fresh_key, key_of, texts_of
+from oracle_server.engines.native.related import RelationNode
 from oracle_server.engines.native.some import settled_over
 from oracle_server.engines.native.timeline import Timeline
 
@@ -21,24 +24,36 @@ class SomeSought:
     flat = False
     binds: frozenset[int] = frozenset()
 
-    def __init__(self, body: Body, bound: int, timeline: Timeline) -> None:
-        """`bound` is how many of the body's variables it binds, which are the last ones."""
-        self._body, self._timeline = body, timeline
+    def __init__(self, operand: Expression, bound: int, timeline: Timeline) -> None:
+        """`bound` is how many of the operand's variables it binds, which are the last ones."""
+        body = self._body = Body(timeline, operand)
+        self._timeline = timeline
         self._operand, self._constant = body.at[0], body.constant[0]
         self._own = len(body.variables) - bound
         self._all = (ALL,) * bound
         self.variables: Variables = body.variables[: self._own]
         self.multiplies, self.lasting = body.multiplies, body.lasting
         self.changes: list[Key] = []
+        self._common = _common(operand, self.variables, bound, timeline)
         self._able: dict[frozenset[int], tuple[bool, bool]] = {}
         """What it can settle on where these variables have fresh values: there are many keys to look at for that."""
 
     def at(self, key: Key) -> bool:
         """The value at a key of the free variables."""
+        if self._common is not None:
+            return self._common.at(key)
         return any(True for _ in self._found([*texts_of(key), *self._all]))
+
+    def among(self, region: Region, place: int, texts: Collection[str]) -> set[str]:
+        """Of texts at the only place that a region leaves open, those at which it holds."""
+        if self._common is not None:
+            return self._common.among(region, place, texts)
+        return {text for text in texts if self.at(key_of([*region[:place], text, *region[place + 1 :]]))}
 
     def step(self) -> None:
         """Tell where the body may have changed."""
+        if self._common is not None:
+            self._common.step()
         if self._timeline.first:
             self.changes = [fresh_key(self._own)]
             return
@@ -117,3 +132,12 @@ class SomeSought:
         self._timeline.spend(len(texts))
         for text in texts:
             yield from self._found([*region[:place], text, *region[place + 1 :]])
+
+
+def _common(operand: Expression, own: Variables, bound: int, timeline: Timeline) -> Common | None:
+    """What finds values that its parts have in common, where there are parts, none of which has all the variables."""
+    parts = conjuncts(operand)
+    divided = bound == 1 and all(len(variables_of(part)) <= len(own) for part in parts)
+    if not divided or any(isinstance(node, RelationNode) for node in nodes_of(operand)):
+        return None
+    return Common(parts, own, timeline)
